@@ -1,12 +1,12 @@
 //! The predicted accuracy of a plan and the contributions to its errors in the simulated truth, in tallies and results.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::study::account::{Account, AccountPart};
 use crate::study::{summary::Measured, verdict::Kept};
 
 /// The contribution of a source to the errors of the simulated truth.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ContributionMessage {
     /// Its name: "noise", "earlier identification", "true robot", or that of an uncertainty.
     pub source: String,

@@ -1,6 +1,6 @@
 //! The records of what a designed plan is shown beside.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::messages::{ExperimentMessage, plan_messages};
 use super::study::StudyPlanMessage;
@@ -11,7 +11,7 @@ use crate::study::Conditions;
 use crate::study::evidence::{Distances, Evidence};
 
 /// What a designed plan is shown beside, and what its bound rests on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EvidenceMessage {
     /// The number of local searches that the lower bound rests on.
     pub bound_searches: usize,
@@ -26,14 +26,13 @@ pub struct EvidenceMessage {
     /// The best accuracy that was found for other numbers of measurements.
     pub accuracy: Vec<AccuracyMessage>,
     /// The designed plan, repeated as a whole.
-    #[serde(default)]
     pub repeated: Vec<AccuracyMessage>,
     /// The lower bound of `rho0_mm` for 1, 2, 3, ... measurements (mm); null where there is none.
     pub lower_bounds_rho0_mm: Vec<Option<f64>>,
 }
 
 /// The best plan for a criterion, judged at the test poses.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CriterionPlanMessage {
     /// The criteria that the plan is best for.
     pub criteria: Vec<String>,
@@ -42,14 +41,14 @@ pub struct CriterionPlanMessage {
     /// How many searches ended in a plan as good for these criteria.
     pub searches_agreeing: Option<usize>,
     /// Why there is no plan, where there is none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub problem: Option<String>,
     /// The plan.
     pub plan: Vec<ExperimentMessage>,
 }
 
 /// The best accuracy that was found for a number of measurements.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AccuracyMessage {
     /// The number of measurements.
     pub experiments: u32,

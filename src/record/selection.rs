@@ -1,6 +1,6 @@
 //! Selections of readings and their residual errors, as a record.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::identification::DistanceStatistics;
 use crate::study::selection::{Chosen, Selection, SelectionOfSize, spread_of};
@@ -9,7 +9,7 @@ use crate::study::selection::{Chosen, Selection, SelectionOfSize, spread_of};
 pub type SpreadMessage = [f64; 3];
 
 /// What came of choices of readings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SelectionMessage {
     /// How many readings there are.
     pub readings: usize,
@@ -30,7 +30,7 @@ pub struct SelectionMessage {
 }
 
 /// A joint error function, as the planner's model has it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JointFunctionMessage {
     /// The joint's name.
     pub joint: String,
@@ -41,7 +41,7 @@ pub struct JointFunctionMessage {
 }
 
 /// What came of choices of one size.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SelectionSizeMessage {
     /// How many readings were chosen.
     pub size: u32,
@@ -52,7 +52,7 @@ pub struct SelectionSizeMessage {
 }
 
 /// A planned choice.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct PlannedChoiceMessage {
     /// The criterion; `test_pose` stands for absolute accuracy over all readings, `test_pose_with_joint_errors` for the same with joint error
     /// functions.
@@ -78,7 +78,7 @@ pub struct PlannedChoiceMessage {
 }
 
 /// Random choices: each number is of one choice, told by its spread.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RandomChoicesMessage {
     /// How many.
     pub draws: usize,

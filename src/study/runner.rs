@@ -334,12 +334,11 @@ impl RunsInBlocks for Runner<'_> {
             return Ok(());
         }
         for (lane, run) in (first..).take(count).enumerate() {
-            match fixed {
-                Some((_, plan)) => robot_run(workspace, entry.setting, plan, batch, lane),
-                None => {
-                    let made = self.random_run(workspace, entry.setting, batch, lane, run);
-                    batch.failed[lane] = made.err().or(batch.failed[lane]);
-                }
+            if let Some((_, plan)) = fixed {
+                robot_run(workspace, entry.setting, plan, batch, lane);
+            } else {
+                let made = self.random_run(workspace, entry.setting, batch, lane, run);
+                batch.failed[lane] = made.err().or(batch.failed[lane]);
             }
         }
         Ok(())

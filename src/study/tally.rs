@@ -152,45 +152,40 @@ pub struct Tally {
     /// Failed runs by reason, see [`Failure::ALL`].
     pub failed: [u64; Failure::ALL.len()],
     /// The sums as integers, by [`Sum`]; decimal strings in files, since JSON's numbers are floats to many readers.
-    #[serde(with = "texts")]
+    #[serde(serialize_with = "as_texts", deserialize_with = "from_texts")]
     pub sums: [i128; SUMS],
     /// The histogram of the distance; in files the bins that are not empty, index and count.
-    #[serde(rename = "histogram", with = "filled_bins")]
+    #[serde(
+        rename = "histogram",
+        serialize_with = "as_filled",
+        deserialize_with = "from_filled"
+    )]
     pub bins: Vec<u64>,
 }
 
-mod texts {
-    use super::*;
-
-    pub fn serialize<S: Serializer>(sums: &[i128; SUMS], serializer: S) -> Result<S::Ok, S::Error> {
-        sums.map(|sum| sum.to_string()).serialize(serializer)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<[i128; SUMS], D::Error> {
-        let texts = <[String; SUMS]>::deserialize(from)?;
-        let sums: Result<Vec<i128>, _> = texts.iter().map(|text| text.parse()).collect();
-        let sums = sums.map_err(D::Error::custom)?;
-        sums.try_into()
-            .map_err(|_| D::Error::custom("no whole numbers"))
-    }
+fn as_texts<S: Serializer>(sums: &[i128; SUMS], serializer: S) -> Result<S::Ok, S::Error> {
+    sums.map(|sum| sum.to_string()).serialize(serializer)
 }
 
-mod filled_bins {
-    use super::*;
-
-    pub fn serialize<S: Serializer>(bins: &[u64], serializer: S) -> Result<S::Ok, S::Error> {
-        let filled = bins.iter().enumerate().filter(|(_, count)| **count > 0);
-        serializer.collect_seq(filled)
+fn from_texts<'de, D: Deserializer<'de>>(from: D) -> Result<[i128; SUMS], D::Error> {
+    let mut sums = [0; SUMS];
+    for (sum, text) in sums.iter_mut().zip(<[String; SUMS]>::deserialize(from)?) {
+        *sum = text.parse().map_err(D::Error::custom)?;
     }
+    Ok(sums)
+}
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u64>, D::Error> {
-        let mut bins = vec![0; BINS];
-        for (index, count) in Vec::<(usize, u64)>::deserialize(from)? {
-            let bin = bins.get_mut(index);
-            *bin.ok_or_else(|| D::Error::custom(format!("there is no bin {index}")))? = count;
-        }
-        Ok(bins)
+fn as_filled<S: Serializer>(bins: &[u64], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(bins.iter().enumerate().filter(|(_, count)| **count > 0))
+}
+
+fn from_filled<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u64>, D::Error> {
+    let mut bins = vec![0; BINS];
+    for (index, count) in Vec::<(usize, u64)>::deserialize(from)? {
+        let bin = bins.get_mut(index);
+        *bin.ok_or_else(|| D::Error::custom(format!("there is no bin {index}")))? = count;
     }
+    Ok(bins)
 }
 
 impl Default for Tally {
