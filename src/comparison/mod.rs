@@ -43,9 +43,10 @@ pub enum Aspect {
 }
 
 /// A difference between the questions, with both answers.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Difference {
     /// What differs.
+    #[serde(rename = "setting")]
     pub aspect: Aspect,
     /// What it is in the one.
     pub base: String,
@@ -57,35 +58,51 @@ pub struct Difference {
 const MOST_TIMES: f64 = 1e6;
 
 /// A number before and now.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Change {
     /// What it is.
+    #[serde(flatten)]
     pub key: Key,
+    /// The unit of all that follows.
+    pub unit: &'static str,
     /// Before.
     pub base: Option<f64>,
     /// Now.
     pub new: Option<f64>,
-    /// How far it may change, in its unit.
+    /// By how much it has changed.
+    pub change: Option<f64>,
+    /// The same as a part of the value before; none of zero, or of what is next to nothing.
+    pub relative_change: Option<f64>,
+    /// How far it may change.
     pub tolerance: f64,
     /// Which changes count.
     pub direction: Direction,
-    /// The guard band in its unit: so much the change may be from what the numbers say.
+    /// The guard band: so much the change may be from what the numbers say.
     pub guard_band: f64,
     /// What the change says of the tolerance.
     pub decision: Decision,
+    /// Whether it is accepted.
+    pub ok: bool,
 }
 
 /// What comparing two results gives.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
+    /// Whether all changes are within their tolerances.
+    pub ok: bool,
+    /// Whether every number that both have is the same to the bit.
+    pub identical: bool,
+    /// Whether both are of the same platform.
+    pub same_platform: bool,
     /// Differences that were allowed.
+    #[serde(rename = "allowed_differences")]
     pub differences: Vec<Difference>,
+    /// The quantities that were compared.
+    pub quantities: Vec<Quantity>,
     /// The numbers that both have.
     pub changes: Vec<Change>,
     /// The numbers that only one has.
     pub not_compared: Vec<Key>,
-    /// Whether every number that both have is the same to the bit.
-    pub identical: bool,
 }
 
 /// How to compare.
@@ -122,9 +139,9 @@ pub fn compare(
     if !refused.is_empty() {
         return Err(refusal(base, new, &refused));
     }
-    let is_same_platform = base.provenance.platform == new.provenance.platform;
+    let same_platform = base.provenance.platform == new.provenance.platform;
     // So small a share may change, either way.
-    let within = rules.within.filter(|_| is_same_platform);
+    let within = rules.within.filter(|_| same_platform);
     let within = within.map(|share| Tolerance {
         relative: share,
         absolute: 0.0,
@@ -162,9 +179,13 @@ pub fn compare(
         return Err(not_comparable(problem));
     }
     let same_bits = |change: &Change| change.base.map(f64::to_bits) == change.new.map(f64::to_bits);
+    let is_there = |quantity: &Quantity| changes.iter().any(|each| each.key.quantity == *quantity);
     Ok(Comparison {
+        ok: changes.iter().all(|change| change.ok),
         identical: changes.iter().all(same_bits),
+        same_platform,
         differences,
+        quantities: Quantity::ALL.into_iter().filter(is_there).collect(),
         changes,
         not_compared,
     })
@@ -232,15 +253,27 @@ fn judge(before: &ResultNumber, now: &ResultNumber, allowed: Tolerance) -> Chang
         }
         _ => Decision::Accept,
     };
+    let change = new.zip(base).map(|(new, base)| new - base);
+    let change = change.filter(|change| change.is_finite());
     Change {
         key: before.key.clone(),
+        unit: before.key.quantity.unit(),
         base,
         new,
+        change,
+        relative_change: change.and_then(|change| part_of(base?, change)),
         tolerance,
         direction: allowed.direction,
         guard_band,
         decision,
+        ok: decision == Decision::Accept,
     }
+}
+
+/// An amount as a part of the value before; none of zero, or of what is next to nothing.
+fn part_of(base: f64, amount: f64) -> Option<f64> {
+    let part = amount / base.abs();
+    (part.abs() < MOST_TIMES).then_some(part)
 }
 
 impl Key {
@@ -256,43 +289,15 @@ impl Key {
 }
 
 impl Change {
-    /// The change in the unit of the quantity.
-    pub fn change(&self) -> Option<f64> {
-        Some(self.new? - self.base?).filter(|change| change.is_finite())
-    }
-
-    /// The change as a part of the value before; none of zero, or of what is next to nothing.
-    pub fn relative_change(&self) -> Option<f64> {
-        self.of_base(self.change()?)
-    }
-
     /// What is allowed as a part of the value before; none of zero, or of what is next to nothing.
     pub fn relative_tolerance(&self) -> Option<f64> {
-        self.of_base(self.tolerance)
-    }
-
-    fn of_base(&self, amount: f64) -> Option<f64> {
-        let part = amount / self.base?.abs();
-        (part.abs() < MOST_TIMES).then_some(part)
+        part_of(self.base?, self.tolerance)
     }
 }
 
 impl Comparison {
-    /// Whether all changes are within their tolerances.
-    pub fn ok(&self) -> bool {
-        self.broken().next().is_none()
-    }
-
     /// The changes that are not within their tolerances: the inconclusive ones among them.
     pub fn broken(&self) -> impl Iterator<Item = &Change> {
-        (self.changes.iter()).filter(|change| change.decision != Decision::Accept)
-    }
-
-    /// The quantities that were compared.
-    pub fn quantities(&self) -> Vec<Quantity> {
-        let is_there = |quantity: &Quantity| {
-            (self.changes.iter()).any(|change| change.key.quantity == *quantity)
-        };
-        Quantity::ALL.into_iter().filter(is_there).collect()
+        self.changes.iter().filter(|change| !change.ok)
     }
 }

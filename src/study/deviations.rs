@@ -1,14 +1,13 @@
 //! The deviations of a run's simulated truth from the planner's model, and their effect in the linear model.
 
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::{Cholesky, DMatrix, Vector6};
 
-use super::torque_laws::beyond_springs;
 use crate::compensation::{test_pose_matrix, uncompensated_rows, weighted_rows};
 use crate::numeric::random::normal::LANES;
 use crate::observation::{CovarianceTogether, PlannedReadings};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source, Unloaded};
 use crate::plan::{Experiment, ExperimentModel, hung};
-use crate::robot::TrueRobot;
+use crate::robot::{Kinematics, Load, TrueRobot};
 use crate::task::{Belief, Task, TestPose};
 use crate::testbed::{Circumstances, Truth};
 
@@ -173,13 +172,28 @@ impl<'a> Deviations<'a> {
         model: &ExperimentModel<'_>,
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
-        let Some(set) = self.set.as_ref().filter(|_| experiments.len() > 1) else {
-            let each = experiments.iter();
-            return each
-                .map(|experiment| self.observation_matrix(model, experiment))
-                .collect();
+        let rows = match (&self.set, experiments) {
+            (Some(set), [only]) => {
+                vec![model.rows_of(self.readings_of(set, 0, &self.believed), only)]
+            }
+            (Some(set), _) => {
+                model.rows_together(self.readings_of(set, 0, &self.believed), experiments)
+            }
+            (None, [only]) => {
+                let compliances = ExperimentModel {
+                    parameters: &self.joints,
+                    uncertain: None,
+                    ..model.clone()
+                };
+                vec![compliances.observation_matrix(only)]
+            }
+            (None, _) => {
+                let each = experiments.iter();
+                return each
+                    .flat_map(|only| self.observation_matrices(model, &[*only]))
+                    .collect();
+            }
         };
-        let rows = model.rows_together(self.readings_of(set, 0, &self.believed), experiments);
         let Some(robot) = &self.unlike_springs else {
             return rows;
         };
@@ -188,69 +202,14 @@ impl<'a> Deviations<'a> {
         for (place, experiment) in experiments.iter().enumerate() {
             let q = experiment.configuration_rad.as_slice();
             let own = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
-            let own = DMatrix::from_column_slice(6, 1, own.as_slice());
-            seen.rows_mut(height * place, height)
-                .copy_from(&own.rows(0, height));
+            (seen.rows_mut(height * place, height)).copy_from(&own.rows(0, height));
         }
         (self.together(&self.believed, experiments)).whiten(&hung(experiments), &mut seen);
         seen *= self.belief.instrument.sigma_m;
-        (rows.into_iter().enumerate())
-            .map(|(place, rows)| {
-                let last = rows.ncols();
-                let mut rows = rows.insert_column(last, 0.0);
-                rows.column_mut(last)
-                    .copy_from(&seen.rows(height * place, height).column(0));
-                rows
-            })
+        let laws = (0..).map(|place| seen.rows(height * place, height).into_owned());
+        (rows.into_iter().zip(laws))
+            .map(|(rows, laws)| beside(rows, &laws))
             .collect()
-    }
-
-    fn observation_matrix(
-        &self,
-        model: &ExperimentModel<'_>,
-        experiment: &Experiment,
-    ) -> DMatrix<f64> {
-        let rows = match &self.set {
-            Some(set) => model.rows_of(self.readings_of(set, 0, &self.believed), experiment),
-            None => ExperimentModel {
-                parameters: &self.joints,
-                uncertain: None,
-                ..model.clone()
-            }
-            .observation_matrix(experiment),
-        };
-        self.with_laws(rows, |robot| {
-            let q = experiment.configuration_rad.as_slice();
-            let seen = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
-            let seen = DMatrix::from_column_slice(6, 1, seen.as_slice());
-            let factor = Cholesky::new(self.covariances(&[experiment]).believed);
-            let mut seen = seen.rows(0, model.rows()).into_owned();
-            // It is positive definite: the instrument's noise is in it.
-            let whitened =
-                factor.is_some_and(|factor| factor.l_dirty().solve_lower_triangular_mut(&mut seen));
-            if whitened {
-                seen * self.belief.instrument.sigma_m
-            } else {
-                seen
-            }
-        })
-    }
-
-    /// The columns with that of the torque laws after them, where there are some.
-    fn with_laws(
-        &self,
-        columns: DMatrix<f64>,
-        of_laws: impl FnOnce(&TrueRobot) -> DMatrix<f64>,
-    ) -> DMatrix<f64> {
-        let Some(robot) = &self.unlike_springs else {
-            return columns;
-        };
-        let place = columns.ncols();
-        let mut columns = columns.insert_column(place, 0.0);
-        columns
-            .column_mut(place)
-            .copy_from(&of_laws(robot).column(0));
-        columns
     }
 
     /// The rows of all test poses for what is foreign, each times the root of its weight, stacked.
@@ -270,16 +229,13 @@ impl<'a> Deviations<'a> {
                 uncompensated_rows(model, pose)
             }
         };
-        self.with_laws(rows, |robot| {
-            let q = pose.configuration_rad.as_slice();
-            let left = beyond_springs(&self.arm, robot, target, q, &pose.load);
-            let left = left.fixed_rows::<3>(0);
-            pose.counted_rows(DMatrix::from_column_slice(
-                3,
-                1,
-                left.clone_owned().as_slice(),
-            ))
-        })
+        let Some(robot) = &self.unlike_springs else {
+            return rows;
+        };
+        let q = pose.configuration_rad.as_slice();
+        let left = beyond_springs(&self.arm, robot, target, q, &pose.load);
+        let left = DMatrix::from_column_slice(3, 1, &left.as_slice()[..3]);
+        beside(rows, &pose.counted_rows(left))
     }
 
     /// The place of the torque laws among what is foreign.
@@ -401,6 +357,14 @@ impl<'a> Deviations<'a> {
     }
 }
 
+/// Columns with another after them.
+fn beside(columns: DMatrix<f64>, last: &DMatrix<f64>) -> DMatrix<f64> {
+    let place = columns.ncols();
+    let mut columns = columns.insert_column(place, 0.0);
+    columns.column_mut(place).copy_from(&last.column(0));
+    columns
+}
+
 /// Every block of a matrix for experiments of one configuration, times a factor of the repeats of both.
 pub fn by_repeats(
     experiments: &[&Experiment],
@@ -493,4 +457,29 @@ fn tied(belief: &Belief, truth: &Truth) -> Vec<(usize, Deviation)> {
         .filter(is_known)
         .filter_map(|index| Some((index, deviation(index)?)))
         .collect()
+}
+
+/// By how much (m, rad) the deflection of an arm at one of its tools differs from that of springs, where some joints of the true
+/// robot have a law of their own. In the torques of the weight and of the load, at the commanded angles.
+fn beyond_springs(
+    arm: &ElasticArm,
+    robot: &TrueRobot,
+    target: usize,
+    q: &[f64],
+    load: &Load,
+) -> Vector6<f64> {
+    let chain = arm.loaded_chain();
+    let at_tool = chain.at(&arm.tools[target]);
+    let state = at_tool.state(q);
+    let gravity = at_tool.gravity_m_s2();
+    let mut seen = Vector6::zeros();
+    for &(joint, law) in &robot.torque_laws {
+        let compliance = robot.compliance_rad_per_nm[joint];
+        let weight = compliance * state.gravity_torque(joint, &gravity);
+        let loaded = compliance * state.load_torque(joint, load);
+        let gives = law.deflection(weight + loaded) - law.deflection(weight) - loaded;
+        let (moved, turned) = (state.position_column(joint), state.rotation_column(joint));
+        seen += Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z) * gives;
+    }
+    seen
 }

@@ -23,7 +23,6 @@ pub mod selection;
 mod settings;
 pub mod summary;
 pub mod tally;
-mod torque_laws;
 pub mod verdict;
 pub mod virtual_readings;
 
