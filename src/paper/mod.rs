@@ -15,12 +15,11 @@ use thiserror::Error;
 use crate::files::FileError;
 use crate::plan::search::{SearchError, Watch};
 use crate::plan::{Feasibility, Plan, read_plan};
-use crate::record::evidence::distances_message;
 use crate::record::messages::{ExperimentMessage, plan_messages};
 use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
-use crate::study::evidence::distances;
-use crate::study::{Conditions, Entry, EntryKind, Setting, StudyError, repeated};
+use crate::study::{EntryKind, StudyError, repeated};
+use crate::workflow::evidence::distances;
 use published::{FIGURE_7, FIGURE_7_RANDOM};
 
 pub use designs::{DesignedPlan, designs};
@@ -164,23 +163,14 @@ fn figure_7(
     trials: u64,
     watch: Watch<'_>,
 ) -> Result<Vec<MeanDistance>, ReproductionError> {
-    let mut entries = vec![Entry {
-        name: "random".to_owned(),
-        setting: 0,
-        kind: EntryKind::RandomEach,
-    }];
+    let mut kinds = vec![("random".to_owned(), EntryKind::RandomEach)];
     let mut about = vec![(
         "a fresh random plan each run".to_owned(),
         Some(FIGURE_7_RANDOM),
     )];
     let mut add = |name: &str, plan: &Plan, description: String, printed: Option<f64>| {
         if let Some(plan) = repeated(plan, FIGURE_7_EXPERIMENTS) {
-            let (name, kind) = (name.to_owned(), EntryKind::Fixed(plan));
-            entries.push(Entry {
-                name,
-                setting: 0,
-                kind,
-            });
+            kinds.push((name.to_owned(), EntryKind::Fixed(plan)));
             about.push((description, printed));
         }
     };
@@ -205,23 +195,19 @@ fn figure_7(
             );
         }
     }
-    let conditions = Conditions::plain(&scenario.task, FIGURE_7_EXPERIMENTS);
-    let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
-    let distances = distances(&setting, scenario.seed, &entries, trials, Some(watch.stop))?;
+    let stop = Some(watch.stop);
+    let runs = distances(scenario, FIGURE_7_EXPERIMENTS, kinds, trials, stop)?;
     let over_mean = |printed_um: f64| FIGURE_7_RANDOM / printed_um;
     let inverse = |[low, high]: [f64; 2]| [high.recip(), low.recip()];
-    let all = about.into_iter().zip(&distances);
+    let all = about.into_iter().zip(runs);
     Ok(all
-        .map(|((description, printed_um), distances)| {
-            let runs = distances_message(scenario, distances);
-            MeanDistance {
-                description,
-                printed_mean_mm: printed_um.map(|printed| printed * 1e-3),
-                printed_random_over_mean: printed_um.map(over_mean),
-                random_over_mean: runs.mean_ratio_to_random.map(f64::recip),
-                random_over_mean_ci95: runs.mean_ratio_to_random_ci95.map(inverse),
-                runs,
-            }
+        .map(|((description, printed_um), runs)| MeanDistance {
+            description,
+            printed_mean_mm: printed_um.map(|printed| printed * 1e-3),
+            printed_random_over_mean: printed_um.map(over_mean),
+            random_over_mean: runs.mean_ratio_to_random.map(f64::recip),
+            random_over_mean_ci95: runs.mean_ratio_to_random_ci95.map(inverse),
+            runs,
         })
         .collect())
 }

@@ -69,8 +69,7 @@ pub fn as_study(trials: &AbsoluteTrials, account: &Account, readings: u32) -> St
         "virtual robots",
         &conditions,
         0,
-        &trials.tally,
-        Some(&trials.summary),
+        (&trials.tally, None),
         (Some(account), trials.quantile95_m),
     )
 }

@@ -4,11 +4,8 @@ use serde::Serialize;
 
 use super::messages::{ExperimentMessage, plan_messages};
 use super::study::StudyPlanMessage;
-use crate::plan::search::{Basis, Bound, BudgetPoint, CriterionPlan};
+use crate::plan::search::{BudgetPoint, CriterionPlan};
 use crate::robot::Commands;
-use crate::scenario::Scenario;
-use crate::study::Conditions;
-use crate::study::evidence::{Distances, Evidence};
 
 /// What a designed plan is shown beside, and what its bound rests on.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -60,47 +57,9 @@ pub struct AccuracyMessage {
     pub lower_bound_rho0_mm: Option<f64>,
 }
 
-impl EvidenceMessage {
-    /// The record of a plan's evidence.
-    pub fn new(scenario: &Scenario, bound: &Bound, evidence: &Evidence) -> Self {
-        let commands = scenario.task.belief.commands();
-        let (searches, agreeing) = match bound.basis() {
-            Basis::Searches(certificate) => (certificate.searches, certificate.agreeing),
-            Basis::Candidates(_) | Basis::Nothing(_) => (0, 0),
-        };
-        Self {
-            bound_searches: searches,
-            bound_searches_agreeing: agreeing,
-            trials: evidence.trials,
-            study: (evidence.distances.iter())
-                .map(|each| distances_message(scenario, each))
-                .collect(),
-            criteria_compared: (evidence.criteria.iter())
-                .map(|best| CriterionPlanMessage::new(&commands, best))
-                .collect(),
-            accuracy: evidence.accuracy.iter().map(Into::into).collect(),
-            repeated: evidence.repeated.iter().map(Into::into).collect(),
-            lower_bounds_rho0_mm: (evidence.lower_bounds_m.iter())
-                .map(|bound_m| bound_m.map(|bound_m| bound_m * 1e3))
-                .collect(),
-        }
-    }
-}
-
-/// The record of one plan's runs.
-pub fn distances_message(scenario: &Scenario, distances: &Distances) -> StudyPlanMessage {
-    StudyPlanMessage::new(
-        &distances.name,
-        &Conditions::plain(&scenario.task, distances.experiments),
-        scenario.task.belief.parameters.len(),
-        &distances.tally,
-        distances.summary.as_ref(),
-        (None, None),
-    )
-}
-
 impl CriterionPlanMessage {
-    fn new(commands: &Commands, best: &CriterionPlan) -> Self {
+    /// The record of a criterion's best plan.
+    pub fn new(commands: &Commands, best: &CriterionPlan) -> Self {
         Self {
             criteria: (best.criteria.iter())
                 .map(|each| each.name().to_owned())

@@ -134,15 +134,18 @@ impl HistogramMessage {
 }
 
 impl StudyPlanMessage {
-    /// The record of a plan's tally, whose distances are in units of the conditions' sigma.
+    /// The record of a plan's tally, whose distances are in units of the conditions' sigma, beside that of the plan that it is compared
+    /// with.
     pub fn new(
         name: &str,
         conditions: &Conditions,
         parameters: usize,
-        tally: &Tally,
-        summary: Option<&Summary>,
+        (tally, reference): (&Tally, Option<&Tally>),
         (account, predicted_quantile95_m): (Option<&Account>, Option<f64>),
     ) -> Self {
+        let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
+        let summary = Summary::new(tally, conditions.sigma_m, reference);
+        let summary = summary.as_ref();
         let of =
             |value: &dyn Fn(&Summary) -> f64| summary.map(value).filter(|value| value.is_finite());
         let ratio = summary.and_then(|summary| summary.ratio_to_random);

@@ -10,12 +10,10 @@
 //! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and validated on all others.
 //! - [`absolute`]: robots that are read as a plan of absolute readings says, identified and looked at.
 //! - [`virtual_readings`]: what an instrument writes down of such a plan in a run.
-//! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 
 pub mod absolute;
 pub mod account;
 pub mod deviations;
-pub mod evidence;
 pub mod model_level;
 pub mod robot_level;
 pub mod runner;
