@@ -65,12 +65,9 @@ pub struct AbsoluteStudyHeader {
 pub struct PlanHeader {
     /// Its name.
     pub name: String,
-    /// The number M of measurements in each run.
-    pub experiments: u32,
-    /// The instrument's standard deviation (m).
-    pub sigma_m: f64,
-    /// How many times the loads are those of the scenario and the plan.
-    pub load_scale: f64,
+    /// The conditions of its runs.
+    #[serde(flatten)]
+    pub conditions: Conditions,
     /// The plan that it is compared with, as an index.
     pub reference: Option<usize>,
     /// SHA-256 of the plan; null where every run has its own.
@@ -82,17 +79,6 @@ pub struct PlanHeader {
     /// The distance (m) that it predicts 95 % of the runs to stay below; nothing where every run has a plan of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_quantile95_m: Option<f64>,
-}
-
-impl PlanHeader {
-    /// The conditions of its runs.
-    pub const fn conditions(&self) -> Conditions {
-        Conditions {
-            sigma_m: self.sigma_m,
-            experiments: self.experiments,
-            load_scale: self.load_scale,
-        }
-    }
 }
 
 impl Header {
@@ -109,9 +95,7 @@ impl Header {
             let conditions = &settings[entry.setting].conditions;
             PlanHeader {
                 name: entry.name.clone(),
-                experiments: conditions.experiments,
-                sigma_m: conditions.sigma_m,
-                load_scale: conditions.load_scale,
+                conditions: *conditions,
                 reference,
                 sha256: entry.kind.plan().map(fingerprint),
                 account: (entry.kind.plan())
@@ -149,15 +133,12 @@ impl Header {
         [trials, shards]: [u64; 2],
         (entries, runner): (&[AbsoluteEntry<'_>], &AbsoluteRunner<'_>),
     ) -> Self {
-        let conditions = Conditions::plain(&scenario.task, 0);
         let header = Self::new(scenario, &[], Level::Robot, trials, shards, &[]);
         let plan = |((entry, prediction), reference): ((&AbsoluteEntry<'_>, _), _)| {
             let prediction: &PredictedAccuracy = prediction;
             PlanHeader {
                 name: entry.name.clone(),
-                experiments: prediction.readings,
-                sigma_m: conditions.sigma_m,
-                load_scale: conditions.load_scale,
+                conditions: Conditions::plain(&scenario.task, prediction.readings),
                 reference,
                 sha256: Some(fingerprint_of_readings(entry)),
                 account: Account::of_absolute(&scenario.task, &scenario.truth, entry, prediction),
@@ -184,12 +165,15 @@ impl Header {
 
     /// The plans and how much each measures, for people.
     pub fn title(&self) -> String {
-        let mut conditions: Vec<_> = self.plans.iter().map(PlanHeader::conditions).collect();
+        let mut conditions: Vec<_> = self.plans.iter().map(|plan| plan.conditions).collect();
         conditions.dedup();
         let plans = self.plans.len();
         match (&conditions[..], self.plans.first()) {
             ([_], Some(plan)) => {
-                format!("{plans} plans with {} measurements each", plan.experiments)
+                format!(
+                    "{plans} plans with {} measurements each",
+                    plan.conditions.experiments
+                )
             }
             _ => format!("{plans} plans under {} conditions", conditions.len()),
         }
@@ -199,7 +183,7 @@ impl Header {
     pub fn labels(&self) -> Vec<String> {
         let label = |plan: &PlanHeader| {
             let same = |other: &&PlanHeader| other.name == plan.name;
-            match (self.plans.iter().filter(same).count(), plan.conditions()) {
+            match (self.plans.iter().filter(same).count(), plan.conditions) {
                 (2.., conditions) => format!(
                     "{}, {} measurements, sigma {:.4} mm, load {}",
                     plan.name,

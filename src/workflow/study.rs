@@ -134,7 +134,7 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Vec<StudyPlanMessage
         let reference = plan.reference.and_then(|other| tallies.get(other));
         let mut message = StudyPlanMessage::new(
             &plan.name,
-            &plan.conditions(),
+            &plan.conditions,
             parameters,
             (tally, reference),
             (plan.account.as_ref(), plan.predicted_quantile95_m),

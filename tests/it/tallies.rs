@@ -52,7 +52,7 @@ fn changed_tallies() {
         (
             "study/plans/0/sigma_m",
             json!("NaN"),
-            "study.plans[0].sigma_m",
+            "study.plans[0]",
         ),
         ("blocks_done", json!(2), "is not as it was written"),
         ("tallies", json!([]), "is not as it was written"),
