@@ -51,8 +51,6 @@ pub struct Deviations<'a> {
     arm: ElasticArm,
     /// The foreign parameters, where they are more than compliances or more than noise is believed in.
     set: Option<ParameterSet>,
-    /// No parameters.
-    empty: ParameterSet,
     /// Their joints.
     joints: Vec<usize>,
     /// What is new in each reading, as it is believed and as it is.
@@ -100,7 +98,6 @@ impl<'a> Deviations<'a> {
             }),
             sources: truth.uncertainties.iter().filter_map(reading).collect(),
             belief,
-            empty: ParameterSet::empty(),
             arm,
             set,
             joints,
@@ -108,13 +105,8 @@ impl<'a> Deviations<'a> {
     }
 
     /// How many parameters differ.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.foreign.len() + self.tied.len()
-    }
-
-    /// Whether nothing differs.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// How many of them the belief's vector does not have; they come first.
@@ -244,11 +236,6 @@ impl<'a> Deviations<'a> {
         self.foreign.iter().position(is_it)
     }
 
-    /// What a belief is compared with.
-    pub const fn belief(&self) -> &Belief {
-        self.belief
-    }
-
     /// The place of a parameter in the belief's vector, if it has it.
     pub fn place(&self, kind: ParameterKind) -> Option<usize> {
         place(self.belief, kind)
@@ -267,15 +254,20 @@ impl<'a> Deviations<'a> {
     }
 
     /// Whether a parameter is known, or foreign, in its logarithm.
-    pub fn is_logarithmic(&self, kind: ParameterKind) -> bool {
+    fn is_logarithmic(&self, kind: ParameterKind) -> bool {
         let extended = self.belief.uncertain.as_ref();
         let known = extended.zip(self.place(kind));
         known.is_some_and(|(extended, place)| extended.set().parameters()[place].is_logarithmic)
     }
 
-    /// What a share of a parameter is a share of, in its unit.
-    pub fn whole(&self, kind: ParameterKind) -> f64 {
-        kind.whole(&self.arm)
+    /// A standard deviation of a parameter in the unit of its column: compliances that are identified are linear.
+    pub fn in_units(&self, kind: ParameterKind, deviation: f64) -> f64 {
+        let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
+        if self.is_logarithmic(kind) || (self.place(kind).is_none() && !is_compliance) {
+            deviation
+        } else {
+            deviation * kind.whole(&self.arm)
+        }
     }
 
     /// A difference that was drawn, in the unit of the parameter's column: that of a stiffness is its logarithm's.
@@ -284,7 +276,7 @@ impl<'a> Deviations<'a> {
             ParameterKind::SpringStiffness { .. }
                 if self.place(kind).is_some() && !self.is_logarithmic(kind) =>
             {
-                self.whole(kind) * drawn.exp_m1()
+                kind.whole(&self.arm) * drawn.exp_m1()
             }
             _ => drawn,
         }
@@ -314,7 +306,8 @@ impl<'a> Deviations<'a> {
         sources: &[ReadingSource],
         experiments: &[&Experiment],
     ) -> CovarianceTogether {
-        let mut model = self.readings_of(&self.empty, 0, sources);
+        let nothing = ParameterSet::empty();
+        let mut model = self.readings_of(&nothing, 0, sources);
         model.move_to(experiments[0].configuration_rad.as_slice());
         model.covariance_together(&hung(experiments))
     }

@@ -49,11 +49,7 @@ fn changed_tallies() {
         ("study/shards", json!(0), "is not as it was written"),
         ("study/parameters/0", json!("x"), "is not as it was written"),
         ("study/scenario", json!("../x"), "study.scenario: found"),
-        (
-            "study/plans/0/sigma_m",
-            json!("NaN"),
-            "study.plans[0]",
-        ),
+        ("study/plans/0/sigma_m", json!("NaN"), "study.plans[0]"),
         ("blocks_done", json!(2), "is not as it was written"),
         ("tallies", json!([]), "is not as it was written"),
         ("tallies/0/runs", json!(4999), "is not as it was written"),
