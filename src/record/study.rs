@@ -1,7 +1,5 @@
 //! The records of a Monte Carlo study, with the unit of every number in its key.
 
-use std::fmt::Write;
-
 use serde::Serialize;
 
 use super::account::{ContributionMessage, verdict};
@@ -206,46 +204,35 @@ pub fn study_csv(plans: &[StudyPlanMessage]) -> String {
          q05_mm,q50_mm,q95_mm,q99_mm,z,nees,nees_z,mean_ratio_to_random\n",
     );
     for plan in plans {
-        let [low, high] = split(plan.mean_ci95_mm);
-        let [q05, q50, q95, q99] = split(plan.quantiles_mm);
+        let one = |value: Option<f64>| vec![value];
         let numbers = [
-            plan.mean_mm,
-            low,
-            high,
-            plan.rms_mm,
-            plan.predicted_rms_mm,
-            q05,
-            q50,
-            q95,
-            q99,
-            plan.z,
-            plan.nees,
-            plan.nees_z,
-            plan.mean_ratio_to_random,
+            one(plan.mean_mm),
+            split(plan.mean_ci95_mm),
+            one(plan.rms_mm),
+            one(plan.predicted_rms_mm),
+            split(plan.quantiles_mm),
+            one(plan.z),
+            one(plan.nees),
+            one(plan.nees_z),
+            one(plan.mean_ratio_to_random),
         ];
-        text += &format!(
-            "{},{},{},{},{},{}",
+        let numbers = numbers.concat().into_iter();
+        let numbers = numbers.map(|each| each.map_or_else(String::new, |each| each.to_string()));
+        let (name, m, sigma, load) = (
             word_field(&plan.name),
             plan.experiments,
             plan.sigma_mm,
             plan.load_scale,
-            plan.runs,
-            plan.failed
         );
-        for number in numbers {
-            text.push(',');
-            if let Some(number) = number {
-                // Writing to a string cannot fail.
-                let _ = write!(text, "{number}");
-            }
-        }
-        text.push('\n');
+        let cells = numbers.collect::<Vec<_>>().join(",");
+        let (runs, failed) = (plan.runs, plan.failed);
+        text += &format!("{name},{m},{sigma},{load},{runs},{failed},{cells}\n");
     }
     text
 }
 
-fn split<const N: usize>(values: Option<[f64; N]>) -> [Option<f64>; N] {
-    values.map_or([None; N], |values| values.map(Some))
+fn split<const N: usize>(values: Option<[f64; N]>) -> Vec<Option<f64>> {
+    values.map_or([None; N], |values| values.map(Some)).to_vec()
 }
 
 fn reasons(tally: &Tally) -> Vec<(String, u64)> {

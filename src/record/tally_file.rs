@@ -11,12 +11,12 @@ use sha2::{Digest, Sha256};
 
 use super::messages::ProvenanceMessage;
 use crate::codes::ErrorCode;
+use crate::experiment::Candidate;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::files::{output::write_whole, schema::check_version, typed::from_json};
 use crate::gate::Gate;
 use crate::identification::ParameterGroup;
-use crate::plan::{Experiment, Plan, absolute::PredictedAccuracy, posterior, quantile95_m};
-use crate::robot::Load;
+use crate::plan::{absolute::PredictedAccuracy, posterior, quantile95_m};
 use crate::scenario::Scenario;
 use crate::study::absolute::{AbsoluteEntry, AbsoluteRunner, BLOCK_RUNS};
 use crate::study::account::Account;
@@ -140,7 +140,7 @@ impl Header {
                 name: entry.name.clone(),
                 conditions: Conditions::plain(&scenario.task, prediction.readings),
                 reference,
-                sha256: Some(fingerprint_of_readings(entry)),
+                sha256: Some(fingerprint(&rows(entry))),
                 account: Account::of_absolute(&scenario.task, &scenario.truth, entry, prediction),
                 predicted_quantile95_m: prediction.quantile95_m.map(to_ten_digits),
             }
@@ -226,39 +226,15 @@ fn to_ten_digits(value: f64) -> f64 {
     format!("{value:.9e}").parse().unwrap_or(value)
 }
 
-fn fingerprint(plan: &Plan) -> String {
-    let mut hash = Sha256::new();
-    for experiment in &plan.experiments {
-        for angle in experiment.configuration_rad.iter() {
-            hash.update(angle.to_le_bytes());
-        }
-        for component in experiment.load.wrench().iter() {
-            hash.update(component.to_le_bytes());
-        }
-        hash.update(experiment.repeats.to_le_bytes());
-    }
-    hexadecimal(&hash.finalize())
+/// What a change of any digit changes.
+fn fingerprint(of: &impl std::fmt::Debug) -> String {
+    hexadecimal(&Sha256::digest(format!("{of:?}")))
 }
 
-/// The same of a plan of absolute readings.
-fn fingerprint_of_readings(entry: &AbsoluteEntry<'_>) -> String {
-    let experiments = entry.plan.iter().map(|&(place, repeats)| {
-        let row = &entry.planning.candidates[place];
-        Experiment {
-            configuration_rad: row.configuration_rad.clone(),
-            load: row.load.unwrap_or(Load::NONE),
-            repeats,
-            approach: None,
-        }
-    });
-    let mut words = fingerprint(&Plan {
-        experiments: experiments.collect(),
-    });
-    for &(place, _) in &entry.plan {
-        let row = &entry.planning.candidates[place];
-        words += &format!("{:?}", (&row.target, &row.station, &row.approach));
-    }
-    hexadecimal(&Sha256::digest(words))
+/// The rows of a plan of absolute readings, and how often each is read.
+fn rows<'a>(entry: &'a AbsoluteEntry<'_>) -> Vec<(&'a Candidate, u32)> {
+    let row = |&(place, repeats): &(usize, u32)| (&entry.planning.candidates[place], repeats);
+    entry.plan.iter().map(row).collect()
 }
 
 /// A part of a study: the first blocks of one shard.
