@@ -140,7 +140,7 @@ impl ElasticArm {
             let compliance = self.compliance_rad_per_nm[joint];
             Leaning {
                 side: gap.side(came, torque),
-                gives: self.stiffening[joint].gives(compliance, torque).0,
+                gives: self.stiffening[joint].gives(compliance, torque),
             }
         };
         gaps.enumerate().map(leaning).collect()
@@ -181,7 +181,7 @@ impl ElasticArm {
     /// How far a joint's gear is off where the joint is commanded an angle (rad).
     pub fn transmission_error_rad(&self, joint: usize, commanded_rad: f64) -> f64 {
         (self.gear_waves.iter().filter(|each| each.joint == joint))
-            .map(|each| each.amplitude_rad * each.wave.at(commanded_rad).0)
+            .map(|each| each.amplitude_rad * each.wave.at(commanded_rad))
             .sum()
     }
 
@@ -215,7 +215,7 @@ impl ElasticArm {
     ) -> Vec<f64> {
         let mut offsets = self.zero_rad.clone();
         for each in &self.gear_waves {
-            offsets[each.joint] += each.amplitude_rad * each.wave.at(q[each.joint]).0;
+            offsets[each.joint] += each.amplitude_rad * each.wave.at(q[each.joint]);
         }
         if self.leans() {
             let leanings = self.leanings(q, tool, load, approach);
