@@ -272,12 +272,6 @@ impl Checker<'_> {
             UncertaintyKind::ToolPosition => {
                 axes(&|axis| Of::ToolPosition { tool: 0, axis }, "std_mm")
             }
-            UncertaintyKind::ToolRotation => {
-                axes(&|axis| Of::ToolRotation { tool: 0, axis }, "std_mrad")
-            }
-            UncertaintyKind::BasePosition => {
-                axes(&|axis| Of::BasePosition { station: 0, axis }, "std_mm")
-            }
             UncertaintyKind::BaseRotation => {
                 axes(&|axis| Of::BaseRotation { station: 0, axis }, "std_mrad")
             }
