@@ -36,7 +36,7 @@ pub struct Budget {
     #[arg(long, value_name = "M", default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..=100))]
     up_to: u32,
     /// The accuracy that is wanted at the test pose (rms, um).
-    #[arg(long, value_name = "UM", default_value_t = 5.0, value_parser = accuracy)]
+    #[arg(long, value_name = "UM", default_value_t = 5.0, value_parser = |text: &str| ACCURACY.parse(text))]
     accuracy_um: f64,
     /// Find what takes the least time, by the table [laboratory] of the scenario, in place of fewest measurements.
     #[arg(long)]
@@ -44,11 +44,6 @@ pub struct Budget {
     /// Where to write the plot (SVG).
     #[arg(long, value_name = "FILE")]
     plot_out: Option<PathBuf>,
-}
-
-fn accuracy(text: &str) -> Result<f64, String> {
-    let number = text.parse().map_err(|_| ACCURACY.allowed())?;
-    ACCURACY.check(number)
 }
 
 impl Budget {

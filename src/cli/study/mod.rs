@@ -82,11 +82,7 @@ impl StudyCommand {
         let scenario = common.load()?;
         rests(&scenario)?;
         let is_absolute = scenario.task.design.accuracy == AccuracyKind::Absolute;
-        if is_absolute {
-            self.refuse_where_absolute(&scenario)?;
-        } else {
-            self.absolute.refuse(&scenario)?;
-        }
+        self.refuse_others(&scenario)?;
         let folder = common.folder(&scenario);
         let file = self.rerun.as_ref().and_then(ViewerTarget::file);
         let outputs = [
@@ -299,7 +295,8 @@ pub fn entries(
             "designing the plan {name:?} of {}",
             counted(wanted.experiments.into(), "measurement")
         ));
-        design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP)
+        let designed = design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP);
+        designed.map(|(designed, _)| designed)
     };
     study::entries(scenario, settings, &designer)
 }

@@ -14,7 +14,7 @@ use crate::parameter::{
 };
 use crate::plan::uncertainty_budget::{Input, common};
 use crate::plan::{BudgetSource, CommonSources, UncertaintyBudget};
-use crate::task::{Extended, Task, station_named};
+use crate::task::{Extended, Task};
 
 /// What is known before without a name in the scenario, as of a payload that nobody weighed.
 const BEFORE: &str = "known before";
@@ -143,15 +143,8 @@ impl AbsolutePlanning<'_> {
     /// What a source of errors leaves (m^2).
     fn left_by_source(&self, weighed: &WeighedReadings, source: &ReadingSource) -> f64 {
         weighed.left_by(|place| {
-            let candidate = &self.candidates[place];
-            let station = station_named(self.stations, candidate.station.as_deref());
-            disturbed(
-                &self.case,
-                station,
-                candidate,
-                self.setup(place).0,
-                [source],
-            )
+            let (candidate, setup) = (&self.candidates[place], self.setup(place).0);
+            disturbed(&self.case, self.stations, candidate, setup, [source])
         })
     }
 

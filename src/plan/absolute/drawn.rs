@@ -30,11 +30,11 @@ const NEAR: usize = 12;
 const RANDOM_PLANS: usize = 200;
 
 /// How configurations are drawn.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 pub struct DrawnWanted {
-    /// So many configurations at first.
+    /// So many configurations at random from the scenario's region, and then others near those that were chosen.
     pub configurations: u32,
-    /// Under a seed.
+    /// Under this seed.
     pub seed: u64,
 }
 

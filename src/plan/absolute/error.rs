@@ -1,12 +1,15 @@
 //! Why there is no plan of absolute readings.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 use thiserror::Error;
 
+use crate::codes::ErrorCode;
+use crate::files::FileError;
 use crate::identification::AbsoluteError;
 use crate::mujoco::ModelError;
-use crate::plan::search::{CandidateError, FiniteError};
+use crate::plan::search::CandidateError;
 use crate::quantities::limits::MOST_CANDIDATES;
 
 /// So many names are told one by one.
@@ -126,9 +129,6 @@ pub enum AbsolutePlanError {
         /// The unknowns.
         names: Vec<String>,
     },
-    /// There is no such choice.
-    #[error("{0}")]
-    Choice(#[from] FiniteError),
 }
 
 impl AbsolutePlanError {
@@ -148,6 +148,15 @@ impl AbsolutePlanError {
         }
     }
 
+    /// The same about a file.
+    pub fn in_file(&self, path: &Path) -> FileError {
+        let wrong = FileError::new(path, self.to_string()).code(ErrorCode::AbsolutePlan);
+        match self.hint() {
+            Some(hint) => wrong.hint(hint),
+            None => wrong,
+        }
+    }
+
     /// What to do about it.
     pub fn hint(&self) -> Option<Cow<'static, str>> {
         if let Self::Station { likely, .. } = self {
@@ -164,7 +173,7 @@ impl AbsolutePlanError {
         match self {
             Self::NoStation { .. } => Some("give the column station"),
             Self::TooMany { .. } => Some("give fewer rows, or the station of each"),
-            Self::Candidates(error) => Some(error.hint()),
+            Self::Candidates(error) => error.hint(),
             Self::Target { .. } => Some(
                 "add the target to the scenario as a [[robot.tool]], or to the model as a site",
             ),
@@ -181,8 +190,7 @@ impl AbsolutePlanError {
             Self::NotPossible(_)
             | Self::Drawn(_)
             | Self::Station { .. }
-            | Self::BeyondLoad { .. }
-            | Self::Choice(_) => None,
+            | Self::BeyondLoad { .. } => None,
         }
     }
 }

@@ -70,17 +70,7 @@ pub(super) fn possible(
     task: &Task,
     rows: &[Candidate],
 ) -> Result<(Vec<Candidate>, Vec<LeftOutCandidates>), AbsolutePlanError> {
-    let experiments: Vec<(usize, Experiment)> = (rows.iter())
-        .map(|row| {
-            let experiment = Experiment {
-                configuration_rad: row.configuration_rad.clone(),
-                load: row.load.unwrap_or(Load::NONE),
-                repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
-                approach: row.approach.clone(),
-            };
-            (row.line, experiment)
-        })
-        .collect();
+    let lines: Vec<usize> = rows.iter().map(|row| row.line).collect();
     let targets = targets(&task.belief, rows)?;
     let first_violation = |feasibility: &mut Feasibility<'_>, place: usize| {
         let row = &rows[place];
@@ -89,13 +79,18 @@ pub(super) fn possible(
             target: known.unwrap_or(&task.belief.calibration_tool),
             station: station_named(&task.stations, row.station.as_deref()),
         };
-        let experiment = &experiments[place].1;
-        let violations = feasibility.violations_of_reading(1, experiment, looking);
+        let experiment = Experiment {
+            configuration_rad: row.configuration_rad.clone(),
+            load: row.load.unwrap_or(Load::NONE),
+            repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
+            approach: row.approach.clone(),
+        };
+        let violations = feasibility.violations_of_reading(1, &experiment, looking);
         // Without a load there is none that is not allowed.
         let is_fine = |what: &str| what == "load" && experiment.load == Load::NONE;
         (violations.into_iter()).find(|violation| !is_fine(&violation.what))
     };
-    let (places, left_out) = possible_of(task, &experiments, first_violation)?;
+    let (places, left_out) = possible_of(task, &lines, first_violation)?;
     let candidates = places.into_iter().map(|place| rows[place].clone());
     Ok((candidates.collect(), left_out))
 }
@@ -139,44 +134,27 @@ pub(super) fn reading_of(candidate: &Candidate, is_pose: bool) -> AbsoluteReadin
     }
 }
 
-/// What disturbs a reading of a candidate besides the instrument, which stands at one of the stations where there are some.
-pub(super) fn errors_of(
+/// What some sources disturb a reading of a candidate by, besides the instrument, which stands at one of the stations where there
+/// are some.
+pub(super) fn disturbed<'s>(
     case: &AbsoluteCase<'_>,
     stations: &[Station],
     candidate: &Candidate,
     setup: &Setup,
-) -> ReadingErrors {
-    let Some(extended) = &case.belief.uncertain else {
-        return ReadingErrors::none();
-    };
-    let station = station_named(stations, candidate.station.as_deref());
-    let sources = extended.sources().map(|(_, source)| source);
-    disturbed(case, station, candidate, setup, sources)
-}
-
-/// What some sources disturb a reading of a candidate by, from a station.
-pub(super) fn disturbed<'s>(
-    case: &AbsoluteCase<'_>,
-    station: Option<&Station>,
-    candidate: &Candidate,
-    setup: &Setup,
     sources: impl IntoIterator<Item = &'s ReadingSource>,
 ) -> ReadingErrors {
-    let Belief {
-        nominal,
-        calibration_tool,
-        ..
-    } = case.belief;
+    let nominal = &case.belief.nominal;
     let arm = BareArm {
         chain: &nominal.chain,
         compliance_rad_per_nm: &nominal.compliance_rad_per_nm,
         tool: &case.arm.tools[setup.target],
     };
     let load = candidate.load.unwrap_or(Load::NONE);
+    let station = station_named(stations, candidate.station.as_deref());
     ReadingErrors::new(
         arm,
         candidate.configuration_rad.as_slice(),
-        (calibration_tool, &load),
+        (&case.belief.calibration_tool, &load),
         station.map(|station| &station.position_m),
         sources,
     )

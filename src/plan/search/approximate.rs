@@ -40,7 +40,7 @@ use super::point::{Point, add_information, information_in};
 use super::pool::Pool;
 use super::problem::{Problem, SearchError};
 use super::sampling::Sampler;
-use super::weighing::{Weighing, normalise};
+use super::weighing::{Weighing, drop_light, normalise};
 use crate::experiment::{Experiment, Plan, printed_tolerance};
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::FIRST_SUPPORT;
@@ -263,7 +263,8 @@ impl Growing<'_> {
         for _ in 0..ROUNDS {
             self.optimise(0.1 * gap);
             let cost = self.weighing.mean;
-            prune(&mut self.support, &mut self.weights);
+            drop_light(&mut self.support, &mut self.weights, SMALLEST_WEIGHT);
+            normalise(&mut self.weights);
             let directions = &self.weighing.directions;
             let ranked = self.pool.by_derivative(directions);
             let mut found: Vec<(Point, f64)> = ranked
@@ -358,7 +359,7 @@ fn certify(
         .fold(mean, f64::max);
     let certificate = Certificate {
         mandatory: mandatory(problem, directions),
-        prior: directions.dot(problem.prior()),
+        prior: directions.dot(&problem.prior),
         cost,
         largest_derivative,
         largest_inside: ends.first().map_or(mean, |(_, value)| value.max(mean)),
@@ -465,14 +466,4 @@ fn is_same(one: &Point, other: &Point) -> bool {
     }
     let (first, second) = (one.information(), other.information());
     (&first - second).norm() < NEAR * first.norm()
-}
-
-fn prune(support: &mut Vec<Point>, weights: &mut Vec<f64>) {
-    let kept: Vec<bool> = (weights.iter())
-        .map(|weight| *weight > SMALLEST_WEIGHT)
-        .collect();
-    let mut keep = kept.iter();
-    support.retain(|_| keep.next().copied().unwrap_or(false));
-    weights.retain(|weight| *weight > SMALLEST_WEIGHT);
-    normalise(weights);
 }

@@ -13,7 +13,7 @@ use crate::experiment::{Experiment, NotMandatory, Plan};
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::{Criterion, Feasibility, widened};
 use crate::robot::Approach;
-use crate::task::{Extended, Region, Task};
+use crate::task::{Extended, Task};
 
 /// Angles of a plan that are so near to a candidate's (rad) are that: they were written and read.
 const SAME_RAD: f64 = 1e-9;
@@ -36,22 +36,14 @@ const SAME_SHARE: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub struct Bound {
     criterion: Criterion,
-    /// The task with the region of the class.
+    task: Task,
+    /// The same with the region of the class, which is wider.
     class: Task,
-    /// The task's own.
-    region: Region,
     basis: Basis,
     proof: Option<Result<ProvedBound, NoProof>>,
     /// Where something is known before or is mandatory, what holds for numbers of measurements that were asked for: the
     /// best design beside them depends on how many are free.
-    sizes: BTreeMap<u32, OfSize>,
-}
-
-/// What holds for one number of measurements.
-#[derive(Debug, Clone)]
-struct OfSize {
-    certificate: Certificate,
-    proof: Option<Result<ProvedBound, NoProof>>,
+    sizes: BTreeMap<u32, (Certificate, Option<Result<ProvedBound, NoProof>>)>,
 }
 
 /// What a bound for so many measurements rests on.
@@ -83,6 +75,26 @@ pub struct PlanBound {
     pub kind: BoundKind,
     /// What is proved, nearer or less near.
     pub proof: Option<PlanProof>,
+}
+
+impl PlanBound {
+    /// That of which so many candidates were all looked at.
+    pub(in crate::plan) const fn of_all(
+        best: f64,
+        candidates: usize,
+        left_out: Vec<String>,
+    ) -> Self {
+        Self {
+            best,
+            kind: BoundKind::Proved,
+            proof: Some(PlanProof {
+                best,
+                gap: 0.0,
+                boxes: candidates as u64,
+                left_out,
+            }),
+        }
+    }
 }
 
 /// What is proved for so many measurements.
@@ -130,12 +142,10 @@ impl Enumerated {
             let off = wrench - experiment.load.wrench();
             apart.amax() <= SAME_RAD && off.amax() <= SAME_SHARE * wrench.amax()
         };
-        let most = self
-            .candidates
-            .iter()
-            .filter(is_it)
-            .map(|each| u64::from(each.repeats));
-        let most = most.reduce(|one, other| one + other);
+        let most = self.candidates.iter().filter(is_it);
+        let most = most
+            .map(|each| u64::from(each.repeats))
+            .reduce(|one, other| one + other);
         let outside = match most {
             None => format!("experiment {number} is none of the candidates"),
             Some(most) if most < u64::from(times) => format!(
@@ -247,11 +257,7 @@ impl Bound {
         sizes: &[u32],
         proof: Option<(ProofLimits<'_>, bool)>,
     ) -> Self {
-        // The class's own region is wider: the proof widens that of the task by itself.
-        let task = Task {
-            region: self.region.clone(),
-            ..self.class.clone()
-        };
+        let task = self.task.clone();
         let problem = Problem::new(&task, self.criterion);
         let refused = ProvableTask::refused(&problem).filter(|_| proof.is_some());
         let proof = proof.filter(|_| refused.is_none());
@@ -266,9 +272,8 @@ impl Bound {
             };
             // Without a design of its own, the general one still holds.
             if let Ok(approximate) = approximate_design(&problem, seed) {
-                let certificate = approximate.certificate;
                 let proof = proved(&problem, &approximate);
-                self.sizes.insert(size, OfSize { certificate, proof });
+                self.sizes.insert(size, (approximate.certificate, proof));
             }
         }
         if self.sizes.is_empty() {
@@ -293,11 +298,7 @@ impl Bound {
         if !matches!(self.basis, Basis::Searches(_)) {
             return self;
         }
-        let task = Task {
-            region: self.region.clone(),
-            ..self.class.clone()
-        };
-        let problem = Problem::new(&task, self.criterion);
+        let problem = Problem::new(&self.task, self.criterion);
         for size in sizes {
             if self.sizes.contains_key(&size) {
                 continue;
@@ -305,9 +306,7 @@ impl Bound {
             let design = (problem.beside_known(size))
                 .and_then(|problem| approximate_design(&problem, seed).ok());
             if let Some(design) = design {
-                let certificate = design.certificate;
-                let proof = None;
-                self.sizes.insert(size, OfSize { certificate, proof });
+                self.sizes.insert(size, (design.certificate, None));
             }
         }
         self
@@ -326,21 +325,21 @@ impl Bound {
             ProvedBound::of_simpler(problem, simpler, limits, seed, (known, size))
         };
         let mut is_general = true;
-        for (&size, of_size) in &mut self.sizes {
+        for (&size, (_, proof)) in &mut self.sizes {
             if let Some(problem) = problem.beside_known(size) {
                 is_general = false;
-                let known = of_size.proof.as_ref().and_then(|proof| proof.as_ref().ok());
-                of_size.proof = nearer(&problem, known, size).or(of_size.proof.take());
+                let known = proof.as_ref().and_then(|proof| proof.as_ref().ok());
+                *proof = nearer(&problem, known, size).or(proof.take());
             }
         }
         if is_general {
             let largest = self.sizes.last_key_value().map_or(1, |(size, _)| *size);
             let known = self.proof().and_then(|proof| proof.as_ref().ok());
-            if let Some(proof) = nearer(&problem, known, largest) {
-                for of_size in self.sizes.values_mut() {
-                    of_size.proof = None;
+            if let Some(nearest) = nearer(&problem, known, largest) {
+                for (_, proof) in self.sizes.values_mut() {
+                    *proof = None;
                 }
-                self.proof = Some(proof);
+                self.proof = Some(nearest);
             }
         }
     }
@@ -349,9 +348,8 @@ impl Bound {
     /// measurements.
     pub fn proof(&self) -> Option<&Result<ProvedBound, NoProof>> {
         let largest = self.sizes.last_key_value();
-        largest
-            .and_then(|(_, size)| size.proof.as_ref())
-            .or(self.proof.as_ref())
+        let own = largest.and_then(|(_, (_, proof))| proof.as_ref());
+        own.or(self.proof.as_ref())
     }
 
     fn resting_on(task: &Task, criterion: Criterion, basis: Basis) -> Self {
@@ -359,9 +357,9 @@ impl Bound {
         class.region = widened(&task.region);
         Self {
             criterion,
+            task: task.clone(),
             class,
             basis,
-            region: task.region.clone(),
             proof: None,
             sizes: BTreeMap::new(),
         }
@@ -392,8 +390,8 @@ impl Bound {
             mandatory: certificate.mandatory.0,
         };
         let mut proof = self.proof.as_ref();
-        if let Some(size) = self.sizes.get(&measurements) {
-            (certificate, proof) = (size.certificate, size.proof.as_ref().or(proof));
+        if let Some((own, proof_of_size)) = self.sizes.get(&measurements) {
+            (certificate, proof) = (*own, proof_of_size.as_ref().or(proof));
         }
         let proof = proof.and_then(|proof| proof.as_ref().ok());
         if let Some(proof) = proof.filter(|proof| proof.is_about_all()) {
@@ -426,21 +424,16 @@ impl Bound {
         let free = measurements
             .checked_sub(mandatory)
             .ok_or(NoBound::TooFew { mandatory })?;
-        let Some(cost) = enumerated.bound.least_cost(free) else {
-            let criterion = self.criterion.name();
-            return Err(NoBound::NoneByCriterion { criterion });
-        };
+        let criterion = self.criterion.name();
+        let none = NoBound::NoneByCriterion { criterion };
+        let cost = enumerated.bound.least_cost(free).ok_or(none)?;
         let best = self.criterion.value_of_cost(cost);
-        Ok(PlanBound {
+        let left_out = enumerated.left_out.clone();
+        Ok(PlanBound::of_all(
             best,
-            kind: BoundKind::Proved,
-            proof: Some(PlanProof {
-                best,
-                gap: 0.0,
-                boxes: enumerated.candidates.len() as u64,
-                left_out: enumerated.left_out.clone(),
-            }),
-        })
+            enumerated.candidates.len(),
+            left_out,
+        ))
     }
 
     /// The bound for a plan: no plan of the class with as many measurements is better than this.
