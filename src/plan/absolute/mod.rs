@@ -14,7 +14,7 @@ mod predicted_accuracy;
 mod readable;
 mod together;
 
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::{DMatrix, DVector, Matrix3xX};
 use rayon::prelude::*;
 
 use super::Criterion;
@@ -24,7 +24,7 @@ use super::search::{
 };
 use crate::compensation::KnownArm;
 use crate::experiment::Candidate;
-use crate::identification::{AbsoluteCase, ParameterGroup};
+use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
@@ -39,6 +39,7 @@ pub use error::AbsolutePlanError;
 pub use predicted_accuracy::PredictedAccuracy;
 
 use contributions::is_of_task;
+use error::some_of;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
 use readable::{check_stations, disturbed, from_stations, possible, reading_of};
@@ -109,30 +110,32 @@ impl<'a> AbsolutePlanning<'a> {
         rows: &[Candidate],
     ) -> Result<Self, AbsolutePlanError> {
         if !task.design.mandatory.experiments.is_empty() {
-            return Err(AbsolutePlanError::Mandatory);
+            let problem =
+                "design.mandatory: plans of absolute readings have no mandatory experiments";
+            let hint = "leave it out, and name readings that there are to be among the candidates of `evaluate`";
+            return Err(AbsolutePlanError::other(problem, Some(hint)));
         }
         let rows = from_stations(task, rows)?;
         let offered = rows.len();
         let (candidates, left_out) = possible(task, &rows)?;
         let is_pose = task.belief.instrument.rotation_sigma_rad.is_some();
-        let readings: Vec<AbsoluteReading> = (candidates.iter())
-            .map(|candidate| reading_of(candidate, is_pose))
-            .collect();
+        let readings = candidates
+            .iter()
+            .map(|candidate| reading_of(candidate, is_pose));
+        let readings: Vec<AbsoluteReading> = readings.collect();
         let lines: Vec<usize> = candidates.iter().map(|candidate| candidate.line).collect();
-        let mut case = AbsoluteCase::placed(&task.belief, &readings)
-            .map_err(|error| AbsolutePlanError::of_lines(error, &lines))?;
+        let of_lines = |error: AbsoluteError| AbsolutePlanError::of_lines(error, &lines);
+        let mut case = AbsoluteCase::placed(&task.belief, &readings).map_err(of_lines)?;
         let sources = task.belief.uncertain.iter().flat_map(Extended::sources);
         let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();
-        let errors = (candidates.iter().zip(&case.observations))
-            .map(|(candidate, observation)| {
+        let setups = case
+            .observations
+            .iter()
+            .map(|observation| &observation.setup);
+        let errors = (candidates.iter().zip(setups))
+            .map(|(candidate, setup)| {
                 let sources = sources.iter().copied();
-                disturbed(
-                    &case,
-                    &task.stations,
-                    candidate,
-                    &observation.setup,
-                    sources,
-                )
+                disturbed(&case, &task.stations, candidate, setup, sources)
             })
             .collect();
         let machining = &task.belief.machining_tool;
@@ -142,21 +145,14 @@ impl<'a> AbsolutePlanning<'a> {
             case.arm.tools.push(machining.clone());
             case.arm.tools.len() - 1
         });
-        let asked: Vec<PlannedReading> = (0..case.stations.len())
-            .map(|station| PlannedReading {
-                setup: Setup {
-                    commanded_rad: case.observations[0].setup.commanded_rad.clone(),
-                    load: Load::NONE,
-                    target,
-                    station,
-                    approach: None,
-                },
-                kind: ReadingKind::Position,
-                whitener: case.observations[0].whitener,
-            })
-            .collect();
-        let set = (case.unknowns_beside(groups, &asked))
-            .map_err(|error| AbsolutePlanError::of_lines(error, &lines))?;
+        let first = &case.observations[0];
+        let asked = (0..case.stations.len()).map(|station| PlannedReading {
+            setup: setup_of(&first.setup.commanded_rad, Load::NONE, [target, station]),
+            kind: ReadingKind::Position,
+            whitener: first.whitener,
+        });
+        let asked: Vec<PlannedReading> = asked.collect();
+        let set = case.unknowns_beside(groups, &asked).map_err(of_lines)?;
         Ok(Self {
             poses: place_rows(task, &case, &set, target),
             stations: &task.stations,
@@ -184,8 +180,9 @@ impl<'a> AbsolutePlanning<'a> {
             return Ok(planning);
         }
         let reasons = planning.left_out.iter().map(ToString::to_string);
-        let reasons: Vec<String> = reasons.collect();
-        Err(AbsolutePlanError::NotPossible(reasons.join("; ")))
+        let reasons = reasons.collect::<Vec<String>>().join("; ");
+        let problem = format!("readings that are not possible: {reasons}");
+        Err(AbsolutePlanError::other(problem, None))
     }
 
     /// All candidates as one plan, each as often as its file says, or once.
@@ -437,10 +434,12 @@ impl<'a> AbsolutePlanning<'a> {
         }
         let best = best?;
         if let Err(names) = self.prediction(&best.plan).left {
-            return Err(AbsolutePlanError::TooFew {
-                readings: measurements,
-                names,
-            });
+            let problem = format!(
+                "no {measurements} readings of the candidates were found that determine the tool's place at the test poses: it depends on {} besides",
+                some_of(&names)
+            );
+            let hint = "give more --experiments, or more candidates";
+            return Err(AbsolutePlanError::other(problem, Some(hint)));
         }
         Ok(AbsolutePlan {
             bound: self.bound_of(&bounds, measurements),
@@ -528,6 +527,17 @@ impl<'a> AbsolutePlanning<'a> {
     }
 }
 
+/// The setup in which a target is read from a station, both by their numbers.
+fn setup_of(q: &DVector<f64>, load: Load, [target, station]: [usize; 2]) -> Setup {
+    Setup {
+        commanded_rad: q.clone(),
+        load,
+        target,
+        station,
+        approach: None,
+    }
+}
+
 /// How the tool's place follows the unknowns at the test poses, in the frame of each station.
 fn place_rows(
     task: &Task,
@@ -537,23 +547,16 @@ fn place_rows(
 ) -> Vec<PlaceRows> {
     let by_station: Vec<DMatrix<f64>> = (0..case.stations.len())
         .map(|station| {
-            let setups: Vec<Setup> = (task.test_poses.iter())
-                .map(|pose| Setup {
-                    commanded_rad: pose.configuration_rad.clone(),
-                    load: pose.load,
-                    target,
-                    station,
-                    approach: None,
-                })
-                .collect();
+            let setups = task.test_poses.iter();
+            let setups =
+                setups.map(|pose| setup_of(&pose.configuration_rad, pose.load, [target, station]));
+            let setups: Vec<Setup> = setups.collect();
             let setups: Vec<&Setup> = setups.iter().collect();
             let mut rows = planned_positions(set, &case.arm, &set.prior().mean, &setups);
             for (mut column, parameter) in rows.column_iter_mut().zip(set.parameters()) {
+                use ParameterKind::{LoadOffset, LoadScale};
                 // What scales the loads of the readings is not the task's.
-                if matches!(
-                    parameter.kind,
-                    ParameterKind::LoadScale | ParameterKind::LoadOffset
-                ) {
+                if matches!(parameter.kind, LoadScale | LoadOffset) {
                     column.fill(0.0);
                 }
             }

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::error::AbsolutePlanError;
+use super::error::{AbsolutePlanError, some_of};
 use crate::experiment::{Candidate, Experiment};
 use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
 use crate::observation::{BareArm, ReadingErrors, Setup};
 use crate::parameter::ReadingSource;
-use crate::plan::search::{LeftOutCandidates, possible_of};
+use crate::plan::search::{CandidateError, LeftOutCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::robot::{Load, SerialChain, Tool};
@@ -36,31 +36,46 @@ pub(super) fn from_stations(
         };
         if station_named(&task.stations, Some(name)).is_none() {
             let known = task.stations.iter().map(|station| station.name.as_str());
-            return Err(AbsolutePlanError::Station {
-                line: row.line,
-                found: name.clone(),
-                likely: nearest(name, known.clone()).map(str::to_owned),
-                known: known.map(str::to_owned).collect(),
-            });
+            let hint = nearest(name, known).map_or_else(
+                || "a scenario with [[station]] has each station that candidates name".to_owned(),
+                |likely| format!("did you mean {likely:?}?"),
+            );
+            return Err(of_station(
+                task,
+                row.line,
+                &format!("found {name:?}"),
+                &hint,
+            ));
         }
         all.push(row.clone());
     }
-    if all.len() > MOST_CANDIDATES {
-        return Err(AbsolutePlanError::TooMany { found: all.len() });
+    let found = all.len();
+    if found > MOST_CANDIDATES {
+        let of = "station";
+        return Err(CandidateError::TooMany { found, of }.into());
     }
     Ok(all)
 }
 
+/// What is wrong with the station of a line, where a task has some.
+fn of_station(task: &Task, line: usize, problem: &str, hint: &str) -> AbsolutePlanError {
+    let known: Vec<String> = task
+        .stations
+        .iter()
+        .map(|station| station.name.clone())
+        .collect();
+    let known = some_of(&known);
+    let problem = format!("line {line}: station: {problem}; the scenario has {known}");
+    AbsolutePlanError::other(problem, Some(hint))
+}
+
 /// Refuses readings of a plan that do not say from which of several stations they are.
 pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), AbsolutePlanError> {
-    let nowhere = rows.iter().find(|row| row.station.is_none());
-    match nowhere {
-        Some(row) if task.stations.len() > 1 => Err(AbsolutePlanError::NoStation {
-            line: row.line,
-            known: (task.stations.iter())
-                .map(|station| station.name.clone())
-                .collect(),
-        }),
+    match rows.iter().find(|row| row.station.is_none()) {
+        Some(row) if task.stations.len() > 1 => {
+            let hint = "give the column station";
+            Err(of_station(task, row.line, "is missing", hint))
+        }
         _ => Ok(()),
     }
 }
@@ -107,10 +122,8 @@ fn targets<'a>(
         };
         if !known.contains_key(name) {
             let tool = SerialChain::tool(&belief.nominal.model, name);
-            let tool = tool.map_err(|source| AbsolutePlanError::Target {
-                line: row.line,
-                source,
-            })?;
+            let tool =
+                tool.map_err(|error| AbsolutePlanError::target(row.line, &error.to_string()))?;
             known.insert(name, tool);
         }
     }

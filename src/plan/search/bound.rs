@@ -153,7 +153,7 @@ impl Enumerated {
             ),
             Some(_) => return Ok(()),
         };
-        Err(NoBound::Outside(outside))
+        Err(NoBound::outside(&outside))
     }
 }
 
@@ -163,12 +163,6 @@ pub enum NoBound {
     /// No bound was found for any plan.
     #[error("no bound was found: {0}")]
     NotFound(SearchError),
-    /// Plans of candidates are searched by such a criterion, and not bounded.
-    #[error("plans are bounded by test_pose, a, d and o1 alone, and not by {criterion}")]
-    NoneByCriterion {
-        /// The criterion's name.
-        criterion: &'static str,
-    },
     /// The mandatory experiments alone are more.
     #[error(
         "the bound speaks about plans with the mandatory experiments, which alone are {mandatory} measurements"
@@ -177,12 +171,6 @@ pub enum NoBound {
         /// The number of mandatory measurements.
         mandatory: u32,
     },
-    /// An experiment is approached from another side.
-    #[error(
-        "the bound speaks about configurations that are approached with all joints turning positively, and experiment {0} is \
-         not"
-    )]
-    Side(usize),
     /// Two experiments hang different loads in one configuration, where they share errors.
     #[error(
         "the bound speaks about plans that hang one load in each configuration: experiments {one} and {other} hang two in theirs, and \
@@ -197,9 +185,19 @@ pub enum NoBound {
     /// The plan lacks a mandatory experiment.
     #[error("the bound speaks about plans with the mandatory experiments; {0}")]
     NotMandatory(NotMandatory),
-    /// The plan has another load, or leaves the widened region.
-    #[error("the bound does not speak about such a plan: {0}")]
+    /// The bound does not speak about such plans: by such a criterion, or with a load, a side of approach or a configuration that the
+    /// class does not have.
+    #[error("{0}")]
     Outside(String),
+}
+
+impl NoBound {
+    /// The plan has something that the class does not have.
+    fn outside(words: &str) -> Self {
+        Self::Outside(format!(
+            "the bound does not speak about such a plan: {words}"
+        ))
+    }
 }
 
 impl Bound {
@@ -213,14 +211,18 @@ impl Bound {
         Self::resting_on(task, criterion, Basis::Searches(approximate.certificate))
     }
 
-    /// The bound for plans of listed candidates alone, with the mandatory experiments as they are.
-    pub fn among(task: &Task, criterion: Criterion, enumerated: Enumerated) -> Self {
-        Self::resting_on(task, criterion, Basis::Candidates(enumerated))
-    }
-
-    /// There is no bound by a criterion, for a reason.
-    pub fn none(task: &Task, criterion: Criterion, reason: SearchError) -> Self {
-        Self::resting_on(task, criterion, Basis::Nothing(reason))
+    /// A bound by a criterion that rests on something: for plans of listed candidates, the mandatory experiments are as they are.
+    pub(super) fn resting_on(task: &Task, criterion: Criterion, basis: Basis) -> Self {
+        let mut class = task.clone();
+        class.region = widened(&task.region);
+        Self {
+            criterion,
+            task: task.clone(),
+            class,
+            basis,
+            proof: None,
+            sizes: BTreeMap::new(),
+        }
     }
 
     /// Searches the bound of `rho_0` for a task's plans under a seed; what was not found is told where it is asked for.
@@ -243,7 +245,7 @@ impl Bound {
                 let bound = Self::by(task, criterion, &approximate);
                 bound.prove(&approximate, seed, sizes, proof)
             }
-            Err(error) => Self::none(task, criterion, error),
+            Err(error) => Self::resting_on(task, criterion, Basis::Nothing(error)),
         }
     }
 
@@ -266,16 +268,7 @@ impl Bound {
             let (effort, records) = proof.filter(|_| is_provable)?;
             Some(ProvedBound::new(problem, approximate, effort, records))
         };
-        for &size in sizes {
-            let Some(problem) = problem.beside_known(size) else {
-                continue;
-            };
-            // Without a design of its own, the general one still holds.
-            if let Ok(approximate) = approximate_design(&problem, seed) {
-                let proof = proved(&problem, &approximate);
-                self.sizes.insert(size, (approximate.certificate, proof));
-            }
-        }
+        self.add_sizes(&problem, seed, sizes.iter().copied(), &proved);
         if self.sizes.is_empty() {
             self.proof = proved(&problem, approximate);
         }
@@ -298,18 +291,33 @@ impl Bound {
         if !matches!(self.basis, Basis::Searches(_)) {
             return self;
         }
-        let problem = Problem::new(&self.task, self.criterion);
+        let task = self.task.clone();
+        let problem = Problem::new(&task, self.criterion);
+        self.add_sizes(&problem, seed, sizes, &|_, _| None);
+        self
+    }
+
+    /// Searches what holds for numbers of measurements of which nothing is known yet, and proves it.
+    fn add_sizes(
+        &mut self,
+        problem: &Problem<'_>,
+        seed: u64,
+        sizes: impl IntoIterator<Item = u32>,
+        proved: &dyn Fn(&Problem<'_>, &ApproximateDesign) -> Option<Result<ProvedBound, NoProof>>,
+    ) {
         for size in sizes {
             if self.sizes.contains_key(&size) {
                 continue;
             }
-            let design = (problem.beside_known(size))
-                .and_then(|problem| approximate_design(&problem, seed).ok());
-            if let Some(design) = design {
-                self.sizes.insert(size, (design.certificate, None));
+            let Some(problem) = problem.beside_known(size) else {
+                continue;
+            };
+            // Without a design of its own, the general one still holds.
+            if let Ok(approximate) = approximate_design(&problem, seed) {
+                let proof = proved(&problem, &approximate);
+                self.sizes.insert(size, (approximate.certificate, proof));
             }
         }
-        self
     }
 
     /// Proves the bound of a simpler task, whose plans leave no more, and keeps it where it is the higher one.
@@ -350,19 +358,6 @@ impl Bound {
         let largest = self.sizes.last_key_value();
         let own = largest.and_then(|(_, (_, proof))| proof.as_ref());
         own.or(self.proof.as_ref())
-    }
-
-    fn resting_on(task: &Task, criterion: Criterion, basis: Basis) -> Self {
-        let mut class = task.clone();
-        class.region = widened(&task.region);
-        Self {
-            criterion,
-            task: task.clone(),
-            class,
-            basis,
-            proof: None,
-            sizes: BTreeMap::new(),
-        }
     }
 
     /// What makes a plan good.
@@ -425,8 +420,9 @@ impl Bound {
             .checked_sub(mandatory)
             .ok_or(NoBound::TooFew { mandatory })?;
         let criterion = self.criterion.name();
-        let none = NoBound::NoneByCriterion { criterion };
-        let cost = enumerated.bound.least_cost(free).ok_or(none)?;
+        let none =
+            format!("plans are bounded by test_pose, a, d and o1 alone, and not by {criterion}");
+        let cost = (enumerated.bound.least_cost(free)).ok_or(NoBound::Outside(none))?;
         let best = self.criterion.value_of_cost(cost);
         let left_out = enumerated.left_out.clone();
         Ok(PlanBound::of_all(
@@ -459,12 +455,17 @@ impl Bound {
             let knows_sides =
                 (self.class.belief.uncertain.as_ref()).is_some_and(Extended::has_backlash);
             if knows_sides && !Approach::is_usual(experiment.approach.as_ref()) {
-                return Err(NoBound::Side(index + 1));
+                return Err(NoBound::Outside(format!(
+                    "the bound speaks about configurations that are approached with all joints turning positively, and experiment {} is not",
+                    index + 1
+                )));
             }
             let loads = &self.class.loads;
             if let Some(words) = loads.outside(&experiment.load) {
-                let words = format!("experiment {}: {words}", index + 1);
-                return Err(NoBound::Outside(words));
+                return Err(NoBound::outside(&format!(
+                    "experiment {}: {words}",
+                    index + 1
+                )));
             }
             // Torques are those of the load that is meant.
             let meant = Experiment {
@@ -473,7 +474,7 @@ impl Bound {
             };
             let violations = feasibility.violations_of(index + 1, &meant);
             if let Some(violation) = violations.first() {
-                return Err(NoBound::Outside(violation.to_string()));
+                return Err(NoBound::outside(&violation.to_string()));
             }
         }
         Ok(bound)

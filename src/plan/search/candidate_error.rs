@@ -35,13 +35,16 @@ pub enum CandidateError {
         /// What it says.
         found: String,
     },
-    /// Too many, each row under each load.
+    /// Too many, each row under each load, or from each station.
     #[error(
-        "there are {found} candidates, each row under each load of the scenario; at most {MOST_CANDIDATES} are allowed"
+        "there are {found} candidates, each row {} each {of} of the scenario; at most {MOST_CANDIDATES} are allowed",
+        if *of == "load" { "under" } else { "from" }
     )]
     TooMany {
         /// How many.
         found: usize,
+        /// What there are several of: `load` or `station`.
+        of: &'static str,
     },
     /// None is possible.
     #[error("none of {offered} candidates is possible: {}", reasons.join("; "))]
@@ -74,11 +77,12 @@ pub enum CandidateError {
 
 impl CandidateError {
     /// What to do about it.
-    pub const fn hint(&self) -> Option<&'static str> {
+    pub fn hint(&self) -> Option<&'static str> {
         match self {
             Self::NoLoad => Some("give the columns fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"),
             Self::Place { .. } => Some("leave the column out"),
-            Self::TooMany { .. } => Some("give fewer rows, or the load of each"),
+            Self::TooMany { of: "load", .. } => Some("give fewer rows, or the load of each"),
+            Self::TooMany { .. } => Some("give fewer rows, or the station of each"),
             Self::AllLeftOut { .. } => {
                 Some("check the units of the angles, and the scenario's [region] and [load]")
             }

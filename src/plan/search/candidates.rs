@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::bound::{Bound, Enumerated};
+use super::bound::{Basis, Bound, Enumerated};
 use super::candidate_error::{CandidateError, LeftOutCandidates};
 use super::candidate_information::CandidateInformation;
 use super::exact::{ExactDesign, Watch};
@@ -104,7 +104,8 @@ impl Candidates {
         }
         let offered = all.len();
         if offered > MOST_CANDIDATES {
-            return Err(CandidateError::TooMany { found: offered });
+            let (found, of) = (offered, "load");
+            return Err(CandidateError::TooMany { found, of });
         }
         let (places, left_out) = possible_of(task, &lines, |feasibility, place| {
             let violations = feasibility.violations_of(1, &all[place]);
@@ -172,7 +173,7 @@ impl Candidates {
         });
         match found {
             Ok(bound) => self.bound_of(&problem, bound),
-            Err(error) => Bound::none(task, criterion, error),
+            Err(error) => Bound::resting_on(task, criterion, Basis::Nothing(error)),
         }
     }
 
@@ -183,7 +184,11 @@ impl Candidates {
             bound,
             left_out: left_out.collect(),
         };
-        Bound::among(problem.task, problem.criterion, enumerated)
+        Bound::resting_on(
+            problem.task,
+            problem.criterion,
+            Basis::Candidates(enumerated),
+        )
     }
 
     /// Candidates as experiments, each measured so often.

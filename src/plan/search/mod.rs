@@ -49,8 +49,7 @@ mod weighing;
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
 pub use bound::{Basis, Bound, BoundKind, Enumerated, NoBound, PlanBound, PlanProof};
 pub use budget::{
-    BudgetPoint, RepeatsNeeded, budget, budget_and_proof, cheapest, repeated_configurations,
-    repeats_needed,
+    BudgetPoint, RepeatsNeeded, budget, cheapest, repeated_configurations, repeats_needed,
 };
 pub use candidate_error::{CandidateError, LeftOutCandidates};
 pub use candidate_information::CandidateInformation;
@@ -64,4 +63,4 @@ pub use low_rank_search::{ListChoice, best_choice};
 pub use observation::MatrixEvaluator;
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};
-pub use sampling::{RandomPlans, median_random_plan, random_experiments, random_plan};
+pub use sampling::{RandomPlans, median_random_plan, random_plan};

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, Matrix3xX};
 use super::local::{LocalSearch, Precision};
 use super::point::{Point, add_information, in_directions};
 use super::problem::Problem;
-use super::sampling::Sampler;
+use super::sampling::RandomPlans;
 use crate::plan::{CriterionFunction, Experiment};
 
 /// The most sweeps over the experiments of one plan that refine them.
@@ -31,7 +31,7 @@ pub(super) struct Found {
 pub(super) struct Refinement<'a> {
     pub problem: &'a Problem<'a>,
     pub local: LocalSearch<'a>,
-    pub sampler: Sampler<'a>,
+    pub sampler: RandomPlans<'a>,
     /// Whether a point tells something else where it is repeated more often.
     is_shared_by_configuration: bool,
     /// The information of the mandatory experiments.
@@ -51,7 +51,7 @@ impl<'a> Refinement<'a> {
         Self {
             problem,
             local: LocalSearch::new(problem),
-            sampler: Sampler::new(problem),
+            sampler: RandomPlans::new(problem),
             is_shared_by_configuration: problem.is_shared_by_configuration(),
             mandatory: problem.information(&problem.task.design.mandatory),
             work: RefCell::new(Work {
