@@ -239,7 +239,9 @@ impl<'a> Runner<'a> {
     ) -> Result<(), Failure> {
         let part = &self.parts[setting];
         let experiments = part.setting.conditions.experiments;
-        let drawn = workspace.parts[setting].random.draw(experiments, run);
+        let drawn = workspace.parts[setting]
+            .random
+            .draw(experiments, self.seed, run);
         let plan = drawn.map_err(|_| Failure::NoPlan)?;
         let unknown = &workspace.parts[setting].unknown;
         let all = (part.model.plan(&plan)?).run(&workspace.normals, unknown);
@@ -271,7 +273,7 @@ impl RunsInBlocks for Runner<'_> {
         let parts: Vec<PartWorkspace<'_>> = (self.parts.iter())
             .map(|part| {
                 Ok(PartWorkspace {
-                    random: RandomPlans::new(&part.problem, self.seed),
+                    random: RandomPlans::new(&part.problem),
                     robot: match self.level {
                         Level::Model => None,
                         Level::Robot => {

@@ -13,7 +13,8 @@ use crate::experiment::{Plan, read_plan};
 use crate::files::FileError;
 use crate::plan::Assessment;
 use crate::plan::search::{
-    Bound, RepeatsNeeded, SearchError, Watch, median_random_plan, random_plan, repeats_needed,
+    ApproximateDesign, Bound, RepeatsNeeded, SearchError, Watch, median_random_plan, random_plan,
+    repeats_needed,
 };
 use crate::record::evidence::EvidenceMessage;
 use crate::record::json::{merge, results};
@@ -101,7 +102,7 @@ pub struct RunOutcome {
 /// The designed plan fails, a plan file cannot be read, or there is nothing to compare with.
 pub fn run(
     scenario: &Scenario,
-    designed: &Designed,
+    (designed, approximate): (&Designed, &ApproximateDesign),
     stop: &AtomicBool,
     stage: &dyn Fn(&RunStage<'_>),
 ) -> Result<RunOutcome, RunError> {
@@ -126,10 +127,6 @@ pub fn run(
     let random_repeats = (random.as_ref())
         .zip(tried[0].assessment.rho0_m)
         .and_then(|((_, plan), rho0_m)| repeats_needed(task, plan, rho0_m));
-    let watch = Watch {
-        stop,
-        progress: &|_, _, _| {},
-    };
     // The study draws random plans of its own.
     let fixed: Vec<(String, Plan)> = (tried.iter().filter(|each| !each.is_random))
         .map(|each| {
@@ -137,8 +134,8 @@ pub fn run(
             (name.clone(), made.plan.clone())
         })
         .collect();
-    let beside = (&designed.approximate, bound);
-    let evidence = gather(scenario, beside, &fixed, watch)?;
+    let beside = (approximate, bound);
+    let evidence = gather(scenario, beside, &fixed, Watch::quiet(stop))?;
     let main = &tried[0].calibration.1;
     let mut conditions = main.identification.conditions();
     conditions.extend(pose_conditions(&task.belief, &main.poses));

@@ -5,23 +5,27 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, hexadecimal, sha256_of};
+use elastocal::identification::ParameterGroup;
 use elastocal::plan::search::Watch;
 use elastocal::record::tally_file::{AbsoluteStudyHeader, Header};
 use elastocal::scenario::Scenario;
 use elastocal::study::{Level, absolute::AbsoluteRunner};
+use elastocal::task::AccuracyKind;
 use elastocal::text::wording::counted;
 use elastocal::workflow::absolute_study::{AbsoluteStudyWanted, check, entries, explained};
 
 use super::StudyCommand;
-use crate::cli::absolute_plan::{UnknownArgs, refuse_options, refuse_where_relative};
 use crate::cli::interruption::{STOP, ask_work, proceed};
+use crate::cli::plan_args::{ANYWHERE, UNKNOWN, refuse_others};
 use crate::cli::{Report, plan::DRAWN};
 
 /// What a study of absolute readings takes besides.
 #[derive(Debug, Args)]
 pub struct AbsoluteStudyArgs {
-    #[command(flatten)]
-    unknown: UnknownArgs,
+    /// With design.accuracy = "absolute", what is unknown, frames of stations and targets always among it; what the scenario's
+    /// robot.parameters name if not given.
+    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
+    parameters: Vec<ParameterGroup>,
     /// With design.accuracy = "absolute", choose plans from these rows alone (CSV: joint angles, loads, targets, stations)
     #[arg(long, value_name = "FILE")]
     candidates: Option<PathBuf>,
@@ -31,17 +35,6 @@ pub struct AbsoluteStudyArgs {
 }
 
 impl AbsoluteStudyArgs {
-    /// Refuses them where deflections are studied.
-    pub fn refuse(&self, scenario: &Scenario) -> Result<(), FileError> {
-        self.unknown.refuse(scenario)?;
-        let instead = "plans of deflections are searched in the whole region";
-        let given = [
-            ("--candidates", self.candidates.is_some(), instead),
-            ("--draw", self.draw.is_some(), instead),
-        ];
-        refuse_where_relative(scenario, &given)
-    }
-
     /// The file of candidates.
     pub fn path(&self) -> Option<&Path> {
         self.candidates.as_deref()
@@ -49,14 +42,23 @@ impl AbsoluteStudyArgs {
 }
 
 impl StudyCommand {
-    /// Refuses what there is for deflections alone.
-    pub(super) fn refuse_where_absolute(&self, scenario: &Scenario) -> Result<(), FileError> {
-        let given = [
+    /// Refuses options, and keys, that are about plans of the other accuracy.
+    pub(super) fn refuse_others(&self, scenario: &Scenario) -> Result<(), FileError> {
+        let of_deflections = [
             ("--level model", self.level == Some(Level::Model)),
             ("--rerun", self.rerun.is_some()),
         ];
-        refuse_options(scenario, &given)?;
-        check(scenario)
+        let absolute = &self.absolute;
+        let of_readings = [
+            ("--parameters", !absolute.parameters.is_empty(), UNKNOWN),
+            ("--candidates", absolute.candidates.is_some(), ANYWHERE),
+            ("--draw", absolute.draw.is_some(), ANYWHERE),
+        ];
+        refuse_others(scenario, &of_deflections, &of_readings)?;
+        match scenario.task.design.accuracy {
+            AccuracyKind::Absolute => check(scenario),
+            AccuracyKind::Relative => Ok(()),
+        }
     }
 
     /// Virtual robots for each plan.
@@ -67,7 +69,7 @@ impl StudyCommand {
             .map(|path| read_candidates(path, scenario.task.belief.commands()))
             .transpose()?;
         let configurations = given.draw.unwrap_or(DRAWN);
-        let groups = &given.unknown.parameters;
+        let groups = &given.parameters;
         let wanted = AbsoluteStudyWanted {
             groups,
             candidates: rows.as_deref(),

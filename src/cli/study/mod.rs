@@ -81,11 +81,7 @@ impl StudyCommand {
         let scenario = self.common.load()?;
         rests(&scenario)?;
         let is_absolute = scenario.task.design.accuracy == AccuracyKind::Absolute;
-        if is_absolute {
-            self.refuse_where_absolute(&scenario)?;
-        } else {
-            self.absolute.refuse(&scenario)?;
-        }
+        self.refuse_others(&scenario)?;
         self.check_files(&scenario, is_absolute)?;
         keeps(self.kept(None));
         if is_absolute {
@@ -322,7 +318,8 @@ pub fn entries(
             "designing the plan {name:?} of {}",
             counted(wanted.experiments.into(), "measurement")
         ));
-        design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP)
+        let designed = design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP);
+        designed.map(|(designed, _)| designed)
     };
     study::entries(scenario, settings, &designer)
 }
