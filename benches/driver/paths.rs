@@ -26,35 +26,7 @@ use super::{absolute, arms};
 /// Does its work so many times.
 pub type HotPath = Box<dyn FnMut(u64)>;
 
-/// The paths that `cargo bench` times. A number behind a name is that of measurements, or of joints
-/// or threads where the name says so.
-pub const NAMES: [&str; 23] = [
-    "objective_3",
-    "objective_12",
-    "objective_default_3",
-    "objective_laboratory_12",
-    "search",
-    "equilibrium",
-    "measurement",
-    "measurement_flexible",
-    "identify_linear_3",
-    "identify_linear_12",
-    "identify_nonlinear_3",
-    "identify_nonlinear_12",
-    "fit",
-    "fit_absolute",
-    "fit_joint_errors",
-    "study_model",
-    "study_model_threads_2",
-    "study_robot",
-    "study_laboratory",
-    "trial_absolute",
-    "normals",
-    "mcap",
-    "rrd",
-];
-
-/// Prepares a path.
+/// Prepares a path. A number behind its name is that of measurements, or of joints or threads where the name says so.
 pub fn hot_path(name: &str) -> HotPath {
     let (kind, size) = match name.rsplit_once('_') {
         Some((kind, digits)) if digits.parse::<u32>().is_ok() => {
