@@ -10,12 +10,12 @@ use elastocal::numeric::random::normal::{LANES, fill_normals};
 use elastocal::numeric::random::streams::Stream;
 use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design, random_plan};
 use elastocal::plan::{Criterion, Plan, read_plan};
-use elastocal::robot::{KinematicState, Kinematics, Load};
+use elastocal::robot::{KinematicState, Kinematics};
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, RunsInBlocks, block_runs};
 use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, repeated};
 use elastocal::task::Method;
-use elastocal::testbed::{VirtualRobot, settle};
+use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::recording::Recording;
 use elastocal::view::rerun_file::write_rerun;
@@ -29,7 +29,7 @@ pub type HotPath = Box<dyn FnMut(u64)>;
 
 /// The paths that `cargo bench` times. A number behind a name is that of measurements, or of joints
 /// or threads where the name says so.
-pub const NAMES: [&str; 27] = [
+pub const NAMES: [&str; 26] = [
     "objective_3",
     "objective_12",
     "objective_default_3",
@@ -38,7 +38,6 @@ pub const NAMES: [&str; 27] = [
     "equilibrium",
     "measurement",
     "measurement_flexible",
-    "settle",
     "identify_linear_3",
     "identify_linear_12",
     "identify_nonlinear_3",
@@ -77,7 +76,6 @@ pub fn hot_path(name: &str) -> HotPath {
         "equilibrium_joints" => equilibrium(arms::serial_arm(size), &arms::plan(size)),
         "measurement" => measurement(paper()),
         "measurement_flexible" => measurement(flexible()),
-        "settle" => settling(),
         "identify_linear" => identification(Method::Linear, size),
         "identify_nonlinear" => identification(Method::Nonlinear, size),
         "fit" => fit(),
@@ -234,19 +232,6 @@ fn measurement(scenario: &'static Scenario) -> HotPath {
     over_and_over(move || robot.displacement(1, &experiment).expect("stable"))
 }
 
-/// The same by simulating in time until the robot rests.
-fn settling() -> HotPath {
-    let scenario = paper();
-    let experiment = plan_of(3).experiments[0].clone();
-    let site = &scenario.task.belief.calibration_tool.name;
-    over_and_over(move || {
-        [Load::NONE, experiment.load].map(|load| {
-            let q = &experiment.configuration_rad;
-            settle(&scenario.truth.robot, site, q, &load).expect("settles")
-        })
-    })
-}
-
 fn identification(method: Method, experiments: u32) -> HotPath {
     let scenario = paper();
     let measurements = measurements(scenario, experiments);
@@ -388,7 +373,7 @@ fn position_stage(scenario: &Scenario) -> HotPath {
     robot
         .rest(&experiment.configuration_rad, &experiment.load)
         .expect("stable");
-    let q = robot.coordinates().to_vec();
+    let q = robot.simulation().coordinates().0.to_vec();
     Box::new(move |times| {
         for _ in 0..times {
             state.move_to(black_box(q.as_slice()));

@@ -19,16 +19,16 @@ use super::summary::Summary;
 use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::verdict::Kept;
 use super::virtual_readings::{ReadPlan, TargetReading, VirtualReadingError};
+use crate::files::FileError;
 use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use crate::measurement::AbsoluteReading;
-use crate::mujoco::ModelError;
 use crate::numeric::random::normal::LANES;
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup, SharedErrors};
 use crate::parameter::{ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty};
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RepeatedReading};
 use crate::task::Task;
-use crate::testbed::{ReadRobots, Truth, compliances_of_run};
+use crate::testbed::{TrueRobots, Truth};
 
 /// What nothing is known of is drawn with this share of its typical size ...
 const SHARE_OF_SIZE: f64 = 0.3;
@@ -55,7 +55,7 @@ pub struct AbsoluteEntry<'a> {
 pub enum TrialError {
     /// The virtual robot lacks something.
     #[error(transparent)]
-    Model(#[from] ModelError),
+    Model(#[from] FileError),
     /// Nothing tells where the machining tool is.
     #[error("no reading of the plan is of {0}, whose place is predicted: it is assumed exact")]
     Unread(String),
@@ -196,7 +196,7 @@ impl<'a> AbsoluteRunner<'a> {
     /// A block's runs in their order.
     fn block(
         &self,
-        robots: &mut [ReadRobots],
+        robots: &mut [TrueRobots],
         first: u64,
         runs: u64,
     ) -> Result<Vec<Tally>, StudyError> {
@@ -228,7 +228,7 @@ impl<'a> AbsoluteRunner<'a> {
     fn run_of(
         &self,
         tried: &JudgedPlan<'_>,
-        robots: &mut ReadRobots,
+        robots: &mut TrueRobots,
         run: u64,
         (batch, lane): (&mut Batch, usize),
     ) {
@@ -320,8 +320,8 @@ impl<'a> JudgedPlan<'a> {
         })
     }
 
-    fn robots(&self, task: &Task) -> Result<ReadRobots, ModelError> {
-        ReadRobots::new(&task.belief, &self.truth, self.read.targets())
+    fn robots(&self, task: &Task) -> Result<TrueRobots, FileError> {
+        TrueRobots::of_readings(&task.belief, &self.truth, self.read.targets())
     }
 }
 
@@ -438,13 +438,12 @@ fn unseen(failure: Failure) -> impl Fn(&dyn std::error::Error) -> Unseen {
 
 impl Trial<'_> {
     /// Draws, reads, identifies, and looks.
-    fn see(&self, robots: &mut ReadRobots) -> Result<SeenPlaces, Unseen> {
+    fn see(&self, robots: &mut TrueRobots) -> Result<SeenPlaces, Unseen> {
         let Self {
             task, tried, seed, ..
         } = *self;
         let run = [seed, self.run];
-        let compliance = compliances_of_run(&tried.truth, seed, self.run);
-        (robots.become_run_of(&compliance, tried.read.len(), run))
+        (robots.become_run_of(&tried.truth, tried.read.len(), seed, self.run))
             .map_err(|error| unseen(Failure::Measurement)(&error))?;
         let stations = tried.entry.planning.stations();
         let frames = tried.read.frames(run);
@@ -492,7 +491,9 @@ impl Trial<'_> {
             let said = model
                 .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
                 .map_err(|error| no_rest(&error))?;
-            let is_at = robots.at_test_pose(pose).map_err(|error| no_rest(&error))?;
+            let is_at = robots
+                .machining_tool_at_work(&pose.configuration_rad, pose)
+                .map_err(|error| no_rest(&error))?;
             let frame = &frames[frame];
             let off = (frame * nalgebra::Point3::from(is_at)).coords - said.position_m;
             let counted = pose.counted(&(frame.rotation.inverse() * off));
@@ -508,7 +509,7 @@ impl Trial<'_> {
     /// What the instrument says: of each reading that visits repeat alike, the mean.
     fn read(
         &self,
-        robots: &mut ReadRobots,
+        robots: &mut TrueRobots,
         frames: &[Isometry3<f64>],
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
         let (task, plan) = (self.task, &self.tried.read);

@@ -4,8 +4,8 @@ use std::borrow::Cow;
 
 use thiserror::Error;
 
+use crate::files::FileError;
 use crate::identification::AbsoluteError;
-use crate::mujoco::ModelError;
 use crate::plan::search::{CandidateError, FiniteError};
 use crate::quantities::limits::MOST_CANDIDATES;
 
@@ -35,7 +35,7 @@ pub enum AbsolutePlanError {
         /// The line of the first candidate of it.
         line: usize,
         /// What is wrong.
-        source: ModelError,
+        source: FileError,
     },
     /// A target beyond the link that carries the load.
     #[error(

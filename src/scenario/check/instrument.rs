@@ -31,7 +31,7 @@ impl Checker<'_> {
             .map(|name| {
                 model
                     .site(name)
-                    .map_err(|error| self.model_error(key, &error))
+                    .map_err(|error| self.named_file(key, error))
             })
             .transpose()?;
         // Stations are seen from where they are.
