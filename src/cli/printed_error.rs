@@ -6,7 +6,6 @@ use elastocal::calibration::CalibrationError;
 use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::identification::IdentificationError;
-use elastocal::mujoco::ModelError;
 use elastocal::plan::search::SearchError;
 use elastocal::robot::EquilibriumError;
 use elastocal::study::{StudyError, absolute::TrialError};
@@ -54,9 +53,6 @@ impl PrintedError {
 fn code(error: &(dyn Error + 'static)) -> Option<ErrorCode> {
     if let Some(error) = error.downcast_ref::<FileError>() {
         return Some(error.code);
-    }
-    if let Some(error) = error.downcast_ref::<ModelError>() {
-        return Some(error.code());
     }
     if let Some(error) = error.downcast_ref::<IdentificationError>() {
         return Some(error.code());

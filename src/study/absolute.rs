@@ -20,16 +20,16 @@ use super::summary::Summary;
 use super::tally::{Batch, Failure, Tally};
 use super::verdict::Kept;
 use super::virtual_readings::{ReadPlan, TargetReading, VirtualReadingError};
+use crate::files::FileError;
 use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use crate::measurement::AbsoluteReading;
-use crate::mujoco::ModelError;
 use crate::numeric::random::normal::LANES;
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup, SharedErrors};
 use crate::parameter::{ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty};
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RepeatedReading};
 use crate::task::Task;
-use crate::testbed::{ReadRobots, Truth, compliances_of_run};
+use crate::testbed::{TrueRobots, Truth};
 
 /// What nothing is known of is drawn with this share of its typical size ...
 const SHARE_OF_SIZE: f64 = 0.3;
@@ -56,7 +56,7 @@ pub struct AbsoluteEntry<'a> {
 pub enum TrialError {
     /// The virtual robot lacks something.
     #[error(transparent)]
-    Model(#[from] ModelError),
+    Model(#[from] FileError),
     /// Nothing tells where the machining tool is.
     #[error("no reading of the plan is of {0}, whose place is predicted: it is assumed exact")]
     Unread(String),
@@ -192,15 +192,14 @@ impl<'a> AbsoluteRunner<'a> {
     fn see(
         &self,
         tried: &JudgedPlan<'_>,
-        robots: &mut ReadRobots,
+        robots: &mut TrueRobots,
         run: u64,
         (batch, lane): (&mut Batch, usize),
     ) -> Result<(), Unseen> {
         let task = self.task;
         let belief = &task.belief;
         let no_reading = unseen(Failure::Measurement);
-        let compliance = compliances_of_run(&tried.truth, self.seed, run);
-        (robots.become_run_of(&compliance, tried.read.len(), [self.seed, run]))
+        (robots.become_run_of(&tried.truth, tried.read.len(), self.seed, run))
             .map_err(|error| no_reading(&error))?;
         let frames = tried.read.frames([self.seed, run]);
         let read = self.read(tried, robots, &frames, run);
@@ -240,7 +239,9 @@ impl<'a> AbsoluteRunner<'a> {
             let said = model
                 .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
                 .map_err(|error| no_rest(&error))?;
-            let is_at = robots.at_test_pose(pose).map_err(|error| no_rest(&error))?;
+            let is_at = robots
+                .machining_tool_at_work(&pose.configuration_rad, pose)
+                .map_err(|error| no_rest(&error))?;
             let frame = &frames[frame];
             let off = (frame * Point3::from(is_at)).coords - said.position_m;
             let counted = pose.counted(&(frame.rotation.inverse() * off));
@@ -262,7 +263,7 @@ impl<'a> AbsoluteRunner<'a> {
     fn read(
         &self,
         tried: &JudgedPlan<'_>,
-        robots: &mut ReadRobots,
+        robots: &mut TrueRobots,
         frames: &[Isometry3<f64>],
         run: u64,
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
@@ -293,7 +294,7 @@ fn unseen(failure: Failure) -> impl Fn(&dyn std::error::Error) -> Unseen {
 
 impl RunsInBlocks for AbsoluteRunner<'_> {
     type Workspace<'a>
-        = Vec<ReadRobots>
+        = Vec<TrueRobots>
     where
         Self: 'a;
 
@@ -368,8 +369,8 @@ impl<'a> JudgedPlan<'a> {
         })
     }
 
-    fn robots(&self, task: &Task) -> Result<ReadRobots, ModelError> {
-        ReadRobots::new(&task.belief, &self.truth, self.read.targets())
+    fn robots(&self, task: &Task) -> Result<TrueRobots, FileError> {
+        TrueRobots::of_readings(&task.belief, &self.truth, self.read.targets())
     }
 }
 

@@ -26,7 +26,7 @@ pub mod virtual_readings;
 
 use thiserror::Error;
 
-use crate::mujoco::ModelError;
+use crate::files::FileError;
 use crate::plan::Plan;
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -120,8 +120,8 @@ pub enum StudyError {
     Stopped,
 }
 
-impl From<ModelError> for StudyError {
-    fn from(error: ModelError) -> Self {
+impl From<FileError> for StudyError {
+    fn from(error: FileError) -> Self {
         Self::Model(error.to_string())
     }
 }
