@@ -5,7 +5,6 @@
 
 mod absolute_plan;
 mod budget;
-mod candidates;
 mod check;
 mod compare;
 mod compensate;
@@ -29,6 +28,7 @@ mod model_selection;
 mod next;
 mod patterns;
 mod plan;
+mod plan_args;
 pub mod printed_error;
 pub mod process;
 pub mod progress;
@@ -367,9 +367,9 @@ impl Command {
         Some(match self {
             Self::Run(command) => &command.common,
             Self::Check(command) => &command.common,
-            Self::Plan(command) => &command.common,
+            Self::Plan(command) => &command.args.common,
             Self::Budget(command) => &command.common,
-            Self::Evaluate(command) => &command.common,
+            Self::Evaluate(command) => &command.args.common,
             Self::Measure(command) => &command.common,
             Self::Identify(command) => &command.common,
             Self::Compensate(command) => &command.common,

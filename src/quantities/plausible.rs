@@ -166,6 +166,11 @@ impl Kind {
         }
     }
 
+    /// The value of a text, if it is allowed; otherwise what is.
+    pub fn parse(&self, text: &str) -> Result<f64, String> {
+        self.check(text.parse().map_err(|_| self.allowed())?)
+    }
+
     /// What is allowed, in words.
     pub fn allowed(&self) -> String {
         let [least, most] = [self.least, self.most].map(shown);

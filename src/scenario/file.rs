@@ -303,10 +303,6 @@ pub(super) enum UncertaintyKind {
     SpringRest,
     /// Of the calibration tool alone: the machining tool stays.
     ToolPosition,
-    /// Of the calibration tool alone: the machining tool stays.
-    ToolRotation,
-    /// Of the instrument's frame: the robot stays.
-    BasePosition,
     /// Of the instrument's frame: the robot does not tilt under gravity.
     BaseRotation,
     LoadScale,
@@ -341,12 +337,9 @@ impl UncertaintyKind {
             | Self::LinkCentre
             | Self::SpringRest
             | Self::ToolPosition
-            | Self::BasePosition
             | Self::LoadPoint
             | Self::Discrepancy => &["std_mm"],
-            Self::LinkRotation | Self::ToolRotation | Self::BaseRotation | Self::LoadDirection => {
-                &["std_mrad"]
-            }
+            Self::LinkRotation | Self::BaseRotation | Self::LoadDirection => &["std_mrad"],
             Self::JointZero | Self::TransmissionError => &["std_mrad", "std_mm"],
             Self::JointRepeatability => &["std_mrad", "std_mm", "rp_mm"],
             Self::Backlash => &["std_arcsec", "std_mm"],

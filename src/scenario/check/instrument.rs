@@ -24,7 +24,7 @@ impl Checker<'_> {
         let sigma_m = self.number("instrument.sigma_mm", sigma_mm, &DEVIATION)? * 1e-3;
         let rotation = "instrument.rotation_sigma_mrad";
         let key = "instrument.tracker_site";
-        let site = |name: &str| (model.site(name)).map_err(|error| self.model_error(key, &error));
+        let site = |name: &str| (model.site(name)).map_err(|error| self.named_file(key, error));
         let tracker_site = table.tracker_site.as_deref().map(site).transpose()?;
         // Stations are seen from where they are.
         if file.region.line_of_sight && tracker_site.is_none() && file.station.is_empty() {

@@ -34,7 +34,7 @@ use crate::codes::ErrorCode;
 use crate::experiment::{Plan, read_plan};
 use crate::files::typed::from_toml;
 use crate::files::{FileError, is_plain_name, read_text};
-use crate::mujoco::{Additions, ModelError};
+use crate::mujoco::Additions;
 use crate::robot::{Commands, Robot};
 use crate::task::{Belief, Task};
 use crate::testbed::Truth;
@@ -255,11 +255,6 @@ impl Checker<'_> {
         let plan = plan.map_err(|error| self.named_file(key, error))?;
         self.inputs.borrow_mut().add(path)?;
         Ok(plan)
-    }
-
-    fn model_error(&self, key: &str, error: &ModelError) -> FileError {
-        let wrong = self.wrong(key, error.to_string()).code(error.code());
-        wrong.hinted(error.hint())
     }
 }
 

@@ -5,8 +5,9 @@ use std::path::Path;
 use super::Checker;
 use super::mounted::Locked;
 use super::number::names_of;
+use crate::codes::ErrorCode;
 use crate::files::{FileError, read_text};
-use crate::mujoco::{Additions, Model, ModelError, sources};
+use crate::mujoco::{Additions, Model, sources};
 use crate::parameter::ParameterKind;
 use crate::quantities::limits::MOST_JOINTS;
 use crate::quantities::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
@@ -25,9 +26,9 @@ impl Checker<'_> {
         let path = self.resolve(path);
         // The same checks, and the same words, as for every other file.
         read_text(&path).map_err(|error| self.named_file(key, error))?;
-        let wrong = |error: &ModelError| self.model_error(key, error);
-        let model = Model::load_with(&path, additions).map_err(|error| wrong(&error))?;
-        for file in sources(&path).map_err(|error| wrong(&error))? {
+        let wrong = |error: FileError| self.named_file(key, error);
+        let model = Model::load_with(&path, additions).map_err(wrong)?;
+        for file in sources(&path).map_err(wrong)? {
             self.inputs.borrow_mut().add(&file)?;
         }
         Ok(model)
@@ -39,7 +40,7 @@ impl Checker<'_> {
             joint, key, unit, ..
         } in locked
         {
-            let index = (model.joint(joint)).map_err(|error| self.model_error(key, &error))?;
+            let index = (model.joint(joint)).map_err(|error| self.named_file(key, error))?;
             let slides = model.is_slide(index);
             if slides || model.is_hinge(index) {
                 self.check_unit(key, (joint, slides), [unit, "deg"])?;
@@ -49,13 +50,12 @@ impl Checker<'_> {
             .map(|each| (each.joint.clone(), each.at))
             .collect();
         let key = locked.first().map_or("robot.model", |each| &each.key);
-        (model.with_locked(&pairs)).map_err(|error| self.model_error(key, &error))
+        (model.with_locked(&pairs)).map_err(|error| self.named_file(key, error))
     }
 
     /// The arm, with plausible numbers.
     pub(super) fn serial_chain(&self, key: &str, model: &Model) -> Result<SerialChain, FileError> {
-        let chain =
-            SerialChain::from_model(model).map_err(|error| self.model_error(key, &error))?;
+        let chain = SerialChain::from_model(model).map_err(|error| self.named_file(key, error))?;
         self.at_most(key, chain.len(), MOST_JOINTS)?;
         let path = model.path().display();
         let check = |whose: &str, what: &str, kind: &Kind, values: &[f64]| {
@@ -92,7 +92,7 @@ impl Checker<'_> {
     }
 
     pub(super) fn tool(&self, key: &str, model: &Model, site: &str) -> Result<Tool, FileError> {
-        let tool = SerialChain::tool(model, site).map_err(|error| self.model_error(key, &error))?;
+        let tool = SerialChain::tool(model, site).map_err(|error| self.named_file(key, error))?;
         let place_mm = tool.link_from_tool.translation.vector * 1e3;
         for &value in &place_mm {
             self.number(key, value, &POSITION)?;
@@ -222,9 +222,10 @@ impl Checker<'_> {
                     .filter(|each| model.joint(&each.joint).is_ok());
                 let here: Vec<_> = here.cloned().collect();
                 let model = self.lock(&model, &here)?;
-                let wrong = |error: &ModelError| self.model_error(key, error);
                 for site in [&file.robot.calibration_site, &file.robot.machining_site] {
-                    model.site(site).map_err(|error| wrong(&error))?;
+                    model
+                        .site(site)
+                        .map_err(|error| self.named_file(key, error))?;
                 }
                 self.true_model(key, model, nominal, given)?
             }
@@ -272,11 +273,11 @@ impl Checker<'_> {
             }
             Err(reason) => TrueRobot::of_model(model, &joints, reason.to_string()),
         };
-        let robot = robot.map_err(|error| match error {
-            ModelError::Unknown { .. } => self.wrong(key, error.to_string()).hint(
+        let robot = robot.map_err(|error| match error.code {
+            ErrorCode::ModelName => self.wrong(key, error.to_string()).hint(
                 "the virtual robot may have more joints than the planner's model, but needs each of that model's by its name",
             ),
-            error => self.model_error(key, &error),
+            _ => self.named_file(key, error),
         })?;
         for &value in &robot.compliance_rad_per_nm {
             self.number(key, value, &COMPLIANCE)?;

@@ -265,11 +265,6 @@ impl Checker<'_> {
             }
             Kind::SpringRest => ("std_mm", springs(&|spring| Of::SpringRest { spring })?),
             Kind::ToolPosition => ("std_mm", axes(&|axis| Of::ToolPosition { tool: 0, axis })),
-            Kind::ToolRotation => ("std_mrad", axes(&|axis| Of::ToolRotation { tool: 0, axis })),
-            Kind::BasePosition => (
-                "std_mm",
-                axes(&|axis| Of::BasePosition { station: 0, axis }),
-            ),
             Kind::BaseRotation => (
                 "std_mrad",
                 axes(&|axis| Of::BaseRotation { station: 0, axis }),
