@@ -109,36 +109,25 @@ const LEAST_LOAD: f64 = 1e-6;
 
 impl Kind {
     const fn any(unit: &'static str, most: f64) -> Self {
-        Self {
-            unit,
-            sign: Sign::Any,
-            least: 0.0,
-            most,
-        }
+        Self::of(Sign::Any, unit, [0.0, most])
     }
 
     const fn zero_or_positive(unit: &'static str, least: f64, most: f64) -> Self {
-        Self {
-            unit,
-            sign: Sign::ZeroOrPositive,
-            least,
-            most,
-        }
+        Self::of(Sign::ZeroOrPositive, unit, [least, most])
     }
 
     const fn up_to(most: f64) -> Self {
-        Self {
-            unit: "",
-            sign: Sign::Share,
-            least: 0.0,
-            most,
-        }
+        Self::of(Sign::Share, "", [0.0, most])
     }
 
     const fn positive(unit: &'static str, least: f64, most: f64) -> Self {
+        Self::of(Sign::Positive, unit, [least, most])
+    }
+
+    const fn of(sign: Sign, unit: &'static str, [least, most]: [f64; 2]) -> Self {
         Self {
             unit,
-            sign: Sign::Positive,
+            sign,
             least,
             most,
         }
