@@ -224,7 +224,7 @@ enum Command {
     Schema(schema::Schema),
     /// What a code of a condition or an error means
     #[command(
-        after_help = "Examples:\n  elastocal explain C0102\n  elastocal explain C02 E0301 --json\n  elastocal explain C --markdown"
+        after_help = "Examples:\n  elastocal explain C0102\n  elastocal explain C02 E0301 --json"
     )]
     Explain(explain::Explain),
     /// Print what a shell needs to complete commands and options

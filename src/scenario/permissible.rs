@@ -5,7 +5,7 @@ use crate::parameter::ErrorDistribution;
 
 /// What a table says of its maximum permissible errors.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Certificate {
+pub(super) struct CertifiedError {
     pub distribution: Option<ErrorDistribution>,
     pub coverage_factor: Option<f64>,
 }
@@ -31,8 +31,8 @@ impl InstrumentTable {
         ]
     }
 
-    pub const fn certificate(&self) -> Certificate {
-        Certificate {
+    pub const fn certificate(&self) -> CertifiedError {
+        CertifiedError {
             distribution: self.distribution,
             coverage_factor: self.coverage_factor,
         }
@@ -64,8 +64,8 @@ impl UncertaintyTable {
         ]
     }
 
-    pub const fn certificate(&self) -> Certificate {
-        Certificate {
+    pub const fn certificate(&self) -> CertifiedError {
+        CertifiedError {
             distribution: self.distribution,
             coverage_factor: self.coverage_factor,
         }

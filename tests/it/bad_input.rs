@@ -82,7 +82,7 @@ const SCENARIO_EDITS: &[Edit] = &[
     ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"cone\"\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0]", "`cone`", "`box`, `sphere`, `cylinder`, `capsule`"], None),
     ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0]", "missing field `radius_mm`"], None),
     ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nradius_mm = -1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0].radius_mm", "found -1", "a positive number is allowed"], None),
-    ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"box\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0]", "unknown field `radius_mm`, expected `size_mm`"], Some("did you mean `size_mm`?")),
+    ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"box\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0]", "unknown field `radius_mm`, expected `size_mm`"], None),
     ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nradius_m = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0]", "unknown field `radius_m`"], Some("did you mean `radius_mm`?")),
     ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nradius_mm = 1\nposition_mm = [0, nan, 0]\n[design]", &["obstacle[0].position_mm", "found NaN"], None),
     ("[design]", "[[obstacle]]\nname = \"\"\nkind = \"sphere\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0].name", "a name of one line is allowed"], None),

@@ -6,10 +6,10 @@ use std::path::Path;
 use nalgebra::{DVector, Matrix3, Matrix6, UnitQuaternion, Vector3};
 
 use super::mapping::{Convention, Mapping};
+use super::number::{ForeignNumber, ForeignRow, MeasuredNumbers, Reader};
 use super::quantity::{
     ANGLE, DEVIATION, FORCE, LENGTH, ROTATION_DEVIATION, TEMPERATURE, TIME, TORQUE,
 };
-use super::source::{ForeignRow, Measured, Reader, Source};
 use crate::codes::ErrorCode;
 use crate::csv::{Decimals, Fields};
 use crate::files::{FileError, read_text, typed::from_toml};
@@ -33,15 +33,15 @@ pub struct ImportedTable {
 
 /// What is read of every row.
 struct ImportedColumns {
-    joints: Vec<Source>,
+    joints: Vec<ForeignNumber>,
     /// The coordinates of the load that are there, from 0 to 5.
-    load: Vec<(usize, Source)>,
-    place: Measured,
-    rotation: Option<(Convention, Measured)>,
+    load: Vec<(usize, ForeignNumber)>,
+    place: MeasuredNumbers,
+    rotation: Option<(Convention, MeasuredNumbers)>,
     /// Target, visit, station and approach.
     words: [Option<Result<usize, String>>; 4],
-    time: Option<Source>,
-    temperature: Option<Source>,
+    time: Option<ForeignNumber>,
+    temperature: Option<ForeignNumber>,
 }
 
 /// Reads a table through a mapping.
@@ -107,7 +107,10 @@ fn ranges(text: &str) -> Vec<(String, [f64; 2])> {
     named.filter(|(_, [low, high])| low <= high).collect()
 }
 
-fn joints(reader: &mut Reader<'_>, file: &Mapping) -> Result<(Vec<Source>, Commands), FileError> {
+fn joints(
+    reader: &mut Reader<'_>,
+    file: &Mapping,
+) -> Result<(Vec<ForeignNumber>, Commands), FileError> {
     let mut joints = Vec::new();
     let mut slides = Vec::new();
     for (index, joint) in file.joint.iter().enumerate() {
@@ -127,7 +130,11 @@ fn joints(reader: &mut Reader<'_>, file: &Mapping) -> Result<(Vec<Source>, Comma
 }
 
 impl ImportedColumns {
-    fn of(reader: &mut Reader<'_>, file: &Mapping, joints: Vec<Source>) -> Result<Self, FileError> {
+    fn of(
+        reader: &mut Reader<'_>,
+        file: &Mapping,
+        joints: Vec<ForeignNumber>,
+    ) -> Result<Self, FileError> {
         let (key, place) = match (&file.position, &file.deflection) {
             (Some(position), None) => ("position", position),
             (None, Some(deflection)) => ("deflection", deflection),
@@ -209,7 +216,7 @@ impl ImportedColumns {
             // No weight is no minus zero.
             wrench[*place] = 0.0 + reader.value(source, row)?;
         }
-        let mut three = |sources: &Vec<Source>| {
+        let mut three = |sources: &Vec<ForeignNumber>| {
             (reader.values(sources, row)).map(|values| Vector3::from_row_slice(&values))
         };
         let (place, deviations) = &self.place;
@@ -242,7 +249,7 @@ impl ImportedColumns {
         });
         let (target, visit, station) = (name(0)?, name(1)?, name(2)?);
         let approach = approach.transpose()?;
-        let mut number = |source: &Option<Source>| {
+        let mut number = |source: &Option<ForeignNumber>| {
             (source.as_ref())
                 .map(|source| reader.value(source, row))
                 .transpose()

@@ -13,28 +13,28 @@ pub(super) struct Mapping {
     /// The commanded joints in the order of the model.
     pub joint: Vec<JointMapping>,
     /// Where the target is, in the instrument's frame.
-    pub position: Option<Numbers>,
+    pub position: Option<NumbersMapping>,
     /// How it is turned there.
-    pub rotation: Option<Numbers>,
+    pub rotation: Option<NumbersMapping>,
     /// Loaded minus unloaded position, in the world frame, in place of position and rotation.
-    pub deflection: Option<Numbers>,
+    pub deflection: Option<NumbersMapping>,
     /// The load at the calibration tool, in the world frame.
-    pub force: Option<Numbers>,
-    pub torque: Option<Numbers>,
+    pub force: Option<NumbersMapping>,
+    pub torque: Option<NumbersMapping>,
     /// The size of a weight there.
-    pub weight: Option<Numbers>,
+    pub weight: Option<NumbersMapping>,
     pub target: Option<Word>,
     pub station: Option<Word>,
     pub visit: Option<Word>,
     pub approach: Option<Word>,
-    pub time: Option<Numbers>,
-    pub temperature: Option<Numbers>,
+    pub time: Option<NumbersMapping>,
+    pub temperature: Option<NumbersMapping>,
 }
 
 /// Numbers of one unit, and their standard deviations.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Numbers {
+pub(super) struct NumbersMapping {
     #[serde(alias = "column")]
     pub columns: Names,
     #[serde(default)]

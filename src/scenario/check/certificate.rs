@@ -12,7 +12,7 @@ use crate::files::FileError;
 use crate::parameter::ErrorDistribution;
 use crate::quantities::plausible::COVERAGE;
 use crate::scenario::file::UncertaintyTable;
-use crate::scenario::permissible::{Certificate, Permissible};
+use crate::scenario::permissible::{CertifiedError, Permissible};
 
 impl Checker<'_> {
     /// The tables with standard deviations alone.
@@ -38,7 +38,7 @@ impl Checker<'_> {
         &self,
         key: &str,
         (source, sizes): (&str, &[&str]),
-        certificate: &Certificate,
+        certificate: &CertifiedError,
         errors: impl IntoIterator<Item = Permissible<'a>>,
     ) -> Result<(), FileError> {
         let mut is_given = false;
@@ -73,7 +73,7 @@ impl Checker<'_> {
     }
 
     /// How many standard uncertainties a maximum permissible error is.
-    fn divisor(&self, key: &str, certificate: &Certificate) -> Result<f64, FileError> {
+    fn divisor(&self, key: &str, certificate: &CertifiedError) -> Result<f64, FileError> {
         let factor_key = format!("{key}.coverage_factor");
         let square = certificate.distribution.and_then(bounds_square);
         match (square, certificate.coverage_factor) {
@@ -103,7 +103,7 @@ impl Checker<'_> {
 }
 
 /// The first key that is given.
-fn first_given(certificate: &Certificate) -> Option<&'static str> {
+fn first_given(certificate: &CertifiedError) -> Option<&'static str> {
     let distribution = certificate.distribution.map(|_| "distribution");
     let factor = certificate.coverage_factor.map(|_| "coverage_factor");
     distribution.or(factor)

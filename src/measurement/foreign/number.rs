@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ::csv::StringRecord;
 
-use super::mapping::{Numbers, Word};
+use super::mapping::{NumbersMapping, Word};
 use super::quantity::{ForeignQuantity, Unit};
 use crate::csv::Decimals;
 use crate::files::FileError;
@@ -26,7 +26,7 @@ pub(super) struct Reader<'a> {
 
 /// Where a number comes from, and how it becomes one of SI.
 #[derive(Debug)]
-pub(super) struct Source {
+pub(super) struct ForeignNumber {
     column: usize,
     quantity: ForeignQuantity,
     unit: Unit,
@@ -37,7 +37,7 @@ pub(super) struct Source {
 }
 
 /// Numbers, and their standard deviations.
-pub(super) type Measured = (Vec<Source>, Option<Vec<Source>>);
+pub(super) type MeasuredNumbers = (Vec<ForeignNumber>, Option<Vec<ForeignNumber>>);
 
 impl Reader<'_> {
     /// What is wrong with the mapping.
@@ -82,14 +82,14 @@ impl Reader<'_> {
         key: &str,
         (column, unit): (&str, &str),
         quantity: ForeignQuantity,
-    ) -> Result<Source, FileError> {
+    ) -> Result<ForeignNumber, FileError> {
         let column = self.column(key, column)?;
         let Some(&unit) = quantity.units.iter().find(|each| each.0 == unit.trim()) else {
             let names: Vec<&str> = quantity.units.iter().map(|unit| unit.0).collect();
             let problem = format!("found {unit:?}; one of {} is allowed", names.join(", "));
             return Err(self.wrong(&format!("{key}.unit"), problem));
         };
-        Ok(Source {
+        Ok(ForeignNumber {
             column,
             quantity,
             unit,
@@ -105,7 +105,7 @@ impl Reader<'_> {
         (names, unit): (&[String], &str),
         count: usize,
         quantity: ForeignQuantity,
-    ) -> Result<Vec<Source>, FileError> {
+    ) -> Result<Vec<ForeignNumber>, FileError> {
         if names.len() != count {
             let problem = format!("found {}; {count} are needed", names.len());
             return Err(self.wrong(&format!("{key}.columns"), problem));
@@ -118,10 +118,10 @@ impl Reader<'_> {
     /// So many numbers of a quantity, and their standard deviations.
     pub fn measured(
         &mut self,
-        (key, numbers): (&str, &Numbers),
+        (key, numbers): (&str, &NumbersMapping),
         count: usize,
         [quantity, deviation]: [ForeignQuantity; 2],
-    ) -> Result<Measured, FileError> {
+    ) -> Result<MeasuredNumbers, FileError> {
         let unit = &numbers.unit;
         let values = self.numbers(key, (numbers.columns.all(), unit), count, quantity)?;
         let std_unit = numbers.std_unit.as_ref().unwrap_or(unit);
@@ -136,9 +136,9 @@ impl Reader<'_> {
     pub fn scalar(
         &mut self,
         key: &str,
-        numbers: Option<&Numbers>,
+        numbers: Option<&NumbersMapping>,
         quantity: ForeignQuantity,
-    ) -> Result<Option<Source>, FileError> {
+    ) -> Result<Option<ForeignNumber>, FileError> {
         let Some(numbers) = numbers else {
             return Ok(None);
         };
@@ -160,8 +160,8 @@ impl Reader<'_> {
     }
 
     /// A number in a row, in SI units.
-    pub fn value(&mut self, source: &Source, row: &ForeignRow) -> Result<f64, FileError> {
-        let Source { quantity, key, .. } = source;
+    pub fn value(&mut self, source: &ForeignNumber, row: &ForeignRow) -> Result<f64, FileError> {
+        let ForeignNumber { quantity, key, .. } = source;
         let (name, field) = (&self.columns[source.column], &row.1[source.column]);
         let value = self.decimals.any_number(row.0, name, field)?;
         let (_, times, over) = source.unit;
@@ -175,7 +175,11 @@ impl Reader<'_> {
     }
 
     /// Numbers in a row, in SI units.
-    pub fn values(&mut self, sources: &[Source], row: &ForeignRow) -> Result<Vec<f64>, FileError> {
+    pub fn values(
+        &mut self,
+        sources: &[ForeignNumber],
+        row: &ForeignRow,
+    ) -> Result<Vec<f64>, FileError> {
         (sources.iter())
             .map(|source| self.value(source, row))
             .collect()
