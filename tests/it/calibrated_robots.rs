@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::{AbsoluteReading, absolute_table};
-use elastocal::mujoco::{Model, State};
+use elastocal::mujoco::Model;
 use elastocal::numeric::random::generator;
 use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet};
