@@ -31,8 +31,8 @@ codes! {
             "The identified parameters cannot be written into a model of this format so that MuJoCo reads the same robot from it. \
             The message says what is in the way.";
         NoEquilibrium = "E0207", "no static equilibrium",
-            "Under gravity and load the joints do not come to rest within 0.5 rad, nothing holds a joint, or it stands anywhere in its \
-            dead band. The usual causes are stiffnesses that are gains of a simulation, or compliances or loads in another unit.";
+            "Under gravity and load the joints do not come to rest within 0.5 rad, or nothing holds a joint. The usual causes are \
+            stiffnesses that are gains of a simulation, or compliances or loads in another unit.";
         Table = "E0301", "table cannot be read",
             "The CSV file has other columns than are needed, rows of another length, a field that is no number, or one that can be read in two ways \
             (decimal comma). Line and column are named.";

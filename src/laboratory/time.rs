@@ -1,13 +1,13 @@
 //! Plans by the minutes that they take, in place of the number of measurements: repeats are cheap, changes are
 //! not.
 
-use super::next::{accuracy, after};
+use super::next::accuracy;
 use super::{Campaign, Laboratory};
 use crate::experiment::{Loads, Plan};
-use crate::plan::Criterion;
 use crate::plan::search::{
     ApproximateDesign, Problem, SearchError, Watch, approximate_design, exact_design,
 };
+use crate::plan::{Criterion, posterior};
 use crate::task::Task;
 
 /// Searches for each number of configurations: fewer than for a single plan.
@@ -198,7 +198,8 @@ impl TimeSearch<'_> {
             ways_min = minutes - work_minutes(&task.loads, laboratory, experiments, configurations);
             let is_full = fits(ways_min).is_none_or(|more| more <= experiments);
             if minutes <= self.minutes {
-                let rho0_m = accuracy(task, &after(task, &plan)).unwrap_or(f64::INFINITY);
+                let rho0_m =
+                    accuracy(task, &posterior(&task.belief, &plan)).unwrap_or(f64::INFINITY);
                 let timed = TimedPlan {
                     plan,
                     experiments,

@@ -59,7 +59,7 @@ fn apart(workplace: &Workplace, case: &Case<'_>) -> Result<f64, String> {
             is_passive: false,
         })
         .collect();
-    let robot = TrueRobot::of_model(model, &known, String::new());
+    let robot = TrueRobot::of_model(model, &known, Err(String::new()));
     let robot = robot.map_err(|error| format!("refused: {error}"))?;
     let virtual_robot = VirtualRobot::new(&robot, site);
     let mut virtual_robot = virtual_robot.map_err(|error| format!("refused: {error}"))?;
@@ -396,7 +396,7 @@ fn welds_give_way_by_angles_too() {
                 is_passive: false,
             })
             .collect();
-        let robot = TrueRobot::of_model(model, &known, String::new()).expect("it rests");
+        let robot = TrueRobot::of_model(model, &known, Err(String::new())).expect("it rests");
         let mut robot = VirtualRobot::new(&robot, "tool").expect("the site exists");
         let q = DVector::from_column_slice(&[0.3, -1.1, 1.4, -0.6, 0.8, 0.5]);
         robot.rest(&q, &Load::NONE).expect("stable");
