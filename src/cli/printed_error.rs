@@ -8,9 +8,9 @@ use elastocal::files::FileError;
 use elastocal::identification::IdentificationError;
 use elastocal::plan::search::SearchError;
 use elastocal::robot::EquilibriumError;
-use elastocal::study::{StudyError, absolute::TrialError, evidence::EvidenceError};
+use elastocal::study::{StudyError, absolute::TrialError};
 use elastocal::text::{diagnostics::say, wording::shortened};
-use elastocal::workflow::{run::RunError, study::EntryError};
+use elastocal::workflow::{evidence::EvidenceError, run::RunError, study::EntryError};
 
 /// More characters than this of an error nobody reads.
 const LONGEST_ERROR: usize = 4000;

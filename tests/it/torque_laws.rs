@@ -120,7 +120,7 @@ fn wrong_entries() {
         (
             of("\"joint_2\"", "stiffens_at_mm = 1"),
             "true_robot.torque_law[0].stiffens_at_mm",
-            "joint_2 turns: give stiffens_at_mrad",
+            "joint_2 turns",
         ),
         (
             of("\"joint_2\"", "stiffens_at_mrad = 1\nsoftens_at_mrad = 1"),

@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use super::Checker;
+use super::mounted::Locked;
+use super::number::names_of;
 use crate::codes::ErrorCode;
 use crate::files::{FileError, read_text};
 use crate::mujoco::{Additions, Model, sources};
@@ -33,35 +35,21 @@ impl Checker<'_> {
     }
 
     /// The belief's model with its locked joints.
-    pub(super) fn lock(
-        &self,
-        model: &Model,
-        locked: &[(String, f64, String)],
-    ) -> Result<Model, FileError> {
-        for (name, _, key) in locked {
-            let joint = (model.joint(name)).map_err(|error| self.named_file(key, error))?;
-            let is_length = key.starts_with("robot.locked_mm.");
-            let is_other = if is_length {
-                model.is_hinge(joint)
-            } else {
-                model.is_slide(joint)
-            };
-            if is_other {
-                let other = key.replace(
-                    if is_length { "locked_mm" } else { "locked_deg" },
-                    if is_length { "locked_deg" } else { "locked_mm" },
-                );
-                let problem = if is_length {
-                    "the joint turns"
-                } else {
-                    "the joint slides"
-                };
-                return Err(self.wrong(key, problem).hint(format!("write {other}")));
+    pub(super) fn lock(&self, model: &Model, locked: &[Locked]) -> Result<Model, FileError> {
+        for Locked {
+            joint, key, unit, ..
+        } in locked
+        {
+            let index = (model.joint(joint)).map_err(|error| self.named_file(key, error))?;
+            let slides = model.is_slide(index);
+            if slides || model.is_hinge(index) {
+                self.check_unit(key, (joint, slides), [unit, "deg"])?;
             }
         }
-        let pairs: Vec<(String, f64)> =
-            locked.iter().map(|each| (each.0.clone(), each.1)).collect();
-        let key = locked.first().map_or("robot.model", |each| &each.2);
+        let pairs: Vec<(String, f64)> = (locked.iter())
+            .map(|each| (each.joint.clone(), each.at))
+            .collect();
+        let key = locked.first().map_or("robot.model", |each| &each.key);
         (model.with_locked(&pairs)).map_err(|error| self.named_file(key, error))
     }
 
@@ -81,28 +69,23 @@ impl Checker<'_> {
             let whose = format!("joint {:?}: ", joint.name);
             let place_mm = joint.previous_from_link.translation.vector * 1e3;
             let centre_mm = joint.centre_of_mass_m * 1e3;
-            let range_deg = joint.range_rad.map(|end| {
+            let shown = |end: f64| {
                 if joint.drive.slides {
                     end * 1e3
                 } else {
                     end.to_degrees()
                 }
-            });
+            };
+            let compliance = joint.model_compliance_rad_per_nm;
             check(&whose, "its place", &POSITION, place_mm.as_slice())?;
-            let turn = joint.previous_from_link.rotation.coords;
-            if !joint
-                .axis
-                .iter()
-                .chain(turn.iter())
-                .all(|value| value.is_finite())
-            {
+            let turn = &joint.previous_from_link.rotation.coords;
+            if !joint.axis.iter().chain(turn).all(|value| value.is_finite()) {
                 let problem = format!("{path}: {whose}its axis or orientation is not a number");
                 return Err(self.wrong(key, problem));
             }
             check(&whose, "mass that it moves", &MASS, &[joint.mass_kg])?;
             check(&whose, "centre of mass", &POSITION, centre_mm.as_slice())?;
-            check(&whose, "range", &ANGLE, &range_deg)?;
-            let compliance = joint.model_compliance_rad_per_nm;
+            check(&whose, "range", &ANGLE, &joint.range_rad.map(shown))?;
             check(&whose, "compliance", &COMPLIANCE, compliance.as_slice())?;
         }
         Ok(chain)
@@ -116,10 +99,8 @@ impl Checker<'_> {
         }
         let mut turn = tool.link_from_tool.rotation.coords.iter();
         if !turn.all(|value| value.is_finite()) {
-            return Err(self.wrong(
-                key,
-                format!("the orientation of site {site:?} is not a number"),
-            ));
+            let problem = format!("the orientation of site {site:?} is not a number");
+            return Err(self.wrong(key, problem));
         }
         Ok(tool)
     }
@@ -130,39 +111,29 @@ impl Checker<'_> {
         chain: &SerialChain,
         given: Option<&[f64]>,
     ) -> Result<Vec<f64>, FileError> {
-        match given {
-            Some(values) => {
-                let commanded: Vec<usize> = chain.commanded().collect();
-                if values.len() == chain.len() {
-                    return self
-                        .one_per_joint(key, values, chain.len(), &COMPLIANCE)
-                        .map(<[f64]>::to_vec);
-                }
-                let given = self.one_per_joint(key, values, commanded.len(), &COMPLIANCE)?;
-                // Passive joints have what the model gives them.
-                let own = chain.joints.iter().map(|joint| joint.model_compliance_rad_per_nm);
-                let mut all: Vec<f64> = own.map(Option::unwrap_or_default).collect();
-                for (&joint, &value) in commanded.iter().zip(given) {
-                    all[joint] = value;
-                }
-                Ok(all)
+        if let Some(values) = given {
+            if values.len() == chain.len() {
+                let all = self.one_per_joint(key, values, chain.len(), &COMPLIANCE)?;
+                return Ok(all.to_vec());
             }
-            None => chain
+            // Passive joints have what the model gives them.
+            let own = chain
                 .joints
                 .iter()
-                .map(|joint| {
-                    joint.model_compliance_rad_per_nm.ok_or_else(|| {
-                        self.wrong(
-                            key,
-                            format!(
-                                "is missing, and the model gives joint {:?} no position actuator whose gain is its stiffness",
-                                joint.name
-                            ),
-                        )
-                    })
-                })
-                .collect(),
+                .map(|joint| joint.model_compliance_rad_per_nm);
+            let own = own.map(Option::unwrap_or_default).collect();
+            return self.one_per_command(key, (values, &COMPLIANCE), chain, own);
         }
+        let own = |joint: &Joint| {
+            joint.model_compliance_rad_per_nm.ok_or_else(|| {
+                let problem = format!(
+                    "is missing, and the model gives joint {:?} no position actuator whose gain is its stiffness",
+                    joint.name
+                );
+                self.wrong(key, problem)
+            })
+        };
+        chain.joints.iter().map(own).collect()
     }
 
     /// The joints whose compliances are to be found, in ascending order, and the names of what else is.
@@ -210,14 +181,9 @@ impl Checker<'_> {
         let mut found: Vec<(usize, ParameterKind)> = Vec::new();
         for name in names {
             let Some(kind) = ParameterKind::named(name, &all, &arm) else {
-                let wrong = self.wrong(
-                    key,
-                    format!(
-                        "found {name:?}; the robot's joints are: {}",
-                        names_of(&belief.nominal.chain)
-                    ),
-                );
-                return Err(wrong.hint(
+                let known = names_of(&belief.nominal.chain);
+                let problem = format!("found {name:?}; the robot's joints are: {known}");
+                return Err(self.wrong(key, problem).hint(
                     "a joint's name stands for its compliance; `elastocal check --parameters` lists what else may be \
                      unknown, and `joint_3.gear_40_sine` is a harmonic of its transmission error, 40 periods a turn",
                 ));
@@ -239,7 +205,7 @@ impl Checker<'_> {
         file: &File,
         nominal: &Robot,
         additions: &Additions,
-        locked: &[(String, f64, String)],
+        locked: &[Locked],
     ) -> Result<TrueRobot, FileError> {
         let table = file.true_robot.as_ref();
         let (model, given) = table.map_or((None, None), |table| {
@@ -251,7 +217,9 @@ impl Checker<'_> {
                 let key = "true_robot.model";
                 let model = self.model(key, path, additions)?;
                 // A truth may lack what the belief locks.
-                let here = locked.iter().filter(|each| model.joint(&each.0).is_ok());
+                let here = locked
+                    .iter()
+                    .filter(|each| model.joint(&each.joint).is_ok());
                 let here: Vec<_> = here.cloned().collect();
                 let model = self.lock(&model, &here)?;
                 for site in [&file.robot.calibration_site, &file.robot.machining_site] {
@@ -281,28 +249,23 @@ impl Checker<'_> {
         nominal: &Robot,
         given: Option<&[f64]>,
     ) -> Result<TrueRobot, FileError> {
-        let chain = match SerialChain::from_model(&model) {
-            Ok(chain)
-                if chain.len() == nominal.chain.len()
-                    && chain
-                        .joints
-                        .iter()
-                        .zip(&nominal.chain.joints)
-                        .all(is_held_alike) =>
-            {
-                let chain = self.serial_chain(key, &model)?;
-                let compliance =
-                    self.compliances("true_robot.compliance_rad_per_nm", &chain, given)?;
-                return Ok(TrueRobot::of_chain(model, chain, compliance));
-            }
-            other => other,
-        };
-        let joints = nominal.chain.joints.iter().map(|joint| KnownJoint {
+        let own = SerialChain::from_model(&model);
+        let believed = &nominal.chain.joints;
+        let is_alike = own.as_ref().is_ok_and(|own| {
+            own.len() == believed.len() && own.joints.iter().zip(believed).all(is_held_alike)
+        });
+        if is_alike {
+            let chain = self.serial_chain(key, &model)?;
+            let key = "true_robot.compliance_rad_per_nm";
+            let compliance = self.compliances(key, &chain, given)?;
+            return Ok(TrueRobot::of_chain(model, chain, compliance));
+        }
+        let joints = believed.iter().map(|joint| KnownJoint {
             name: joint.name.clone(),
             is_passive: joint.drive.passive_at.is_some(),
         });
         let joints: Vec<KnownJoint> = joints.collect();
-        let chain = match chain {
+        let chain = match own {
             Ok(_) => Ok(self.serial_chain(key, &model)?),
             Err(reason) => Err(reason.to_string()),
         };
@@ -314,8 +277,7 @@ impl Checker<'_> {
             _ => self.named_file(key, error),
         })?;
         for &value in &robot.compliance_rad_per_nm {
-            let wrong = |problem| self.wrong(key, problem);
-            COMPLIANCE.check(value).map_err(wrong)?;
+            self.number(key, value, &COMPLIANCE)?;
         }
         Ok(robot)
     }
@@ -325,12 +287,4 @@ impl Checker<'_> {
 fn is_held_alike((one, other): (&Joint, &Joint)) -> bool {
     one.drive.slides == other.drive.slides
         && one.drive.passive_at.is_some() == other.drive.passive_at.is_some()
-}
-
-/// The joints' names, for messages.
-pub(super) fn names_of(chain: &SerialChain) -> String {
-    let names: Vec<_> = (chain.joints.iter())
-        .map(|joint| joint.name.as_str())
-        .collect();
-    names.join(", ")
 }

@@ -1,7 +1,7 @@
 //! The tables `[[true_robot.torque_law]]`: nonlinear joint stiffness of the virtual robot.
 
 use super::Checker;
-use super::robot::names_of;
+use super::number::names_of;
 use crate::files::FileError;
 use crate::mujoco::TorqueLaw;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
@@ -25,12 +25,7 @@ impl Checker<'_> {
                 return Err(self.wrong(&joints, problem));
             }
             for name in &table.joints {
-                let found = chain.joints.iter().position(|joint| joint.name == *name);
-                let joint = found.ok_or_else(|| {
-                    let known = names_of(chain);
-                    let problem = format!("found {name:?}; the robot's joints are: {known}");
-                    self.wrong(&joints, problem)
-                })?;
+                let joint = self.joint(&joints, chain, name)?;
                 if laws.iter().any(|(other, _)| *other == joint) {
                     let wrong = self.wrong(&joints, format!("found {name:?} twice"));
                     return Err(wrong.hint("a joint has one law: put all of it into one table"));
@@ -60,45 +55,26 @@ impl Checker<'_> {
         table: &TorqueLawTable,
         (name, slides): (&str, bool),
     ) -> Result<TorqueLaw, FileError> {
-        let (kind, own, other) = if slides {
-            (&DEVIATION, "mm", "mrad")
+        let (kind, own) = if slides {
+            (&DEVIATION, "mm")
         } else {
-            (&ROTATION_DEVIATION, "mrad", "mm")
+            (&ROTATION_DEVIATION, "mrad")
         };
         let mut law = None;
-        for (key_of, sign, angle, length) in [
-            (
-                "stiffens_at",
-                1.0,
-                table.stiffens_at_mrad,
-                table.stiffens_at_mm,
-            ),
-            (
-                "softens_at",
-                -1.0,
-                table.softens_at_mrad,
-                table.softens_at_mm,
-            ),
+        for (of, sign, unit, value) in [
+            ("stiffens_at", 1.0, "mrad", table.stiffens_at_mrad),
+            ("stiffens_at", 1.0, "mm", table.stiffens_at_mm),
+            ("softens_at", -1.0, "mrad", table.softens_at_mrad),
+            ("softens_at", -1.0, "mm", table.softens_at_mm),
         ] {
-            let (value, foreign) = if slides {
-                (length, angle)
-            } else {
-                (angle, length)
-            };
-            if foreign.is_some() {
-                let moves = if slides { "slides" } else { "turns" };
-                let problem = format!("{name} {moves}: give {key_of}_{own}");
-                return Err(self.wrong(&format!("{key}.{key_of}_{other}"), problem));
-            }
             let Some(value) = value else { continue };
-            let key = format!("{key}.{key_of}_{own}");
+            let key = format!("{key}.{of}_{unit}");
+            self.check_unit(&key, (name, slides), [unit, "mrad"])?;
             if law.is_some() {
                 return Err(self.wrong(&key, "a joint either stiffens or softens"));
             }
-            law = Some(TorqueLaw::of_share(
-                sign,
-                self.number(&key, value, kind)? * 1e-3,
-            ));
+            let at = self.number(&key, value, kind)? * 1e-3;
+            law = Some(TorqueLaw::of_share(sign, at));
         }
         law.ok_or_else(|| {
             let problem = format!("says nothing: give stiffens_at_{own} or softens_at_{own}");
