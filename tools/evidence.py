@@ -70,12 +70,10 @@ GAPS = {
                                       lambda size: f"{0.875 * size ** 2:+.2%}"),
     "stiffening of all joints": ([0.02, 0.01, 0.005], 'kind = "stiffening"\nstd_relative = {size}\nat_nm = {carried}', None),
 }
-# Joints of the virtual robot that are no springs, of one robot. A dead band takes MuJoCo's forward dynamics, some four times as long, and a
-# model with actuators.
+# Joints of the virtual robot that are no springs, of one robot.
 LAWS = {
     "stiffens at 5 mrad": "stiffens_at_mrad = 5",
     "softens at 20 mrad": "softens_at_mrad = 20",
-    "dead band of 0.02 mrad": "dead_band_mrad = 0.02",
 }
 HEAVY = "KR-270"
 # Absolute readings: how many, what they are uncertain by, and how many robots are read.
@@ -289,7 +287,7 @@ The same plans, planned for the noise alone. *Computed* is the uncertainty budge
 ## Nonlinear joint stiffness
 
 The same plans, on a virtual robot of which joints 2 and 3 have another [law](joint_errors.md#on-the-virtual-robot):
-{LAW_RUNS} runs each, that with a dead band in MuJoCo's forward dynamics. The budget has it to first order.
+{LAW_RUNS} runs each. The budget has it to first order.
 
 """,
 }

@@ -7,11 +7,13 @@ use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::Experiment;
 use elastocal::files::FileError;
 use elastocal::laboratory::next::{
-    Goal, Remaining, Rest, accuracy, after, measured_plan, not_measured, rest,
+    Goal, Remaining, Rest, accuracy, measured_plan, not_measured, rest,
 };
 use elastocal::measurement::{Origin, read_measurements_so_far};
 use elastocal::plan::search::Watch;
-use elastocal::plan::{Feasibility, Plan, Violation, read_plan, take_nearest_turns, write_plan};
+use elastocal::plan::{
+    Feasibility, Plan, Violation, posterior, read_plan, take_nearest_turns, write_plan,
+};
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
@@ -184,7 +186,7 @@ impl Next {
         let experiments = kept.map(|(_, each)| each.clone()).collect();
         let old = not_measured(&Plan { experiments }, measured);
         let is_as_large = old.measurements() == next.measurements();
-        accuracy(left, &after(left, &old))
+        accuracy(left, &posterior(&left.belief, &old))
             .ok()
             .filter(|_| is_as_large)
     }

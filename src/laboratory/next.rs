@@ -97,14 +97,6 @@ impl Remaining {
             measured: u32::try_from(measurements.len()).unwrap_or(u32::MAX),
         }
     }
-
-    /// Before anything is measured.
-    pub fn all_of(task: &Task) -> Self {
-        Self {
-            task: task.clone(),
-            measured: 0,
-        }
-    }
 }
 
 /// The rms distance that compensation leaves over a task's test poses (m), by what is known.
@@ -118,11 +110,6 @@ pub fn accuracy(task: &Task, posterior: &Posterior) -> Result<f64, NotDetermined
         sum += pose.weight * predicted_error(&matrix, posterior)?.powi(2);
     }
     Ok(sum.sqrt())
-}
-
-/// What is known after a plan besides what is known before, whatever is read.
-pub fn after(task: &Task, plan: &Plan) -> Posterior {
-    posterior(&task.belief, plan)
 }
 
 /// How many measurements a campaign is to have in all.
@@ -196,7 +183,7 @@ fn planned(task: &Task, count: u32, seed: u64, watch: Watch<'_>) -> Result<Rest,
     let design = exact_design(&problem, &approximate, count, count, seed, watch)?;
     let bound = Bound::new(&task, &approximate);
     // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
-    let prediction = accuracy(&task, &after(&task, &design.plan));
+    let prediction = accuracy(&task, &posterior(&task.belief, &design.plan));
     Ok(Rest {
         rho0_m: prediction.unwrap_or(design.cost.sqrt()),
         bound_m: bound.of_size(count).ok().map(|bound| bound.best),

@@ -36,28 +36,40 @@ pub fn program_to(
     let home = laboratory.safe_poses.first();
     let mut steps: Vec<ProgramStep> = home.cloned().map(ProgramStep::Move).into_iter().collect();
     let mut last = home.map(|home| ("from the first safe pose".to_owned(), home.clone()));
-    for target in targets {
-        let q = &target.configuration;
-        check_range(task, target)?;
+    for ProgramTarget {
+        name,
+        configuration: q,
+    } in targets
+    {
+        let joints = q.iter().zip(&task.belief.nominal.chain.joints);
+        for (value, joint) in joints {
+            let [low, high] = joint.range_rad;
+            if !(low..=high).contains(value) {
+                return Err(CampaignError::BeyondRange {
+                    joint: joint.name.clone(),
+                    to: name.clone(),
+                });
+            }
+        }
         let judge = ways.judge();
         let (wanted, by) = (wanted_side(task, None), laboratory.approach);
         let (side, approach) = Side::free(task, by, judge, q, &[Load::NONE], wanted.as_deref());
-        let end = approach.as_ref().unwrap_or(q);
-        steps.push(ProgramStep::Remark(format!(
-            "{}, approached with {side}",
-            target.name
-        )));
-        steps.extend(way(&mut ways, last.as_ref(), target, end)?);
-        steps.extend(approach.clone().map(ProgramStep::Move));
+        let remark = format!("{name}, approached with {side}");
+        steps.push(ProgramStep::Remark(remark));
+        if let Some(last) = &last {
+            let via = via(&mut ways, last, name, approach.as_ref().unwrap_or(q))?;
+            steps.extend(via.into_iter().map(ProgramStep::Move));
+        }
+        steps.extend(approach.map(ProgramStep::Move));
         steps.push(ProgramStep::Move(q.clone()));
-        steps.push(ProgramStep::Halt(format!("At {}", target.name)));
+        steps.push(ProgramStep::Halt(format!("At {name}")));
         steps.push(ProgramStep::Log);
-        last = Some((format!("from {}", target.name), q.clone()));
+        last = Some((format!("from {name}"), q.clone()));
     }
-    if let (Some(home), Some((_, last))) = (home, &last) {
-        let back = ways.find(last, home, &[Load::NONE], 0);
-        let back = back.ok_or_else(|| no_way("from the last target", "the first safe pose"))?;
-        steps.extend(program::back(back.via, home));
+    if let (Some(home), Some((_, last))) = (home, last) {
+        let last = ("from the last target".to_owned(), last);
+        let via = via(&mut ways, &last, "the first safe pose", home)?;
+        steps.extend(program::back(via, home));
     }
     Ok(Program {
         title: title.to_owned(),
@@ -65,39 +77,17 @@ pub fn program_to(
     })
 }
 
-/// The moves over safe poses from the last place, if there is one, to the end of the way.
-fn way(
+/// The safe poses between two places.
+fn via(
     ways: &mut Ways<'_>,
-    last: Option<&(String, DVector<f64>)>,
-    target: &ProgramTarget,
+    (from, start): &(String, DVector<f64>),
+    to: &str,
     end: &DVector<f64>,
-) -> Result<Vec<ProgramStep>, CampaignError> {
-    let Some((from, start)) = last else {
-        return Ok(Vec::new());
-    };
+) -> Result<Vec<DVector<f64>>, CampaignError> {
     let way = ways.find(start, end, &[Load::NONE], 0);
-    let way = way.ok_or_else(|| no_way(from, &target.name))?;
-    Ok(way.via.into_iter().map(ProgramStep::Move).collect())
-}
-
-fn no_way(from: &str, to: &str) -> CampaignError {
-    CampaignError::NoWay {
-        from: from.to_owned(),
+    way.map(|way| way.via).ok_or_else(|| CampaignError::NoWay {
+        from: from.clone(),
         to: to.to_owned(),
         load: None,
-    }
-}
-
-fn check_range(task: &Task, target: &ProgramTarget) -> Result<(), CampaignError> {
-    let joints = &task.belief.nominal.chain.joints;
-    let outside = (target.configuration.iter().zip(joints)).find(|(value, joint)| {
-        let [low, high] = joint.range_rad;
-        !(low..=high).contains(*value)
-    });
-    outside.map_or(Ok(()), |(_, joint)| {
-        Err(CampaignError::BeyondRange {
-            joint: joint.name.clone(),
-            to: target.name.clone(),
-        })
     })
 }

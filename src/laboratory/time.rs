@@ -1,13 +1,13 @@
 //! Plans by the minutes that they take, in place of the number of measurements: repeats are cheap, changes are
 //! not.
 
-use super::next::{accuracy, after};
+use super::next::accuracy;
 use super::{Campaign, Laboratory};
 use crate::experiment::{Loads, Plan};
-use crate::plan::Criterion;
 use crate::plan::search::{
     ApproximateDesign, Problem, SearchError, Watch, approximate_design, exact_design,
 };
+use crate::plan::{Criterion, posterior};
 use crate::task::Task;
 
 /// Searches for each number of configurations: fewer than for a single plan.
@@ -36,16 +36,6 @@ pub struct TimedPlan {
     pub minutes: f64,
 }
 
-/// How many loads so many configurations need at most.
-const fn loads_of(loads: &Loads, configurations: u32) -> usize {
-    let configurations = configurations as usize;
-    match loads {
-        Loads::Fixed(_) => 1,
-        Loads::List(list) if list.len() < configurations => list.len(),
-        Loads::Direction { .. } | Loads::Any { .. } | Loads::List(_) => configurations,
-    }
-}
-
 /// The minutes that so many measurements in so many configurations take at most, without the time that joints
 /// turn: two stops for each configuration, and two readings for each measurement.
 pub fn work_minutes(
@@ -55,7 +45,11 @@ pub fn work_minutes(
     configurations: u32,
 ) -> f64 {
     let stops = 2 * configurations as usize;
-    let changes = loads_of(loads, configurations);
+    let changes = match loads {
+        Loads::Fixed(_) => 1,
+        Loads::List(list) => list.len().min(configurations as usize),
+        Loads::Direction { .. } | Loads::Any { .. } => configurations as usize,
+    };
     (laboratory.costs).work_min(stops, changes, 2 * experiments)
 }
 
@@ -66,9 +60,11 @@ pub fn quickest<'a, T>(
     laboratory: &Laboratory,
     plans: impl Iterator<Item = (&'a Plan, T)>,
 ) -> Option<(f64, T)> {
+    // At least: under one load, with nothing in the way and nowhere to turn. Experiments under two loads may share their
+    // configuration.
     let work = |plan: &Plan| {
-        let configurations = u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
-        least_minutes(laboratory, plan.measurements(), configurations)
+        let stops = plan.experiments.len() + 1;
+        (laboratory.costs).work_min(stops, 1, 2 * plan.measurements())
     };
     let mut plans: Vec<(f64, &Plan, T)> =
         plans.map(|(plan, with)| (work(plan), plan, with)).collect();
@@ -86,13 +82,6 @@ pub fn quickest<'a, T>(
         }
     }
     best
-}
-
-/// What so many measurements in so many configurations take at least: under one load, with nothing in the way and
-/// nowhere to turn. Experiments under two loads may share their configuration.
-fn least_minutes(laboratory: &Laboratory, experiments: u32, configurations: u32) -> f64 {
-    let stops = configurations as usize + 1;
-    (laboratory.costs).work_min(stops, 1, 2 * experiments)
 }
 
 /// The best plans that take at most so many minutes with all their ways, one for each number of configurations; the
@@ -160,29 +149,23 @@ impl TimeSearch<'_> {
         expected_min: f64,
         watch: Watch<'_>,
     ) -> Result<Option<(TimedPlan, f64)>, SearchError> {
-        let (problem, task, laboratory) = (&self.problem, self.problem.task, self.laboratory);
-        let mut found = None;
-        let mut ways_min = expected_min;
+        let (task, laboratory, minutes) = (self.problem.task, self.laboratory, self.minutes);
+        let fits = |ways_min: f64| {
+            let count = most(&task.loads, laboratory, minutes - ways_min, configurations);
+            count.filter(|count| *count >= task.design.mandatory.measurements())
+        };
+        let (mut found, mut ways_min) = (None, expected_min);
         // The ways are known when there is a plan, and hardly depend on how often each experiment is measured.
         for _ in 0..TRIES {
-            let fits = |ways_min: f64| {
-                let count = most(
-                    &task.loads,
-                    laboratory,
-                    self.minutes - ways_min,
-                    configurations,
-                );
-                count.filter(|count| *count >= task.design.mandatory.measurements())
-            };
             let Some(experiments) = fits(ways_min) else {
                 break;
             };
-            let sizes = [experiments, configurations];
+            let (problem, approximate) = (&self.problem, &self.approximate);
             let design = exact_design(
                 problem,
-                &self.approximate,
-                sizes[0],
-                sizes[1],
+                approximate,
+                experiments,
+                configurations,
                 self.seed,
                 watch,
             );
@@ -194,20 +177,19 @@ impl TimeSearch<'_> {
             let Ok(campaign) = Campaign::new(task, laboratory, &plan, false) else {
                 break;
             };
-            let minutes = campaign.minutes;
-            ways_min = minutes - work_minutes(&task.loads, laboratory, experiments, configurations);
-            let is_full = fits(ways_min).is_none_or(|more| more <= experiments);
-            if minutes <= self.minutes {
-                let rho0_m = accuracy(task, &after(task, &plan)).unwrap_or(f64::INFINITY);
+            let work_min = work_minutes(&task.loads, laboratory, experiments, configurations);
+            ways_min = campaign.minutes - work_min;
+            if campaign.minutes <= minutes {
                 let timed = TimedPlan {
+                    rho0_m: accuracy(task, &posterior(&task.belief, &plan))
+                        .unwrap_or(f64::INFINITY),
                     plan,
                     experiments,
                     configurations,
-                    rho0_m,
-                    minutes,
+                    minutes: campaign.minutes,
                 };
                 found = Some((timed, ways_min));
-                if is_full {
+                if fits(ways_min).is_none_or(|more| more <= experiments) {
                     break;
                 }
             } else if found.is_some() {
@@ -225,11 +207,13 @@ fn most(loads: &Loads, laboratory: &Laboratory, minutes: f64, configurations: u3
         return None;
     }
     let each = work_minutes(loads, laboratory, configurations + 1, configurations) - least;
+    // All that are planned at one time, where a reading takes none.
     let more = if each > 0.0 {
-        ((minutes - least) / each).min(f64::from(MEASUREMENTS))
+        (minutes - least) / each
     } else {
-        f64::from(MEASUREMENTS)
+        f64::INFINITY
     };
+    let more = more.min(f64::from(MEASUREMENTS));
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

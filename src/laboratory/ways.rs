@@ -41,7 +41,7 @@ pub struct Ways<'a> {
     nodes: Vec<DVector<f64>>,
     given: usize,
     /// Whether the straight move between two of them is clear, by what hangs on the robot.
-    between: BTreeMap<(usize, usize, usize), bool>,
+    between: BTreeMap<usize, BTreeMap<(usize, usize), bool>>,
 }
 
 /// How far apart configurations are for a robot whose joints start and end together (rad, m).
@@ -80,103 +80,80 @@ impl<'a> Ways<'a> {
         loads: &[Load],
         hanging: usize,
     ) -> Option<Way> {
-        // The nodes with the two ends behind them.
-        let (start, end) = (self.nodes.len(), self.nodes.len() + 1);
-        let mut ends: BTreeMap<(usize, usize), bool> = BTreeMap::new();
+        let nodes = self.nodes.len();
+        let mut places = self.nodes.clone();
+        places.extend([from.clone(), to.clone()]);
+        let mut known = self.between.remove(&hanging).unwrap_or_default();
+        let mut found = None;
         for _ in 0..LOOKS {
-            let path = self.shortest(from, to, hanging, &ends)?;
-            let blocked = path.windows(2).find(|edge| {
-                let (one, other) = (edge[0].min(edge[1]), edge[0].max(edge[1]));
-                let known = if other >= start {
-                    ends.get(&(one, other)).copied()
-                } else {
-                    self.between.get(&(one, other, hanging)).copied()
-                };
-                let is_clear = known.unwrap_or_else(|| {
-                    let at = |node: usize| match node {
-                        node if node == start => from,
-                        node if node == end => to,
-                        node => &self.nodes[node],
-                    };
-                    let [one, other] = [at(one), at(other)];
-                    self.judge
-                        .is_straight_clear(one.as_slice(), other.as_slice(), loads)
-                });
-                if other >= start {
-                    ends.insert((one, other), is_clear);
-                } else {
-                    self.between.insert((one, other, hanging), is_clear);
-                }
-                !is_clear
-            });
-            if blocked.is_none() {
-                let via: Vec<DVector<f64>> = path[1..path.len() - 1]
-                    .iter()
-                    .map(|&node| self.nodes[node].clone())
-                    .collect();
-                let all: Vec<&DVector<f64>> = [from].into_iter().chain(&via).chain([to]).collect();
-                let length = all.windows(2).map(|pair| apart(pair[0], pair[1])).sum();
-                return Some(Way { via, length });
-            }
-        }
-        None
-    }
-
-    /// The shortest way over moves that are not known to be blocked (Dijkstra), as nodes.
-    fn shortest(
-        &self,
-        from: &DVector<f64>,
-        to: &DVector<f64>,
-        hanging: usize,
-        ends: &BTreeMap<(usize, usize), bool>,
-    ) -> Option<Vec<usize>> {
-        let (start, end) = (self.nodes.len(), self.nodes.len() + 1);
-        let at = |node: usize| match node {
-            node if node == start => from,
-            node if node == end => to,
-            node => &self.nodes[node],
-        };
-        let is_blocked = |one: usize, other: usize| {
-            let (one, other) = (one.min(other), one.max(other));
-            let known = if other >= start {
-                ends.get(&(one, other))
-            } else {
-                self.between.get(&(one, other, hanging))
+            let Some(path) = shortest(&places, self.given, &known) else {
+                break;
             };
-            known == Some(&false)
-        };
-        let stop = |node: usize| match node {
-            node if node >= start => 0.0,
-            node if node < self.given => STOP,
-            _ => RANDOM_STOP,
-        };
-        let mut distance = vec![f64::INFINITY; end + 1];
-        let mut before = vec![None; end + 1];
-        let mut open = vec![true; end + 1];
-        distance[start] = 0.0;
-        loop {
-            let nearest = (0..=end)
-                .filter(|&node| open[node] && distance[node].is_finite())
-                .min_by(|&one, &other| distance[one].total_cmp(&distance[other]))?;
-            if nearest == end {
+            let is_clear = path.windows(2).all(|edge| {
+                let (one, other) = (edge[0].min(edge[1]), edge[0].max(edge[1]));
+                *known.entry((one, other)).or_insert_with(|| {
+                    let [one, other] = [one, other].map(|place| places[place].as_slice());
+                    self.judge.is_straight_clear(one, other, loads)
+                })
+            });
+            if is_clear {
+                let all: Vec<&DVector<f64>> = path.iter().map(|&place| &places[place]).collect();
+                let length = all.windows(2).map(|pair| apart(pair[0], pair[1])).sum();
+                let via = all[1..all.len() - 1].iter().map(|&place| place.clone());
+                found = Some(Way {
+                    via: via.collect(),
+                    length,
+                });
                 break;
             }
-            open[nearest] = false;
-            for next in (0..=end).filter(|&next| next != nearest) {
-                let far = distance[nearest] + apart(at(nearest), at(next)) + stop(next);
-                if open[next] && far < distance[next] && !is_blocked(nearest, next) {
-                    distance[next] = far;
-                    before[next] = Some(nearest);
-                }
+        }
+        // What is known of the two ends is of no use for others.
+        known.retain(|(_, other), _| *other < nodes);
+        self.between.insert(hanging, known);
+        found
+    }
+}
+
+/// The shortest way to the last place from the one before it, over moves that are not known to be blocked (Dijkstra), as places:
+/// the first so many are the laboratory's.
+fn shortest(
+    places: &[DVector<f64>],
+    given: usize,
+    known: &BTreeMap<(usize, usize), bool>,
+) -> Option<Vec<usize>> {
+    let (start, end) = (places.len() - 2, places.len() - 1);
+    let stop = |place: usize| match place {
+        place if place >= start => 0.0,
+        place if place < given => STOP,
+        _ => RANDOM_STOP,
+    };
+    let mut distance = vec![f64::INFINITY; end + 1];
+    let mut before = vec![None; end + 1];
+    let mut open = vec![true; end + 1];
+    distance[start] = 0.0;
+    loop {
+        let nearest = (0..=end)
+            .filter(|&place| open[place] && distance[place].is_finite())
+            .min_by(|&one, &other| distance[one].total_cmp(&distance[other]))?;
+        if nearest == end {
+            break;
+        }
+        open[nearest] = false;
+        for next in (0..=end).filter(|&next| next != nearest) {
+            let far = distance[nearest] + apart(&places[nearest], &places[next]) + stop(next);
+            let edge = (nearest.min(next), nearest.max(next));
+            if open[next] && far < distance[next] && known.get(&edge) != Some(&false) {
+                distance[next] = far;
+                before[next] = Some(nearest);
             }
         }
-        let mut path = vec![end];
-        while let Some(node) = before[path[path.len() - 1]] {
-            path.push(node);
-        }
-        path.reverse();
-        Some(path)
     }
+    let mut path = vec![end];
+    while let Some(place) = before[path[path.len() - 1]] {
+        path.push(place);
+    }
+    path.reverse();
+    Some(path)
 }
 
 /// To a tenth of a degree, which people read more easily.

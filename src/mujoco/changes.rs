@@ -166,7 +166,7 @@ impl Model {
     }
 
     /// The frame of the link of a joint in its body's, which a reference angle turns.
-    pub(super) fn body_from_link(&self, joint: usize) -> Isometry3<f64> {
+    pub fn body_from_link(&self, joint: usize) -> Isometry3<f64> {
         let (axis, anchor) = self.joint_axis_and_anchor(joint);
         let axis = nalgebra::Unit::new_normalize(axis);
         let reference = self.joint_reference(joint);

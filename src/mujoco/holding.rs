@@ -29,17 +29,6 @@ impl State {
         }
     }
 
-    /// The first joint, by MuJoCo's identifier, that stands within its dead band, of those that are `loose`.
-    pub fn in_dead_band(&self, loose: impl Fn(usize, f64) -> bool) -> Option<usize> {
-        let within = |each: &&LawAtWork| {
-            let deflection = self.command(each) - self.data.qpos()[each.coordinate];
-            deflection.abs() <= each.law.dead_band
-                && loose(each.degree, self.model.stiffness_by(&each.servo))
-        };
-        let found = self.laws.iter().find(within);
-        found.map(|each| self.model.joint_of_degree(each.degree))
-    }
-
     /// The commanded coordinate.
     fn command(&self, each: &LawAtWork) -> f64 {
         self.data.ctrl()[each.servo.control] / each.servo.gear

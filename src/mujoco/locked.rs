@@ -77,6 +77,13 @@ impl Model {
         found.map(|(_, value)| *value)
     }
 
+    /// MuJoCo's identifiers of the chain's joints: of those that are not locked.
+    pub fn chain_joints(&self) -> Vec<usize> {
+        (0..self.joints())
+            .filter(|&joint| self.locked_at(joint).is_none())
+            .collect()
+    }
+
     /// The coordinates at which the bodies stand as the file draws them, but for locked joints.
     pub fn start_coordinates(&self) -> Vec<f64> {
         let mut coordinates = self.reference_coordinates().to_vec();

@@ -4,7 +4,6 @@
 //! shared between threads; [`State`] is one thread's simulation of it.
 
 mod balance;
-mod beside;
 mod changes;
 mod error;
 mod geometry;

@@ -4,12 +4,11 @@
 //! A program that can load a model in a process of its own says so with [`rehearse_with`]; in any other
 //! the first compilation is the only one.
 
-use std::io::Read;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
@@ -81,17 +80,27 @@ pub(super) fn rehearse(model: &Path) -> Result<(), FileError> {
         .stderr(Stdio::piped())
         .spawn();
     // Where no process can be made, there is none to save.
-    let Ok(mut child) = child else { return Ok(()) };
-    let said = last_words(&mut child);
-    let end = wait(&mut child);
-    let said = said.and_then(|said| said.join().ok()).unwrap_or_default();
-    match end {
-        Some(status) if status.success() || is_stopped(status) => {
+    let Ok(child) = child else { return Ok(()) };
+    let process = child.id();
+    let (sender, ended) = std::sync::mpsc::channel();
+    std::thread::spawn(move || sender.send(child.wait_with_output()));
+    match ended.recv_timeout(PATIENCE) {
+        Ok(Ok(end)) if end.status.success() || is_stopped(end.status) => {
             stage(|stage| stage.rehearsed.push(model.to_owned()));
             Ok(())
         }
-        Some(status) => Err(refusal(model, status, &said)),
-        None => {
+        Ok(Ok(end)) => {
+            let said = String::from_utf8_lossy(&end.stderr);
+            Err(refusal(model, end.status, &said))
+        }
+        _ => {
+            if let Ok(process) = process.try_into() {
+                // SAFETY: nobody has waited for the child's end: the number is its own.
+                #[expect(unsafe_code, reason = "the thread that waits has the child")]
+                unsafe {
+                    libc::kill(process, libc::SIGKILL);
+                }
+            }
             let waited = PATIENCE.as_secs();
             let problem = format!("MuJoCo has not loaded the model after {waited} s");
             Err(FileError::new(model, problem).code(ErrorCode::Model))
@@ -122,35 +131,5 @@ fn refusal(model: &Path, status: ExitStatus, said: &str) -> FileError {
     FileError {
         hint: hint.map(str::to_owned),
         ..FileError::new(model, problem).code(ErrorCode::Model)
-    }
-}
-
-/// What the child says on stderr, read in a thread so that it never waits.
-fn last_words(child: &mut Child) -> Option<std::thread::JoinHandle<String>> {
-    let mut stderr = child.stderr.take()?;
-    Some(std::thread::spawn(move || {
-        let mut bytes = Vec::new();
-        let _ = stderr.by_ref().take(1 << 16).read_to_end(&mut bytes);
-        let _ = std::io::copy(&mut stderr, &mut std::io::sink());
-        String::from_utf8_lossy(&bytes).into_owned()
-    }))
-}
-
-/// Waits for the end of the child; `None` if it has to be ended.
-fn wait(child: &mut Child) -> Option<ExitStatus> {
-    let start = Instant::now();
-    let mut pause = Duration::from_millis(1);
-    loop {
-        match child.try_wait() {
-            Ok(Some(status)) => return Some(status),
-            Ok(None) if start.elapsed() < PATIENCE => {}
-            _ => {
-                let _ = child.kill();
-                let _ = child.wait();
-                return None;
-            }
-        }
-        std::thread::sleep(pause);
-        pause = (pause * 2).min(Duration::from_millis(20));
     }
 }

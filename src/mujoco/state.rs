@@ -39,7 +39,7 @@ impl std::fmt::Debug for State {
 impl State {
     /// A new simulation that stands as the file draws it, but for locked joints.
     pub fn new(model: &Model) -> Self {
-        let free = (0..model.joints()).filter(|&joint| model.locked_at(joint).is_none());
+        let free = model.chain_joints().into_iter();
         let mut state = Self {
             data: MjData::new(model.inner.clone()),
             coordinates: free.map(|joint| model.coordinate_of_joint(joint)).collect(),

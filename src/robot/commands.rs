@@ -2,64 +2,45 @@
 
 use nalgebra::DVector;
 
-use super::SerialChain;
+use super::{Drive, SerialChain};
 use crate::quantities::units::{degrees, thousandths};
-
-/// What a joint's number in a configuration is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum JointCommand {
-    /// An angle, written in degrees.
-    Angle,
-    /// The length by which a joint slides, written in millimetres.
-    Length,
-    /// Nothing: a passive joint's spring is relaxed there (rad or m).
-    Passive {
-        /// Where.
-        rest: f64,
-        /// Whether it slides.
-        slides: bool,
-    },
-}
 
 /// How a robot is commanded: joint by joint from the base, an angle (deg), a length (mm), or nothing for
 /// a passive joint. A configuration inside the program has a coordinate for every joint (rad, m), that of
 /// a passive one being where its spring is relaxed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Commands(Vec<JointCommand>);
+pub struct Commands(Vec<Drive>);
 
 impl From<usize> for Commands {
     /// An arm of so many commanded hinges.
     fn from(joints: usize) -> Self {
-        Self(vec![JointCommand::Angle; joints])
+        Self(vec![Drive::default(); joints])
     }
 }
 
 impl FromIterator<bool> for Commands {
     /// An arm of commanded joints, each of which slides or turns.
     fn from_iter<T: IntoIterator<Item = bool>>(slides: T) -> Self {
-        let kind = |slides| {
-            if slides {
-                JointCommand::Length
-            } else {
-                JointCommand::Angle
-            }
+        let drive = |slides| Drive {
+            slides,
+            passive_at: None,
         };
-        Self(slides.into_iter().map(kind).collect())
+        Self(slides.into_iter().map(drive).collect())
     }
 }
 
 impl From<&SerialChain> for Commands {
     fn from(chain: &SerialChain) -> Self {
-        let joints =
-            chain
-                .joints
-                .iter()
-                .map(|joint| match (joint.drive.passive_at, joint.drive.slides) {
-                    (Some(rest), slides) => JointCommand::Passive { rest, slides },
-                    (None, true) => JointCommand::Length,
-                    (None, false) => JointCommand::Angle,
-                });
-        Self(joints.collect())
+        Self(chain.joints.iter().map(|joint| joint.drive).collect())
+    }
+}
+
+/// A coordinate as it is written (deg, mm), and read as the same again.
+fn number(drive: &Drive, value: f64) -> f64 {
+    if drive.slides {
+        thousandths(value)
+    } else {
+        degrees(value)
     }
 }
 
@@ -74,21 +55,18 @@ impl Commands {
         self.len() == 0
     }
 
-    /// The commanded joints with what they are commanded.
-    fn written(&self) -> impl Iterator<Item = (usize, JointCommand)> {
-        (self.0.iter().copied().enumerate())
-            .filter(|(_, command)| !matches!(command, JointCommand::Passive { .. }))
+    /// The commanded joints.
+    fn written(&self) -> impl Iterator<Item = (usize, &Drive)> {
+        (self.0.iter().enumerate()).filter(|(_, drive)| drive.passive_at.is_none())
     }
 
     /// The names of the columns: `q1_deg`, or `q3_mm` for a joint that slides.
     pub fn columns(&self) -> Vec<String> {
-        (1..)
-            .zip(self.written())
-            .map(|(number, (_, command))| match command {
-                JointCommand::Length => format!("q{number}_mm"),
-                _ => format!("q{number}_deg"),
-            })
-            .collect()
+        let column = |(number, (_, drive)): (usize, (usize, &Drive))| {
+            let unit = if drive.slides { "mm" } else { "deg" };
+            format!("q{number}_{unit}")
+        };
+        (1..).zip(self.written()).map(column).collect()
     }
 
     /// The column of a joint; none where it is passive.
@@ -99,7 +77,7 @@ impl Commands {
 
     /// The unit of shown numbers, for a heading.
     pub fn unit(&self) -> &'static str {
-        if self.0.contains(&JointCommand::Length) {
+        if self.written().any(|(_, drive)| drive.slides) {
             "deg, mm"
         } else {
             "deg"
@@ -110,43 +88,33 @@ impl Commands {
     pub fn configuration(&self, written: &[f64]) -> DVector<f64> {
         let mut written = written.iter();
         let mut next = || written.next().copied().unwrap_or(f64::NAN);
-        let joints = self.0.iter().map(|command| match command {
-            JointCommand::Angle => next().to_radians(),
-            JointCommand::Length => next() * 1e-3,
-            JointCommand::Passive { rest, .. } => *rest,
+        let joints = self.0.iter().map(|drive| match drive.passive_at {
+            Some(rest) => rest,
+            None if drive.slides => next() * 1e-3,
+            None => next().to_radians(),
         });
         DVector::from_iterator(self.0.len(), joints)
     }
 
     /// The numbers (deg, mm) to write of a configuration, which are read as the same again.
     pub fn numbers(&self, configuration: &[f64]) -> Vec<f64> {
-        self.written()
-            .map(|(joint, command)| match command {
-                JointCommand::Length => thousandths(configuration[joint]),
-                _ => degrees(configuration[joint]),
-            })
+        let written = self.written();
+        written
+            .map(|(joint, drive)| number(drive, configuration[joint]))
             .collect()
     }
 
     /// The same to look at: in degrees and millimetres, as they come.
     pub fn shown(&self, configuration: &[f64]) -> Vec<f64> {
-        self.written()
-            .map(|(joint, command)| match command {
-                JointCommand::Length => configuration[joint] * 1e3,
-                _ => configuration[joint].to_degrees(),
-            })
+        let written = self.written();
+        written
+            .map(|(joint, drive)| drive.shown(configuration[joint]).0)
             .collect()
     }
 
     /// The coordinates of all joints, passive ones too, in degrees and millimetres.
     pub fn all_numbers(&self, coordinates: &[f64]) -> Vec<f64> {
-        (self.0.iter().zip(coordinates))
-            .map(|(command, &value)| match command {
-                JointCommand::Length | JointCommand::Passive { slides: true, .. } => {
-                    thousandths(value)
-                }
-                _ => degrees(value),
-            })
-            .collect()
+        let all = self.0.iter().zip(coordinates);
+        all.map(|(drive, &value)| number(drive, value)).collect()
     }
 }

@@ -44,14 +44,6 @@ pub enum EquilibriumError {
         /// The joint's name.
         joint: String,
     },
-    /// A joint stands within its dead band, and nothing says where.
-    #[error(
-        "several static equilibria: joint {joint:?} rests anywhere within its dead band, since neither weight nor load turns it"
-    )]
-    Anywhere {
-        /// The joint's name.
-        joint: String,
-    },
     /// A model with more than a chain of elastic joints does not come to rest.
     #[error(
         "no static equilibrium: joint {joint:?} is still out of balance after {iterations} iterations"

@@ -127,18 +127,12 @@ fn mounts(model: &Model, joints: &mut Vec<Joint>) -> Result<Vec<Mount>, FileErro
                 );
                 return Err(model.not_serial(reason));
             }
-            let body_from_link = if slides {
-                (anchor - axis.into_inner() * reference).into()
-            } else {
-                let turn_back = UnitQuaternion::from_axis_angle(&axis, -reference);
-                Isometry3::from_parts(anchor.into(), turn_back)
-            };
             let passive_at = (!model.is_actuated(joint))
                 .then(|| model.joint_spring(joint).map(|[_, rest]| rest))
                 .flatten();
             joints.push(Joint {
                 name,
-                previous_from_link: mount.link_from_body * body_from_link,
+                previous_from_link: mount.link_from_body * model.body_from_link(joint),
                 axis,
                 drive: Drive { slides, passive_at },
                 range_rad: passive_at.map_or_else(|| model.joint_range(joint), |rest| [rest; 2]),
@@ -172,8 +166,7 @@ fn displaced(
 /// What pulls at the joints beside their own elasticity.
 fn elements(model: &Model, mounts: &[Mount]) -> Elements {
     let mut elements = Elements::default();
-    let moving = (0..model.joints()).filter(|&joint| model.locked_at(joint).is_none());
-    for (index, joint) in moving.enumerate() {
+    for (index, joint) in model.chain_joints().into_iter().enumerate() {
         let force = model.joint_offset(joint);
         if force != 0.0 {
             elements.offsets.push(Offset {

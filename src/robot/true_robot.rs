@@ -34,10 +34,7 @@ impl TrueRobot {
     /// A virtual robot that is what a belief's chain says.
     pub fn of_chain(model: Model, chain: SerialChain, compliance_rad_per_nm: Vec<f64>) -> Self {
         Self {
-            joints: (0..model.joints())
-                .filter(|&joint| model.locked_at(joint).is_none())
-                .map(Some)
-                .collect(),
+            joints: model.chain_joints().into_iter().map(Some).collect(),
             chain: Ok(chain),
             compliance_rad_per_nm,
             torque_laws: Vec::new(),
@@ -46,47 +43,34 @@ impl TrueRobot {
     }
 
     /// A virtual robot that may be more than a chain, with a belief's joints by their names and the
-    /// compliances that its model gives them. It may lack the belief's passive joints.
+    /// compliances that its model gives them. It may lack the belief's passive joints. The chain that was read from its model is used if
+    /// all that it commands is known.
     ///
     /// # Errors
     /// The model has something that no static equilibrium tells, lacks a joint that is commanded, or does
     /// not hold one at its command by one position actuator.
-    pub fn of_model(model: Model, known: &[KnownJoint], reason: String) -> Result<Self, FileError> {
-        Self::with_joints(model, known, Err(reason))
-    }
-
-    /// The same where a chain was read from the model. It is used if all that it commands is known.
-    pub fn of_other_chain(
-        model: Model,
-        known: &[KnownJoint],
-        chain: SerialChain,
-    ) -> Result<Self, FileError> {
-        let commanded = chain.commanded().map(|joint| &chain.joints[joint].name);
-        let is_known = |name: &&String| {
-            known
-                .iter()
-                .any(|each| !each.is_passive && each.name == **name)
-        };
-        let unknown: Vec<&str> = commanded
-            .filter(|name| !is_known(name))
-            .map(String::as_str)
-            .collect();
-        let chain = if unknown.is_empty() {
-            Ok(chain)
-        } else {
-            Err(format!(
-                "it commands joints that the planner's model does not have: {}",
-                unknown.join(", ")
-            ))
-        };
-        Self::with_joints(model, known, chain)
-    }
-
-    fn with_joints(
+    pub fn of_model(
         model: Model,
         known: &[KnownJoint],
         chain: Result<SerialChain, String>,
     ) -> Result<Self, FileError> {
+        let is_known = |name: &String| {
+            let mut known = known.iter();
+            known.any(|each| !each.is_passive && each.name == *name)
+        };
+        let chain = chain.and_then(|chain| {
+            let commanded = chain.commanded().map(|joint| &chain.joints[joint].name);
+            let unknown: Vec<&str> = (commanded.filter(|name| !is_known(name)))
+                .map(String::as_str)
+                .collect();
+            if unknown.is_empty() {
+                return Ok(chain);
+            }
+            Err(format!(
+                "it commands joints that the planner's model does not have: {}",
+                unknown.join(", ")
+            ))
+        });
         model.check_rest()?;
         let joints = (known.iter())
             .map(|joint| {
@@ -110,29 +94,6 @@ impl TrueRobot {
             torque_laws: Vec::new(),
             model,
         })
-    }
-
-    /// MuJoCo's identifiers of the chain's joints.
-    pub fn chain_joints(&self) -> Vec<usize> {
-        let joints = 0..self.model.joints();
-        joints
-            .filter(|&joint| self.model.locked_at(joint).is_none())
-            .collect()
-    }
-
-    /// MuJoCo's identifiers of the joints that are no springs, with their laws.
-    pub fn laws_by_joint(&self) -> Vec<(usize, TorqueLaw)> {
-        let laws = self.torque_laws.iter();
-        laws.filter_map(|&(joint, law)| Some((self.joints[joint]?, law)))
-            .collect()
-    }
-
-    /// The joints that this robot has, with values that belong to the belief's joints.
-    pub fn present(&self, values: &[f64]) -> (Vec<usize>, Vec<f64>) {
-        let pairs = self.joints.iter().zip(values);
-        pairs
-            .filter_map(|(joint, &value)| joint.map(|joint| (joint, value)))
-            .unzip()
     }
 
     /// The names of the belief's joints that this robot has.

@@ -121,8 +121,6 @@ impl File {
 #[serde(deny_unknown_fields)]
 pub(super) struct TorqueLawTable {
     pub joints: Vec<String>,
-    pub dead_band_mrad: Option<f64>,
-    pub dead_band_mm: Option<f64>,
     pub stiffens_at_mrad: Option<f64>,
     pub stiffens_at_mm: Option<f64>,
     pub softens_at_mrad: Option<f64>,

@@ -35,7 +35,7 @@ impl MujocoArm {
         // The chain's reader has seen that all joints are in series.
         let bodies = (0..model.bodies()).flat_map(|body| model.joints_of(body).map(move |_| body));
         let body_of: Vec<usize> = bodies.collect();
-        let joints = robot.chain_joints();
+        let joints = model.chain_joints();
         let nominal = model.with_weighing_masses();
         let state = State::new(&nominal);
         Self {

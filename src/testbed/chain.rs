@@ -26,13 +26,13 @@ pub(super) struct ChainRest {
     /// What the joints are commanded; where passive ones are relaxed.
     commanded: Vec<f64>,
     compliance: Vec<f64>,
-    /// Its joints that hold by laws of their own, without dead bands.
+    /// Its joints that hold by laws of their own.
     laws: Vec<(usize, TorqueLaw)>,
 }
 
 impl ChainRest {
     pub fn new(robot: &TrueRobot, chain: &SerialChain, site: usize) -> Self {
-        let own = robot.chain_joints();
+        let own = robot.model.chain_joints();
         let place = |joint: usize| {
             let index = own.iter().position(|&each| each == joint)?;
             Some((index, chain.joints[index].drive.passive_at.is_none()))
@@ -120,7 +120,7 @@ impl ChainRest {
             let mut change: f64 = 0.0;
             for &(joint, law) in &self.laws {
                 let spring = self.compliance[joint] * self.solver.torque()[joint];
-                if law.softens_at.is_some_and(|at| 2.0 * spring.abs() >= at) {
+                if !law.can_hold(spring) {
                     return Err(EquilibriumError::Unstable);
                 }
                 let at = self.commanded[joint] + law.deflection(spring) - spring;

@@ -147,14 +147,9 @@ impl Circumstances {
             let kind = ParameterKind::JointStiffening { joint };
             let share = self.set.index_of(kind).map(|_| self.difference(kind))?;
             let at_nm = self.nominal.stiffening[joint].at_nm?;
-            // What its spring would give there, over the root of the share.
-            let at = compliance_rad_per_nm[joint] * at_nm / share.abs().sqrt();
-            let law = TorqueLaw {
-                dead_band: 0.0,
-                stiffens_at: (share > 0.0).then_some(at),
-                softens_at: (share < 0.0).then_some(at),
-            };
-            Some((joint, law))
+            // What its spring would give there.
+            let at = compliance_rad_per_nm[joint] * at_nm;
+            Some((joint, TorqueLaw::of_share(share, at)))
         };
         (0..compliance_rad_per_nm.len()).filter_map(law).collect()
     }

@@ -131,12 +131,6 @@ impl RestSolver {
         Err(self.not_at_rest(state, iterations))
     }
 
-    /// What holds a degree of freedom at the last rest by itself (N m/rad, N/m); endless for one that does not move.
-    pub fn stiffness(&self, degree: usize) -> f64 {
-        let free = self.free.iter().position(|&free| free == degree);
-        free.map_or(f64::INFINITY, |free| self.stiffness[(free, free)])
-    }
-
     /// The forces that are left over in the free degrees of freedom.
     fn imbalance(
         &mut self,

@@ -70,17 +70,12 @@ impl VirtualRobot {
     /// The model has no such site.
     pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, FileError> {
         let site_id = robot.model.site(site)?;
-        let has_dead_band = robot
-            .torque_laws
-            .iter()
-            .any(|(_, law)| law.dead_band != 0.0);
         match &robot.chain {
-            // Within a dead band nothing but the balance of all forces says where a joint stands.
-            Ok(chain) if !has_dead_band => Ok(Self {
+            Ok(chain) => Ok(Self {
                 body: Box::new(ChainRest::new(robot, chain, site_id)),
                 compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
             }),
-            _ => Self::of_any_model(robot, site),
+            Err(_) => Self::of_any_model(robot, site),
         }
     }
 

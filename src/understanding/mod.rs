@@ -139,11 +139,12 @@ fn joints(scenario: &Scenario) -> Vec<UnderstoodJoint> {
 fn locked(scenario: &Scenario) -> Vec<(String, f64, &'static str)> {
     let model = &scenario.task.belief.nominal.model;
     let locked = model.locked().iter().map(|&(joint, value)| {
-        let (shown, unit) = if model.is_slide(joint) {
-            (value * 1e3, "mm")
-        } else {
-            (value.to_degrees(), "deg")
+        let slides = model.is_slide(joint);
+        let drive = Drive {
+            slides,
+            ..Drive::default()
         };
+        let (shown, unit) = drive.shown(value);
         (model.joint_name(joint), shown, unit)
     });
     locked.collect()

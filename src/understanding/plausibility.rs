@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use super::{Understanding, UnderstoodJoint, UnderstoodPose, bent as bent_at};
+use super::{Understanding, UnderstoodPose, bent as bent_at};
 use crate::codes::{Condition, ConditionCode};
 use crate::experiment::Loads;
 use crate::robot::{EquilibriumError, Load};
@@ -43,12 +43,9 @@ const SIGMA_M: f64 = 1e-3;
 
 /// What is implausible about a scenario, in whole sentences.
 pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<String> {
+    let (nominal, truth) = (&scenario.task.belief.nominal, &scenario.truth.robot);
     let mut warnings = scenario.doubts.clone();
-    let models = [
-        &scenario.task.belief.nominal.model,
-        &scenario.truth.robot.model,
-    ];
-    for model in models {
+    for model in [&nominal.model, &truth.model] {
         for what in model.left_out() {
             let warning = format!("{}: {what}", model.path().display());
             if !warnings.contains(&warning) {
@@ -56,11 +53,9 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
             }
         }
     }
-    warnings.extend(lengths(understood));
-    warnings.extend(masses(understood));
+    warnings.extend(sizes(understood));
     warnings.extend(impossible(scenario, understood).map(|each| each.text));
     warnings.extend(ranges(scenario));
-    let (nominal, truth) = (&scenario.task.belief.nominal, &scenario.truth.robot);
     let names: Vec<String> = (understood.joints.iter())
         .map(|joint| joint.name.clone())
         .collect();
@@ -71,21 +66,17 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
         let given = &truth.compliance_rad_per_nm;
         warnings.extend(compliances("true_robot", &truth.joint_names(), given));
     }
-    for (index, pose) in understood.poses.iter().enumerate() {
+    let poses = scenario.task.test_poses.iter().zip(&understood.poses);
+    for (index, (pose, bends)) in poses.enumerate() {
         warnings.extend(radians_for_degrees(scenario, index));
         // What a wrong unit does to the deflection is no news.
-        if !is_soft {
-            warnings.extend(bent(&understood.joints, pose));
-        }
-        let loaded = scenario.task.test_poses[index].load.wrench().norm() > 0.0;
-        if loaded {
-            warnings.extend(rigid(pose));
-        }
+        warnings.extend(bent(understood, bends).filter(|_| !is_soft));
+        warnings.extend(rigid(bends).filter(|_| pose.load.wrench().norm() > 0.0));
     }
     warnings.extend(instrument(scenario));
     // What another mistake does to the deflection is no news, either.
     if warnings.is_empty() {
-        warnings.extend(hardly_bent(scenario).into_iter().map(|each| each.text));
+        warnings.extend(hardly_bent(scenario).map(|each| each.text));
     }
     warnings.extend(upward(&scenario.task).map(|each| each.text));
     warnings
@@ -93,16 +84,15 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
 
 /// What every command that relies on a scenario's loads says of them.
 pub fn implausible(scenario: &Scenario) -> Vec<Condition> {
-    (hardly_bent(scenario).into_iter())
+    hardly_bent(scenario)
         .chain(upward(&scenario.task))
         .collect()
 }
 
 /// Test poses where the load's effect is within the instrument's noise.
-fn hardly_bent(scenario: &Scenario) -> Vec<Condition> {
-    let task = &scenario.task;
-    let sigma_m = task.belief.instrument.sigma_m;
-    let said = |pose: &TestPose| {
+fn hardly_bent(scenario: &Scenario) -> impl Iterator<Item = Condition> {
+    let sigma_m = scenario.task.belief.instrument.sigma_m;
+    scenario.task.test_poses.iter().filter_map(move |pose| {
         let moved = bent_at(scenario, pose).ok()?.task_load_m.norm();
         (moved < sigma_m && pose.load != Load::NONE).then(|| {
             ConditionCode::SmallDeflection.with(format!(
@@ -113,8 +103,7 @@ fn hardly_bent(scenario: &Scenario) -> Vec<Condition> {
                 sigma_m * 1e6
             ))
         })
-    };
-    task.test_poses.iter().filter_map(said).collect()
+    })
 }
 
 /// Loads of which none hangs.
@@ -130,18 +119,15 @@ fn upward(task: &Task) -> Option<Condition> {
         Loads::Any { .. } => false,
     };
     all_up.then(|| {
-        let text =
-            "load: the force points upwards, where no weight pulls: is its sign wrong? z is up";
-        ConditionCode::UpwardLoad.with(text)
+        ConditionCode::UpwardLoad.with(
+            "load: the force points upwards, where no weight pulls: is its sign wrong? z is up",
+        )
     })
 }
 
 /// Why the robot does not stand at a test pose.
 pub fn collapse(scenario: &Scenario) -> Option<String> {
-    let falls = |pose: &TestPose| {
-        let error = bent_at(scenario, pose).err()?;
-        Some(no_rest(&pose.name, &error))
-    };
+    let falls = |pose: &TestPose| Some(no_rest(&pose.name, &bent_at(scenario, pose).err()?));
     scenario.task.test_poses.iter().find_map(falls)
 }
 
@@ -151,64 +137,63 @@ fn no_rest(pose: &str, error: &EquilibriumError) -> String {
     )
 }
 
-fn lengths(understood: &Understanding) -> Option<String> {
-    if understood.reach_m > REACH_M {
-        return Some(format!(
-            "the arm reaches {:.0} m: are the model's lengths in millimetres? MJCF has metres",
-            understood.reach_m
-        ));
-    }
-    (understood.gravity_m_s2 > GRAVITY_M_S2).then(|| {
-        format!(
-            "the model's gravity is {} m/s^2: is it in mm/s^2? MJCF has metres",
-            understood.gravity_m_s2
-        )
-    })
-}
-
-fn masses(understood: &Understanding) -> Option<String> {
-    let moving = understood.joints.first()?.moving_mass_kg;
-    (moving > MASS_KG).then(|| {
-        format!(
-            "the arm moves {moving:.0} kg: do shapes that are drawn weigh, too? MuJoCo gives shapes without a mass that of water; give the bodies an <inertial> and the shapes mass=\"0\""
-        )
-    })
+/// Lengths, gravity and masses in other units.
+fn sizes(understood: &Understanding) -> impl Iterator<Item = String> {
+    let moving = (understood.joints.first()).map_or(0.0, |joint| joint.moving_mass_kg);
+    let (reach, gravity) = (understood.reach_m, understood.gravity_m_s2);
+    let rows = [
+        (
+            reach > REACH_M,
+            format!(
+                "the arm reaches {reach:.0} m: are the model's lengths in millimetres? MJCF has metres"
+            ),
+        ),
+        (
+            reach <= REACH_M && gravity > GRAVITY_M_S2,
+            format!("the model's gravity is {gravity} m/s^2: is it in mm/s^2? MJCF has metres"),
+        ),
+        (
+            moving > MASS_KG,
+            format!(
+                "the arm moves {moving:.0} kg: do shapes that are drawn weigh, too? MuJoCo gives shapes without a mass that of water; give the bodies an <inertial> and the shapes mass=\"0\""
+            ),
+        ),
+    ];
+    rows.into_iter()
+        .filter_map(|(holds, sentence)| holds.then_some(sentence))
 }
 
 /// Why a model cannot be right: a link's mass lies much further from its joint than the arm reaches, or the robot does not stand at
 /// a test pose.
 pub fn impossible(scenario: &Scenario, understood: &Understanding) -> Option<Condition> {
-    let falls = || Some(ConditionCode::NoEquilibrium.with(collapse(scenario)?));
-    impossible_mass(scenario, understood).or_else(falls)
-}
-
-fn impossible_mass(scenario: &Scenario, understood: &Understanding) -> Option<Condition> {
-    let joints = &scenario.task.belief.nominal.chain.joints;
-    let furthest = FURTHEST_CENTRE * understood.reach_m.max(1.0);
-    let joint = (joints.iter()).find(|joint| joint.centre_of_mass_m.norm() > furthest)?;
-    Some(ConditionCode::ImpossibleMass.with(format!(
-        "the centre of mass of what {} moves with its link lies {:.1} m from the joint, and the arm reaches {:.1} m: is it in \
-         millimetres? MJCF has metres",
-        joint.name,
-        joint.centre_of_mass_m.norm(),
-        understood.reach_m
-    )))
+    let reach = understood.reach_m;
+    let joints = scenario.task.belief.nominal.chain.joints.iter();
+    let mut centres = joints.map(|joint| (&joint.name, joint.centre_of_mass_m.norm()));
+    match centres.find(|(_, far)| *far > FURTHEST_CENTRE * reach.max(1.0)) {
+        Some((name, far)) => Some(ConditionCode::ImpossibleMass.with(format!(
+            "the centre of mass of what {name} moves with its link lies {far:.1} m from the joint, and the arm reaches \
+             {reach:.1} m: is it in millimetres? MJCF has metres"
+        ))),
+        None => Some(ConditionCode::NoEquilibrium.with(collapse(scenario)?)),
+    }
 }
 
 fn ranges(scenario: &Scenario) -> Option<String> {
-    let joints = &scenario.task.belief.nominal.chain.joints;
-    let joints = || joints.iter().filter(|joint| !joint.drive.slides);
-    let far = |range: &[f64; 2]| range[0].abs().max(range[1].abs());
-    if let Some(joint) = joints().find(|joint| far(&joint.range_rad) > RANGE_RAD) {
+    let joints = scenario.task.belief.nominal.chain.joints.iter();
+    let widest = (joints.filter(|joint| !joint.drive.slides)).map(|joint| {
+        (
+            joint,
+            joint.range_rad[0].abs().max(joint.range_rad[1].abs()),
+        )
+    });
+    if let Some((joint, _)) = widest.clone().find(|each| each.1 > RANGE_RAD) {
         let [low, high] = joint.range_rad.map(f64::to_degrees);
         return Some(format!(
             "{} turns from {low:.0} to {high:.0} deg: is its range in degrees? MuJoCo takes radians under angle=\"radian\", and for a joint with limited=\"false\" always",
             joint.name
         ));
     }
-    let widest = joints()
-        .map(|joint| far(&joint.range_rad))
-        .reduce(f64::max)?;
+    let widest = widest.map(|each| each.1).reduce(f64::max)?;
     (widest <= TAU.to_radians()).then(|| {
         format!(
             "no joint turns further than {:.2} deg: are the model's ranges in radians? MJCF has degrees without <compiler angle=\"radian\"/>",
@@ -219,12 +204,10 @@ fn ranges(scenario: &Scenario) -> Option<String> {
 
 /// The first compliance that is none.
 fn compliances(table: &str, names: &[String], compliance_rad_per_nm: &[f64]) -> Option<String> {
-    let joint = (compliance_rad_per_nm.iter())
-        .position(|&compliance| compliance > COMPLIANCE_RAD_PER_NM)?;
-    let compliance = compliance_rad_per_nm[joint];
-    let name = &names[joint];
+    let mut all = names.iter().zip(compliance_rad_per_nm);
+    let (name, compliance) = all.find(|each| *each.1 > COMPLIANCE_RAD_PER_NM)?;
     let stiffness = compliance.recip();
-    Some(if compliance > 1.0 {
+    Some(if *compliance > 1.0 {
         format!(
             "{table}: the compliance of {name} is {compliance} rad/(N m): is that its stiffness in N m/rad? Then its compliance is {stiffness:.4e}"
         )
@@ -238,14 +221,14 @@ fn compliances(table: &str, names: &[String], compliance_rad_per_nm: &[f64]) -> 
 /// A test pose in degrees whose numbers are all small, of joints that turn far.
 fn radians_for_degrees(scenario: &Scenario, index: usize) -> Option<String> {
     let pose = &scenario.task.test_poses[index];
-    let joints = &scenario.task.belief.nominal.chain.joints;
+    let mut joints = scenario.task.belief.nominal.chain.joints.iter();
     let q_deg = pose.configuration_rad.map(f64::to_degrees);
-    let written = |angle: f64| (angle - angle.round()).abs() > 1e-9;
-    let small =
-        q_deg.iter().all(|angle| angle.abs() <= TAU) && q_deg.iter().any(|&angle| written(angle));
-    let turn_far =
-        (joints.iter()).all(|joint| joint.range_rad[1] - joint.range_rad[0] > TURNS_FURTHER_RAD);
-    (small && turn_far && q_deg.len() > 1).then(|| {
+    let is_written = |angle: &f64| (angle - angle.round()).abs() > 1e-9;
+    (q_deg.len() > 1
+        && q_deg.iter().all(|angle| angle.abs() <= TAU)
+        && q_deg.iter().any(is_written)
+        && joints.all(|joint| joint.range_rad[1] - joint.range_rad[0] > TURNS_FURTHER_RAD))
+    .then(|| {
         format!(
             "test_pose[{index}].q_deg: all angles of {:?} are within {TAU:.2} deg of zero: are they radians?",
             pose.name
@@ -254,39 +237,30 @@ fn radians_for_degrees(scenario: &Scenario, index: usize) -> Option<String> {
 }
 
 /// Whether the robot bends as robots do.
-fn bent(joints: &[UnderstoodJoint], pose: &UnderstoodPose) -> Option<String> {
-    const GAIN: &str =
-        "is its actuator's kp a gain for simulation? It must be the joint's stiffness";
+fn bent(understood: &Understanding, pose: &UnderstoodPose) -> Option<String> {
     let bent = match &pose.bent {
         Ok(bent) => bent,
-        Err(error) => {
-            return Some(no_rest(&pose.name, error));
-        }
+        Err(error) => return Some(no_rest(&pose.name, error)),
     };
-    [
+    let found = [
         ("its own weight", &bent.own_weight_m, bent.own_weight_joint),
         ("the task load", &bent.task_load_m, bent.task_load_joint),
-    ]
-    .into_iter()
-    .find(|(_, moved, (joint, turned))| {
-        moved.norm() > BENT_M || (*turned > BENT_RAD && !joints[*joint].drive.slides)
-    })
-    .map(|(what, moved, (joint, turned))| {
-        let UnderstoodJoint {
-            name,
-            compliance_rad_per_nm,
-            drive,
-            ..
-        } = &joints[joint];
-        let (turned, unit) = drive.shown(turned);
-        let of_stiffness = if drive.slides { "N/m" } else { "N m/rad" };
-        format!(
-            "at {:?} {what} bends the robot by {:.0} mm, and {name} (stiffness {:.4e} {of_stiffness}) by {turned:.1} {unit}: {GAIN}",
-            pose.name,
-            moved.norm() * 1e3,
-            compliance_rad_per_nm.recip(),
-        )
-    })
+    ];
+    let (what, moved, (joint, turned)) =
+        found.into_iter().find(|(_, moved, (joint, turned))| {
+            let turns = !understood.joints[*joint].drive.slides;
+            moved.norm() > BENT_M || (*turned > BENT_RAD && turns)
+        })?;
+    let joint = &understood.joints[joint];
+    let (turned, unit) = joint.drive.shown(turned);
+    let of_stiffness = if joint.drive.slides { "N/m" } else { "N m/rad" };
+    Some(format!(
+        "at {:?} {what} bends the robot by {:.0} mm, and {} (stiffness {:.4e} {of_stiffness}) by {turned:.1} {unit}: is its actuator's kp a gain for simulation? It must be the joint's stiffness",
+        pose.name,
+        moved.norm() * 1e3,
+        joint.name,
+        joint.compliance_rad_per_nm.recip(),
+    ))
 }
 
 fn rigid(pose: &UnderstoodPose) -> Option<String> {
@@ -300,24 +274,25 @@ fn rigid(pose: &UnderstoodPose) -> Option<String> {
     })
 }
 
+/// An instrument that is too noisy, or that stands in the robot.
 fn instrument(scenario: &Scenario) -> Vec<String> {
+    let (belief, model) = (&scenario.task.belief, &scenario.task.belief.nominal.model);
     let mut warnings = Vec::new();
-    let sigma_m = scenario.task.belief.instrument.sigma_m;
+    let sigma_m = belief.instrument.sigma_m;
     if sigma_m > SIGMA_M {
+        let sigma_mm = sigma_m * 1e3;
         warnings.push(format!(
-            "the instrument's noise is {} mm: is it in micrometres?",
-            sigma_m * 1e3
+            "the instrument's noise is {sigma_mm} mm: is it in micrometres?"
         ));
     }
-    let Some(site) = scenario.task.belief.instrument.tracker_site else {
+    let Some(site) = belief.instrument.tracker_site else {
         return warnings;
     };
-    let model = &scenario.task.belief.nominal.model;
     let (body, _) = model.site_body(site);
     if model.joints_that_move(body) > 0 {
+        let body = model.body_name(body);
         warnings.push(format!(
-            "instrument.tracker_site is on {}, which the robot moves",
-            model.body_name(body)
+            "instrument.tracker_site is on {body}, which the robot moves"
         ));
         return warnings;
     }
@@ -325,16 +300,15 @@ fn instrument(scenario: &Scenario) -> Vec<String> {
     for pose in &scenario.task.test_poses {
         simulation.move_to(pose.configuration_rad.as_slice());
         let (tracker, _) = simulation.site(site);
-        let near = (scenario.task.belief.nominal.chain.joints.iter().enumerate())
-            .map(|(index, joint)| ((simulation.joint(index).0 - tracker).norm(), joint))
-            .min_by(|one, other| one.0.total_cmp(&other.0))
-            .filter(|(distance, _)| *distance < TRACKER_M);
-        if let Some((distance, joint)) = near {
+        let joints = belief.nominal.chain.joints.iter().enumerate();
+        let nearest = joints
+            .map(|(index, joint)| ((simulation.joint(index).0 - tracker).norm(), &joint.name))
+            .min_by(|one, other| one.0.total_cmp(&other.0));
+        if let Some((distance, name)) = nearest.filter(|(distance, _)| *distance < TRACKER_M) {
             warnings.push(format!(
-                "at {:?} the tracker is {:.0} mm from {}: is it inside the robot?",
+                "at {:?} the tracker is {:.0} mm from {name}: is it inside the robot?",
                 pose.name,
-                distance * 1e3,
-                joint.name
+                distance * 1e3
             ));
         }
     }

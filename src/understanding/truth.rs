@@ -1,7 +1,7 @@
 //! What the virtual robot has and the planner's model does not, and how far its equalities give way.
 
 use crate::mujoco::GivingWay;
-use crate::robot::{Load, SerialChain};
+use crate::robot::{Load, SerialChain, Spring};
 use crate::scenario::Scenario;
 use crate::testbed::VirtualRobot;
 
@@ -10,29 +10,32 @@ const GIVES_WAY: f64 = 1e-4;
 
 /// What a true chain has and the belief's has not, in words.
 fn differences(belief: &SerialChain, truth: &SerialChain) -> Option<String> {
-    let known = |name: &str| belief.joints.iter().any(|joint| joint.name == name);
-    let passive = truth.joints.iter();
-    let passive: Vec<&str> = passive
-        .filter(|joint| joint.drive.passive_at.is_some() && !known(&joint.name))
-        .map(|joint| joint.name.as_str())
-        .collect();
-    let springs = truth.elements.springs.iter();
-    let springs: Vec<&str> = springs
-        .filter(|spring| {
-            !(belief.elements.springs.iter()).any(|known| {
-                known.name == spring.name
-                    && known.stiffness_n_per_m.to_bits() == spring.stiffness_n_per_m.to_bits()
-                    && known.rest_m.map(f64::to_bits) == spring.rest_m.map(f64::to_bits)
-            })
-        })
-        .map(|spring| spring.name.as_str())
-        .collect();
+    let is_known = |name: &str| belief.joints.iter().any(|joint| joint.name == name);
+    let passive = truth
+        .joints
+        .iter()
+        .filter(|joint| joint.drive.passive_at.is_some());
+    let passive = passive.map(|joint| joint.name.as_str());
+    let passive: Vec<&str> = passive.filter(|name| !is_known(name)).collect();
+    let numbers = |spring: &Spring| {
+        let [low, high] = spring.rest_m;
+        [spring.stiffness_n_per_m, low, high].map(f64::to_bits)
+    };
+    let is_alike = |spring: &&Spring| {
+        let mut all = belief.elements.springs.iter();
+        all.any(|known| known.name == spring.name && numbers(known) == numbers(spring))
+    };
+    let springs = truth
+        .elements
+        .springs
+        .iter()
+        .filter(|spring| !is_alike(spring));
+    let springs: Vec<&str> = springs.map(|spring| spring.name.as_str()).collect();
     let mut all = Vec::new();
-    if !passive.is_empty() {
-        all.push(format!("passive joints: {}", passive.join(", ")));
-    }
-    if !springs.is_empty() {
-        all.push(format!("springs: {}", springs.join(", ")));
+    for (what, names) in [("passive joints", passive), ("springs", springs)] {
+        if !names.is_empty() {
+            all.push(format!("{what}: {}", names.join(", ")));
+        }
     }
     if truth.elements.joint_springs != belief.elements.joint_springs
         || truth.elements.offsets != belief.elements.offsets
@@ -40,10 +43,8 @@ fn differences(belief: &SerialChain, truth: &SerialChain) -> Option<String> {
         all.push("springs or constant forces in joints".to_owned());
     }
     (!all.is_empty()).then(|| {
-        format!(
-            "it has what the planner's model has not: {}",
-            all.join("; ")
-        )
+        let all = all.join("; ");
+        format!("it has what the planner's model has not: {all}")
     })
 }
 
@@ -96,12 +97,7 @@ impl UnderstoodTruth {
         for each in found {
             let known = (self.gives_way.iter_mut()).find(|known| known.element == each.element);
             match known {
-                Some(known) => {
-                    known.distance = known.distance.max(each.distance);
-                    known.weld_rad = (known.weld_rad.into_iter())
-                        .chain(each.weld_rad)
-                        .reduce(f64::max);
-                }
+                Some(known) => known.distance = known.distance.max(each.distance),
                 None => self.gives_way.push(each),
             }
         }
@@ -113,7 +109,7 @@ impl UnderstoodTruth {
             format!("the virtual robot does not rest at the test pose {pose:?}: {reason}")
         });
         let soft = (self.gives_way.iter())
-            .filter(|each| each.distance.max(each.weld_rad.unwrap_or(0.0)) > GIVES_WAY)
+            .filter(|each| each.distance > GIVES_WAY)
             .map(|each| {
                 format!(
                     "true_robot: {} gives way by {}: MuJoCo's constraints are soft; solref=\"0.002 1\" (at least two time steps) solimp=\"0.999 0.9999 0.001\" make it stiffer",

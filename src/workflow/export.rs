@@ -14,7 +14,7 @@ use crate::files::FileError;
 use crate::mujoco::{KEPT, Model, ModelCalibration, WrittenModel};
 use crate::parameter::ElasticArm;
 use crate::record::messages::ProvenanceMessage;
-use crate::robot::{EquilibriumSolver, Load, SerialChain, Tool, rotation_vector};
+use crate::robot::{EquilibriumSolver, Load, SerialChain, rotation_vector};
 use crate::scenario::Scenario;
 
 /// So many configurations are looked at.
@@ -54,6 +54,13 @@ impl ModelFormat {
         match self {
             Self::Mjcf => "MJCF",
             Self::Urdf => "URDF",
+        }
+    }
+
+    const fn ending(self) -> &'static str {
+        match self {
+            Self::Mjcf => "xml",
+            Self::Urdf => "urdf",
         }
     }
 }
@@ -111,31 +118,30 @@ pub fn export(
         ModelFormat::Mjcf => model.calibrated_mjcf(&calibration, folder),
         ModelFormat::Urdf => model.calibrated_urdf(&calibration, folder),
     };
-    let differences = differences(scenario, arm, format, &write).map_err(failed)?;
-    if !(differences.place_m.max(differences.rotation_rad) <= SAME
-        && differences.deflection_m.unwrap_or(0.0) <= SAME)
-    {
+    let [place_m, rotation_rad, deflection_m] =
+        differences(scenario, arm, format, &write).map_err(failed)?;
+    if !(place_m.max(rotation_rad).max(deflection_m) <= SAME) {
         let problem = format!(
-            "cannot be written exactly: read again, the robot's places differ by up to {:.2e} mm and {:.2e} rad and its deflections by up to {:.2e} mm",
-            differences.place_m * 1e3,
-            differences.rotation_rad,
-            differences.deflection_m.unwrap_or(0.0) * 1e3
+            "cannot be written exactly: read again, the robot's places differ by up to {:.2e} mm and {rotation_rad:.2e} rad and its deflections by up to {:.2e} mm",
+            place_m * 1e3,
+            deflection_m * 1e3
         );
         return Err(FileError::new(model.path(), problem)
             .hint("please report the model; nothing was written")
             .code(ErrorCode::ModelNotWritten));
     }
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let WrittenModel {
-        text,
-        not_expressed,
-    } = write(folder).map_err(failed)?;
+    let written = write(path.parent().unwrap_or(Path::new(""))).map_err(failed)?;
     Ok(ExportedModel {
-        text,
-        not_expressed: robot.apart.iter().cloned().chain(not_expressed).collect(),
-        place_difference_m: differences.place_m,
-        rotation_difference_rad: differences.rotation_rad,
-        deflection_difference_m: differences.deflection_m,
+        text: written.text,
+        not_expressed: robot
+            .apart
+            .iter()
+            .cloned()
+            .chain(written.not_expressed)
+            .collect(),
+        place_difference_m: place_m,
+        rotation_difference_rad: rotation_rad,
+        deflection_difference_m: (format == ModelFormat::Mjcf).then_some(deflection_m),
         configurations: CONFIGURATIONS,
         to_leave_out: to_leave_out(scenario, format),
     })
@@ -250,124 +256,75 @@ fn to_leave_out(scenario: &Scenario, format: ModelFormat) -> Vec<String> {
     all
 }
 
-struct Differences {
-    place_m: f64,
-    rotation_rad: f64,
-    deflection_m: Option<f64>,
-}
-
-/// How the robot that is read again differs from an arm.
+/// How the robot that is read again differs from an arm, at most, over configurations all over the joints' ranges: in a tool's
+/// place (m) and orientation (rad), unloaded with rigid joints, and in its deflection under gravity and a load (m).
 fn differences(
     scenario: &Scenario,
     arm: &ElasticArm,
     format: ModelFormat,
     write: &dyn Fn(&Path) -> Result<WrittenModel, FileError>,
-) -> Result<Differences, FileError> {
+) -> Result<[f64; 3], FileError> {
     let own = &scenario.task.belief.nominal.model;
     let failed = |error: std::io::Error| {
         FileError::new(own.path(), format!("cannot be written again: {error}"))
     };
     let folder = tempfile::tempdir().map_err(failed)?;
-    let ending = match format {
-        ModelFormat::Mjcf => "xml",
-        ModelFormat::Urdf => "urdf",
-    };
-    let file = folder.path().join(format!("model.{ending}"));
+    let file = folder.path().join(format!("model.{}", format.ending()));
     std::fs::write(&file, write(folder.path())?.text).map_err(failed)?;
-    let model = Model::load(&file)?;
     let locked: Vec<(String, f64)> = (own.locked().iter())
         .map(|&(joint, value)| (own.joint_name(joint), value))
-        .filter(|(name, _)| model.joint(name).is_ok())
         .collect();
-    let mut model = model.with_locked(&locked)?;
+    let mut model = Model::load(&file)?.with_locked(&locked)?;
     if format == ModelFormat::Urdf {
         model = model.without_actuators();
     }
-    let chain = SerialChain::from_model(&model)?;
-    let mut found = Differences {
-        place_m: 0.0,
-        rotation_rad: 0.0,
-        deflection_m: (format == ModelFormat::Mjcf).then_some(0.0),
-    };
-    for tool in &arm.tools {
-        let again = match format {
-            ModelFormat::Mjcf => SerialChain::tool(&model, &tool.name)?,
-            ModelFormat::Urdf => {
-                // A site that is in the model alone is no link of a description.
-                let Some(link) = model.body(&tool.name) else {
-                    continue;
-                };
-                SerialChain::on_body(&model, link)?
-            }
-        };
-        let loads = scenario.task.test_poses.iter().map(|pose| pose.load);
-        let load = loads.max_by(|one, other| one.wrench().norm().total_cmp(&other.wrench().norm()));
-        compare(
-            arm,
-            tool,
-            (&chain, &again),
-            &load.unwrap_or(Load::NONE),
-            &mut found,
-        );
-    }
-    Ok(found)
-}
-
-/// Compares an arm's tool with that of another chain in configurations all over the joints' ranges.
-fn compare(
-    arm: &ElasticArm,
-    tool: &Tool,
-    (chain, again): (&SerialChain, &Tool),
-    load: &Load,
-    found: &mut Differences,
-) {
-    let own = arm.loaded_chain();
-    let joints = own.len();
-    let places: Vec<Option<usize>> = (chain.joints.iter())
-        .map(|joint| own.joints.iter().position(|each| each.name == joint.name))
-        .collect();
-    let compliance: Vec<f64> = (chain.joints.iter())
+    let again = SerialChain::from_model(&model)?;
+    let own_chain = arm.loaded_chain();
+    let compliance: Vec<f64> = (again.joints.iter())
         .map(|joint| joint.model_compliance_rad_per_nm.unwrap_or_default())
         .collect();
-    let mut solvers = [
-        EquilibriumSolver::new(joints),
-        EquilibriumSolver::new(chain.len()),
-    ];
-    for number in 1..=CONFIGURATIONS {
-        let commanded = configuration(&own, number);
-        let standing: Vec<f64> = (commanded.iter().zip(&arm.zero_rad))
-            .map(|(q, zero)| q + zero)
-            .collect();
-        let others: Vec<f64> = places
-            .iter()
-            .map(|place| place.map_or(0.0, |place| commanded[place]))
-            .collect();
-        let (one, other) = (
-            own.at(tool).state(&standing),
-            chain.at(again).state(&others),
-        );
-        let turned = rotation_vector(&(one.tool_rotation.transpose() * other.tool_rotation));
-        found.place_m = found
-            .place_m
-            .max((one.tool_position - other.tool_position).norm());
-        found.rotation_rad = found.rotation_rad.max(turned.norm());
-        let Some(deflection) = &mut found.deflection_m else {
-            continue;
+    let loads = scenario.task.test_poses.iter().map(|pose| pose.load);
+    let load = loads.max_by(|one, other| one.wrench().norm().total_cmp(&other.wrench().norm()));
+    let loads = [Load::NONE, load.unwrap_or(Load::NONE)];
+    let mut solvers = [(); 2].map(|()| EquilibriumSolver::new(again.len()));
+    let mut largest = [0.0_f64; 3];
+    for tool in &arm.tools {
+        let tool_again = match (format, model.body(&tool.name)) {
+            (ModelFormat::Mjcf, _) => SerialChain::tool(&model, &tool.name)?,
+            (ModelFormat::Urdf, Some(link)) => SerialChain::on_body(&model, link)?,
+            // A site that is in the model alone is no link of a description.
+            (ModelFormat::Urdf, None) => continue,
         };
-        let [ours, theirs] = &mut solvers;
-        for load in [Load::NONE, *load] {
-            let (mut one, mut other) = (own.at(tool), chain.at(again));
-            let solved = ours.solve(&mut one, &arm.compliance_rad_per_nm, &standing, &load);
-            let also = theirs.solve(&mut other, &compliance, &others, &load);
-            let apart = match (solved, also) {
-                (Ok(_), Ok(_)) => ours.state().tool_position - theirs.state().tool_position,
-                // Where the one has no rest, the other has none.
-                (Err(_), Err(_)) => continue,
-                _ => nalgebra::Vector3::repeat(f64::INFINITY),
-            };
-            *deflection = deflection.max(apart.norm());
+        let (mut ours, mut theirs) = (own_chain.at(tool), again.at(&tool_again));
+        for number in 1..=CONFIGURATIONS {
+            let commanded = configuration(&own_chain, number);
+            let standing = &commanded + DVector::from_column_slice(&arm.zero_rad);
+            let (q, others) = (standing.as_slice(), commanded.as_slice());
+            let (one, other) = (ours.state(q), theirs.state(others));
+            let turned = rotation_vector(&(one.tool_rotation.transpose() * other.tool_rotation));
+            let apart_m = (one.tool_position - other.tool_position).norm();
+            let mut found = [apart_m, turned.norm(), 0.0];
+            let loads = loads.iter().filter(|_| format == ModelFormat::Mjcf);
+            for load in loads {
+                let [one, other] = &mut solvers;
+                let solved = one.solve(&mut ours, &arm.compliance_rad_per_nm, q, load);
+                let also = other.solve(&mut theirs, &compliance, others, load);
+                found[2] = match (solved, also) {
+                    (Ok(_), Ok(_)) => {
+                        let apart = one.state().tool_position - other.state().tool_position;
+                        apart.norm().max(found[2])
+                    }
+                    // Where the one has no rest, the other has none.
+                    (Err(_), Err(_)) => continue,
+                    _ => f64::INFINITY,
+                };
+            }
+            for (largest, found) in largest.iter_mut().zip(found) {
+                *largest = largest.max(found);
+            }
         }
     }
+    Ok(largest)
 }
 
 /// A configuration, far from those of other numbers: an additive recurrence with roots of primes.

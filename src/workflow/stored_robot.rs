@@ -17,7 +17,7 @@ use crate::measurement::Origin;
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::quantities::plausible::ELASTIC_COMPLIANCE;
-use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, UnexplainedMessage};
+use crate::record::absolute::{AbsoluteMessage, JointErrorMessage};
 use crate::task::Fingerprint;
 
 /// A robot as `identify --identified-out` tells it from absolute readings.
@@ -239,18 +239,26 @@ impl StoredRobot {
         let joints = joint_errors(&found.joints, arm).map_err(discrepancy_model)?;
         let knots = joints.iter().map(|each| each.values.len()).sum::<usize>();
         let rows = whole(&found.covariance, unknowns + knots).map_err(discrepancy_model)?;
+        if found.shift.len() != unknowns {
+            let count = found.shift.len();
+            let problem = format!("found {count} numbers; there are {unknowns} unknowns");
+            return Err(discrepancy_model(("shift".to_owned(), problem)));
+        }
+        if let Some(place) = found.scale.iter().position(|&scale| scale <= 0.0) {
+            let problem = format!("found {}; a positive number is needed", found.scale[place]);
+            return Err(discrepancy_model((format!("scale[{place}]"), problem)));
+        }
+        let shift = DVector::from_column_slice(&found.shift);
+        let sizes = [
+            ("remainder_mm", found.remainder_mm),
+            ("remainder_mrad", found.remainder_mrad),
+        ];
         Ok(DiscrepancyModel {
             joints,
-            shift: shift(found, unknowns)
-                .map_err(discrepancy_model)?
-                .component_div(&DVector::from_column_slice(&divisors)),
+            shift: shift.component_div(&DVector::from_column_slice(&divisors)),
             covariance: relative("discrepancy_model.covariance", &rows)?,
-            rest: rest([
-                ("remainder_mm", found.remainder_mm),
-                ("remainder_mrad", found.remainder_mrad),
-            ])
-            .map_err(discrepancy_model)?,
-            scale: scale(found).map_err(discrepancy_model)?,
+            rest: rest(sizes).map_err(discrepancy_model)?,
+            scale: found.scale,
         })
     }
 }
@@ -265,114 +273,84 @@ fn joint_errors(
 ) -> Result<Vec<JointError>, KeyProblem> {
     let mut joints: Vec<JointError> = Vec::new();
     for (index, each) in messages.iter().enumerate() {
-        let wrong = |key: &str, problem: String| Err((format!("joints[{index}].{key}"), problem));
-        let Some(joint) = (arm.chain.joints.iter()).position(|joint| joint.name == each.joint)
-        else {
-            return wrong("joint", format!("the robot has no joint {:?}", each.joint));
-        };
-        if joints.iter().any(|known| known.joint == joint) {
-            return wrong("joint", format!("found {:?} twice", each.joint));
-        }
-        let ascends = each.knots.windows(2).all(|pair| pair[0] < pair[1]);
-        if each.knots.is_empty() || !ascends || !each.knots.iter().all(|knot| knot.is_finite()) {
-            return wrong(
-                "knots",
-                "wants finite numbers in ascending order".to_owned(),
-            );
-        }
+        let joint = (arm.chain.joints.iter()).position(|joint| joint.name == each.joint);
         let [knots, values] = [each.knots.len(), each.values.len()];
-        if knots != values {
-            return wrong("values", format!("found {values}; there are {knots} knots"));
-        }
-        if let Some(value) = each.values.iter().find(|value| !value.is_finite()) {
-            return wrong(
+        let ascends = knots > 0 && each.knots.windows(2).all(|pair| pair[0] < pair[1]);
+        let [positions, rotations] = [&each.spread_of_positions, &each.spread_of_rotations];
+        let is_too_large = |value: &&f64| value.abs() > MOST_SPREAD;
+        let mut problems = vec![
+            (
+                "joint",
+                joint.is_none(),
+                format!("the robot has no joint {:?}", each.joint),
+            ),
+            (
+                "joint",
+                joints.iter().any(|known| Some(known.joint) == joint),
+                format!("found {:?} twice", each.joint),
+            ),
+            (
+                "knots",
+                !ascends,
+                "wants finite numbers in ascending order".to_owned(),
+            ),
+            (
                 "values",
-                format!("found {value}; finite numbers are needed"),
+                knots != values,
+                format!("found {values}; there are {knots} knots"),
+            ),
+            (
+                "length",
+                each.length <= 0.0,
+                format!("found {}; a size is needed", each.length),
+            ),
+            (
+                "deviation",
+                each.deviation < 0.0,
+                format!("found {}; a size is needed", each.deviation),
+            ),
+        ];
+        for (key, spread) in [
+            ("spread_of_positions", positions),
+            ("spread_of_rotations", rotations),
+        ] {
+            let (count, most) = (spread.len(), spread.iter().find(is_too_large));
+            let allowed = format!(
+                "found {}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed",
+                most.copied().unwrap_or_default()
             );
+            problems.push((key, most.is_some(), allowed));
+            let fewer = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
+            problems.push((key, count > SPREAD_ORDERS, fewer));
         }
-        for (key, coefficients) in [
-            ("spread_of_positions", &each.spread_of_positions),
-            ("spread_of_rotations", &each.spread_of_rotations),
-        ] {
-            let is_none = |value: &&f64| value.is_nan() || value.abs() > MOST_SPREAD;
-            if let Some(value) = coefficients.iter().find(is_none) {
-                let most = format!(
-                    "found {value}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed"
-                );
-                return wrong(key, most);
-            }
-            let count = coefficients.len();
-            if count > SPREAD_ORDERS {
-                return wrong(
-                    key,
-                    format!("found {count} numbers; {SPREAD_ORDERS} are the most"),
-                );
-            }
-        }
-        for (key, size, is_allowed) in [
-            ("length", each.length, each.length > 0.0),
-            ("deviation", each.deviation, each.deviation >= 0.0),
-        ] {
-            if !(is_allowed && size.is_finite()) {
-                return wrong(key, format!("found {size}; a size is needed"));
-            }
+        if let Some((key, _, problem)) = problems.into_iter().find(|each| each.1) {
+            return Err((format!("joints[{index}].{key}"), problem));
         }
         joints.push(JointError {
-            joint,
+            joint: joint.unwrap_or_default(),
             process: OrnsteinUhlenbeck {
                 knots: each.knots.clone(),
                 length: each.length,
             },
             deviation: each.deviation,
             values: each.values.clone(),
-            spread: [
-                each.spread_of_positions.clone(),
-                each.spread_of_rotations.clone(),
-            ],
+            spread: [positions.clone(), rotations.clone()],
         });
     }
     Ok(joints)
 }
 
-/// By how much unknowns are off together with these.
-fn shift(found: &UnexplainedMessage, unknowns: usize) -> Result<DVector<f64>, KeyProblem> {
-    let wrong = |problem: String| Err(("shift".to_owned(), problem));
-    let count = found.shift.len();
-    if count != unknowns {
-        return wrong(format!(
-            "found {count} numbers; there are {unknowns} unknowns"
-        ));
-    }
-    match found.shift.iter().find(|value| !value.is_finite()) {
-        Some(value) => wrong(format!("found {value}; finite numbers are needed")),
-        None => Ok(DVector::from_column_slice(&found.shift)),
-    }
-}
-
 /// The standard deviations of what joints do not explain, in thousandths.
 fn rest(sizes: [(&str, f64); 2]) -> Result<Discrepancy, KeyProblem> {
-    for (key, size) in sizes {
-        if !(size >= 0.0 && size.is_finite()) {
-            let problem = format!("found {size}; zero or a size is needed");
-            return Err((key.to_owned(), problem));
-        }
+    if let Some((key, size)) = sizes.into_iter().find(|each| each.1 < 0.0) {
+        let problem = format!("found {size}; zero or a size is needed");
+        return Err((key.to_owned(), problem));
     }
-    let [(_, position), (_, rotation)] = sizes;
+    let [position, rotation] = sizes.map(|each| each.1 * 1e-3);
     Ok(Discrepancy {
-        position_m: position * 1e-3,
-        rotation_rad: rotation * 1e-3,
+        position_m: position,
+        rotation_rad: rotation,
     })
-}
-
-fn scale(found: &UnexplainedMessage) -> Result<[f64; 2], KeyProblem> {
-    let is_one = |scale: &f64| *scale > 0.0 && scale.is_finite();
-    match found.scale.iter().position(|scale| !is_one(scale)) {
-        Some(place) => {
-            let problem = format!("found {}; a positive number is needed", found.scale[place]);
-            Err((format!("scale[{place}]"), problem))
-        }
-        None => Ok(found.scale),
-    }
 }
 
 /// All rows of a symmetric matrix of which the lower triangle is given.

@@ -95,7 +95,7 @@ fn robot(model: &str) -> VirtualRobot {
             is_passive: false,
         })
         .collect();
-    let robot = TrueRobot::of_other_chain(model, &known, chain).expect("it has the joints");
+    let robot = TrueRobot::of_model(model, &known, Ok(chain)).expect("it has the joints");
     VirtualRobot::new(&robot, SITE).expect("there is")
 }
 

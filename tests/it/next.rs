@@ -269,7 +269,10 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
     let believed = scenario.task.belief.nominal.compliance_rad_per_nm.clone();
     // Planning sees the belief alone, which is the same in all runs.
     let plan_of = |count: u32| {
-        let all = Remaining::all_of(&scenario.task);
+        let all = Remaining {
+            task: scenario.task.clone(),
+            measured: 0,
+        };
         let found = rest(&all, Goal::Measurements(count), seed, watch);
         found.expect("a plan").plan
     };

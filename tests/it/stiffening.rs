@@ -6,7 +6,7 @@ use elastocal::robot::Load;
 use elastocal::testbed::VirtualRobot;
 use serde_json::Value;
 
-use crate::support::{Workplace, scenario_text, table4};
+use crate::support::{scenario_text, table4};
 use crate::uncertainties::{assert_holds, assert_refused, entry, expected_mm, loaded, study, with};
 
 const SHARES: &str = "std_relative = 0.01\nat_nm = 4000";
@@ -69,12 +69,7 @@ fn one_law() {
     let (q, load) = (&experiment.configuration_rad, &experiment.load);
     let compliance = &plain.compliance_rad_per_nm;
     let law = |joint: usize, share: f64| {
-        let at = compliance[joint] * 8000.0 / share.abs().sqrt();
-        let law = TorqueLaw {
-            dead_band: 0.0,
-            stiffens_at: (share > 0.0).then_some(at),
-            softens_at: (share < 0.0).then_some(at),
-        };
+        let law = TorqueLaw::of_share(share, compliance[joint] * 8000.0);
         (joint, law)
     };
     let laws = [law(1, 0.06), law(2, -0.04), law(4, 0.02)];
@@ -104,7 +99,7 @@ fn one_law() {
     assert!(chain.rest(q, &Load::force(0.0, 0.0, -9000.0)).is_err());
 }
 
-/// A law that is told needs no actuators, but for a dead band, of which the check says so.
+/// A law that is told needs no actuators.
 #[test]
 fn robots_without_actuators_have_laws() {
     let text = scenario_text("ur10");
@@ -114,12 +109,6 @@ fn robots_without_actuators_have_laws() {
         format!("{head}{plan}[[true_robot.torque_law]]\njoints = [\"elbow\"]\n{text}\n")
     };
     assert_accounted_for(&study(&law("stiffens_at_mrad = 60")));
-    let place = Workplace::new();
-    place.write("s.toml", law("dead_band_mrad = 0.1"));
-    let said = place.run("check s.toml").ends_with(1).stderr;
-    for part in ["true_robot.torque_law", "no actuator", "stiffens_at"] {
-        assert!(said.contains(part), "{part}: {said}");
-    }
 }
 
 /// Wrong entries are named with their key and what is allowed.

@@ -1,4 +1,4 @@
-//! Joints of the virtual robot that are no springs: they stiffen, soften, or have a dead band.
+//! Joints of the virtual robot that are no springs: they stiffen or soften.
 
 use elastocal::robot::{Kinematics, Load};
 use elastocal::scenario::Scenario;
@@ -8,12 +8,7 @@ use serde_json::Value;
 use crate::support::{Workplace, table4};
 use crate::uncertainties::{expected_mm, loaded, study, with};
 
-const LAWS: &str = "[[true_robot.torque_law]]\njoints = [\"joint_2\"]\nstiffens_at_mrad = 2\n\
-                    [[true_robot.torque_law]]\njoints = [\"joint_3\"]\ndead_band_mrad = 0.05\nsoftens_at_mrad = 20\n\
-                    [[true_robot.torque_law]]\njoints = [\"joint_5\"]\ndead_band_mrad = 0.1\n";
-
-/// Without a dead band, where the chain's own equations find the rest.
-const SMOOTH: &str = "[[true_robot.torque_law]]\njoints = [\"joint_2\", \"joint_4\"]\nstiffens_at_mrad = 2\n\
+const LAWS: &str = "[[true_robot.torque_law]]\njoints = [\"joint_2\", \"joint_4\"]\nstiffens_at_mrad = 2\n\
                       [[true_robot.torque_law]]\njoints = [\"joint_3\"]\nsoftens_at_mrad = 20\n";
 
 fn number(plan: &Value, key: &str) -> f64 {
@@ -38,13 +33,7 @@ fn rest(scenario: &Scenario, load: &Load, experiment: usize) -> (Vec<f64>, f64) 
 /// Where it rests each joint holds the torque of weight and load by its law, and MuJoCo's forces balance there, too.
 #[test]
 fn joints_hold_by_their_laws() {
-    for laws in [LAWS, SMOOTH] {
-        assert_held_by(laws);
-    }
-}
-
-fn assert_held_by(laws: &str) {
-    let scenario = loaded(&with(laws, "robot", 64));
+    let scenario = loaded(&with(LAWS, "robot", 64));
     let belief = &scenario.task.belief;
     for experiment in 0..3 {
         for load in [Load::NONE, table4(3).experiments[0].load] {
@@ -111,22 +100,6 @@ fn laws_break_predictions_as_computed() {
     }
 }
 
-/// A joint that neither weight nor load turns rests anywhere within its dead band: several equilibria are named.
-#[test]
-fn several_equilibria_are_named() {
-    let law = "[[true_robot.torque_law]]\njoints = [\"joint_1\"]\ndead_band_mrad = 0.1\n";
-    let place = Workplace::new();
-    place.write("s.toml", with(law, "robot", 64));
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
-    let outcome = place.run(&format!("measure s.toml --quiet --plan {}", plan.display()));
-    let said = outcome.ends_with(1).stderr;
-    assert!(
-        said.contains("joint \"joint_1\" rests anywhere within its dead band"),
-        "{said}"
-    );
-    assert!(said.contains("experiment 1, unloaded"), "{said}");
-}
-
 #[test]
 fn wrong_entries() {
     let of = |joints: &str, more: &str| {
@@ -134,14 +107,14 @@ fn wrong_entries() {
     };
     for (text, key, says) in [
         (
-            of("\"joint_9\"", "dead_band_mrad = 1"),
+            of("\"joint_9\"", "stiffens_at_mrad = 1"),
             "true_robot.torque_law[0].joints",
             "the robot's joints are: joint_1",
         ),
-        (of("", "dead_band_mrad = 1"), "joints", "is empty"),
+        (of("", "stiffens_at_mrad = 1"), "joints", "is empty"),
         (
-            of("\"joint_2\"", "dead_band_mrad = -1"),
-            "true_robot.torque_law[0].dead_band_mrad",
+            of("\"joint_2\"", "stiffens_at_mrad = -1"),
+            "true_robot.torque_law[0].stiffens_at_mrad",
             "-1",
         ),
         (
@@ -160,17 +133,17 @@ fn wrong_entries() {
             "says nothing",
         ),
         (
-            of("\"joint_2\", \"joint_2\"", "dead_band_mrad = 1"),
+            of("\"joint_2\", \"joint_2\"", "stiffens_at_mrad = 1"),
             "joints",
             "twice",
         ),
         (
-            of("\"joint_2\"", "dead_band = 1"),
+            of("\"joint_2\"", "dead_band_mrad = 1"),
             "torque_law",
             "unknown field",
         ),
         (
-            of("\"joint_2\"", "dead_band_mrad = 1")
+            of("\"joint_2\"", "stiffens_at_mrad = 1")
                 + "[true_robot]\ncompliance_rad_per_nm = [0, 0, 0, 0, 0, 0]\n",
             "true_robot.torque_law[0].joints",
             "joint_2 is rigid",

@@ -75,13 +75,6 @@ impl Model {
         urdf::written(self, calibration, folder)
     }
 
-    /// MuJoCo's identifiers of the chain's joints: of those that are not locked.
-    pub(super) fn chain_joints(&self) -> Vec<usize> {
-        (0..self.joints())
-            .filter(|&joint| self.locked_at(joint).is_none())
-            .collect()
-    }
-
     /// The error for a file that cannot be written again with other numbers.
     fn not_written(&self, problem: impl Into<String>) -> FileError {
         let problem = problem.into();

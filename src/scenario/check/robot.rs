@@ -237,7 +237,6 @@ impl Checker<'_> {
         let laws = table.map_or(&[][..], |table| &table.torque_law);
         let compliance = &robot.compliance_rad_per_nm;
         robot.torque_laws = self.torque_laws(laws, &nominal.chain, compliance)?;
-        self.dead_bands_are_held(&robot, &nominal.chain)?;
         Ok(robot)
     }
 
@@ -266,13 +265,11 @@ impl Checker<'_> {
             is_passive: joint.drive.passive_at.is_some(),
         });
         let joints: Vec<KnownJoint> = joints.collect();
-        let robot = match own {
-            Ok(_) => {
-                let chain = self.serial_chain(key, &model)?;
-                TrueRobot::of_other_chain(model, &joints, chain)
-            }
-            Err(reason) => TrueRobot::of_model(model, &joints, reason.to_string()),
+        let chain = match own {
+            Ok(_) => Ok(self.serial_chain(key, &model)?),
+            Err(reason) => Err(reason.to_string()),
         };
+        let robot = TrueRobot::of_model(model, &joints, chain);
         let robot = robot.map_err(|error| match error.code {
             ErrorCode::ModelName => self.wrong(key, error.to_string()).hint(
                 "the virtual robot may have more joints than the planner's model, but needs each of that model's by its name",

@@ -5,7 +5,7 @@ use super::number::names_of;
 use crate::files::FileError;
 use crate::mujoco::TorqueLaw;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
-use crate::robot::{SerialChain, TrueRobot};
+use crate::robot::SerialChain;
 use crate::scenario::file::TorqueLawTable;
 
 impl Checker<'_> {
@@ -48,31 +48,6 @@ impl Checker<'_> {
         Ok(laws)
     }
 
-    /// Within dead bands the balance of all of MuJoCo's forces says where joints stand: of actuators among them.
-    pub(super) fn dead_bands_are_held(
-        &self,
-        robot: &TrueRobot,
-        chain: &SerialChain,
-    ) -> Result<(), FileError> {
-        if robot
-            .torque_laws
-            .iter()
-            .all(|(_, law)| law.dead_band == 0.0)
-        {
-            return Ok(());
-        }
-        for index in chain.commanded() {
-            let held =
-                robot.joints[index].map_or(Ok(()), |joint| robot.model.check_commanded(joint));
-            if let Err(error) = held {
-                let wrong = self.wrong("true_robot.torque_law", error.to_string());
-                let hint = "a dead band needs a model with position actuators; stiffens_at and softens_at do not";
-                return Err(wrong.hint(hint));
-            }
-        }
-        Ok(())
-    }
-
     /// The law of one joint, with the unit of its coordinate.
     fn torque_law(
         &self,
@@ -85,36 +60,25 @@ impl Checker<'_> {
         } else {
             (&ROTATION_DEVIATION, "mrad")
         };
-        let mut given = [None; 3];
-        for (place, of, unit, value) in [
-            (0, "dead_band", "mrad", table.dead_band_mrad),
-            (0, "dead_band", "mm", table.dead_band_mm),
-            (1, "stiffens_at", "mrad", table.stiffens_at_mrad),
-            (1, "stiffens_at", "mm", table.stiffens_at_mm),
-            (2, "softens_at", "mrad", table.softens_at_mrad),
-            (2, "softens_at", "mm", table.softens_at_mm),
+        let mut law = None;
+        for (of, sign, unit, value) in [
+            ("stiffens_at", 1.0, "mrad", table.stiffens_at_mrad),
+            ("stiffens_at", 1.0, "mm", table.stiffens_at_mm),
+            ("softens_at", -1.0, "mrad", table.softens_at_mrad),
+            ("softens_at", -1.0, "mm", table.softens_at_mm),
         ] {
-            if let Some(value) = value {
-                let key = format!("{key}.{of}_{unit}");
-                self.check_unit(&key, (name, slides), [unit, "mrad"])?;
-                given[place] = Some(self.number(&key, value, kind)? * 1e-3);
+            let Some(value) = value else { continue };
+            let key = format!("{key}.{of}_{unit}");
+            self.check_unit(&key, (name, slides), [unit, "mrad"])?;
+            if law.is_some() {
+                return Err(self.wrong(&key, "a joint either stiffens or softens"));
             }
+            let at = self.number(&key, value, kind)? * 1e-3;
+            law = Some(TorqueLaw::of_share(sign, at));
         }
-        let [dead_band, stiffens_at, softens_at] = given;
-        if stiffens_at.is_some() && softens_at.is_some() {
-            let problem = "a joint either stiffens or softens";
-            return Err(self.wrong(&format!("{key}.softens_at_{own}"), problem));
-        }
-        if given.iter().all(Option::is_none) {
-            let problem = format!(
-                "says nothing: give dead_band_{own}, stiffens_at_{own} or softens_at_{own}"
-            );
-            return Err(self.wrong(key, problem));
-        }
-        Ok(TorqueLaw {
-            dead_band: dead_band.unwrap_or(0.0),
-            stiffens_at,
-            softens_at,
+        law.ok_or_else(|| {
+            let problem = format!("says nothing: give stiffens_at_{own} or softens_at_{own}");
+            self.wrong(key, problem)
         })
     }
 }

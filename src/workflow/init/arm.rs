@@ -1,6 +1,5 @@
 //! Which joints of a model are the arm, and which are locked beside it.
 
-use super::ends::is_end;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::mujoco::Model;
@@ -98,52 +97,23 @@ fn way_to(model: &Model, mut body: usize) -> Vec<usize> {
 
 /// Words in the names of grippers' joints. The body that carries a jaw may be called so as well.
 const GRIPPERS: [&str; 4] = ["grip", "jaw", "finger", "claw"];
-/// A jaw opens from where it is closed: its range goes so much further to one side, by a share of it.
-const ONE_SIDED: f64 = 0.15;
-/// A jaw opens no further than this (rad, m).
-const JAW_OPENS: [f64; 2] = [2.1, 0.2];
-/// What a jaw weighs, at most, of what carries it.
-const JAW_WEIGHS: f64 = 0.6;
 
-/// The way to the arm's hand, where the longest one goes on to a single moving jaw.
+/// The way to the arm's hand, where the longest one goes on to a single moving jaw that is called so.
 fn without_jaw(model: &Model, mut bodies: Vec<usize>) -> Vec<usize> {
-    let count = |bodies: &[usize]| -> usize {
-        bodies
+    let is_jaw = |joint| {
+        let name = model.joint_name(joint).to_lowercase();
+        GRIPPERS.iter().any(|word| name.contains(word))
+    };
+    if let Some((&last, before)) = bodies.split_last() {
+        let joints: usize = before
             .iter()
             .map(|&body| model.joints_of(body).count())
-            .sum()
-    };
-    if let Some((&last, before)) = bodies.split_last()
-        && count(before) >= ARM
-        && model
-            .joints_of(last)
-            .all(|joint| is_jaw(model, last, joint))
-    {
-        bodies.pop();
+            .sum();
+        if joints >= ARM && model.joints_of(last).all(is_jaw) {
+            bodies.pop();
+        }
     }
     bodies
-}
-
-/// Whether the last joint of a way moves a jaw: it is called so, or it opens to one side alone and moves less than what carries
-/// it, beyond a frame that is called an arm's end.
-fn is_jaw(model: &Model, body: usize, joint: usize) -> bool {
-    let parent = model.parent(body);
-    let name = model.joint_name(joint).to_lowercase();
-    if GRIPPERS.iter().any(|word| name.contains(word)) {
-        return true;
-    }
-    let [low, high] = model.joint_range(joint);
-    let width = high - low;
-    let is_one_sided = low.abs().min(high.abs()) <= ONE_SIDED * width || low * high > 0.0;
-    let opens = JAW_OPENS[usize::from(model.is_slide(joint))];
-    let is_light = model.mass(body).0 < JAW_WEIGHS * model.mass(parent).0;
-    let ends = |of: usize| {
-        let sites = model.named_sites().into_iter();
-        sites
-            .filter(|(_, body)| *body == of)
-            .any(|(name, _)| is_end(&name))
-    };
-    is_one_sided && width <= opens && is_light && ends(parent) && !ends(body)
 }
 
 /// The bodies along the longest series of joints.

@@ -13,11 +13,6 @@ const ENDS: [&str; 9] = [
     "hand",
 ];
 
-/// Whether a name is one of an arm's end.
-pub(super) fn is_end(name: &str) -> bool {
-    called_end(std::iter::once((0, &name.to_owned()))).is_some()
-}
-
 /// The first of the names that is called as ends of arms are.
 pub(super) fn called_end<'a>(names: impl Iterator<Item = (usize, &'a String)>) -> Option<usize> {
     let names: Vec<(usize, &String)> = names.collect();

@@ -6,8 +6,7 @@ use super::SCHEMA_FILE;
 use super::arm::FoundArm;
 use super::pose::{CLEARANCE_M, Tried};
 use super::tools::Tools;
-use crate::robot::Commands;
-use crate::text::wording::counted;
+use crate::robot::{Commands, Joint};
 
 /// A joint may turn by so much (rad) under its largest torque where its stiffness is guessed ...
 const TURN_RAD: f64 = 2e-3;
@@ -218,24 +217,23 @@ fn region(tried: &Tried) -> String {
 /// The joints' stiffnesses: the model's, unless they are missing or a simulation's.
 fn stiffness(arm: &FoundArm, tried: &Tried, load_n: f64) -> Stiffness {
     let joints = &arm.chain.joints;
-    let reason = if joints
+    let own = |joint: &Joint| joint.model_compliance_rad_per_nm.unwrap_or_default();
+    let has_none = |joint: &Joint| joint.model_compliance_rad_per_nm.is_none();
+    let turns = joints
         .iter()
-        .any(|joint| joint.model_compliance_rad_per_nm.is_none())
-    {
+        .zip(&tried.most)
+        .map(|(joint, most)| (joint, own(joint) * most[0]));
+    let sags = |(joint, by): &(&Joint, f64)| !joint.drive.slides && *by > SAG_RAD;
+    let reason = if joints.iter().any(has_none) {
         "the model has no position actuators, whose gain would be the stiffness".to_owned()
+    } else if let Some((joint, by)) = turns.clone().find(sags) {
+        format!(
+            "with the model's gains the own weight turns {} by up to {:.1} deg, a simulation's stiffness and no robot's",
+            one_line(&joint.name),
+            by.to_degrees()
+        )
     } else {
-        let sags = joints.iter().zip(&tried.most).find(|(joint, most)| {
-            !joint.drive.slides
-                && joint.model_compliance_rad_per_nm.unwrap_or_default() * most[0] > SAG_RAD
-        });
-        match sags {
-            None => return Stiffness::Model,
-            Some((joint, most)) => format!(
-                "with the model's gains the own weight turns {} by up to {:.1} deg, a simulation's stiffness and no robot's",
-                one_line(&joint.name),
-                (joint.model_compliance_rad_per_nm.unwrap_or_default() * most[0]).to_degrees()
-            ),
-        }
+        return Stiffness::Model;
     };
     let guess = joints.iter().zip(&tried.most).map(|(joint, most)| {
         let torque = (most[0] + most[1] * load_n).max(f64::MIN_POSITIVE);
@@ -245,7 +243,7 @@ fn stiffness(arm: &FoundArm, tried: &Tried, load_n: f64) -> Stiffness {
             TURN_RAD
         };
         match joint.drive.passive_at {
-            Some(_) => joint.model_compliance_rad_per_nm.unwrap_or_default(),
+            Some(_) => own(joint),
             None => two_digits((turn / torque).clamp(1e-9, 5e-4)),
         }
     });
@@ -263,63 +261,37 @@ fn load_n(arm: &FoundArm) -> f64 {
 
 /// What is in the model, in sentences.
 fn found(arm: &FoundArm, tools: &Tools, tried: &Tried) -> Vec<String> {
-    let mut found = Vec::new();
-    if !arm.locked.is_empty() {
-        let names: Vec<&str> = arm.locked.iter().map(|each| each.0.as_str()).collect();
-        found.push(format!(
-            "Joints beside the arm are locked: {}.",
-            names.join(", ")
-        ));
-    }
-    if let Some(reason) = &arm.actuators_ignored {
-        found.push(format!("The model's actuators do not count: {reason}."));
-    }
-    found.push(if tools.known.is_empty() {
-        "No site is on the last link: tools are mounted there by guess.".to_owned()
-    } else {
-        format!("Sites on the last link: {}.", tools.known.join(", "))
-    });
-    found.push(format!(
-        "{} in the model.",
-        counted(arm.model.actuators() as u64, "actuator")
-    ));
-    let masses: Vec<String> = (1..arm.model.bodies())
-        .filter(|&body| arm.model.joints_that_move(body) > 0 && arm.model.mass(body).0 > 0.0)
-        .map(|body| {
-            format!(
-                "{} {:.3}",
-                arm.model.body_name(body),
-                arm.model.mass(body).0
-            )
-        })
+    let joints = arm.chain.joints.iter();
+    let named = |is_meant: &dyn Fn(&&Joint) -> bool| {
+        let names = joints
+            .clone()
+            .filter(is_meant)
+            .map(|joint| joint.name.clone());
+        names.collect::<Vec<_>>()
+    };
+    let weightless = named(&|joint| joint.mass_kg < 1e-3 && joint.drive.passive_at.is_none());
+    let endless =
+        named(&|joint| joint.drive.slides && joint.range_rad[1] - joint.range_rad[0] > 6.0);
+    let locked = arm.locked.iter().map(|each| each.0.clone()).collect();
+    let lists = [
+        ("Joints beside the arm are locked", locked),
+        (
+            "The model's actuators do not count",
+            arm.actuators_ignored.clone().into_iter().collect(),
+        ),
+        ("Sites on the last link", tools.known.clone()),
+        (
+            "Implausible: nothing weighs that these joints move by themselves",
+            weightless,
+        ),
+        ("Implausible: slides without a range", endless),
+    ];
+    let lists = lists.into_iter().filter(|(_, names)| !names.is_empty());
+    let mut found: Vec<String> = lists
+        .map(|(what, names)| format!("{what}: {}.", names.join(", ")))
         .collect();
-    found.push(format!(
-        "Moving masses [kg]: {}.",
-        if masses.is_empty() {
-            "none".to_owned()
-        } else {
-            masses.join(", ")
-        }
-    ));
-    let weightless: Vec<&str> = (arm.chain.joints.iter())
-        .filter(|joint| joint.mass_kg < 1e-3 && joint.drive.passive_at.is_none())
-        .map(|joint| joint.name.as_str())
-        .collect();
-    if !weightless.is_empty() {
-        found.push(format!(
-            "Implausible: nothing weighs that these joints move by themselves: {}.",
-            weightless.join(", ")
-        ));
-    }
-    let endless: Vec<&str> = (arm.chain.joints.iter())
-        .filter(|joint| joint.drive.slides && joint.range_rad[1] - joint.range_rad[0] > 6.0)
-        .map(|joint| joint.name.as_str())
-        .collect();
-    if !endless.is_empty() {
-        found.push(format!(
-            "Implausible: slides without a range: {}.",
-            endless.join(", ")
-        ));
+    if tools.known.is_empty() {
+        found.push("No site is on the last link: tools are mounted there by guess.".to_owned());
     }
     if let Some((share, [one, other])) = &tried.free
         && *share < FREE

@@ -443,7 +443,6 @@ level = "instrument"
 const TORQUE_LAWS: &str = r#"
 [[true_robot.torque_law]]
 joints = ["joint_2"]
-dead_band_mrad = 0.02
 stiffens_at_mrad = 20
 
 [[true_robot.torque_law]]
