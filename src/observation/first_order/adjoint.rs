@@ -68,12 +68,7 @@ impl FirstOrder<'_> {
                 Column::LoadOffset => of_unit += b,
                 Column::Turned(axis) => of_deflection += b.cross(&axis),
                 // The first two have no gradient here, see [`FirstOrder::has_gradient`]; the others do not change.
-                Column::OffSpring(_)
-                | Column::Wave(_)
-                | Column::TaskScale
-                | Column::TaskForce(_)
-                | Column::Seen(_)
-                | Column::Silent => {}
+                Column::OffSpring(_) | Column::Wave(_) | Column::Other(_) => {}
             }
         }
         let along = Load {
