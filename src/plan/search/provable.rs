@@ -42,12 +42,14 @@ impl ProvableTask {
 
     /// Whether a problem is about such a task itself.
     pub fn is_itself(problem: &Problem<'_>) -> bool {
-        (problem.extended()).is_none_or(|extended| is_provable(problem.task, extended))
+        problem
+            .extended
+            .is_none_or(|extended| is_provable(problem.task, extended))
     }
 
     /// Why none of a problem can be proved as it is.
     pub fn refusal(problem: &Problem<'_>) -> NoProof {
-        match problem.extended() {
+        match problem.extended {
             Some(extended) if !is_alike(extended) => NoProof::RestsElsewhere,
             _ => NoProof::Uncertain,
         }
@@ -57,7 +59,7 @@ impl ProvableTask {
     /// not, with what is known of them, and so does, in the first, what the covariance of readings can be told of.
     pub fn simpler(problem: &Problem<'_>) -> Vec<Self> {
         let task = problem.task;
-        let Some(extended) = problem.extended().filter(|extended| is_alike(extended)) else {
+        let Some(extended) = problem.extended.filter(|extended| is_alike(extended)) else {
             return Vec::new();
         };
         let mut parameters = parameters_left_out(extended);
