@@ -355,9 +355,10 @@ impl<'a> FirstOrder<'a> {
             .sum()
     }
 
-    /// Whether its gradients are closed: those of what stands off springs and of gears' waves come from differences.
-    pub const fn has_gradient(&self) -> bool {
-        self.off_springs.is_empty() && self.waves.is_empty()
+    /// Whether its gradients are closed: those of what stands off springs and of gears' errors come from differences.
+    pub fn has_gradient(&self) -> bool {
+        let err = |source: &ReadingSource| matches!(source, ReadingSource::TransmissionError(_));
+        self.off_springs.is_empty() && self.waves.is_empty() && !self.sources.iter().any(err)
     }
 
     /// A joint that stands off its spring, and its shape with a load and without it.

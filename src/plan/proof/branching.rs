@@ -177,8 +177,15 @@ fn climb(
             let shares: Vec<Share> = taken
                 .par_chunks(taken.len().div_ceil(SHARES))
                 .map_init(
-                    || Workspaces::new(tasks),
-                    |workspaces, taken| share(tasks, workspaces, taken, thresholds, records),
+                    || {
+                        tasks
+                            .iter()
+                            .map(|task| ModelWorkspace::new(task.variables()))
+                            .collect()
+                    },
+                    |rooms: &mut Vec<ModelWorkspace>, taken| {
+                        share(tasks, rooms, taken, thresholds, records)
+                    },
                 )
                 .collect();
             for share in shares {
@@ -246,25 +253,11 @@ pub(super) fn tasks(question: &Question) -> Option<Vec<ProofTask<'_>>> {
         .collect()
 }
 
-/// Rooms of the tasks, which differ in their number of variables.
-struct Workspaces(Vec<ModelWorkspace>);
-
-impl Workspaces {
-    fn new(tasks: &[ProofTask<'_>]) -> Self {
-        Self(
-            tasks
-                .iter()
-                .map(|task| ModelWorkspace::new(task.variables()))
-                .collect(),
-        )
-    }
-}
-
 /// One thread's share: depth first. `thresholds` are where boxes may be forgotten, and where they need not be
 /// halved for now.
 fn share(
     tasks: &[ProofTask<'_>],
-    workspaces: &mut Workspaces,
+    rooms: &mut [ModelWorkspace],
     taken: &[(usize, Cell)],
     [forget, keep]: [f64; 2],
     records: bool,
@@ -289,13 +282,7 @@ fn share(
                 used += 1;
             }
         }
-        let judgements = judge(
-            &tasks[index],
-            &mut workspaces.0[index],
-            &cells,
-            used,
-            forget,
-        );
+        let judgements = judge(&tasks[index], &mut rooms[index], &cells, used, forget);
         looks += used;
         for (cell, judgement) in cells.into_iter().zip(judgements) {
             let Judgement { largest, halve, .. } = judgement;
