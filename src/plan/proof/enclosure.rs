@@ -172,7 +172,7 @@ impl<'a> ProofTask<'a> {
             }
             LoadCase::Any(size) => {
                 let (form, spread) = self.form(workspace, &levers, size);
-                turned_form(workspace, &form, threshold, spread)
+                turned_form(workspace, &form, threshold, &spread)
             }
         };
         let mut margins = Vec::new();

@@ -35,7 +35,7 @@ pub(super) fn turned_form(
     workspace: &mut ModelWorkspace,
     form: &[TaylorModel; 6],
     threshold: f64,
-    spread: [Lanes; VARIABLES],
+    spread: &[Lanes; VARIABLES],
 ) -> Turned {
     let mut vectors = [[[0.0; LANES]; 3]; 3];
     let mut at_centre = [f64::NEG_INFINITY; LANES];
@@ -100,7 +100,7 @@ pub(super) fn turned_form(
         model,
         is_valid,
         at_centre: Some(at_centre),
-        spread,
+        spread: *spread,
     }
 }
 
