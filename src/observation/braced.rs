@@ -29,10 +29,9 @@ pub(super) struct BracedArm {
     pub state: KinematicState,
 }
 
-/// A change of column n of J~, position and rotation rows, is worth so much.
-#[derive(Debug, Clone, Copy)]
+/// A change of a joint's column of a Jacobian, position and rotation rows, is worth so much.
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ColumnWorth {
-    pub joint: usize,
     pub position: Vector3<f64>,
     pub rotation: Vector3<f64>,
 }
@@ -50,7 +49,7 @@ impl BracedArm {
         })
     }
 
-    /// Adds what changes of J~ with the joints are worth to `gradient`. From
+    /// Makes what changes of J~ are worth that of changes of J, and adds what those of the springs are worth to `gradient`. From
     ///
     /// ```text
     /// dJ~ = dJ M - J~ k dS M
@@ -58,43 +57,31 @@ impl BracedArm {
     ///
     /// a change of J is worth H = G M^T where one of J~ is worth G, and one of the springs' stiffness S costs
     /// `k_a` (`H_b` . `J~_a`) in row a and column b. J's change is known (see
-    /// [`ComplianceRows::pull_back`](super::compliances::ComplianceRows::pull_back)), that of S, which few joints have a
+    /// [`ComplianceRows::pull_back`](super::compliances::ComplianceRows::pull_back)); that of S, which few joints have a
     /// part in, comes from differences.
     pub fn pull_back(
         &self,
         arm: BareArm<'_>,
         plain: &KinematicState,
-        worth: &[ColumnWorth],
+        worth: &mut [ColumnWorth],
         gradient: &mut [f64],
     ) {
         let joints = plain.joints();
         let of_joint = |joint: usize| {
-            let mut sums = [Vector3::zeros(); 2];
-            for each in worth {
-                let share = self.mobility[(joint, each.joint)];
-                sums[0] += each.position * share;
-                sums[1] += each.rotation * share;
+            let mut sum = ColumnWorth::default();
+            for (other, each) in worth.iter().enumerate() {
+                let share = self.mobility[(joint, other)];
+                sum.position += each.position * share;
+                sum.rotation += each.rotation * share;
             }
-            sums
+            sum
         };
-        let worth: Vec<[Vector3<f64>; 2]> = (0..joints).map(of_joint).collect();
-        let adjoint = |joint: usize| {
-            let [moved, turned] = &worth[joint];
-            plain.position_column(joint).cross(moved) + plain.rotation_column(joint).cross(turned)
-        };
-        let mut outer: Vector3<f64> = (0..joints).map(adjoint).sum();
-        let mut inner = Vector3::zeros();
-        for (joint, slope) in gradient.iter_mut().enumerate().take(joints) {
-            let (column, axis) = (plain.position_column(joint), plain.rotation_column(joint));
-            *slope += axis.dot(&outer) + column.dot(&inner);
-            outer -= adjoint(joint);
-            inner += worth[joint][0].cross(&axis);
-        }
+        let of_columns: Vec<ColumnWorth> = (0..joints).map(of_joint).collect();
+        worth.copy_from_slice(&of_columns);
         let cost = DMatrix::from_fn(joints, joints, |row, column| {
-            let [moved, turned] = &worth[column];
             arm.compliance_rad_per_nm[row]
-                * (moved.dot(&self.state.position_column(row))
-                    + turned.dot(&self.state.rotation_column(row)))
+                * (worth[column].position.dot(&self.state.position_column(row))
+                    + worth[column].rotation.dot(&self.state.rotation_column(row)))
         });
         let mut state = plain.clone();
         let mut q = self.q.clone();

@@ -65,13 +65,10 @@ pub struct ComplianceRows<'a> {
     arm: BareArm<'a>,
     columns: ComplianceColumns,
     sizes: Vec<f64>,
-    /// The compliances by ascending joints.
-    order: Vec<usize>,
     /// The arm where springs beside the joints' own brace it.
     braced: Option<Box<BracedArm>>,
-    /// What multiplies the derivatives of the columns, one for each compliance.
-    adjoint: Vec<Vector3<f64>>,
-    twist: Vec<Vector3<f64>>,
+    /// Room for what changes of the Jacobian's columns are worth.
+    worth: Vec<ColumnWorth>,
 }
 
 impl<'a> ComplianceRows<'a> {
@@ -82,17 +79,12 @@ impl<'a> ComplianceRows<'a> {
         sizes: &[f64],
         precision: DeflectionPrecision,
     ) -> Self {
-        let count = joints.len();
-        let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by_key(|&index| joints[index]);
         Self {
+            worth: vec![ColumnWorth::default(); arm.chain.len()],
             arm,
             columns: ComplianceColumns::new(joints, sizes, precision),
             sizes: sizes.to_vec(),
-            order,
             braced: None,
-            adjoint: vec![Vector3::zeros(); count],
-            twist: vec![Vector3::zeros(); count],
         }
     }
 
@@ -190,63 +182,26 @@ impl<'a> ComplianceRows<'a> {
         factor: &Matrix3xX<f64>,
         gradient: &mut [f64],
     ) {
+        let mut worth = std::mem::take(&mut self.worth);
+        self.weigh(self.seen(state), load, factor, &mut worth);
         if let Some(braced) = &self.braced {
-            let worth = self.worth_of_columns(&braced.state, load, factor);
-            braced.pull_back(self.arm, state, &worth, gradient);
-            return;
+            braced.pull_back(self.arm, state, &mut worth, gradient);
         }
-        let ComplianceColumns {
-            joints,
-            scale,
-            rotation_scale,
-        } = &self.columns;
-        for (index, &joint) in joints.iter().enumerate() {
-            let b = factor.column(index) * scale[index];
-            let column = state.position_column(joint);
-            let along = b.dot(&column);
-            let v = b * state.load_torque(joint, load) + load.force_n * along;
-            let axis = state.rotation_column(joint);
-            self.adjoint[index] = column.cross(&v) + axis.cross(&load.torque_nm) * along;
-            self.twist[index] = v.cross(&axis);
-        }
-        if let Some(scale) = rotation_scale {
-            for (index, &joint) in joints.iter().enumerate() {
-                let column = state.position_column(joint);
-                let axis = state.rotation_column(joint);
-                let c = factor.column(scale.len() + index) * scale[index];
-                let along = c.dot(&axis);
-                let v = load.force_n * along;
-                let of_axis = c * state.load_torque(joint, load) + load.torque_nm * along;
-                self.adjoint[index] += column.cross(&v) + axis.cross(&of_axis);
-                self.twist[index] += v.cross(&axis);
-            }
-        }
-        let mut index = 0;
-        let mut outer: Vector3<f64> = self.adjoint.iter().sum();
-        let mut inner = Vector3::zeros();
-        for (joint, slope) in gradient.iter_mut().enumerate().take(state.joints()) {
-            *slope +=
-                state.rotation_column(joint).dot(&outer) + state.position_column(joint).dot(&inner);
-            if let Some(&next) = self.order.get(index)
-                && joints[next] == joint
-            {
-                outer -= self.adjoint[next];
-                inner += self.twist[next];
-                index += 1;
-            }
-        }
+        sweep(state, &mut worth, gradient);
+        self.worth = worth;
     }
 
-    /// What a change of each compliance's column of a Jacobian is worth in sum(B * A): `v_n`, and what stands
-    /// beside `z_n` in the first sum.
-    fn worth_of_columns(
+    /// What changes of a Jacobian's columns are worth in sum(B * A): `v_n`, and what stands beside `z_n` in the first sum.
+    fn weigh(
         &self,
         state: &KinematicState,
         load: &Load,
         factor: &Matrix3xX<f64>,
-    ) -> Vec<ColumnWorth> {
+        worth: &mut [ColumnWorth],
+    ) {
+        worth.fill(ColumnWorth::default());
         let columns = &self.columns;
-        let worth = |(index, &joint): (usize, &usize)| {
+        for (index, &joint) in columns.joints.iter().enumerate() {
             let torque = state.load_torque(joint, load);
             let b = factor.column(index) * columns.scale[index];
             let mut along = b.dot(&state.position_column(joint));
@@ -256,13 +211,9 @@ impl<'a> ComplianceRows<'a> {
                 along += c.dot(&state.rotation_column(joint));
                 rotation = c * torque;
             }
-            ColumnWorth {
-                joint,
-                position: b * torque + load.force_n * along,
-                rotation: rotation + load.torque_nm * along,
-            }
-        };
-        columns.joints.iter().enumerate().map(worth).collect()
+            worth[joint].position += b * torque + load.force_n * along;
+            worth[joint].rotation += rotation + load.torque_nm * along;
+        }
     }
 
     /// The derivative of sum(B * A) with respect to the force F, whatever that is.
@@ -279,6 +230,25 @@ impl<'a> ComplianceRows<'a> {
                 column * weight
             })
             .sum()
+    }
+}
+
+/// Adds what turning each joint is worth by the columns of the Jacobian, which become their adjoints.
+fn sweep(state: &KinematicState, worth: &mut [ColumnWorth], gradient: &mut [f64]) {
+    let mut outer = Vector3::zeros();
+    for (joint, each) in worth.iter_mut().enumerate() {
+        let (column, axis) = (state.position_column(joint), state.rotation_column(joint));
+        let adjoint = column.cross(&each.position) + axis.cross(&each.rotation);
+        outer += adjoint;
+        // What is beyond the joint and turns with it, and what it carries.
+        (each.rotation, each.position) = (adjoint, each.position.cross(&axis));
+    }
+    let mut inner = Vector3::zeros();
+    for (joint, (slope, each)) in gradient.iter_mut().zip(worth).enumerate() {
+        *slope +=
+            state.rotation_column(joint).dot(&outer) + state.position_column(joint).dot(&inner);
+        outer -= each.rotation;
+        inner += each.position;
     }
 }
 

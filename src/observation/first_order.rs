@@ -48,14 +48,8 @@ enum Column {
     LoadOffset,
     /// The deflection turned about an axis.
     Turned(Vector3<f64>),
-    /// The deflection itself, at a test pose alone.
-    TaskScale,
-    /// The deflection under a force of 1 N along an axis, at a test pose alone.
-    TaskForce(Axis),
-    /// Seen as it is, along an axis.
-    Seen(Axis),
-    /// It does not show in a deflection to first order.
-    Silent,
+    /// Of nothing that moves the arm.
+    Other(ParameterKind),
 }
 
 /// A motion of all that is beyond a place of the chain.
@@ -237,20 +231,7 @@ impl<'a> FirstOrder<'a> {
                 ParameterKind::BaseRotation { station: 0, axis } => {
                     Column::Turned(Vector3::ith(axis.index(), 1.0))
                 }
-                ParameterKind::TaskScale => Column::TaskScale,
-                ParameterKind::TaskForce { axis } => Column::TaskForce(axis),
-                ParameterKind::Drift { axis } => Column::Seen(axis),
-                ParameterKind::ToolPosition { .. }
-                | ParameterKind::ToolRotation { .. }
-                | ParameterKind::BasePosition { .. }
-                | ParameterKind::BaseRotation { .. }
-                | ParameterKind::LinkMass { .. }
-                | ParameterKind::LinkCentre { .. }
-                | ParameterKind::PayloadMass
-                | ParameterKind::PayloadCentre { .. }
-                | ParameterKind::JointStiffening { .. }
-                | ParameterKind::SpringStiffness { .. }
-                | ParameterKind::SpringRest { .. } => Column::Silent,
+                kind => Column::Other(kind),
             })
             .collect();
         let factors =
@@ -374,9 +355,10 @@ impl<'a> FirstOrder<'a> {
             .sum()
     }
 
-    /// Whether its gradients are closed: those of what stands off springs and of gears' waves come from differences.
-    pub const fn has_gradient(&self) -> bool {
-        self.off_springs.is_empty() && self.waves.is_empty()
+    /// Whether its gradients are closed: those of what stands off springs and of gears' errors come from differences.
+    pub fn has_gradient(&self) -> bool {
+        let err = |source: &ReadingSource| matches!(source, ReadingSource::TransmissionError(_));
+        self.off_springs.is_empty() && self.waves.is_empty() && !self.sources.iter().any(err)
     }
 
     /// A joint that stands off its spring, and its shape with a load and without it.
@@ -430,8 +412,8 @@ impl<'a> FirstOrder<'a> {
                 Column::LoadScale => deflection,
                 Column::LoadOffset => self.deflection(&along),
                 Column::Turned(axis) => axis.cross(&deflection),
-                Column::Seen(axis) => Vector3::ith(axis.index(), 1.0),
-                Column::TaskScale | Column::TaskForce(_) | Column::Silent => Vector3::zeros(),
+                Column::Other(ParameterKind::Drift { axis }) => Vector3::ith(axis.index(), 1.0),
+                Column::Other(_) => Vector3::zeros(),
             };
             matrix.set_column(index, &(value * *factor));
         }
@@ -463,16 +445,14 @@ impl<'a> FirstOrder<'a> {
                     self.torques_of_motion(joint, lever, load) * wave.at(angle)
                         + lever.position * (wave.at(angle - back) - wave.at(angle))
                 }
-                Column::TaskScale => self.deflection(load),
-                Column::TaskForce(axis) => self.deflection(&Load {
+                Column::Other(ParameterKind::TaskScale) => self.deflection(load),
+                Column::Other(ParameterKind::TaskForce { axis }) => self.deflection(&Load {
                     force_n: Vector3::ith(axis.index(), 1.0),
                     torque_nm: Vector3::zeros(),
                 }),
-                Column::LoadScale
-                | Column::LoadOffset
-                | Column::Turned(_)
-                | Column::Seen(_)
-                | Column::Silent => Vector3::zeros(),
+                Column::LoadScale | Column::LoadOffset | Column::Turned(_) | Column::Other(_) => {
+                    Vector3::zeros()
+                }
             };
             matrix.set_column(index, &(value * *factor));
         }

@@ -143,15 +143,16 @@ impl<'a> ObservedRows<'a> {
             source => {
                 let arm = self.bare();
                 arm.chain.at(arm.tool).update(&self.q, &mut work.state);
-                match source.covariance_of_positions(&work.state.tool_position) {
-                    Some(own) => of_positions(&own),
-                    None => {
+                let own = source.covariance_of_positions(&work.state.tool_position);
+                own.map_or_else(
+                    || {
                         let seen = work.state.clone().braced(arm.compliance_rad_per_nm);
                         let at_target = (load, &Vector3::zeros());
                         let columns = moved_by(source, arm, [&work.state, &seen], at_target);
                         columns.iter().map(|each| each * each.transpose()).sum()
-                    }
-                }
+                    },
+                    |own| of_positions(&own),
+                )
             }
         }
     }

@@ -252,47 +252,48 @@ impl<'a> PlannedReadings<'a> {
 
     /// The covariance of the readings of this configuration's experiments: loads, and how often they are measured.
     pub fn covariance_together(&mut self, experiments: &[(Load, u32)]) -> CovarianceTogether {
-        let precision = self.precision;
         let rows = self.rows();
-        let parts = precision.unloaded.shared_part();
-        let noise = precision.covariance();
-        let blocks = |one: &mut dyn FnMut(&mut Self, usize) -> Matrix6<f64>,
-                      between: &dyn Fn(&Self, usize, usize) -> Matrix6<f64>,
-                      model: &mut Self| {
-            let mut all = DMatrix::zeros(rows * experiments.len(), rows * experiments.len());
+        let together = |block: &mut dyn FnMut(usize, usize) -> Matrix6<f64>| {
+            let size = rows * experiments.len();
+            let mut all = DMatrix::zeros(size, size);
             for (row, &(_, repeats)) in experiments.iter().enumerate() {
                 for (column, &(_, others)) in experiments.iter().enumerate() {
-                    let block = if row == column {
-                        one(model, row)
-                    } else {
-                        between(model, row, column)
-                            * (f64::from(repeats) * f64::from(others)).sqrt()
-                    };
+                    let mut block = block(row, column);
+                    if row != column {
+                        block *= (f64::from(repeats) * f64::from(others)).sqrt();
+                    }
                     let mut place = all.view_mut((rows * row, rows * column), (rows, rows));
                     place.copy_from(&block.view((0, 0), (rows, rows)));
                 }
             }
             all
         };
-        let noise = blocks(
-            &mut |_, place| noise * counted_times(parts, f64::from(experiments[place].1)),
-            &|_, _, _| noise * parts,
-            self,
-        );
-        let sources: Vec<DMatrix<f64>> = (0..self.sources().len())
-            .map(|source| {
-                let mut one = |model: &mut Self, place: usize| {
-                    let (load, repeats) = &experiments[place];
-                    model.set_repeats(*repeats);
-                    model.covariance_of(source, load)
-                };
-                let between = |model: &Self, row: usize, column: usize| {
-                    model.covariance_between(source, [&experiments[row].0, &experiments[column].0])
-                };
-                blocks(&mut one, &between, self)
+        let part = self.precision.unloaded.shared_part();
+        let noise = self.precision.covariance();
+        let noise = together(&mut |row, column| {
+            let repeats = f64::from(experiments[row].1);
+            noise
+                * if row == column {
+                    counted_times(part, repeats)
+                } else {
+                    part
+                }
+        });
+        let sources = (0..self.sources().len()).map(|source| {
+            together(&mut |row, column| {
+                let (load, repeats) = &experiments[row];
+                if row == column {
+                    self.set_repeats(*repeats);
+                    self.covariance_of(source, load)
+                } else {
+                    self.covariance_between(source, [load, &experiments[column].0])
+                }
             })
-            .collect();
-        CovarianceTogether { noise, sources }
+        });
+        CovarianceTogether {
+            sources: sources.collect(),
+            noise,
+        }
     }
 
     /// The derivatives of the readings of this configuration's experiments, one below the other.
@@ -408,11 +409,7 @@ impl CovarianceTogether {
     /// By all.
     pub fn all(&self) -> DMatrix<f64> {
         let nothing = DMatrix::zeros(self.noise.nrows(), self.noise.ncols());
-        let of_sources = self
-            .sources
-            .iter()
-            .fold(nothing, |sum, source| sum + source);
-        &self.noise + of_sources
+        &self.noise + (self.sources.iter()).fold(nothing, |sum, source| sum + source)
     }
 
     /// Makes columns (of readings, one experiment's below the other's) those of whitened readings, each of as many as there are

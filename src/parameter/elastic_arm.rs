@@ -120,23 +120,18 @@ impl ElasticArm {
         let gaps = self.backlash.iter().zip(came);
         let is_weighed = (self.backlash.iter()).any(|gap| gap.turned_over_at_nm.is_some())
             || (self.stiffening.iter()).any(|each| each.at_nm.is_some());
-        if !is_weighed {
-            let side = |(gap, came): (&Backlash, bool)| gap.side(came, 0.0);
-            let leaning = |each| Leaning {
-                side: side(each),
-                gives: 0.0,
+        let state = is_weighed.then(|| {
+            let chain = match &self.payload {
+                Some(_) => Cow::Owned(self.loaded_chain()),
+                None => Cow::Borrowed(&self.chain),
             };
-            return gaps.map(leaning).collect();
-        }
-        let chain = if self.payload.is_some() {
-            Cow::Owned(self.loaded_chain())
-        } else {
-            Cow::Borrowed(&self.chain)
-        };
-        let state = chain.at(&self.tools[tool]).state(q);
+            chain.at(&self.tools[tool]).state(q)
+        });
         let leaning = |(joint, (gap, came)): (usize, (&Backlash, bool))| {
-            let torque =
-                state.load_torque(joint, load) + state.gravity_torque(joint, &chain.gravity_m_s2);
+            let torque = state.as_ref().map_or(0.0, |state| {
+                let gravity = &self.chain.gravity_m_s2;
+                state.load_torque(joint, load) + state.gravity_torque(joint, gravity)
+            });
             let compliance = self.compliance_rad_per_nm[joint];
             Leaning {
                 side: gap.side(came, torque),

@@ -298,13 +298,10 @@ impl ParameterKind {
     pub const fn level(self) -> SourceLevel {
         match self {
             Self::TaskScale | Self::TaskForce { .. } => SourceLevel::Task,
-            Self::ToolPosition { .. }
-            | Self::ToolRotation { .. }
-            | Self::BasePosition { .. }
-            | Self::BaseRotation { .. }
-            | Self::PayloadMass
-            | Self::PayloadCentre { .. }
-            | Self::Drift { .. } => SourceLevel::Campaign,
+            Self::PayloadMass | Self::PayloadCentre { .. } | Self::Drift { .. } => {
+                SourceLevel::Campaign
+            }
+            _ if self.is_mounted() => SourceLevel::Campaign,
             Self::LoadScale | Self::LoadOffset => SourceLevel::Instrument,
             _ => SourceLevel::Robot,
         }
@@ -460,13 +457,7 @@ impl ParameterKind {
 
     /// Whether it is the place of what users mount and set up: of a tool or of the base.
     pub const fn is_mounted(self) -> bool {
-        matches!(
-            self,
-            Self::ToolPosition { .. }
-                | Self::ToolRotation { .. }
-                | Self::BasePosition { .. }
-                | Self::BaseRotation { .. }
-        )
+        matches!(self.owner(), Owner::Tool(_) | Owner::Station(_))
     }
 
     /// Whether it is of what a joint stands off its spring by: its gap, or what it gives besides.

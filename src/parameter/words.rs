@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::kind::Owner;
 use super::{ElasticArm, ParameterKind, ParameterSet};
 
 /// Coefficients below this share of a direction's largest are left by rounding.
@@ -74,26 +75,14 @@ pub(super) fn stays_nominal(belief: &ElasticArm, set: &ParameterSet) -> Vec<Free
 
 /// Which parameter of a direction one leaves out first.
 fn keep(kind: ParameterKind) -> usize {
-    match kind {
-        ParameterKind::LinkPosition { .. } | ParameterKind::LinkRotation { .. } => 0,
-        ParameterKind::LoadScale
-        | ParameterKind::LoadOffset
-        | ParameterKind::TaskScale
-        | ParameterKind::TaskForce { .. }
-        | ParameterKind::Drift { .. } => 1,
-        ParameterKind::LinkMass { .. }
-        | ParameterKind::LinkCentre { .. }
-        | ParameterKind::PayloadMass
-        | ParameterKind::PayloadCentre { .. } => 2,
-        ParameterKind::JointZero { .. }
-        | ParameterKind::JointBacklash { .. }
-        | ParameterKind::JointStiffening { .. }
-        | ParameterKind::JointWave { .. }
-        | ParameterKind::SpringStiffness { .. }
-        | ParameterKind::SpringRest { .. } => 3,
-        ParameterKind::JointCompliance { .. } => 4,
-        ParameterKind::ToolPosition { .. } | ParameterKind::ToolRotation { .. } => 5,
-        ParameterKind::BasePosition { .. } | ParameterKind::BaseRotation { .. } => 6,
+    match kind.owner() {
+        _ if kind.is_of_mass() => 2,
+        Owner::Link(_) => 0,
+        Owner::Only => 1,
+        Owner::Joint(_) if matches!(kind, ParameterKind::JointCompliance { .. }) => 4,
+        Owner::Joint(_) | Owner::Spring(_) => 3,
+        Owner::Tool(_) => 5,
+        Owner::Station(_) => 6,
     }
 }
 
@@ -165,19 +154,18 @@ fn describe(
 ) -> Freedom {
     let is_structural = effects.is_none();
     let direction = set.in_units(relative) / set.parameters()[pivot].scale;
-    let others: Vec<usize> = match effects {
-        None => (0..set.len())
-            .filter(|&index| index != pivot && relative[index] != 0.0)
-            .collect(),
-        Some(effects) if effects[pivot] < UNSEEN => Vec::new(),
+    // What the others do, of which what does too little is not named.
+    let (effect, least) = match effects {
+        None => (relative.abs(), f64::MIN_POSITIVE),
+        Some(effects) if effects[pivot] < UNSEEN => (relative.abs(), f64::INFINITY),
         Some(effects) => {
             let effect = relative.component_mul(effects).abs();
             let least = MINOR * effect.max();
-            (0..set.len())
-                .filter(|&index| index != pivot && effect[index] >= least)
-                .collect()
+            (effect, least)
         }
     };
+    let others = (0..set.len()).filter(|&index| index != pivot && effect[index] >= least);
+    let others: Vec<usize> = others.collect();
     let words = |index: usize| set.parameters()[index].kind.words(belief);
     let sentence = match others.as_slice() {
         [] if is_structural => format!("{} cannot show in any reading", words(pivot)),
@@ -185,39 +173,26 @@ fn describe(
         &[other] if is_structural => {
             let is_product = set.parameters()[pivot].is_logarithmic;
             let same_unit = set.parameters()[pivot].unit() == set.parameters()[other].unit();
-            let what = match (direction[other], is_product) {
-                (ratio, false) if same_unit && (ratio + 1.0).abs() < 1e-6 => {
-                    "their sum is determined".to_owned()
-                }
-                (ratio, false) if same_unit && (ratio - 1.0).abs() < 1e-6 => {
-                    "their difference is determined".to_owned()
-                }
-                (ratio, true) if (ratio + 1.0).abs() < 1e-6 => {
-                    "their product is determined".to_owned()
-                }
-                _ => "one combination of them is determined".to_owned(),
+            let is = |ratio: f64| (direction[other] - ratio).abs() < 1e-6;
+            let what = match is_product {
+                false if same_unit && is(-1.0) => "their sum is determined",
+                false if same_unit && is(1.0) => "their difference is determined",
+                true if is(-1.0) => "their product is determined",
+                _ => "one combination of them is determined",
             };
-            format!(
-                "{} and {} cannot be separated: {what}",
-                words(pivot),
-                words(other)
-            )
+            let [pivot, other] = [pivot, other].map(words);
+            format!("{pivot} and {other} cannot be separated: {what}")
         }
         others => {
             let names: Vec<String> = others.iter().map(|&index| words(index)).collect();
             let list = and(&names);
+            let first = words(pivot);
             if is_product(set, pivot, others) {
-                format!(
-                    "{} and {list} cannot be separated: their products are determined",
-                    words(pivot)
-                )
+                format!("{first} and {list} cannot be separated: their products are determined")
             } else if is_structural {
-                format!("{} is redundant: {list} have the same effect", words(pivot))
+                format!("{first} is redundant: {list} have the same effect")
             } else {
-                format!(
-                    "{} is nearly redundant with {list} in these readings",
-                    words(pivot)
-                )
+                format!("{first} is nearly redundant with {list} in these readings")
             }
         }
     };

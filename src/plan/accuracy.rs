@@ -63,13 +63,11 @@ impl<'a> ExperimentModel<'a> {
 
     /// The readings that are planned, with derivatives by all unknowns in their units.
     fn readings(&self) -> PlannedReadings<'a> {
-        match self.uncertain {
-            Some(extended) => extended.readings_of_all(self.precision()),
-            None => {
-                let sizes = vec![1.0; self.parameters.len()];
-                PlannedReadings::of_compliances(self.arm, self.parameters, &sizes, self.precision())
-            }
+        if let Some(extended) = self.uncertain {
+            return extended.readings_of_all(self.precision());
         }
+        let sizes = vec![1.0; self.parameters.len()];
+        PlannedReadings::of_compliances(self.arm, self.parameters, &sizes, self.precision())
     }
 
     /// How precisely experiments are read.

@@ -37,9 +37,9 @@ pub struct Violation {
 
 impl Violation {
     /// What is wrong in words, without a number.
-    fn in_words(experiment: Option<usize>, what: &str, words: String) -> Self {
+    fn in_words(what: &str, words: String) -> Self {
         Self {
-            experiment,
+            experiment: None,
             what: what.to_owned(),
             found: f64::NAN,
             bound: f64::NAN,
@@ -48,10 +48,10 @@ impl Violation {
         }
     }
 
-    /// What is found of an experiment, with its bound in the same unit.
-    fn of_size(number: usize, what: String, found: f64, bound: f64, unit: &'static str) -> Self {
+    /// What is found, with its bound in the same unit.
+    fn of_size(what: String, [found, bound]: [f64; 2], unit: &'static str) -> Self {
         Self {
-            experiment: Some(number),
+            experiment: None,
             what,
             found,
             bound,
@@ -154,8 +154,8 @@ impl<'a> Feasibility<'a> {
     pub fn violations(&mut self, plan: &Plan) -> Vec<Violation> {
         let mandatory = &self.task.design.mandatory;
         let missing = plan.beside_mandatory(mandatory).err();
-        let missing = missing
-            .map(|missing| Violation::in_words(None, "mandatory experiment", missing.to_string()));
+        let missing =
+            missing.map(|missing| Violation::in_words("mandatory experiment", missing.to_string()));
         let each = plan.experiments.iter().enumerate();
         let of_experiments =
             each.flat_map(|(index, experiment)| self.violations_of(index + 1, experiment));
@@ -176,35 +176,29 @@ impl<'a> Feasibility<'a> {
         looking: LookingAt<'_>,
     ) -> Vec<Violation> {
         let words = self.task.loads.outside(&experiment.load);
-        let mut violations: Vec<_> = words
-            .map(|words| Violation::in_words(Some(number), "load", words))
-            .into_iter()
-            .collect();
-        violations.extend(self.violated_ranges(number, experiment));
+        let mut violations = Vec::new();
+        violations.extend(words.map(|words| Violation::in_words("load", words)));
+        violations.extend(self.violated_ranges(experiment));
         let q = experiment.configuration_rad.as_slice();
-        violations.extend(self.violated_bounds(number, q, &experiment.load));
+        violations.extend(self.violated_bounds(q, &experiment.load));
         violations.extend(self.forbidden(q).map(|(index, (joint, found), bound)| {
-            let drive = self.task.belief.nominal.chain.joints[joint].drive;
-            let (found, unit) = drive.shown(found);
-            Violation::of_size(
-                number,
-                format!("largest joint distance from forbidden configuration {index}"),
-                found,
-                drive.shown(bound).0,
-                unit,
-            )
+            let what = format!("largest joint distance from forbidden configuration {index}");
+            self.of_joint(joint, what, [found, bound])
         }));
         if self.simulation.is_some() || looking.has_limits() {
             for load in [Load::NONE, experiment.load] {
-                match self.seen_violations(number, q, &load, looking) {
+                match self.seen_violations(q, &load, looking) {
                     Ok(found) => violations.extend(found),
                     Err(error) => {
                         let error = error.to_string();
-                        violations.push(Violation::in_words(Some(number), &error, error.clone()));
+                        violations.push(Violation::in_words(&error, error.clone()));
                     }
                 }
             }
             violations.dedup_by(|one, other| one.what == other.what);
+        }
+        for each in &mut violations {
+            each.experiment = Some(number);
         }
         violations
     }
@@ -218,7 +212,7 @@ impl<'a> Feasibility<'a> {
         let looking = LookingAt::of_deflections(self.task);
         self.simulation.is_none()
             || [Load::NONE, *load].iter().all(|load| {
-                self.seen_violations(0, q, load, looking)
+                self.seen_violations(q, load, looking)
                     .is_ok_and(|violations| violations.is_empty())
             })
     }
@@ -251,36 +245,31 @@ impl<'a> Feasibility<'a> {
     /// The forbidden configuration (from 1) that is too near, the joint with the largest difference, that,
     /// and its bound (rad; m where the joint slides).
     fn forbidden(&self, q: &[f64]) -> Option<(usize, (usize, f64), f64)> {
-        self.task
-            .region
-            .forbidden
-            .iter()
-            .enumerate()
-            .find_map(|(index, forbidden)| {
-                let apart = forbidden
-                    .configuration_rad
-                    .iter()
-                    .zip(q)
-                    .map(|(one, other)| (one - other).abs())
-                    .enumerate()
-                    .fold(
-                        (0, 0.0),
-                        |most, next| if next.1 > most.1 { next } else { most },
-                    );
-                let is_near = apart.1 <= forbidden.within_rad;
-                is_near.then_some((index + 1, apart, forbidden.within_rad))
-            })
+        let mut all = self.task.region.forbidden.iter().enumerate();
+        all.find_map(|(index, forbidden)| {
+            let pairs = forbidden.configuration_rad.iter().zip(q).enumerate();
+            let apart = pairs.map(|(joint, (one, other))| (joint, (one - other).abs()));
+            let largest = |most: (usize, f64), next: (usize, f64)| {
+                if next.1 > most.1 { next } else { most }
+            };
+            let apart = apart.fold((0, 0.0), largest);
+            (apart.1 <= forbidden.within_rad).then_some((index + 1, apart, forbidden.within_rad))
+        })
     }
 
-    fn violated_ranges(&self, number: usize, experiment: &Experiment) -> Vec<Violation> {
+    /// A violation of a joint: what is found and its bound (rad; m where it slides).
+    fn of_joint(&self, joint: usize, what: String, sizes: [f64; 2]) -> Violation {
+        let drive = self.task.belief.nominal.chain.joints[joint].drive;
+        let [(found, unit), (bound, _)] = sizes.map(|size| drive.shown(size));
+        Violation::of_size(what, [found, bound], unit)
+    }
+
+    fn violated_ranges(&self, experiment: &Experiment) -> Vec<Violation> {
         let ranges = &self.task.region.joint_range_rad;
         let joints = &self.task.belief.nominal.chain.joints;
-        experiment
-            .configuration_rad
-            .iter()
-            .zip(ranges)
-            .zip(joints)
-            .filter_map(|((&angle, &[low, high]), joint)| {
+        let angles = experiment.configuration_rad.iter().zip(ranges).enumerate();
+        angles
+            .filter_map(|(joint, (&angle, &[low, high]))| {
                 let bound = if angle < low - ROUNDING {
                     low
                 } else if angle > high + ROUNDING {
@@ -288,35 +277,26 @@ impl<'a> Feasibility<'a> {
                 } else {
                     return None;
                 };
-                let (found, unit) = joint.drive.shown(angle);
-                Some(Violation::of_size(
-                    number,
-                    joint.name.clone(),
-                    found,
-                    joint.drive.shown(bound).0,
-                    unit,
-                ))
+                Some(self.of_joint(joint, joints[joint].name.clone(), [angle, bound]))
             })
             .collect()
     }
 
-    fn violated_bounds(&mut self, number: usize, q: &[f64], load: &Load) -> Vec<Violation> {
+    fn violated_bounds(&mut self, q: &[f64], load: &Load) -> Vec<Violation> {
         let Belief {
             nominal,
             calibration_tool,
             ..
         } = &self.task.belief;
         let gravity = nominal.chain.gravity_m_s2;
-        nominal
-            .chain
-            .at(calibration_tool)
-            .update(q, &mut self.state);
-        self.bounds
-            .iter()
-            .filter(|bound| bound.margin(&self.state, load, &gravity) < -ROUNDING)
+        let state = &mut self.state;
+        nominal.chain.at(calibration_tool).update(q, state);
+        let bounds = self.bounds.iter();
+        bounds
+            .filter(|bound| bound.margin(state, load, &gravity) < -ROUNDING)
             .map(|bound| {
-                let (what, found, bound, unit) = bound.describe(&self.state, load, &gravity);
-                Violation::of_size(number, what, found, bound, unit)
+                let (what, found, bound, unit) = bound.describe(state, load, &gravity);
+                Violation::of_size(what, [found, bound], unit)
             })
             .collect()
     }
@@ -324,7 +304,6 @@ impl<'a> Feasibility<'a> {
     /// Collisions of the nominal robot at rest, and what keeps the instrument from reading a target.
     fn seen_violations(
         &mut self,
-        number: usize,
         q: &[f64],
         load: &Load,
         looking: LookingAt<'_>,
@@ -350,7 +329,7 @@ impl<'a> Feasibility<'a> {
         let mut violations = Vec::new();
         if let Some(station) = looking.station {
             let facing = seen.tool_rotation.column(2).into_owned();
-            violations.extend(out_of_reach(number, station, &reflector, &facing));
+            violations.extend(out_of_reach(station, &reflector, &facing));
         }
         let Some(simulation) = &mut self.simulation else {
             return Ok(violations);
@@ -359,16 +338,9 @@ impl<'a> Feasibility<'a> {
         if let Some(clearance) = region.collision_clearance_m {
             let contact = simulation.nearest_contact(clearance);
             violations.extend(contact.map(|contact| {
-                Violation::of_size(
-                    number,
-                    format!(
-                        "distance of {} and {}",
-                        contact.between[0], contact.between[1]
-                    ),
-                    contact.distance_m * 1e3,
-                    clearance * 1e3,
-                    "mm",
-                )
+                let [one, other] = &contact.between;
+                let what = format!("distance of {one} and {other}");
+                Violation::of_size(what, [contact.distance_m, clearance].map(|m| m * 1e3), "mm")
             }));
         }
         if region.line_of_sight
@@ -377,13 +349,8 @@ impl<'a> Feasibility<'a> {
         {
             let hidden = hidden_by(simulation, &viewpoint, &reflector);
             violations.extend(hidden.map(|(name, free_m, length_m)| {
-                Violation::of_size(
-                    number,
-                    format!("free line of sight from the reflector (blocked by {name})"),
-                    free_m * 1e3,
-                    length_m * 1e3,
-                    "mm",
-                )
+                let what = format!("free line of sight from the reflector (blocked by {name})");
+                Violation::of_size(what, [free_m, length_m].map(|m| m * 1e3), "mm")
             }));
         }
         Ok(violations)
@@ -392,47 +359,27 @@ impl<'a> Feasibility<'a> {
 
 /// What of a station's range and of a reflector's is exceeded, for a reflector that faces along a unit vector.
 fn out_of_reach(
-    number: usize,
     station: &Station,
     reflector: &Vector3<f64>,
     facing: &Vector3<f64>,
-) -> Vec<Violation> {
+) -> impl Iterator<Item = Violation> {
     let ray = station.position_m - reflector;
     let range = ray.norm();
-    let violation = |what: String, found: f64, bound: f64, unit: &'static str| {
-        Violation::of_size(number, what, found, bound, unit)
-    };
     let name = &station.name;
     let [least, most] = station.range_m;
     let missed = (least.filter(|least| range < least - ROUNDING))
         .or_else(|| most.filter(|most| range > most + ROUNDING));
-    let mut violations: Vec<Violation> = missed
-        .map(|bound| {
-            violation(
-                format!("range from station {name:?}"),
-                range * 1e3,
-                bound * 1e3,
-                "mm",
-            )
-        })
-        .into_iter()
-        .collect();
+    let missed = missed.map(|bound| {
+        let what = format!("range from station {name:?}");
+        Violation::of_size(what, [range, bound].map(|m| m * 1e3), "mm")
+    });
     let incidence = facing.angle(&ray);
-    violations.extend(
-        (station
-            .incidence_max_rad
-            .filter(|most| incidence > most + ROUNDING))
-        .map(|most| {
-            let [found, bound] = [incidence, most].map(f64::to_degrees);
-            violation(
-                format!("incidence to station {name:?}"),
-                found,
-                bound,
-                "deg",
-            )
-        }),
-    );
-    violations
+    let most = station.incidence_max_rad;
+    let turned = most.filter(|most| incidence > most + ROUNDING).map(|most| {
+        let what = format!("incidence to station {name:?}");
+        Violation::of_size(what, [incidence, most].map(f64::to_degrees), "deg")
+    });
+    missed.into_iter().chain(turned)
 }
 
 /// From where the instrument looks.

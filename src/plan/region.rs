@@ -7,25 +7,28 @@ use crate::experiment::PRINTED_RAD;
 use crate::robot::{KinematicState, Load};
 use crate::task::Region;
 
+/// What is bounded of an experiment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bounded {
+    /// The tool's height (m).
+    Height,
+    /// The tool's distance from axis 1 (m).
+    Radius,
+    /// How much the tool's z axis rises over the horizontal (sine of the angle).
+    Elevation,
+    /// The torque of load, gravity and springs about a joint (N m).
+    Torque(usize),
+}
+
 /// One bound of the feasible region.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SmoothBound {
-    /// The tool is at least this high (m).
-    HeightMin(f64),
-    /// The tool is at most this high (m).
-    HeightMax(f64),
-    /// The tool is at least this far from axis 1 (m).
-    RadiusMin(f64),
-    /// The tool is at most this far from axis 1 (m).
-    RadiusMax(f64),
-    /// The tool's z axis rises at most this much over the horizontal (sine of the angle).
-    ElevationMax(f64),
-    /// The tool's z axis falls at most this much below the horizontal (sine of the angle).
-    ElevationMin(f64),
-    /// The torque of load, gravity and springs about a joint is at most this (N m).
-    TorqueMax(usize, f64),
-    /// The torque about a joint is at least minus this (N m).
-    TorqueMin(usize, f64),
+pub struct SmoothBound {
+    /// What is bounded.
+    pub of: Bounded,
+    /// Whether it may be at most so much, and not at least.
+    pub is_upper: bool,
+    /// The bound, in its unit.
+    pub bound: f64,
 }
 
 /// Plans are printed with one decimal, so that an experiment on a bound may be a little outside. The
@@ -67,41 +70,60 @@ pub fn widened(region: &Region) -> Region {
 /// The bounds that a region sets, the joint ranges apart.
 pub fn bounds_of(region: &Region) -> Vec<SmoothBound> {
     let mut bounds = Vec::new();
-    let [height_min, height_max] = region.tool_height_m;
-    let [radius_min, radius_max] = region.tool_radius_m;
-    bounds.extend(height_min.map(SmoothBound::HeightMin));
-    bounds.extend(height_max.map(SmoothBound::HeightMax));
-    bounds.extend(radius_min.map(SmoothBound::RadiusMin));
-    bounds.extend(radius_max.map(SmoothBound::RadiusMax));
+    let mut add = |of: Bounded, is_upper: bool, bound: Option<f64>| {
+        bounds.extend(bound.map(|bound| SmoothBound {
+            of,
+            is_upper,
+            bound,
+        }));
+    };
+    for (of, [low, high]) in [
+        (Bounded::Height, region.tool_height_m),
+        (Bounded::Radius, region.tool_radius_m),
+    ] {
+        add(of, false, low);
+        add(of, true, high);
+    }
     // Nothing rises more than upright.
     let upright = std::f64::consts::FRAC_PI_2;
-    if let Some(angle) = region
-        .tool_elevation_max_rad
+    let sine = (region.tool_elevation_max_rad)
         .filter(|angle| *angle < upright)
-    {
-        bounds.push(SmoothBound::ElevationMax(angle.sin()));
-        bounds.push(SmoothBound::ElevationMin(angle.sin()));
-    }
+        .map(f64::sin);
+    add(Bounded::Elevation, true, sine);
+    add(Bounded::Elevation, false, sine.map(|sine| -sine));
     for (joint, &torque) in region.joint_torque_max_nm.iter().flatten().enumerate() {
-        bounds.push(SmoothBound::TorqueMax(joint, torque));
-        bounds.push(SmoothBound::TorqueMin(joint, torque));
+        add(Bounded::Torque(joint), true, Some(torque));
+        add(Bounded::Torque(joint), false, Some(-torque));
     }
     bounds
 }
 
 impl SmoothBound {
+    /// What a margin goes down by where what is bounded grows by one.
+    fn slope(&self) -> f64 {
+        let slope = match self.of {
+            Bounded::Torque(_) => self.bound.abs().recip(),
+            _ => 1.0,
+        };
+        if self.is_upper { slope } else { -slope }
+    }
+
     /// How far inside the bound a state is: negative is a violation. In m, as a sine, or as a share
     /// of the largest torque.
     pub fn margin(&self, state: &KinematicState, load: &Load, gravity: &Vector3<f64>) -> f64 {
-        match *self {
-            Self::HeightMin(bound) => state.tool_position.z - bound,
-            Self::HeightMax(bound) => bound - state.tool_position.z,
-            Self::RadiusMin(bound) => radius(state).norm() - bound,
-            Self::RadiusMax(bound) => bound - radius(state).norm(),
-            Self::ElevationMax(sine) => sine - state.tool_rotation[(2, 2)],
-            Self::ElevationMin(sine) => sine + state.tool_rotation[(2, 2)],
-            Self::TorqueMax(joint, bound) => 1.0 - torque(state, joint, load, gravity) / bound,
-            Self::TorqueMin(joint, bound) => 1.0 + torque(state, joint, load, gravity) / bound,
+        self.slope() * (self.bound - self.value(state, load, gravity))
+    }
+
+    /// The value of what is bounded.
+    fn value(&self, state: &KinematicState, load: &Load, gravity: &Vector3<f64>) -> f64 {
+        match self.of {
+            Bounded::Height => state.tool_position.z,
+            Bounded::Radius => radius(state).norm(),
+            Bounded::Elevation => state.tool_rotation[(2, 2)],
+            Bounded::Torque(joint) => {
+                let (of_springs, _) = state.torque_of_springs(joint, joint);
+                state.load_torque(joint, load) + state.gravity_torque(joint, gravity) + of_springs
+            }
         }
     }
 
@@ -113,34 +135,26 @@ impl SmoothBound {
         gravity: &Vector3<f64>,
         by: usize,
     ) -> f64 {
-        let moved = || state.position_column(by);
-        let outward = || radius(state).normalize().dot(&moved());
-        let z_axis_rises = || {
-            let z_axis = state.tool_rotation.column(2);
-            state.rotation_column(by).cross(&z_axis).z
+        let grows = match self.of {
+            Bounded::Height => state.position_column(by).z,
+            Bounded::Radius => radius(state).normalize().dot(&state.position_column(by)),
+            Bounded::Elevation => {
+                let z_axis = state.tool_rotation.column(2);
+                state.rotation_column(by).cross(&z_axis).z
+            }
+            Bounded::Torque(joint) => {
+                let (_, of_springs) = state.torque_of_springs(joint, by);
+                state.torque_derivative(joint, by, load, gravity) + of_springs
+            }
         };
-        match *self {
-            Self::HeightMin(_) => moved().z,
-            Self::HeightMax(_) => -moved().z,
-            Self::RadiusMin(_) => outward(),
-            Self::RadiusMax(_) => -outward(),
-            Self::ElevationMax(_) => -z_axis_rises(),
-            Self::ElevationMin(_) => z_axis_rises(),
-            Self::TorqueMax(joint, bound) => {
-                -torque_derivative(state, joint, by, load, gravity) / bound
-            }
-            Self::TorqueMin(joint, bound) => {
-                torque_derivative(state, joint, by, load, gravity) / bound
-            }
-        }
+        -self.slope() * grows
     }
 
     /// The derivative of the margin with respect to the force (per N); none for bounds that no load
     /// moves. The margin is linear in the force.
     pub fn force_derivative(&self, state: &KinematicState) -> Option<Vector3<f64>> {
-        match *self {
-            Self::TorqueMax(joint, bound) => Some(-state.position_column(joint) / bound),
-            Self::TorqueMin(joint, bound) => Some(state.position_column(joint) / bound),
+        match self.of {
+            Bounded::Torque(joint) => Some(state.position_column(joint) * -self.slope()),
             _ => None,
         }
     }
@@ -152,46 +166,24 @@ impl SmoothBound {
         load: &Load,
         gravity: &Vector3<f64>,
     ) -> (String, f64, f64, &'static str) {
-        let elevation = state.tool_rotation[(2, 2)].clamp(-1.0, 1.0).asin();
-        match *self {
-            Self::HeightMin(bound) | Self::HeightMax(bound) => {
-                let height = state.tool_position.z;
-                ("tool height".to_owned(), height * 1e3, bound * 1e3, "mm")
-            }
-            Self::RadiusMin(bound) | Self::RadiusMax(bound) => {
-                let distance = radius(state).norm();
+        let value = self.value(state, load, gravity);
+        let both = |shown: &dyn Fn(f64) -> f64| (shown(value), shown(self.bound));
+        let (what, (found, bound), unit) = match self.of {
+            Bounded::Height => ("tool height".to_owned(), both(&|m| m * 1e3), "mm"),
+            Bounded::Radius => {
                 let what = "tool distance from axis 1".to_owned();
-                (what, distance * 1e3, bound * 1e3, "mm")
+                (what, both(&|m| m * 1e3), "mm")
             }
-            Self::ElevationMax(sine) => {
-                let bound = sine.asin().to_degrees();
-                (
-                    "tool elevation".to_owned(),
-                    elevation.to_degrees(),
-                    bound,
-                    "deg",
-                )
+            Bounded::Elevation => {
+                let degrees = |sine: f64| sine.clamp(-1.0, 1.0).asin().to_degrees();
+                ("tool elevation".to_owned(), both(&degrees), "deg")
             }
-            Self::ElevationMin(sine) => {
-                let bound = -sine.asin().to_degrees();
-                (
-                    "tool elevation".to_owned(),
-                    elevation.to_degrees(),
-                    bound,
-                    "deg",
-                )
+            Bounded::Torque(joint) => {
+                let what = format!("torque about joint {}", joint + 1);
+                (what, (value, self.bound.copysign(value)), "N m")
             }
-            Self::TorqueMax(joint, bound) | Self::TorqueMin(joint, bound) => {
-                let torque = torque(state, joint, load, gravity);
-                let bound = bound.copysign(torque);
-                (
-                    format!("torque about joint {}", joint + 1),
-                    torque,
-                    bound,
-                    "N m",
-                )
-            }
-        }
+        };
+        (what, found, bound, unit)
     }
 }
 
@@ -200,20 +192,4 @@ fn radius(state: &KinematicState) -> Vector3<f64> {
     let axis = &state.axis[state.first_axis];
     let from_anchor = state.tool_position - state.anchor[state.first_axis];
     from_anchor - axis * axis.dot(&from_anchor)
-}
-
-fn torque(state: &KinematicState, joint: usize, load: &Load, gravity: &Vector3<f64>) -> f64 {
-    let (of_springs, _) = state.torque_of_springs(joint, joint);
-    state.load_torque(joint, load) + state.gravity_torque(joint, gravity) + of_springs
-}
-
-fn torque_derivative(
-    state: &KinematicState,
-    joint: usize,
-    by: usize,
-    load: &Load,
-    gravity: &Vector3<f64>,
-) -> f64 {
-    let (_, of_springs) = state.torque_of_springs(joint, by);
-    state.torque_derivative(joint, by, load, gravity) + of_springs
 }

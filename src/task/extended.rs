@@ -293,15 +293,8 @@ impl Extended {
 
     /// The same for all unknowns, in their units.
     pub fn readings_of_all(&self, precision: DeflectionPrecision) -> PlannedReadings<'_> {
-        let (set, sizes) = (&self.set, vec![1.0; self.set.len()]);
-        PlannedReadings::new(
-            &self.arm,
-            CALIBRATION,
-            set,
-            &sizes,
-            precision,
-            &self.sources,
-        )
+        let all: Vec<usize> = (0..self.set.len()).collect();
+        self.readings(&all, &vec![1.0; all.len()], precision)
     }
 
     /// The same at the machining tool, where nothing is measured.

@@ -7,7 +7,7 @@ use elastocal::plan::search::{
     Basis, Bound, NoBound, Problem, RandomPlans, approximate_design, random_plan,
 };
 use elastocal::plan::{
-    Assessment, Criterion, Experiment, Feasibility, Plan, SmoothBound, WIDENED_M, WIDENED_RAD,
+    Assessment, Bounded, Criterion, Experiment, Feasibility, Plan, WIDENED_M, WIDENED_RAD,
     bounds_of, widened,
 };
 use elastocal::robot::Load;
@@ -369,7 +369,7 @@ fn an_elevation_of_a_right_angle_is_no_bound() {
     let elevations = |region: &Region| {
         let bounds = bounds_of(region).into_iter();
         bounds
-            .filter(|bound| matches!(bound, SmoothBound::ElevationMax(_)))
+            .filter(|bound| bound.of == Bounded::Elevation && bound.is_upper)
             .count()
     };
     assert_eq!(elevations(&widened(&region)), 1);

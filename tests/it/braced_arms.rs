@@ -6,7 +6,7 @@ use elastocal::identification::{Sigma, identify};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::generator;
 use elastocal::plan::search::Problem;
-use elastocal::plan::{Criterion, SmoothBound};
+use elastocal::plan::{Bounded, Criterion, SmoothBound};
 use elastocal::robot::{
     EquilibriumSolver, JointSpring, Load, ObservationMatrix, SerialChain, rotation_vector,
 };
@@ -185,7 +185,11 @@ fn torque_bounds_hold_what_the_drives_hold() {
         let found = solver.solve(&mut chain.at(tool), &stiff, q.as_slice(), &LOAD);
         found.expect("stable");
         for joint in 0..6 {
-            let bound = SmoothBound::TorqueMax(joint, 1.0);
+            let bound = SmoothBound {
+                of: Bounded::Torque(joint),
+                is_upper: true,
+                bound: 1.0,
+            };
             let (_, torque, _, _) = bound.describe(&state, &LOAD, &gravity);
             let held = (solver.q()[joint] - q[joint]) / stiff[joint];
             assert!(

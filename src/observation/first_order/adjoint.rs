@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
 use super::{Column, FirstOrder, Lever, by_shift, by_turn};
-use crate::parameter::{ReadingSource, TransmissionError, along};
+use crate::parameter::{ReadingSource, along};
 use crate::robot::Load;
 
 impl FirstOrder<'_> {
@@ -68,12 +68,7 @@ impl FirstOrder<'_> {
                 Column::LoadOffset => of_unit += b,
                 Column::Turned(axis) => of_deflection += b.cross(&axis),
                 // The first two have no gradient here, see [`FirstOrder::has_gradient`]; the others do not change.
-                Column::OffSpring(_)
-                | Column::Wave(_)
-                | Column::TaskScale
-                | Column::TaskForce(_)
-                | Column::Seen(_)
-                | Column::Silent => {}
+                Column::OffSpring(_) | Column::Wave(_) | Column::Other(_) => {}
             }
         }
         let along = Load {
@@ -146,20 +141,8 @@ impl FirstOrder<'_> {
         let sources = self.sources;
         let times = self.times(source);
         match &sources[source] {
-            ReadingSource::Discrepancy(_) => {}
-            ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
-                for (index, deviation) in deviations.iter().enumerate() {
-                    let lever = self.joints[index];
-                    let seen = self.of_motion(index, &lever, load);
-                    let weight = 2.0 * times * deviation * deviation;
-                    let b = of_covariance * seen * weight;
-                    let (force, position, rotation) =
-                        self.adjoint_of_motion(index, &lever, load, &b);
-                    of_force += force;
-                    self.joints[index].of_position += position;
-                    self.joints[index].of_rotation += rotation;
-                }
-            }
+            // Of the second there is no gradient here, see [`FirstOrder::has_gradient`].
+            ReadingSource::Discrepancy(_) | ReadingSource::TransmissionError(_) => {}
             ReadingSource::JointRepeatability(deviations) => {
                 for (joint, deviation) in self.joints.iter_mut().zip(deviations) {
                     joint.of_position +=

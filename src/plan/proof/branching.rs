@@ -112,40 +112,38 @@ struct Share {
     known: Vec<(usize, Cell, Judgement)>,
 }
 
-/// Bounds the largest derivative over all experiments of a question, of which one is known.
+/// Bounds the largest derivative over all experiments of a question, of which one is known, nested model by nested model; with the
+/// proof as an object that can be checked, where asked for.
 ///
 /// # Errors
 /// The question is too large, or nothing was proved in time.
-pub fn prove(question: &Question, found: f64, effort: ProofLimits<'_>) -> Result<Proved, NoProof> {
-    climb(question, found, effort, None).map(|(proved, _)| proved)
-}
-
-/// The same, with the proof as an object that can be checked.
-///
-/// # Errors
-/// As for [`prove`].
-pub fn prove_and_record(
+pub fn prove(
     question: &Question,
     found: f64,
     effort: ProofLimits<'_>,
-) -> Result<(Proved, ProofObject), NoProof> {
-    let mut record = Record::default();
-    let (proved, tasks) = climb(question, found, effort, Some(&mut record))?;
-    let object = record.object(question, &tasks, proved.largest);
-    Ok((proved, object.ok_or(NoProof::Unfinished)?))
-}
-
-/// Climbs nested model by nested model, and records what is known of every box where asked for.
-fn climb<'a>(
-    question: &'a Question,
-    found: f64,
-    effort: ProofLimits<'_>,
-    mut record: Option<&mut Record>,
-) -> Result<(Proved, Vec<ProofTask<'a>>), NoProof> {
+    records: bool,
+) -> Result<(Proved, Option<ProofObject>), NoProof> {
+    let mut record = records.then(Record::default);
     let mut tasks = tasks(question).ok_or(NoProof::TooLarge)?;
     for task in &mut tasks {
         choose_middle(task, found);
     }
+    let proved = climb(question, &tasks, found, effort, record.as_mut())?;
+    let object = (record.as_ref())
+        .map(|record| record.object(question, &tasks, proved.largest))
+        .map(|object| object.ok_or(NoProof::Unfinished))
+        .transpose()?;
+    Ok((proved, object))
+}
+
+/// Climbs nested model by nested model, and records what is known of every box where asked for.
+fn climb(
+    question: &Question,
+    tasks: &[ProofTask<'_>],
+    found: f64,
+    effort: ProofLimits<'_>,
+    mut record: Option<&mut Record>,
+) -> Result<Proved, NoProof> {
     let mut found = found;
     let mut boxes = 0;
     let mut proved = None;
@@ -166,13 +164,12 @@ fn climb<'a>(
         kept = closed;
         let open: Vec<Open> = open;
         for each in &open {
-            push_halves(&tasks, each, &mut stack);
+            push_halves(tasks, each, &mut stack);
         }
         while !stack.is_empty() {
             let most = effort.boxes / if proved.is_none() { FIRST_SHARE } else { 1 };
             if boxes >= most || (effort.stop)() {
-                let proved = proved.ok_or(NoProof::Unfinished)?;
-                return Ok((proved, tasks));
+                return proved.ok_or(NoProof::Unfinished);
             }
             let thresholds = [found * (1.0 + effort.gap), found * (1.0 + gap)];
             let taken = stack.split_off(stack.len().saturating_sub(TAKEN * SHARES));
@@ -180,8 +177,15 @@ fn climb<'a>(
             let shares: Vec<Share> = taken
                 .par_chunks(taken.len().div_ceil(SHARES))
                 .map_init(
-                    || Workspaces::new(&tasks),
-                    |workspaces, taken| share(&tasks, workspaces, taken, thresholds, records),
+                    || {
+                        tasks
+                            .iter()
+                            .map(|task| ModelWorkspace::new(task.variables()))
+                            .collect()
+                    },
+                    |rooms: &mut Vec<ModelWorkspace>, taken| {
+                        share(tasks, rooms, taken, thresholds, records)
+                    },
                 )
                 .collect();
             for share in shares {
@@ -208,8 +212,7 @@ fn climb<'a>(
             boxes,
         });
     }
-    let proved = proved.ok_or(NoProof::Unfinished)?;
-    Ok((proved, tasks))
+    proved.ok_or(NoProof::Unfinished)
 }
 
 /// What is asked, load by load; a load and its opposite tell the same.
@@ -250,25 +253,11 @@ pub(super) fn tasks(question: &Question) -> Option<Vec<ProofTask<'_>>> {
         .collect()
 }
 
-/// Rooms of the tasks, which differ in their number of variables.
-struct Workspaces(Vec<ModelWorkspace>);
-
-impl Workspaces {
-    fn new(tasks: &[ProofTask<'_>]) -> Self {
-        Self(
-            tasks
-                .iter()
-                .map(|task| ModelWorkspace::new(task.variables()))
-                .collect(),
-        )
-    }
-}
-
 /// One thread's share: depth first. `thresholds` are where boxes may be forgotten, and where they need not be
 /// halved for now.
 fn share(
     tasks: &[ProofTask<'_>],
-    workspaces: &mut Workspaces,
+    rooms: &mut [ModelWorkspace],
     taken: &[(usize, Cell)],
     [forget, keep]: [f64; 2],
     records: bool,
@@ -293,13 +282,7 @@ fn share(
                 used += 1;
             }
         }
-        let judgements = judge(
-            &tasks[index],
-            &mut workspaces.0[index],
-            &cells,
-            used,
-            forget,
-        );
+        let judgements = judge(&tasks[index], &mut rooms[index], &cells, used, forget);
         looks += used;
         for (cell, judgement) in cells.into_iter().zip(judgements) {
             let Judgement { largest, halve, .. } = judgement;

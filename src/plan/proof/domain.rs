@@ -142,7 +142,9 @@ fn moving_joints(question: &Question, chain: &Chain, load: LoadCase) -> Vec<bool
     let count = chain.links.len();
     let mut moves = vec![true; count];
     let is_vertical = match load {
-        LoadCase::Wrench([fx, fy, _, tx, ty, _]) => [fx, fy, tx, ty] == [0.0; 4],
+        LoadCase::Wrench([fx, fy, _, tx, ty, _]) => {
+            [fx, fy, tx, ty].iter().all(|part| *part == 0.0)
+        }
         LoadCase::Any(_) => true,
     };
     if is_vertical && chain.is_first_upright() {

@@ -4,14 +4,14 @@ use super::chain::{Chain, Link};
 use super::constant::vector;
 use super::covariance::{covariance, notable_returns, weighted_rows};
 use super::domain::{Domain, LoadCase};
-use super::form::{ENTRIES, place};
+use super::form::{ENTRIES, Turned, place, turned_form};
 use super::geometry::BoxGeometry;
 use super::question::Question;
 use super::rounding::{UNIT, Waves, sin_cos};
 use super::rows::squares_of_rows;
 use super::taylor::{LANES, Lanes, ModelVector, ModelWorkspace, TaylorModel, VARIABLES};
 use super::vectors::{Angle, NOWHERE, constant_in, difference, dot};
-use super::weighted::{SpreadColumns, WeightedRow};
+use super::weighted::weighted;
 
 /// How often a variable can be halved.
 pub(super) const DEEPEST: u8 = 30;
@@ -37,25 +37,13 @@ pub(super) struct ProofTask<'a> {
     is_notable: Vec<bool>,
 }
 
-/// The derivative over boxes.
-#[derive(Debug, Clone)]
-pub(super) enum Derivative {
-    /// As it is.
-    Plain(TaylorModel),
-    /// For a force of any direction, the largest eigenvalue of this form: its entries 11, 22, 33, 12, 13, 23.
-    Largest([TaylorModel; 6]),
-    /// Of rows v, the sum of v^T R^-1 v, R the covariance.
-    Weighted(Vec<WeightedRow>, SpreadColumns),
-}
-
 /// What is known over [`LANES`] boxes.
 #[derive(Debug, Clone)]
 pub(super) struct Enclosure {
-    pub derivative: Derivative,
+    /// No derivative is above its largest value.
+    pub derivative: Turned,
     /// Not negative where experiments are possible.
     pub margins: Vec<TaylorModel>,
-    /// How much each variable changes the deflections, roughly.
-    pub spread: [Lanes; VARIABLES],
 }
 
 impl<'a> ProofTask<'a> {
@@ -153,15 +141,19 @@ impl<'a> ProofTask<'a> {
         BoxGeometry::new(workspace, &self.chain, &self.domain, &angles, self.middle)
     }
 
-    /// Looks at boxes.
-    pub fn enclose(&self, workspace: &mut ModelWorkspace, cells: &[Cell; LANES]) -> Enclosure {
+    /// Looks at boxes; what is above a threshold is asked for.
+    pub fn enclose(
+        &self,
+        workspace: &mut ModelWorkspace,
+        cells: &[Cell; LANES],
+        threshold: f64,
+    ) -> Enclosure {
         workspace.clear();
         let question = self.question;
         let geometry = self.geometry(workspace, cells);
         let levers: Vec<ModelVector> = (0..self.chain.links.len())
             .map(|joint| geometry.moves(workspace, joint, &geometry.tool))
             .collect();
-        let mut spread = [[0.0; LANES]; VARIABLES];
         let derivative = match self.domain.load {
             LoadCase::Wrench([fx, fy, fz, tx, ty, tz]) => {
                 let load = [[fx, fy, fz], [tx, ty, tz]].map(|each| {
@@ -173,13 +165,14 @@ impl<'a> ProofTask<'a> {
                     let covariance = covariance(workspace, more, &geometry, &levers, &load);
                     let count = covariance.columns.len();
                     let rows = weighted_rows(workspace, question, &self.is_notable, told, count);
-                    Derivative::Weighted(rows, covariance)
+                    weighted(workspace, &rows, &covariance, self.variables())
                 } else {
-                    Derivative::Plain(self.plain(workspace, told, &mut spread))
+                    self.plain(workspace, told)
                 }
             }
             LoadCase::Any(size) => {
-                Derivative::Largest(self.form(workspace, &levers, size, &mut spread))
+                let (form, spread) = self.form(workspace, &levers, size);
+                turned_form(workspace, &form, threshold, &spread)
             }
         };
         let mut margins = Vec::new();
@@ -196,7 +189,6 @@ impl<'a> ProofTask<'a> {
         Enclosure {
             derivative,
             margins,
-            spread,
         }
     }
 
@@ -243,26 +235,31 @@ impl<'a> ProofTask<'a> {
         &self,
         workspace: &mut ModelWorkspace,
         (levers, torques): (&[ModelVector], &[Option<TaylorModel>]),
-        spread: &mut [Lanes; VARIABLES],
-    ) -> TaylorModel {
+    ) -> Turned {
         let columns: Vec<ModelVector> = (self.question.parameters.iter().zip(torques))
             .map(|(&joint, torque)| match torque {
                 Some(torque) => workspace.scaled(&levers[joint], *torque),
                 None => NOWHERE,
             })
             .collect();
-        squares_of_rows(workspace, &self.question.rows, &columns, spread)
+        let mut spread = [[0.0; LANES]; VARIABLES];
+        let rows = &self.question.rows;
+        Turned {
+            model: squares_of_rows(workspace, rows, &columns, &mut spread),
+            is_valid: [true; LANES],
+            at_centre: None,
+            spread,
+        }
     }
 
     /// The form Q with d = F^T Q F: the sum over rows of the squares of W = sum over n of `b_n` `J_n` `J_n^T`, times
-    /// the square of the force.
+    /// the square of the force; with how much each variable changes W.
     fn form(
         &self,
         workspace: &mut ModelWorkspace,
         levers: &[ModelVector],
         size: f64,
-        spread: &mut [Lanes; VARIABLES],
-    ) -> [TaylorModel; 6] {
+    ) -> ([TaylorModel; 6], [Lanes; VARIABLES]) {
         let dyads: Vec<[TaylorModel; 6]> = (self.question.parameters.iter())
             .map(|&joint| match levers.get(joint) {
                 Some(lever) => ENTRIES.map(|[i, j]| workspace.times(lever[i], lever[j])),
@@ -281,10 +278,11 @@ impl<'a> ProofTask<'a> {
                 })
             })
             .collect();
+        let mut spread = [[0.0; LANES]; VARIABLES];
         for entry in rows.iter().flatten() {
-            workspace.add_spread(*entry, spread);
+            workspace.add_spread(*entry, &mut spread);
         }
-        ENTRIES.map(|[i, j]| {
+        let form = ENTRIES.map(|[i, j]| {
             let mut sum = workspace.sum();
             for row in &rows {
                 for k in 0..3 {
@@ -292,7 +290,8 @@ impl<'a> ProofTask<'a> {
                 }
             }
             sum.end()
-        })
+        });
+        (form, spread)
     }
 
     fn add_geometric_margins(

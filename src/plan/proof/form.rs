@@ -17,8 +17,8 @@ pub(super) struct Turned {
     pub is_valid: [bool; LANES],
     /// The derivative at the centre from below, where it does not follow from the model.
     pub at_centre: Option<Lanes>,
-    /// How much each variable changes what it is made of, roughly, where that is not what the enclosure says.
-    pub spread: Option<[Lanes; VARIABLES]>,
+    /// How much each variable changes what it is made of, roughly.
+    pub spread: [Lanes; VARIABLES],
 }
 
 /// Eigenvectors are unit vectors at right angles to within this, or they are not used.
@@ -35,6 +35,7 @@ pub(super) fn turned_form(
     workspace: &mut ModelWorkspace,
     form: &[TaylorModel; 6],
     threshold: f64,
+    spread: &[Lanes; VARIABLES],
 ) -> Turned {
     let mut vectors = [[[0.0; LANES]; 3]; 3];
     let mut at_centre = [f64::NEG_INFINITY; LANES];
@@ -99,7 +100,7 @@ pub(super) fn turned_form(
         model,
         is_valid,
         at_centre: Some(at_centre),
-        spread: None,
+        spread: *spread,
     }
 }
 

@@ -1,10 +1,8 @@
 //! What a box's enclosure says: no experiment in it, no derivative above the threshold, or how to halve it.
 
-use super::enclosure::{Cell, Derivative, Enclosure, ProofTask};
-use super::form::{Turned, turned_form};
+use super::enclosure::{Cell, Enclosure, ProofTask};
 use super::polynomial::Polynomial;
 use super::taylor::{LANES, Lanes, ModelWorkspace};
-use super::weighted::weighted;
 
 /// What is known of a box.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,28 +33,9 @@ pub(super) fn judge(
     used: usize,
     threshold: f64,
 ) -> Vec<Judgement> {
-    let enclosure = task.enclose(workspace, cells);
-    let turned = match &enclosure.derivative {
-        &Derivative::Plain(model) => Turned {
-            model,
-            is_valid: [true; LANES],
-            at_centre: None,
-            spread: None,
-        },
-        Derivative::Largest(form) => turned_form(workspace, form, threshold),
-        Derivative::Weighted(rows, spread) => weighted(workspace, rows, spread, task.variables()),
-    };
+    let enclosure = task.enclose(workspace, cells, threshold);
     (0..used)
-        .map(|lane| {
-            judge_one(
-                task,
-                workspace,
-                &enclosure,
-                &turned,
-                (&cells[lane], lane),
-                threshold,
-            )
-        })
+        .map(|lane| judge_one(task, workspace, &enclosure, (&cells[lane], lane), threshold))
         .collect()
 }
 
@@ -64,11 +43,10 @@ fn judge_one(
     task: &ProofTask<'_>,
     workspace: &ModelWorkspace,
     enclosure: &Enclosure,
-    turned: &Turned,
     (cell, lane): (&Cell, usize),
     threshold: f64,
 ) -> Judgement {
-    let variables = task.variables();
+    let (variables, turned) = (task.variables(), &enclosure.derivative);
     let polynomial = |model| Polynomial::new(workspace, model, lane, variables);
     let margins: Vec<Polynomial> = enclosure.margins.iter().copied().map(polynomial).collect();
     let mut judgement = Judgement {
@@ -114,10 +92,9 @@ fn judge_one(
             let least = |margin: &Polynomial| margin.largest() / -margin.middle();
             least(one).total_cmp(&least(other))
         });
-    let spread = turned.spread.as_ref().unwrap_or(&enclosure.spread);
     judgement.halve = match outside {
         Some(margin) => choose_for_margin(task, margin, cell),
-        None => choose(task, &sum, spread, (cell, lane)),
+        None => choose(task, &sum, &turned.spread, (cell, lane)),
     };
     judgement
 }

@@ -64,6 +64,6 @@ mod vectors;
 mod weighted;
 
 pub use bound::{Ingredients, Target};
-pub use branching::{NoProof, ProofLimits, Proved, prove, prove_and_record};
+pub use branching::{NoProof, ProofLimits, Proved, prove};
 pub use question::{Arm, ProofJoint, ProofLoads, Question, ReadingSpread, SmoothRegion};
 pub use tree::{ProofObject, ProofPart};

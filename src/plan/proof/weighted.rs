@@ -109,7 +109,7 @@ pub(super) fn weighted(
         model: sum.end(),
         is_valid: [true; LANES],
         at_centre: Some(at_centre),
-        spread: Some(spread),
+        spread,
     }
 }
 

@@ -14,8 +14,8 @@ use crate::compensation::{test_pose_matrix, test_pose_rows};
 use crate::numeric::estimable::Estimable;
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::{
-    Criterion, CriterionFunction, Experiment, Plan, SmoothBound, alone_and_together, bounds_of,
-    hung, widened,
+    Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, alone_and_together,
+    bounds_of, hung, widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
 
@@ -398,12 +398,7 @@ impl<'a> Problem<'a> {
     /// Whether bounds of the region depend on the load. Otherwise the largest force is best: information grows
     /// with the square of its size, and the criterion is the better for more of every information.
     pub(super) fn is_force_bounded(&self) -> bool {
-        (self.bounds.iter()).any(|bound| {
-            matches!(
-                bound,
-                SmoothBound::TorqueMax(..) | SmoothBound::TorqueMin(..)
-            )
-        })
+        (self.bounds.iter()).any(|bound| matches!(bound.of, Bounded::Torque(_)))
     }
 
     /// The criterion whose approximate design is this problem's.

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::experiment::{Experiment, Loads, printed_tolerance};
 use crate::plan::proof::{
     Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, Proved, Question,
-    SmoothRegion, Target, prove, prove_and_record,
+    SmoothRegion, Target, prove,
 };
 use crate::plan::{WIDENED_RAD, widened};
 use crate::robot::{Load, Tool};
@@ -288,12 +288,7 @@ fn prove_printed(
     let known = without(found);
     let gap = (without(found * (1.0 + effort.gap)) / known - 1.0).max(0.5 * effort.gap);
     let effort = ProofLimits { gap, ..effort };
-    let (proved, object) = if records {
-        let (proved, object) = prove_and_record(question, known, effort)?;
-        (proved, Some(object))
-    } else {
-        (prove(question, known, effort)?, None)
-    };
+    let (proved, object) = prove(question, known, effort, records)?;
     let proved = Proved {
         largest: (proved.largest.sqrt() + more).powi(2) * (1.0 + 8.0 * f64::EPSILON),
         found: proved.found.max(found),

@@ -319,7 +319,7 @@ fn assert_enclosed(question: &Question, boxes: usize, seed: u64) {
                 let cells: [Cell; LANES] = std::array::from_fn(|_| random_cell(&task, &mut random));
                 let threshold = 10.0_f64.powf(2.0 * random.number());
                 let judgements = judge(&task, &mut workspace, &cells, LANES, threshold);
-                let enclosure = task.enclose(&mut workspace, &cells);
+                let enclosure = task.enclose(&mut workspace, &cells, threshold);
                 for (lane, (cell, judgement)) in cells.iter().zip(judgements).enumerate() {
                     for _ in 0..10 {
                         let (q, load) = point(&task, question, cell, &mut random);
@@ -444,7 +444,7 @@ fn nothing_is_proved_from_less_than_an_experiment_gives() {
         };
         // A far too small derivative is given as found: the threshold rises with what is found on the way, and ends
         // above the best experiment.
-        let Ok(proved) = prove(question, 0.2 * best.0, effort(0.1, 15_000)) else {
+        let Ok((proved, _)) = prove(question, 0.2 * best.0, effort(0.1, 15_000), false) else {
             continue;
         };
         assert!(proved.largest >= best.0 * (1.0 - 1e-12));
@@ -473,7 +473,10 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
         spread: None,
     };
     let outer = (100.0_f64 * 0.25).powi(2);
-    let proved = prove(
+    let alone = |question: &Question, found: f64, effort: ProofLimits<'_>| {
+        prove(question, found, effort, false).map(|(proved, _)| proved)
+    };
+    let proved = alone(
         &question(vec![1], vec![vec![1.0]]),
         outer,
         effort(1e-4, 100_000),
@@ -481,7 +484,7 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
     assert!(proved.largest >= outer && proved.gap() <= 1.001e-4);
     // The first joint: at full stretch, W (2l) times 2l.
     let inner = (100.0_f64).powi(2);
-    let proved = prove(
+    let proved = alone(
         &question(vec![0], vec![vec![1.0]]),
         0.9 * inner,
         effort(1e-3, 100_000),
@@ -489,7 +492,7 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
     assert!(proved.largest >= inner && proved.largest <= inner * 1.0011);
     assert!(proved.found <= inner * (1.0 + 1e-12));
     // Below the maximum nothing is proved, however long it takes.
-    let Proved { largest, .. } = prove(
+    let Proved { largest, .. } = alone(
         &question(vec![0], vec![vec![1.0]]),
         0.5 * inner,
         effort(0.3, 2_000),
@@ -498,7 +501,7 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
     // A weight on a level floor of 1 m: the height is a constraint, and both links level is still possible.
     let mut floor = question(vec![0], vec![vec![1.0]]);
     floor.region.height_m = [Some(1.25), None];
-    let proved = prove(&floor, 0.9 * inner, effort(1e-3, 200_000))?;
+    let proved = alone(&floor, 0.9 * inner, effort(1e-3, 200_000))?;
     // On the constraint, sin a + sin b = 1/2 for links of 1/2: the reach is largest with a = b.
     let reach = 2.0 * 0.5 * (1.0 - 0.0625_f64).sqrt();
     let best = (100.0 * reach * reach).powi(2);
@@ -560,7 +563,7 @@ fn results_do_not_depend_on_threads() {
     let found = sampled(&question, 20_000, 3)[0].0;
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.map(|pool| pool.install(|| prove(&question, found, effort(0.1, 30_000))))
+        pool.map(|pool| pool.install(|| prove(&question, found, effort(0.1, 30_000), false)))
     };
     let results: Vec<_> = [1, 2, 3].into_iter().map(run).collect();
     for result in results {
