@@ -277,7 +277,7 @@ impl Chooser<'_> {
     ) -> Result<Chosen, String> {
         let found = best_choice(list, size as usize, SEARCHES, self.wanted.seed, stop);
         let found = found.ok_or("the readings determine nothing")?;
-        Ok(self.judged(found.chosen))
+        Ok(self.judged(found))
     }
 
     /// A random choice.

@@ -51,7 +51,7 @@ pub use bound::{Basis, Bound, BoundKind, Enumerated, NoBound, PlanBound, PlanPro
 pub use budget::{
     BudgetPoint, RepeatsNeeded, budget, cheapest, repeated_configurations, repeats_needed,
 };
-pub use candidate_error::{CandidateError, LeftOutCandidates};
+pub use candidate_error::{CandidateError, LeftOutCandidates, OfferedCandidates};
 pub use candidate_information::CandidateInformation;
 pub use candidates::Candidates;
 pub(in crate::plan) use candidates::possible_of;
@@ -59,7 +59,7 @@ pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
 pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
-pub use low_rank_search::{ListChoice, best_choice};
+pub use low_rank_search::best_choice;
 pub use observation::MatrixEvaluator;
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};

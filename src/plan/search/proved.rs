@@ -138,7 +138,7 @@ impl ProvedBound {
             question(problem, gathered(&rows))
         };
         let found = approximate.certificate.largest_derivative;
-        let printed = (problem.loads.samples().iter())
+        let printed = (task.loads.samples().iter())
             .map(printed_tolerance)
             .fold(0.0, f64::max);
         if let Some(extended) = problem.extended {
