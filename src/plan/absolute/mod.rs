@@ -308,9 +308,9 @@ impl<'a> AbsolutePlanning<'a> {
         let mut told = CandidateInformation::new(basis.ncols());
         for some in places.chunks(TOGETHER) {
             let reduced: Vec<DMatrix<f64>> = told_of(some).par_iter().map(within).collect();
-            reduced
-                .iter()
-                .for_each(|information| told.push(information));
+            for information in &reduced {
+                told.push(information);
+            }
         }
         let determined =
             (rows.iter().zip(&missing).enumerate()).filter(|(_, (_, missing))| missing.is_empty());
@@ -476,7 +476,7 @@ impl<'a> AbsolutePlanning<'a> {
             return found;
         };
         let another = found.as_ref().map_or(f64::INFINITY, |found| found.cost);
-        match problem.bettered(&[from_one.plan.clone()], effort, another) {
+        match problem.bettered(std::slice::from_ref(&from_one.plan), effort, another) {
             None => found,
             Some((plan, cost)) => Ok(FiniteDesign {
                 bound: problem.bound_of(&plan)?,
