@@ -158,7 +158,7 @@ fn truth_words(joints: &[String], truth: &TruthMessage) -> String {
         vec![name.clone(), value, unit.to_owned()]
     };
     let sampled = truth.sampled.iter().map(|each| {
-        let unit = if each.unit == "1" { "ln" } else { &each.unit };
+        let unit = if each.unit == "1" { "ln" } else { each.unit };
         vec![
             each.name.clone(),
             format!("{:.4e}", each.value),

@@ -558,17 +558,10 @@ fn useful(threads: u16) -> usize {
 }
 
 fn print(text: &str) -> anyhow::Result<()> {
-    anyhow::ensure!(
-        !interruption::is_stdout_closed() || text.is_empty(),
-        STDOUT_CLOSED
-    );
     let mut stdout = std::io::stdout().lock();
     let printed = stdout.write_all(text.as_bytes());
     unless_reader_is_gone(printed.and_then(|()| stdout.flush()))
 }
-
-/// What is wrong with no stdout.
-pub const STDOUT_CLOSED: &str = "stdout cannot be written: it is closed";
 
 /// A reader of stdout that has seen enough is no error.
 pub fn unless_reader_is_gone(printed: std::io::Result<()>) -> anyhow::Result<()> {

@@ -187,16 +187,16 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
         .enumerate()
     {
         let cells = [
-            random.mean_mm,
-            random.rms_mm,
-            random.predicted_rms_mm,
-            random.quantile95_mm,
-            random.largest_mm,
-            random.rho0_mm,
-            random.from_all_mm,
-            random.without_discrepancy_from_true_mm,
+            "mean_mm",
+            "rms_mm",
+            "predicted_rms_mm",
+            "quantile95_mm",
+            "largest_mm",
+            "rho0_mm",
+            "from_all_mm",
+            "without_discrepancy_from_true_mm",
         ];
-        let cells = cells.map(|spread| spread.map(|spread| spread[place]));
+        let cells = cells.map(|of| random.spreads[of].map(|spread| spread[place]));
         rows.push(row(&format!("random: {name}"), String::new(), cells));
     }
     let header = "chosen by | mean [mm] | rms | predicted rms | 95 % below | largest | better than random [%] | rho0 | from all | without discrepancy";

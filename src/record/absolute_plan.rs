@@ -11,7 +11,7 @@ use crate::robot::{Commands, Load};
 use crate::task::{AccuracyKind, Task};
 
 /// What is read in a plan, and where.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PlannedReadingMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -26,7 +26,7 @@ pub struct PlannedReadingMessage {
 }
 
 /// How well an unknown is known afterwards.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PredictedUnknownMessage {
     /// Its name.
     pub name: String,
@@ -39,7 +39,7 @@ pub struct PredictedUnknownMessage {
 }
 
 /// How accurate the tool is at a test pose.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PredictedPoseMessage {
     /// Its name.
     pub name: String,
@@ -48,7 +48,7 @@ pub struct PredictedPoseMessage {
 }
 
 /// The predicted accuracy of a plan of absolute readings.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AbsolutePlanMessage {
     /// What must be accurate: `absolute`, where the loaded tool is.
     pub accuracy: &'static str,

@@ -20,7 +20,6 @@ pub mod absolute_trials;
 pub mod account;
 pub mod campaign;
 pub mod evidence;
-mod header_check;
 pub mod inconsistencies;
 pub mod json;
 pub mod messages;

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::design::Designed;
+use super::evidence::{EvidenceError, gather};
 use crate::calibration::{Calibration, CalibrationError, calibrate, pose_conditions};
 use crate::codes::Condition;
 use crate::experiment::{Plan, read_plan};
@@ -19,7 +20,6 @@ use crate::record::evidence::EvidenceMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
-use crate::study::evidence::{EvidenceError, gather};
 use crate::understanding::implausible;
 
 /// So many random plans stand for what a laboratory without a plan would do.
@@ -134,14 +134,8 @@ pub fn run(
             (name.clone(), made.plan.clone())
         })
         .collect();
-    let evidence = gather(
-        task,
-        &scenario.truth,
-        (approximate, bound),
-        &fixed,
-        scenario.seed,
-        Watch::quiet(stop),
-    )?;
+    let beside = (approximate, bound);
+    let evidence = gather(scenario, beside, &fixed, Watch::quiet(stop))?;
     let main = &tried[0].calibration.1;
     let mut conditions = main.identification.conditions();
     conditions.extend(pose_conditions(&task.belief, &main.poses));
@@ -149,7 +143,7 @@ pub fn run(
     conditions.extend(tried[0].assessment.conditions.iter().cloned());
     conditions.extend(implausible(scenario));
     Ok(RunOutcome {
-        evidence: EvidenceMessage::new(scenario, bound, &evidence),
+        evidence,
         tried,
         failed,
         records,

@@ -312,8 +312,8 @@ fn wrong_stations_are_told() {
             "station[0].range_min_mm: found -1",
         ),
         (
-            text(&at("a", "range_min_mm = 5\nrange_max_mm = 5")),
-            "station[0].range_max_mm: found 5",
+            text(&at("a", "range_min_mm = 6\nrange_max_mm = 5")),
+            "station[0].range_min_mm: found 6",
         ),
         (
             text(&at("a", "incidence_max_deg = 0")),

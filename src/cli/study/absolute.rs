@@ -1,26 +1,23 @@
 //! `study` of plans of absolute readings.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use clap::Args;
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, hexadecimal, sha256_of};
 use elastocal::identification::ParameterGroup;
 use elastocal::plan::search::Watch;
-use elastocal::record::tally_file::{AbsoluteStudyHeader, Header, TallyFile};
+use elastocal::record::tally_file::{AbsoluteStudyHeader, Header};
 use elastocal::scenario::Scenario;
 use elastocal::study::{Level, absolute::AbsoluteRunner};
 use elastocal::task::AccuracyKind;
 use elastocal::text::wording::counted;
 use elastocal::workflow::absolute_study::{AbsoluteStudyWanted, check, entries, explained};
-use elastocal::workflow::study::Timing;
 
-use super::results::{Results, write};
-use super::{StudyCommand, runs_of};
+use super::StudyCommand;
 use crate::cli::interruption::{STOP, ask_work, proceed};
 use crate::cli::plan_args::{ANYWHERE, UNKNOWN, refuse_others};
-use crate::cli::{Report, plan::DRAWN, written::Written};
+use crate::cli::{Report, plan::DRAWN};
 
 /// What a study of absolute readings takes besides.
 #[derive(Debug, Args)]
@@ -64,13 +61,8 @@ impl StudyCommand {
         }
     }
 
-    /// So many runs of each plan, or a shard of them.
-    pub(super) fn absolute_readings(
-        &self,
-        scenario: &Scenario,
-        folder: &Path,
-        [trials, shard, shards]: [u64; 3],
-    ) -> anyhow::Result<Report> {
+    /// Virtual robots for each plan.
+    pub(super) fn absolute_readings(&self, scenario: &Scenario) -> anyhow::Result<Report> {
         let common = &self.common;
         let given = &self.absolute;
         let rows = (given.candidates.as_ref())
@@ -83,16 +75,15 @@ impl StudyCommand {
             candidates: rows.as_deref(),
             configurations,
         };
-        let quiet = |_: usize, _: usize, _: f64| {};
         let watch = |name: &str, readings: u32| {
             let readings = counted(readings.into(), "absolute reading");
             common.say(&format!("designing the plan {name:?} of {readings}"));
             Watch {
                 stop: &STOP,
-                progress: &quiet,
+                progress: &|_, _, _| {},
             }
         };
-        let path = given.candidates.as_deref().unwrap_or(&scenario.path);
+        let path = given.path().unwrap_or(&scenario.path);
         let entries =
             entries(scenario, &wanted, &watch).map_err(|error| explained(path, &error))?;
         proceed()?;
@@ -106,34 +97,11 @@ impl StudyCommand {
                 .map(|hash| hexadecimal(&hash)),
             drawn: given.candidates.is_none().then_some(configurations),
         };
-        let sizes = [trials, shards];
+        let sizes = self.sizes(scenario);
         let header = Header::of_absolute(scenario, absolute, sizes, (&entries, &runner));
-        let mut part = match &self.resume {
-            Some(path) => TallyFile::resume(path, header, shard)?,
-            None => TallyFile::empty(header, shard),
-        };
-        common.say(&format!(
-            "{trials} virtual robots for {}",
-            part.header.title()
-        ));
-        let start = Instant::now();
-        let done_before = runs_of(&part);
-        let mut written = Written::default();
-        self.run(&runner, &mut part, None, &mut written)
-            .map_err(|error| self.unless_stopped(error, &part))?;
-        if let Some(path) = &self.tally_out {
-            written.note(path, part.write(path));
-        }
-        let timing = Timing {
-            elapsed_s: start.elapsed().as_secs_f64(),
-            runs: runs_of(&part) - done_before,
-        };
-        let results = Results::new(&part.header, &part.tallies, Some(timing));
-        if self.shard.is_none() {
-            write(folder, &results, &mut written)?;
-        }
-        let mut report = self.reported(&results, folder);
-        report.conditions.extend(written.conditions());
-        Ok(report)
+        let part = self.begun(header)?;
+        let (trials, title) = (part.header.trials, part.header.title());
+        common.say(&format!("{trials} virtual robots for {title}"));
+        self.finish(scenario, &runner, part, None)
     }
 }

@@ -101,9 +101,10 @@ impl PlanBound {
 }
 
 /// What is proved for so many measurements.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct PlanProof {
     /// No plan of the class is better, in the same terms.
+    #[serde(skip)]
     pub best: f64,
     /// How far the bound of the largest derivative is above the largest derivative found, as a share.
     pub gap: f64,

@@ -30,7 +30,10 @@ impl ProvableTask {
         let is_hinge = |joint: &Joint| !joint.drive.slides && joint.drive.passive_at.is_none();
         if problem.criterion != Criterion::TestPose {
             Some(NoProof::Criterion)
-        } else if chain.elements.has_springs() || !chain.joints.iter().all(is_hinge) {
+        } else if chain.elements.has_springs()
+            || !chain.joints.iter().all(is_hinge)
+            || problem.task.belief.instrument.rotation_sigma_rad.is_some()
+        {
             Some(NoProof::Springs)
         } else {
             None
@@ -103,11 +106,9 @@ fn with_readings(certain: &Task, extended: &Extended) -> Option<(Task, Vec<Strin
     Some((task, left.collect()))
 }
 
-/// Whether the covariance of readings can be told with a source, over boxes of configurations: under each of some loads,
-/// where rotations are not measured.
+/// Whether the covariance of readings can be told with a source, over boxes of configurations: under each of some loads.
 fn is_known(task: &Task, source: &ReadingSource) -> bool {
     !matches!(task.loads, Loads::Any { .. })
-        && task.belief.instrument.rotation_sigma_rad.is_none()
         && match source {
             ReadingSource::JointRepeatability(_)
             | ReadingSource::LoadDirection(_)

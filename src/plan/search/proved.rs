@@ -291,25 +291,20 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
         ),
         parameters: problem.parameters.clone(),
         rows,
-        // Rounded up: more can only be told.
-        rotation_scale_m: (task.belief.instrument.rotation_sigma_rad).map_or(0.0, |sigma_rad| {
-            task.belief.instrument.sigma_m / sigma_rad * (1.0 + f64::EPSILON)
-        }),
         region: SmoothRegion {
             height_m: region.tool_height_m,
             radius_m: [low.filter(|low| *low > 0.0), high],
             elevation_sine: (region.tool_elevation_max_rad)
                 .filter(|angle| *angle < upright)
                 .map(|angle| angle.sin() * (1.0 + 4.0 * f64::EPSILON)),
-            torque_nm: region.joint_torque_max_nm,
         },
         loads: match &task.loads {
             Loads::Fixed(load) => ProofLoads::OneOf(vec![wrench(load)]),
             Loads::List(loads) => ProofLoads::OneOf(loads.iter().map(wrench).collect()),
             Loads::Direction { direction, force_n } => {
+                // A smaller force tells less.
                 let [x, y, z] = (direction * force_n[1]).into();
-                let share = force_n[0] / force_n[1] * (1.0 - f64::EPSILON);
-                ProofLoads::UpTo([x, y, z, 0.0, 0.0, 0.0], share.max(0.0))
+                ProofLoads::OneOf(vec![[x, y, z, 0.0, 0.0, 0.0]])
             }
             Loads::Any { force_max_n } => ProofLoads::AnyForce(*force_max_n),
         },
@@ -465,14 +460,11 @@ fn arm(belief: &Belief, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
                 rotation: joint.previous_from_link.rotation.coords.into(),
                 axis: joint.axis.into_inner().into(),
                 range_rad,
-                mass_kg: joint.mass_kg,
-                centre_of_mass_m: joint.centre_of_mass_m.into(),
             })
             .collect(),
         tool_joints: tool.joints,
         tool_offset_m: tool.link_from_tool.translation.vector.into(),
         tool_rotation: tool.link_from_tool.rotation.coords.into(),
-        gravity_m_s2: chain.gravity_m_s2.into(),
     }
 }
 
