@@ -343,9 +343,8 @@ impl<'a> LocalSearch<'a> {
                 if let Some(gradient) = gradient {
                     let (of_joints, of_load) = gradient.split_at_mut(joints);
                     of_load.fill(0.0);
-                    if let Some(slope) = bound
-                        .force_derivative(state)
-                        .filter(|_| !of_load.is_empty())
+                    if !of_load.is_empty()
+                        && let Some(slope) = bound.force_derivative(state)
                     {
                         free.pull_back(&-slope, of_load);
                     }
