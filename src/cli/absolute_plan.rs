@@ -245,12 +245,11 @@ impl PlanArgs {
             )));
         }
         conditions.extend(undetermined_compliances(planning, plan, &prediction));
-        let offered = counted(planning.offered as u64, "candidate");
-        let left = planning.offered - planning.candidates.len();
+        let offered = counted(planning.offer.offered as u64, "candidate");
         let mut text = describe(&message);
         text += &match drawn {
             Some(drawn) => drawn_words(drawn, planning),
-            None => self.left_out(&offered, left, &planning.left_out),
+            None => self.left_out(&offered, &planning.offer),
         };
         let mut written = Written::default();
         let budget = message.uncertainty_budget.as_ref();
@@ -379,8 +378,8 @@ fn drawn_words(drawn: DrawnWanted, planning: &AbsolutePlanning<'_>) -> String {
          were chosen. The region has more: the bound is evidence, no proof.\n",
         counted(drawn.configurations.into(), "configuration"),
         drawn.seed,
-        planning.candidates.len(),
-        planning.offered
+        planning.offer.possible,
+        planning.offer.offered
     )
 }
 

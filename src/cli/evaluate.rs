@@ -6,7 +6,6 @@ use clap::Args;
 use elastocal::compensation::KnownArm;
 use elastocal::plan::search::{Bound, PlanBound};
 use elastocal::plan::{Assessment, Criterion, FurtherError, posterior, read_plan};
-use elastocal::record::candidates::CandidatesMessage;
 use elastocal::record::json::{merge, results};
 use elastocal::record::messages::AssessmentMessage;
 use elastocal::scenario::Scenario;
@@ -94,9 +93,8 @@ impl Evaluate {
         let mut written = Written::default();
         let proved = match &candidates {
             Some(candidates) => {
-                let message = CandidatesMessage::new(candidates);
-                merge(&mut json, json!({ "candidates": message }));
-                args.told(candidates)
+                merge(&mut json, json!({ "candidates": candidates.offer }));
+                args.told(&candidates.offer)
             }
             None => args.proof.tell(&bound, &provenance, &mut written)?,
         };

@@ -13,7 +13,6 @@ use elastocal::plan::search::{
 };
 use elastocal::plan::{Assessment, Criterion, Plan, take_nearest_turns, write_plan};
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
-use elastocal::record::candidates::CandidatesMessage;
 use elastocal::record::json::{merge, results};
 use elastocal::record::messages::{AssessmentMessage, plan_messages};
 use elastocal::scenario::Scenario;
@@ -257,7 +256,7 @@ impl PlanCommand {
         let mut written = Written::default();
         let provenance = self.args.provenance(&scenario, None)?;
         if let Some(candidates) = &candidates {
-            text += &self.args.told(candidates);
+            text += &self.args.told(&candidates.offer);
         }
         if let Some(certificate) = &certificate {
             let bound = designed.wanted_bound();
@@ -287,8 +286,7 @@ impl PlanCommand {
             "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
         });
         if let Some(candidates) = &candidates {
-            let message = CandidatesMessage::new(candidates);
-            merge(&mut json, json!({ "candidates": message }));
+            merge(&mut json, json!({ "candidates": candidates.offer }));
         }
         let mut json = results("plan", &provenance, json);
         let message = AssessmentMessage::new(&scenario, &assessment);

@@ -7,7 +7,7 @@ use elastocal::codes::ErrorCode;
 use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::identification::ParameterGroup;
-use elastocal::plan::search::{Candidates, LeftOutCandidates};
+use elastocal::plan::search::{Candidates, OfferedCandidates};
 use elastocal::quantities::limits::MOST_NAMED;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
@@ -125,31 +125,27 @@ impl PlanArgs {
         Ok(Some(candidates))
     }
 
-    /// How many of so many candidates are left out, and why; nothing where none is.
-    pub fn left_out(&self, offered: &str, left: usize, reasons: &[LeftOutCandidates]) -> String {
-        if left == 0 {
+    /// How many of the candidates, in words, are left out, and why; nothing where none is.
+    pub fn left_out(&self, candidates: &str, offer: &OfferedCandidates) -> String {
+        if offer.left_out.is_empty() {
             return String::new();
         }
         let file = self.candidates.as_ref();
         let file = file.map_or_else(String::new, |path| format!(" in {}", path.display()));
-        let mut text = format!("Of {offered}{file}, {left} are left out:\n");
-        for reason in reasons {
+        let left = offer.offered - offer.possible;
+        let mut text = format!("Of {candidates}{file}, {left} are left out:\n");
+        for reason in &offer.left_out {
             text += &format!("  {reason}\n");
         }
         text
     }
 
     /// What the bound is about, and which candidates of the file are not possible.
-    pub fn told(&self, candidates: &Candidates) -> String {
-        let (offered, possible) = (candidates.offered, candidates.experiments.len());
+    pub fn told(&self, offer: &OfferedCandidates) -> String {
         format!(
             "The bound is about plans of these {}, all of which were looked at.\n{}",
-            counted(possible as u64, "candidate"),
-            self.left_out(
-                &offered.to_string(),
-                offered - possible,
-                &candidates.left_out
-            )
+            counted(offer.possible as u64, "candidate"),
+            self.left_out(&offer.offered.to_string(), offer)
         )
     }
 

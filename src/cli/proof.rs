@@ -8,7 +8,7 @@ use clap::Args;
 use elastocal::codes::ErrorCode;
 use elastocal::files::{FileError, output::write_whole};
 use elastocal::plan::proof::{NoProof, ProofLimits};
-use elastocal::plan::search::{Bound, ProofEffort, ProofFile};
+use elastocal::plan::search::{Bound, ProofFile, TIGHT};
 use elastocal::record::messages::ProvenanceMessage;
 use indicatif::ProgressStyle;
 use serde::Serialize;
@@ -17,6 +17,9 @@ use serde_json::{Value, json};
 use super::Common;
 use super::progress::bar;
 use super::written::Written;
+
+/// After so many boxes a proof ends of which nothing is asked: a second at most.
+const BOXES: u64 = 300_000;
 
 /// How far the bound that no plan can beat is proved.
 #[derive(Debug, Args)]
@@ -44,16 +47,6 @@ impl ProofArgs {
         proof_out: None,
     };
 
-    fn effort(&self) -> Option<ProofEffort> {
-        let usual = ProofEffort::default();
-        let is_asked_for = self.prove.is_some() || self.prove_time.is_some();
-        (!self.no_proof).then(|| ProofEffort {
-            gap: self.prove.unwrap_or(usual.gap),
-            boxes: if is_asked_for { u64::MAX } else { usual.boxes },
-            time: self.prove_time,
-        })
-    }
-
     /// Which of them were given.
     pub fn given(&self) -> [(&'static str, bool); 4] {
         [
@@ -79,15 +72,15 @@ impl ProofArgs {
         let mut text = told(bound);
         if let Some(path) = &self.proof_out {
             let proof = bound.proof().and_then(|proof| proof.as_ref().ok()?.file());
-            let written =
-                match proof {
-                    Some(proof) => {
-                        let file = WrittenProof { provenance, proof };
-                        write_whole(path, &serde_json::to_vec(&file)?)
-                    }
-                    None => Err(FileError::new(path, "there is no proof to write")
-                        .code(ErrorCode::NotWritable)),
-                };
+            let nothing = "there is no proof to write";
+            let nothing = || FileError::new(path, nothing).code(ErrorCode::NotWritable);
+            let written = match proof {
+                Some(proof) => {
+                    let file = WrittenProof { provenance, proof };
+                    write_whole(path, &serde_json::to_vec(&file)?)
+                }
+                None => Err(nothing()),
+            };
             text += &files.noted(path, written);
         }
         Ok(text)
@@ -100,16 +93,17 @@ impl ProofArgs {
         stop: &AtomicBool,
         work: impl FnOnce(Option<(ProofLimits<'_>, bool)>) -> T,
     ) -> T {
-        let Some(ProofEffort { gap, boxes, time }) = self.effort() else {
+        if self.no_proof {
             return work(None);
-        };
+        }
+        let is_asked_for = self.prove.is_some() || self.prove_time.is_some();
         let start = Instant::now();
         let bar = bar(common.quiet, "proving the bound");
         if let Ok(style) = ProgressStyle::with_template("{prefix} {spinner} {msg}") {
             bar.set_style(style);
         }
         let is_to_stop = || {
-            let is_over = time.is_some_and(|time| start.elapsed() >= time);
+            let is_over = (self.prove_time).is_some_and(|time| start.elapsed() >= time);
             is_over || stop.load(Ordering::Relaxed)
         };
         let progress = |gap: Option<f64>, boxes: u64| {
@@ -117,8 +111,8 @@ impl ProofArgs {
             bar.set_message(format!("{near}{boxes} boxes"));
         };
         let effort = ProofLimits {
-            gap,
-            boxes,
+            gap: self.prove.unwrap_or(TIGHT),
+            boxes: if is_asked_for { u64::MAX } else { BOXES },
             stop: &is_to_stop,
             progress: &progress,
         };

@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
+use elastocal::codes::{ConditionCode, ErrorCode};
 use elastocal::files::FileError;
 use elastocal::identification::{DistanceStatistics, ParameterGroup};
 use elastocal::measurement::{MeasuredFile, Origin, read_measured};
+use elastocal::plan::search::Watch;
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
 use elastocal::record::selection::{PlannedChoiceMessage, SelectionMessage, SelectionSizeMessage};
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
-use elastocal::scenario::Scenario;
-use elastocal::study::selection::{SelectionOnlooker, SelectionWanted, WITH_FUNCTIONS, select};
+use elastocal::study::selection::{CHOICES, SelectionWanted, WITH_FUNCTIONS, select};
 use elastocal::text::wording::{counted, shell_path};
 use elastocal::view::selection_plot::selection_plot;
 use serde_json::json;
@@ -74,60 +74,41 @@ impl Select {
             );
             return Err(wrong(problem).hint("give smaller --sizes").into());
         }
-        self.common.say(&format!(
-            "choosing among {} in {} ways",
-            counted(readings.len() as u64, "reading"),
-            self.sizes.len() * elastocal::study::selection::CHOICES.len()
-                + self.draws as usize * self.sizes.len()
-        ));
+        let ways = self.sizes.len() * (CHOICES.len() + self.draws as usize);
+        let readings_words = counted(readings.len() as u64, "reading");
+        (self.common).say(&format!("choosing among {readings_words} in {ways} ways"));
         let bar = bar(self.common.quiet, "choosing, calibrating, judging");
-        let progress = |done: usize, all: usize| show(&bar, done, all);
+        let watch = Watch {
+            stop: ask_search(),
+            progress: &|done, all, _| show(&bar, done, all),
+        };
         let wanted = SelectionWanted {
             sizes: self.sizes.clone(),
             draws: self.draws,
             campaigns: self.campaigns,
             seed: scenario.seed,
         };
-        let onlooker = SelectionOnlooker {
-            stop: ask_search(),
-            progress: &progress,
-        };
-        let selection = select(
-            &scenario.task.belief,
-            &readings,
-            &self.parameters,
-            &wanted,
-            onlooker,
-        )
-        .map_err(|error| explained(&self.measurements, &error))?;
+        let belief = &scenario.task.belief;
+        let selection = select(belief, &readings, &self.parameters, &wanted, watch)
+            .map_err(|error| explained(&self.measurements, &error))?;
         bar.finish_and_clear();
         super::interruption::searched();
         let message = SelectionMessage::new(&selection);
-        let conditions = if selection.is_cut_short {
-            let words = "the study was stopped: not all choices were made";
-            vec![ConditionCode::SearchStopped.with(words)]
-        } else {
-            Vec::new()
-        };
-        self.report(&scenario, &message, conditions)
-    }
-
-    fn report(
-        &self,
-        scenario: &Scenario,
-        message: &SelectionMessage,
-        mut conditions: Vec<Condition>,
-    ) -> anyhow::Result<Report> {
-        let mut text = describe(message);
+        let mut text = describe(&message);
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
-            text += &written.save(path, &selection_plot(title, message)?);
+            text += &written.save(path, &selection_plot(title, &message)?);
         }
         let provenance =
-            ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;
+            ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?;
         let mut json = results("select", &provenance, json!({ "groups": self.parameters }));
-        merge(&mut json, serde_json::to_value(message)?);
+        merge(&mut json, serde_json::to_value(&message)?);
+        let mut conditions = Vec::new();
+        if selection.is_cut_short {
+            let words = "the study was stopped: not all choices were made";
+            conditions.push(ConditionCode::SearchStopped.with(words));
+        }
         conditions.extend(written.conditions());
         Ok(Report::new(json, text, conditions))
     }
@@ -173,50 +154,50 @@ fn named(choice: &PlannedChoiceMessage) -> &str {
 }
 
 fn of_one_size(of_size: &SelectionSizeMessage) -> String {
-    let cell = |value: Option<f64>| number(value, 4);
+    let row = |name: &str, better: String, cells: [Option<f64>; 8]| {
+        let mut row = vec![name.to_owned()];
+        row.extend(cells.map(|value| number(value, 4)));
+        row.insert(6, better);
+        row
+    };
     let mut problems = String::new();
     let mut rows = Vec::new();
     for choice in &of_size.planned {
         if let Some(problem) = &choice.problem {
             problems += &format!("  {}: {problem}\n", named(choice));
         }
-        let of =
-            |get: &dyn Fn(&DistanceStatistics) -> f64| cell(choice.distance_mm.as_ref().map(get));
-        rows.push(vec![
-            named(choice).to_owned(),
-            of(&|lengths| lengths.mean),
-            of(&|lengths| lengths.rms),
-            cell(choice.predicted_rms_mm),
-            of(&|lengths| lengths.quantile95),
-            of(&|lengths| lengths.largest),
-            number(choice.better_than_random.map(|share| share * 100.0), 0),
-            cell(choice.rho0_mm),
-            cell(choice.from_all_mm),
-            cell(choice.without_discrepancy_from_true_mm),
-        ]);
+        let distance = choice.distance_mm.as_ref();
+        let of = |get: fn(&DistanceStatistics) -> f64| distance.map(get);
+        let better = choice.better_than_random.map(|share| share * 100.0);
+        let cells = [
+            of(|lengths| lengths.mean),
+            of(|lengths| lengths.rms),
+            choice.predicted_rms_mm,
+            of(|lengths| lengths.quantile95),
+            of(|lengths| lengths.largest),
+            choice.rho0_mm,
+            choice.from_all_mm,
+            choice.without_discrepancy_from_true_mm,
+        ];
+        rows.push(row(named(choice), number(better, 0), cells));
     }
     let random = &of_size.random;
-    for (place, name) in [
-        "random: 5 % are below",
-        "random: median",
-        "random: 5 % are above",
-    ]
-    .iter()
-    .enumerate()
+    for (place, name) in ["5 % are below", "median", "5 % are above"]
+        .iter()
+        .enumerate()
     {
-        let of = |name: &str| cell(random.spreads[name].map(|spread| spread[place]));
-        rows.push(vec![
-            (*name).to_owned(),
-            of("mean_mm"),
-            of("rms_mm"),
-            of("predicted_rms_mm"),
-            of("quantile95_mm"),
-            of("largest_mm"),
-            String::new(),
-            of("rho0_mm"),
-            of("from_all_mm"),
-            of("without_discrepancy_from_true_mm"),
-        ]);
+        let cells = [
+            "mean_mm",
+            "rms_mm",
+            "predicted_rms_mm",
+            "quantile95_mm",
+            "largest_mm",
+            "rho0_mm",
+            "from_all_mm",
+            "without_discrepancy_from_true_mm",
+        ];
+        let cells = cells.map(|of| random.spreads[of].map(|spread| spread[place]));
+        rows.push(row(&format!("random: {name}"), String::new(), cells));
     }
     let header = "chosen by | mean [mm] | rms | predicted rms | 95 % below | largest | better than random [%] | rho0 | from all | without discrepancy";
     if random.failed > 0 {

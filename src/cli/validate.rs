@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 
 use super::identified::read_identified;
 use super::table::{or_dash, table_of};
-use super::tolerance::{JudgedMeasurements, ToleranceArgs};
+use super::tolerance::{ToleranceArgs, report_judged};
 use super::validate_absolute;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
@@ -118,7 +118,7 @@ impl Validate {
             let bare = validate(&task.belief, &identified.posterior, &measured)
                 .map_err(|error| FileError::new(path, error.to_string()))?;
             let each = (bare.each.iter()).map(|each| (each.difference_m, each.reading_m2));
-            JudgedMeasurements::new(tolerance, each).report(&mut report);
+            report_judged(&mut report, tolerance, each);
         }
         Ok(report)
     }

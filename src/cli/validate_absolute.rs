@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::identify_absolute::explained;
 use super::table::{DISTANCES, distances, table};
-use super::tolerance::JudgedMeasurements;
+use super::tolerance::report_judged;
 use super::{Report, results};
 
 /// Holds other readings beside a robot that was identified.
@@ -70,7 +70,7 @@ pub fn execute(
     if let Some(tolerance) = tolerance {
         let left = validation.left.iter().map(|each| each.position_m);
         let each = left.zip(validation.readings_m2.iter().copied());
-        JudgedMeasurements::new(tolerance, each).report(&mut report);
+        report_judged(&mut report, tolerance, each);
     }
     Ok(report)
 }

@@ -38,6 +38,29 @@ pub enum Loads {
 }
 
 impl Loads {
+    /// Those that are listed, one or several; none where forces are free.
+    pub fn listed(&self) -> Option<&[Load]> {
+        match self {
+            Self::Fixed(load) => Some(std::slice::from_ref(load)),
+            Self::List(loads) => Some(loads),
+            Self::Direction { .. } | Self::Any { .. } => None,
+        }
+    }
+
+    /// Loads that show what any does.
+    pub fn samples(&self) -> Vec<Load> {
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        match self {
+            Self::Fixed(load) => vec![*load],
+            Self::List(loads) => loads.clone(),
+            Self::Direction {
+                direction,
+                force_n: [low, high],
+            } => [high, low].map(|size| of_force(direction * *size)).to_vec(),
+            Self::Any { force_max_n } => axes.map(|axis| of_force(axis * *force_max_n)).to_vec(),
+        }
+    }
+
     /// All loads so many times as large.
     pub fn scaled(&self, factor: f64) -> Self {
         match self {

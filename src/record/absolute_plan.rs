@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
-use super::candidates::CandidatesMessage;
 use super::messages::CommonSourcesMessage;
 use crate::experiment::Candidate;
+use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
-use crate::plan::{UncertaintyBudget, search::PlanBound};
+use crate::plan::search::{OfferedCandidates, PlanBound};
 use crate::robot::{Commands, Load};
 use crate::task::{AccuracyKind, Task};
 
@@ -79,7 +79,7 @@ pub struct AbsolutePlanMessage {
     /// The readings.
     pub plan: Vec<PlannedReadingMessage>,
     /// What it was chosen from, or what it was read as.
-    pub candidates: CandidatesMessage,
+    pub candidates: OfferedCandidates,
     /// How the candidates were drawn; null where they are a file's.
     pub drawn: Option<DrawnWanted>,
     /// What the prediction takes for certain although it is not, in words.
@@ -148,11 +148,7 @@ impl AbsolutePlanMessage {
                     PlannedReadingMessage::new(&commands, &planning.candidates[place], repeats)
                 })
                 .collect(),
-            candidates: CandidatesMessage {
-                offered: planning.offered,
-                possible: planning.candidates.len(),
-                left_out: planning.left_out.clone(),
-            },
+            candidates: planning.offer.clone(),
             drawn: None,
             assumed_exact: planning.assumed_exact(),
         }

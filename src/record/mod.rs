@@ -11,8 +11,7 @@
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`understanding`]: a robot as it was understood.
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
-//! - [`candidates`]: what a plan was chosen from; [`absolute_plan`]: a plan of absolute readings; [`absolute_trials`]: what
-//!   was seen of one.
+//! - [`absolute_plan`]: a plan of absolute readings; [`absolute_trials`]: what was seen of one.
 //! - [`evidence`]: what a plan is shown beside.
 
 pub mod absolute;
@@ -20,7 +19,6 @@ pub mod absolute_plan;
 pub mod absolute_trials;
 pub mod account;
 pub mod campaign;
-pub mod candidates;
 pub mod evidence;
 pub mod inconsistencies;
 pub mod json;

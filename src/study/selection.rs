@@ -101,15 +101,6 @@ pub struct Selection<'a> {
     pub is_cut_short: bool,
 }
 
-/// Who looks on.
-#[derive(Clone, Copy)]
-pub struct SelectionOnlooker<'a> {
-    /// When set, choices that have not begun are left out.
-    pub stop: &'a AtomicBool,
-    /// Hears how many choices are done, and of how many.
-    pub progress: &'a (dyn Fn(usize, usize) + Sync),
-}
-
 /// The readings, ready to be chosen from.
 struct Chooser<'a> {
     parts: &'a PartsOfReadings<'a>,
@@ -124,7 +115,7 @@ struct Chooser<'a> {
     wanted: &'a SelectionWanted,
 }
 
-/// Chooses, calibrates and judges.
+/// Chooses, calibrates and judges, as long as it is not asked to stop; who watches hears how many choices are done, and of how many.
 ///
 /// # Errors
 /// The readings cannot be fitted, or not one by one.
@@ -133,16 +124,14 @@ pub fn select<'a>(
     readings: &[AbsoluteReading],
     groups: &[ParameterGroup],
     wanted: &SelectionWanted,
-    onlooker: SelectionOnlooker<'_>,
+    watch: Watch<'_>,
 ) -> Result<Selection<'a>, AbsoluteError> {
     let parts = AbsoluteCase::new(belief, readings)?.in_parts(groups)?;
-    let campaigns = (0..u64::from(wanted.campaigns))
-        .map(|campaign| {
-            let mut random = generator(wanted.seed, streams::campaign_of_choices(campaign));
-            parts.simulated(&mut random)
-        })
-        .collect::<Result<Vec<_>, _>>()
-        .unwrap_or_default();
+    let campaign = |campaign: u64| {
+        let stream = streams::campaign_of_choices(campaign);
+        parts.simulated(&mut generator(wanted.seed, stream))
+    };
+    let campaigns: Result<Vec<_>, _> = (0..u64::from(wanted.campaigns)).map(campaign).collect();
     let chooser = Chooser {
         told: CandidateInformation::of_all(parts.set().len(), &parts.told()),
         before: parts.known_before(),
@@ -154,45 +143,45 @@ pub fn select<'a>(
         list: (!parts.functions().is_empty())
             .then(|| parts.with_functions())
             .transpose()?,
-        campaigns,
+        campaigns: campaigns.unwrap_or_default(),
         wanted,
         parts: &parts,
     };
     let done = AtomicUsize::new(0);
     let planned = CHOICES.len() + usize::from(chooser.list.is_some());
     let all = wanted.sizes.len() * (planned + wanted.draws as usize);
-    let tell = || (onlooker.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, all);
-    let sizes = (wanted.sizes.iter())
-        .map(|&size| {
-            let mut planned = chooser.planned(size, onlooker.stop, &tell);
-            let with_functions = chooser.list.as_ref();
-            planned.splice(
-                0..0,
-                with_functions.map(|list| {
-                    let chosen = chooser.with_functions(list, size, onlooker.stop);
-                    tell();
-                    (WITH_FUNCTIONS, chosen)
-                }),
-            );
-            let random = (0..wanted.draws)
-                .into_par_iter()
-                .filter(|_| !onlooker.stop.load(Ordering::Relaxed))
-                .map(|draw| {
-                    let chosen = chooser.random(size, draw);
-                    tell();
-                    chosen
-                })
-                .collect();
-            SelectionOfSize {
-                size,
-                planned,
-                random,
-            }
-        })
-        .collect();
+    let tell = || {
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        (watch.progress)(done, all, f64::INFINITY);
+    };
+    let of_size = |&size: &u32| {
+        let mut planned = Vec::new();
+        let by_criterion = chooser.planned(size, watch.stop, &tell);
+        if let Some(list) = &chooser.list {
+            planned.push((
+                WITH_FUNCTIONS,
+                chooser.with_functions(list, size, watch.stop),
+            ));
+            tell();
+        }
+        planned.extend(by_criterion);
+        let random = (0..wanted.draws)
+            .into_par_iter()
+            .filter(|_| !watch.stop.load(Ordering::Relaxed))
+            .map(|draw| {
+                let chosen = chooser.random(size, draw);
+                tell();
+                chosen
+            });
+        SelectionOfSize {
+            size,
+            planned,
+            random: random.collect(),
+        }
+    };
     Ok(Selection {
-        sizes,
-        is_cut_short: onlooker.stop.load(Ordering::Relaxed),
+        sizes: wanted.sizes.iter().map(of_size).collect(),
+        is_cut_short: watch.stop.load(Ordering::Relaxed),
         parts,
     })
 }
@@ -263,22 +252,20 @@ impl Chooser<'_> {
             }
             is_thorough = offered.is_empty();
         }
-        found
-            .into_par_iter()
-            .map(|(problem, found)| {
-                let chosen = found.map_err(|error| error.to_string()).map(|design| {
-                    let readings = design.plan.iter().map(|&(reading, _)| reading).collect();
-                    let bound_m = (design.bound.least_cost(size))
-                        .filter(|_| problem.criterion == Criterion::TestPose)
-                        .map(f64::sqrt);
-                    Chosen {
-                        bound_m,
-                        ..self.judged(readings)
-                    }
-                });
-                (problem.criterion.name(), chosen)
-            })
-            .collect()
+        let chosen = (found.into_par_iter()).map(|(problem, found)| {
+            let chosen = found.map(|design| {
+                let readings = design.plan.iter().map(|&(reading, _)| reading).collect();
+                let is_bounded = problem.criterion == Criterion::TestPose;
+                let least = design.bound.least_cost(size).filter(|_| is_bounded);
+                Chosen {
+                    bound_m: least.map(f64::sqrt),
+                    ..self.judged(readings)
+                }
+            });
+            let chosen = chosen.map_err(|error| error.to_string());
+            (problem.criterion.name(), chosen)
+        });
+        chosen.collect()
     }
 
     /// The best choice for absolute accuracy with joint error functions.
@@ -290,7 +277,7 @@ impl Chooser<'_> {
     ) -> Result<Chosen, String> {
         let found = best_choice(list, size as usize, SEARCHES, self.wanted.seed, stop);
         let found = found.ok_or("the readings determine nothing")?;
-        Ok(self.judged(found.chosen))
+        Ok(self.judged(found))
     }
 
     /// A random choice.

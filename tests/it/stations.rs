@@ -93,7 +93,10 @@ fn the_best_of_all_plans_from_all_stations_is_found() {
         assert!(stations.contains(&name), "{stations:?}");
     }
     // Bounds leave some out, so that stations do not have the same rows.
-    assert!(all < planning.offered && planning.offered == 18, "{all}");
+    assert!(
+        all < planning.offer.offered && planning.offer.offered == 18,
+        "{all}"
+    );
     let stop = AtomicBool::new(false);
     let watch = Watch {
         stop: &stop,
@@ -132,7 +135,12 @@ fn the_best_of_all_plans_from_all_stations_is_found() {
 }
 
 fn reasons(planning: &AbsolutePlanning<'_>) -> String {
-    let all: Vec<String> = planning.left_out.iter().map(ToString::to_string).collect();
+    let all: Vec<String> = planning
+        .offer
+        .left_out
+        .iter()
+        .map(ToString::to_string)
+        .collect();
     all.join("\n")
 }
 
@@ -362,6 +370,6 @@ fn rows_times_stations_have_a_limit() {
     many = vec![many.remove(0); 501];
     match AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Frames], &many) {
         Err(AbsolutePlanError::Candidates(CandidateError::TooMany { found: 50_100, .. })) => {}
-        other => panic!("{:?}", other.map(|planning| planning.offered)),
+        other => panic!("{:?}", other.map(|planning| planning.offer.offered)),
     }
 }

@@ -33,7 +33,7 @@ const NEAR: usize = 12;
 const RANDOM_PLANS: usize = 200;
 
 /// How configurations are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct DrawnWanted {
     /// So many configurations at random from the scenario's region, and then others near those that were chosen.
     pub configurations: u32,

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use super::Criterion;
 use super::search::{
     CandidateError, CandidateInformation, CandidatePlan, FiniteBound, FiniteDesign, FiniteEffort,
-    FiniteProblem, LeftOutCandidates, PlanBound, SharingCandidates, TogetherBounds, Watch,
+    FiniteProblem, OfferedCandidates, PlanBound, SharingCandidates, TogetherBounds, Watch,
 };
 use crate::compensation::KnownArm;
 use crate::experiment::Candidate;
@@ -57,12 +57,10 @@ const FAINT: f64 = 1e-8;
 /// The readings that may be planned, by what they tell.
 #[derive(Debug)]
 pub struct AbsolutePlanning<'a> {
-    /// How many candidates there were.
-    pub offered: usize,
+    /// How many candidates there were, and why others are not possible.
+    pub offer: OfferedCandidates,
     /// Those that are possible.
     pub candidates: Vec<Candidate>,
-    /// The others, by reason.
-    pub left_out: Vec<LeftOutCandidates>,
     case: AbsoluteCase<'a>,
     set: ParameterSet,
     /// The errors of a reading of each candidate besides the instrument's noise,
@@ -116,8 +114,7 @@ impl<'a> AbsolutePlanning<'a> {
             return Err(AbsolutePlanError::other(problem, Some(hint)));
         }
         let rows = from_stations(task, rows)?;
-        let offered = rows.len();
-        let (candidates, left_out) = possible(task, &rows)?;
+        let (candidates, offer) = possible(task, &rows)?;
         let is_pose = task.belief.instrument.rotation_sigma_rad.is_some();
         let readings = candidates
             .iter()
@@ -158,10 +155,9 @@ impl<'a> AbsolutePlanning<'a> {
             stations: &task.stations,
             target,
             before: relative_precision(&set),
-            offered,
+            offer,
             neighbours: Neighbours::of(&candidates),
             candidates,
-            left_out,
             case,
             set,
             errors,
@@ -176,10 +172,10 @@ impl<'a> AbsolutePlanning<'a> {
     ) -> Result<Self, AbsolutePlanError> {
         check_stations(task, rows)?;
         let planning = Self::new(task, groups, rows)?;
-        if planning.left_out.is_empty() {
+        if planning.offer.left_out.is_empty() {
             return Ok(planning);
         }
-        let reasons = planning.left_out.iter().map(ToString::to_string);
+        let reasons = planning.offer.left_out.iter().map(ToString::to_string);
         let reasons = reasons.collect::<Vec<String>>().join("; ");
         let problem = format!("readings that are not possible: {reasons}");
         Err(AbsolutePlanError::other(problem, None))
@@ -312,9 +308,9 @@ impl<'a> AbsolutePlanning<'a> {
         let mut told = CandidateInformation::new(basis.ncols());
         for some in places.chunks(TOGETHER) {
             let reduced: Vec<DMatrix<f64>> = told_of(some).par_iter().map(within).collect();
-            reduced
-                .iter()
-                .for_each(|information| told.push(information));
+            for information in &reduced {
+                told.push(information);
+            }
         }
         let determined =
             (rows.iter().zip(&missing).enumerate()).filter(|(_, (_, missing))| missing.is_empty());
@@ -480,7 +476,7 @@ impl<'a> AbsolutePlanning<'a> {
             return found;
         };
         let another = found.as_ref().map_or(f64::INFINITY, |found| found.cost);
-        match problem.bettered(&[from_one.plan.clone()], effort, another) {
+        match problem.bettered(std::slice::from_ref(&from_one.plan), effort, another) {
             None => found,
             Some((plan, cost)) => Ok(FiniteDesign {
                 bound: problem.bound_of(&plan)?,

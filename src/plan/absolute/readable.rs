@@ -10,7 +10,7 @@ use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
 use crate::observation::{BareArm, ReadingErrors, Setup};
 use crate::parameter::ReadingSource;
-use crate::plan::search::{CandidateError, LeftOutCandidates, possible_of};
+use crate::plan::search::{CandidateError, OfferedCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::robot::{Load, SerialChain, Tool};
@@ -84,7 +84,7 @@ pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), Abso
 pub(super) fn possible(
     task: &Task,
     rows: &[Candidate],
-) -> Result<(Vec<Candidate>, Vec<LeftOutCandidates>), AbsolutePlanError> {
+) -> Result<(Vec<Candidate>, OfferedCandidates), AbsolutePlanError> {
     let lines: Vec<usize> = rows.iter().map(|row| row.line).collect();
     let targets = targets(&task.belief, rows)?;
     let first_violation = |feasibility: &mut Feasibility<'_>, place: usize| {
@@ -105,9 +105,9 @@ pub(super) fn possible(
         let is_fine = |what: &str| what == "load" && experiment.load == Load::NONE;
         (violations.into_iter()).find(|violation| !is_fine(&violation.what))
     };
-    let (places, left_out) = possible_of(task, &lines, first_violation)?;
+    let (places, offer) = possible_of(task, &lines, first_violation)?;
     let candidates = places.into_iter().map(|place| rows[place].clone());
-    Ok((candidates.collect(), left_out))
+    Ok((candidates.collect(), offer))
 }
 
 /// The sites of the model that rows name.

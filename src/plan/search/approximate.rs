@@ -291,7 +291,9 @@ impl Growing<'_> {
         }
         let added = support.len() - old;
         if added > 0 {
-            weights.iter_mut().for_each(|weight| *weight *= 0.5);
+            for weight in weights.iter_mut() {
+                *weight *= 0.5;
+            }
             weights.resize(support.len(), 0.5 / added as f64);
         }
         !taken.is_empty()

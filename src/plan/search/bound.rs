@@ -20,6 +20,9 @@ const SAME_RAD: f64 = 1e-9;
 /// The same for loads, as a share.
 const SAME_SHARE: f64 = 1e-9;
 
+/// A proof, or why there is none, where one was asked for.
+type MaybeProof = Option<Result<ProvedBound, NoProof>>;
+
 /// What no plan of a class is better than by a criterion, by the number m of measurements.
 ///
 /// The class is that of plans
@@ -40,10 +43,10 @@ pub struct Bound {
     /// The same with the region of the class, which is wider.
     class: Task,
     basis: Basis,
-    proof: Option<Result<ProvedBound, NoProof>>,
+    proof: MaybeProof,
     /// Where something is known before or is mandatory, what holds for numbers of measurements that were asked for: the
     /// best design beside them depends on how many are free.
-    sizes: BTreeMap<u32, (Certificate, Option<Result<ProvedBound, NoProof>>)>,
+    sizes: BTreeMap<u32, (Certificate, MaybeProof)>,
 }
 
 /// What a bound for so many measurements rests on.
@@ -304,7 +307,7 @@ impl Bound {
         problem: &Problem<'_>,
         seed: u64,
         sizes: impl IntoIterator<Item = u32>,
-        proved: &dyn Fn(&Problem<'_>, &ApproximateDesign) -> Option<Result<ProvedBound, NoProof>>,
+        proved: &dyn Fn(&Problem<'_>, &ApproximateDesign) -> MaybeProof,
     ) {
         for size in sizes {
             if self.sizes.contains_key(&size) {

@@ -4,8 +4,19 @@ use thiserror::Error;
 
 use crate::quantities::limits::MOST_CANDIDATES;
 
+/// What plans are chosen from, of what was offered.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct OfferedCandidates {
+    /// How many there were, each row of the file under each load, or from each station.
+    pub offered: usize,
+    /// How many are possible.
+    pub possible: usize,
+    /// Why others are not.
+    pub left_out: Vec<LeftOutCandidates>,
+}
+
 /// Candidates that are not possible for one reason.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct LeftOutCandidates {
     /// What is violated.
     pub what: String,

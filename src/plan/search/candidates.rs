@@ -4,12 +4,11 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::bound::{Basis, Bound, Enumerated};
-use super::candidate_error::{CandidateError, LeftOutCandidates};
+use super::candidate_error::{CandidateError, LeftOutCandidates, OfferedCandidates};
 use super::candidate_information::CandidateInformation;
 use super::exact::{ExactDesign, Watch};
 use super::finite::{FiniteBound, FiniteProblem, SharingCandidates};
 use super::finite_search::FiniteEffort;
-use super::point::LoadChoice;
 use super::problem::{Problem, SearchError};
 use crate::experiment::{Candidate, Experiment, Loads, numbered};
 use crate::plan::{Criterion, Feasibility, Plan, Violation};
@@ -24,10 +23,8 @@ const SEARCHES: usize = 12;
 pub struct Candidates {
     /// Those that are possible, each row under each load; their repeats are the most that there may be.
     pub experiments: Vec<Experiment>,
-    /// How many there were, each row under each load.
-    pub offered: usize,
-    /// Those that are not possible, by the reason.
-    pub left_out: Vec<LeftOutCandidates>,
+    /// How many there were, and why others are not possible.
+    pub offer: OfferedCandidates,
 }
 
 /// Which candidates of some lines a task allows, by their places; and why not the others: what a judge finds first.
@@ -38,7 +35,7 @@ pub(in crate::plan) fn possible_of(
     task: &Task,
     lines: &[usize],
     first_violation: impl Fn(&mut Feasibility<'_>, usize) -> Option<Violation> + Sync,
-) -> Result<(Vec<usize>, Vec<LeftOutCandidates>), CandidateError> {
+) -> Result<(Vec<usize>, OfferedCandidates), CandidateError> {
     let wrong: Vec<Option<Violation>> = (0..lines.len())
         .into_par_iter()
         .map_init(|| Feasibility::new(task), &first_violation)
@@ -68,7 +65,12 @@ pub(in crate::plan) fn possible_of(
         let offered = lines.len();
         return Err(CandidateError::AllLeftOut { offered, reasons });
     }
-    Ok((places, left_out))
+    let offer = OfferedCandidates {
+        offered: lines.len(),
+        possible: places.len(),
+        left_out,
+    };
+    Ok((places, offer))
 }
 
 impl Candidates {
@@ -78,7 +80,7 @@ impl Candidates {
             Loads::Any { .. } if rows.iter().any(|row| row.load.is_none()) => {
                 return Err(CandidateError::NoLoad);
             }
-            loads => LoadChoice::new(loads).samples(),
+            loads => loads.samples(),
         };
         let (mut lines, mut all) = (Vec::new(), Vec::new());
         for row in rows {
@@ -102,19 +104,17 @@ impl Candidates {
                 });
             }
         }
-        let offered = all.len();
-        if offered > MOST_CANDIDATES {
-            let (found, of) = (offered, "load");
+        if all.len() > MOST_CANDIDATES {
+            let (found, of) = (all.len(), "load");
             return Err(CandidateError::TooMany { found, of });
         }
-        let (places, left_out) = possible_of(task, &lines, |feasibility, place| {
+        let (places, offer) = possible_of(task, &lines, |feasibility, place| {
             let violations = feasibility.violations_of(1, &all[place]);
             violations.into_iter().next()
         })?;
         Ok(Self {
             experiments: places.into_iter().map(|place| all[place].clone()).collect(),
-            offered,
-            left_out,
+            offer,
         })
     }
 

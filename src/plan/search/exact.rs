@@ -95,20 +95,14 @@ pub(super) fn exact_design_from(
     let free = experiments.saturating_sub(mandatory.measurements());
     let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
     let configurations = configurations.saturating_sub(count).min(free);
+    let sizes = [experiments, free, configurations];
     let (ends, [searches, agreeing]) =
-        match rounded_design(problem, approximate, [experiments, free, configurations]) {
-            Some(near) => (vec![near], [0, 0]),
-            None => {
-                let known = known_plans(problem, known);
-                search_plans(
-                    problem,
-                    approximate,
-                    [free, configurations],
-                    seed,
-                    watch,
-                    known,
-                )
-            }
+        if let Some(near) = rounded_design(problem, approximate, sizes) {
+            (vec![near], [0, 0])
+        } else {
+            let known = known_plans(problem, known);
+            let sizes = [free, configurations];
+            search_plans(problem, approximate, sizes, seed, watch, known)
         };
     let best = ends
         .iter()

@@ -76,42 +76,35 @@ impl Refinement<'_> {
 
     /// Exchanges the experiments of a plan in turn for the best ones of the pool, until nothing more
     /// is gained. Experiments that prove not to be clear of collisions leave the pool.
-    fn exchange(&mut self, pool: &mut Pool, start: Found) -> Found {
-        let (mut lowest, mut points, mut repeats) = (start.cost, start.points, start.repeats);
+    fn exchange(&mut self, pool: &mut Pool, mut found: Found) -> Found {
         let mut information = self.mandatory.clone();
         for _ in 0..EXCHANGES {
             let mut improved = false;
-            for index in 0..points.len() {
-                self.total(&points, &repeats, Some(index), &mut information);
-                let weight = self.worth_of_repeats(&points[index], repeats[index]);
+            for index in 0..found.points.len() {
+                self.total(&found, Some(index), &mut information);
+                let weight = self.worth_of_repeats(&found.points[index], found.repeats[index]);
                 while let Some((better, cost)) = {
                     let function = &mut self.work.borrow_mut().cost;
                     pool.best_addition(function, &information, weight)
-                } && cost < lowest * (1.0 - WORTHWHILE)
+                } && cost < found.cost * (1.0 - WORTHWHILE)
                 {
                     if let Some(point) = self.take_clear(pool, better) {
-                        let found = (&points[..], &repeats[..]);
-                        let cost = self.cost_in_place(found, (index, &point), &information, cost);
-                        if cost < lowest {
-                            points[index] = point;
-                            lowest = cost;
+                        let cost = self.cost_in_place(&found, (index, &point), &information, cost);
+                        if cost < found.cost {
+                            found.points[index] = point;
+                            found.cost = cost;
                             improved = true;
                         }
                         break;
                     }
                 }
             }
-            self.total(&points, &repeats, None, &mut information);
-            improved |= self.move_repeat(&points, &mut repeats, &information, &mut lowest);
-            if !improved {
+            self.total(&found, None, &mut information);
+            if !self.move_repeat(&mut found, &information) && !improved {
                 break;
             }
         }
-        Found {
-            cost: lowest,
-            points,
-            repeats,
-        }
+        found
     }
 
     /// An experiment of the pool, clear of collisions and in sight; if that is impossible, it leaves

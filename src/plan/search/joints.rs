@@ -4,7 +4,8 @@ use nalgebra::DMatrix;
 use rand::RngExt;
 
 use super::observation::MatrixEvaluator;
-use super::point::{LoadChoice, add_information};
+use super::point::add_information;
+use crate::experiment::Loads;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::{FIXED_SEED, INDIFFERENT_JOINTS, SHOWN};
 use crate::plan::SmoothBound;
@@ -15,7 +16,7 @@ use crate::robot::Load;
 pub(super) fn random_information(
     mut evaluator: MatrixEvaluator<'_>,
     ranges: &[(f64, f64)],
-    loads: &LoadChoice,
+    loads: &Loads,
 ) -> DMatrix<f64> {
     let size = evaluator.parameters();
     let mut matrix = evaluator.matrix();
@@ -31,7 +32,7 @@ pub(super) fn random_information(
 /// Random configurations in ranges, each under every load.
 pub(super) fn random_points(
     ranges: &[(f64, f64)],
-    loads: &LoadChoice,
+    loads: &Loads,
     each: &mut dyn FnMut(&[f64], &Load),
 ) {
     const CONFIGURATIONS: u64 = 40;
@@ -51,12 +52,12 @@ pub(super) fn random_points(
 pub(super) fn indifferent_joints(
     mut evaluator: MatrixEvaluator<'_>,
     ranges: &[(f64, f64)],
-    loads: &LoadChoice,
+    loads: &Loads,
     bounds: &[SmoothBound],
 ) -> Vec<usize> {
     const CONFIGURATIONS: u64 = 8;
     // The joints that turn all forces of space alike are not worth looking for.
-    if matches!(loads, LoadChoice::Ball(_)) {
+    if matches!(loads, Loads::Any { .. }) {
         return Vec::new();
     }
     let loads = loads.samples();

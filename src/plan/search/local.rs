@@ -6,8 +6,9 @@ use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use slsqp::{Func, StopTols, minimize};
 
 use super::observation::MatrixEvaluator;
-use super::point::{LoadChoice, Point, force, in_directions, information_in};
+use super::point::{Point, force, in_directions, information_in};
 use super::problem::Problem;
+use crate::experiment::Loads;
 use crate::numeric::factorisation::finite_eigen;
 use crate::plan::SmoothBound;
 use crate::robot::Load;
@@ -55,7 +56,7 @@ pub(super) struct LocalSearch<'a> {
     evaluator: RefCell<(MatrixEvaluator<'a>, Vec<f64>)>,
     bounds: Vec<SmoothBound>,
     ranges: Vec<(f64, f64)>,
-    loads: LoadChoice,
+    loads: Loads,
     is_force_bounded: bool,
     is_force_varied: bool,
     gravity: Vector3<f64>,
@@ -120,7 +121,7 @@ impl<'a> LocalSearch<'a> {
             is_force_varied: problem.is_force_varied(),
             bounds: problem.bounds.clone(),
             ranges: problem.ranges.clone(),
-            loads: problem.loads.clone(),
+            loads: problem.task.loads.clone(),
         }
     }
 
@@ -128,7 +129,7 @@ impl<'a> LocalSearch<'a> {
     pub fn near(mut self, q: &[f64], load: &Load, within_rad: f64) -> Self {
         let range = |angle: &f64| (angle - within_rad, angle + within_rad);
         self.ranges = q.iter().map(range).collect();
-        self.loads = LoadChoice::OneOf(vec![*load]);
+        self.loads = Loads::Fixed(*load);
         self.bounds.clear();
         self
     }
@@ -218,30 +219,33 @@ impl<'a> LocalSearch<'a> {
         let climb = |load: &Load, free| self.climb(q, load, free, directions, precision);
         let best = |one: &(Point, f64), other: &(Point, f64)| one.1.total_cmp(&other.1);
         match &self.loads {
-            LoadChoice::OneOf(loads) => (loads.iter())
-                .filter_map(|load| climb(load, FreeLoad::None))
-                .max_by(best),
-            LoadChoice::Size(direction, [_, high]) if !self.is_force_varied => {
-                climb(&force(direction, *high), FreeLoad::None)
+            Loads::Direction { direction, force_n } if !self.is_force_varied => {
+                climb(&force(direction, force_n[1]), FreeLoad::None)
             }
-            LoadChoice::Ball(size) if !self.is_force_varied => {
-                climb(&start.load, FreeLoad::Best(directions, *size))
+            Loads::Any { force_max_n } if !self.is_force_varied => {
+                climb(&start.load, FreeLoad::Best(directions, *force_max_n))
             }
-            LoadChoice::Size(direction, sizes) => {
-                let size = self.largest_size(q, direction, *sizes).unwrap_or(sizes[1]);
-                climb(&force(direction, size), self.free_load())
+            Loads::Direction { direction, force_n } => {
+                let size = self.largest_size(q, direction, *force_n);
+                climb(
+                    &force(direction, size.unwrap_or(force_n[1])),
+                    self.free_load(),
+                )
             }
-            LoadChoice::Ball(size) => {
+            Loads::Any { force_max_n } => {
                 let best_force = best_direction(&self.at(q), directions);
                 // Opposite forces tell the same, but gravity helps one of them.
                 let starts = [best_force, -best_force].map(|direction| {
-                    let largest = self.largest_size(q, &direction, [0.0, *size]);
-                    force(&direction, largest.unwrap_or(*size))
+                    let largest = self.largest_size(q, &direction, [0.0, *force_max_n]);
+                    force(&direction, largest.unwrap_or(*force_max_n))
                 });
                 (starts.iter().chain([&start.load]))
                     .filter_map(|load| climb(load, self.free_load()))
                     .max_by(best)
             }
+            listed => (listed.listed().into_iter().flatten())
+                .filter_map(|load| climb(load, FreeLoad::None))
+                .max_by(best),
         }
     }
 
@@ -249,11 +253,11 @@ impl<'a> LocalSearch<'a> {
     /// where that matters.
     const fn free_load(&self) -> FreeLoad<'static> {
         match self.loads {
-            LoadChoice::Ball(size) => FreeLoad::Force(size),
-            LoadChoice::Size(direction, sizes) if self.is_force_bounded => {
-                FreeLoad::Size(direction, sizes)
+            Loads::Any { force_max_n } => FreeLoad::Force(force_max_n),
+            Loads::Direction { direction, force_n } if self.is_force_bounded => {
+                FreeLoad::Size(direction, force_n)
             }
-            LoadChoice::Size(..) | LoadChoice::OneOf(_) => FreeLoad::None,
+            _ => FreeLoad::None,
         }
     }
 
@@ -339,9 +343,8 @@ impl<'a> LocalSearch<'a> {
                 if let Some(gradient) = gradient {
                     let (of_joints, of_load) = gradient.split_at_mut(joints);
                     of_load.fill(0.0);
-                    if let Some(slope) = bound
-                        .force_derivative(state)
-                        .filter(|_| !of_load.is_empty())
+                    if !of_load.is_empty()
+                        && let Some(slope) = bound.force_derivative(state)
                     {
                         free.pull_back(&-slope, of_load);
                     }

@@ -16,16 +16,7 @@ const PASSES: usize = 12;
 /// An exchange lowers the cost by more than this share.
 const GAIN: f64 = 1e-6;
 
-/// A choice from a list.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ListChoice {
-    /// The candidates, in rising order.
-    pub chosen: Vec<usize>,
-    /// trace(N P).
-    pub cost: f64,
-}
-
-/// The best choice of so many different candidates; a function of the list, the size and the seed alone,
+/// The best choice of so many different candidates, in rising order; a function of the list, the size and the seed alone,
 /// unless it is stopped. None where the list is shorter, or where numbers have no factorisation.
 pub fn best_choice(
     list: &LowRankList,
@@ -33,32 +24,30 @@ pub fn best_choice(
     searches: usize,
     seed: u64,
     stop: &AtomicBool,
-) -> Option<ListChoice> {
+) -> Option<Vec<usize>> {
     if size > list.candidates.len() {
         return None;
     }
-    let found: Vec<Option<ListChoice>> = (0..searches.max(1))
-        .into_par_iter()
-        .map(|search| {
-            let mut start = Vec::new();
-            if search > 0 {
-                let mut random = generator(seed, streams::candidate_search(search as u64));
-                start = index::sample(&mut random, list.candidates.len(), size).into_vec();
-            }
-            improved(list, size, start, stop)
-        })
-        .collect();
-    let found = found.into_iter().flatten();
-    found.min_by(|one, other| one.cost.total_cmp(&other.cost))
+    let found = (0..searches.max(1)).into_par_iter().map(|search| {
+        let mut start = Vec::new();
+        if search > 0 {
+            let mut random = generator(seed, streams::candidate_search(search as u64));
+            start = index::sample(&mut random, list.candidates.len(), size).into_vec();
+        }
+        improved(list, size, start, stop)
+    });
+    let found: Vec<Option<(f64, Vec<usize>)>> = found.collect();
+    let best = (found.into_iter().flatten()).min_by(|one, other| one.0.total_cmp(&other.0));
+    best.map(|(_, chosen)| chosen)
 }
 
-/// Fills a choice up with what helps most, then exchanges.
+/// Fills a choice up with what helps most, then exchanges; with trace(N P).
 fn improved(
     list: &LowRankList,
     size: usize,
     mut chosen: Vec<usize>,
     stop: &AtomicBool,
-) -> Option<ListChoice> {
+) -> Option<(f64, Vec<usize>)> {
     let mut known = list.informed(&chosen)?;
     while chosen.len() < size {
         let (best, _) = most_gain(list, &known, &chosen)?;
@@ -89,11 +78,7 @@ fn improved(
         }
     }
     chosen.sort_unstable();
-    known = list.informed(&chosen)?;
-    Some(ListChoice {
-        cost: known.cost,
-        chosen,
-    })
+    Some((list.informed(&chosen)?.cost, chosen))
 }
 
 /// The candidate that helps most of those that are not chosen, and by how much the cost falls.

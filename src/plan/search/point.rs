@@ -2,47 +2,8 @@
 
 use nalgebra::{DMatrix, Matrix3xX, Vector3};
 
-use crate::experiment::{Experiment, Loads};
+use crate::experiment::Experiment;
 use crate::robot::Load;
-
-/// The kinds of load that the local search tells apart.
-#[derive(Debug, Clone, PartialEq)]
-pub enum LoadChoice {
-    /// One of these.
-    OneOf(Vec<Load>),
-    /// A force of this direction (unit vector), between two sizes (N).
-    Size(Vector3<f64>, [f64; 2]),
-    /// A force of any direction and up to this size (N).
-    Ball(f64),
-}
-
-impl LoadChoice {
-    /// The loads of a set.
-    pub fn new(loads: &Loads) -> Self {
-        match loads {
-            Loads::Fixed(load) => Self::OneOf(vec![*load]),
-            Loads::Direction { direction, force_n } => Self::Size(*direction, *force_n),
-            Loads::Any { force_max_n } => Self::Ball(*force_max_n),
-            Loads::List(loads) => Self::OneOf(loads.clone()),
-        }
-    }
-
-    /// Loads that show what any does.
-    pub fn samples(&self) -> Vec<Load> {
-        match self {
-            Self::OneOf(loads) => loads.clone(),
-            Self::Size(direction, sizes) => sizes
-                .iter()
-                .rev()
-                .map(|size| force(direction, *size))
-                .collect(),
-            Self::Ball(size) => [Vector3::x(), Vector3::y(), Vector3::z()]
-                .iter()
-                .map(|axis| force(axis, *size))
-                .collect(),
-        }
-    }
-}
 
 /// A force of a direction (unit vector) and a size (N).
 pub(super) fn force(direction: &Vector3<f64>, size: f64) -> Load {

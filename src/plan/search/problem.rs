@@ -8,9 +8,10 @@ use thiserror::Error;
 use super::candidate_error::CandidateError;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
-use super::point::{LoadChoice, add_information, in_directions};
+use super::point::{add_information, in_directions};
 use super::relevance::relevant;
 use crate::compensation::{test_pose_matrix, test_pose_rows};
+use crate::experiment::Loads;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::{
@@ -129,7 +130,6 @@ pub struct Problem<'a> {
     pub stop: Option<&'a AtomicBool>,
     pub(super) bounds: Vec<SmoothBound>,
     pub(super) ranges: Vec<(f64, f64)>,
-    pub(super) loads: LoadChoice,
     /// Joints whose angle changes neither what any experiment tells nor the smooth bounds: axis 1
     /// under a vertical load.
     pub(super) indifferent: Vec<usize>,
@@ -161,13 +161,13 @@ impl<'a> Problem<'a> {
     /// all compliances.
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
         let mut problem = Self::shown_by(task, criterion, &|problem| {
-            random_information(problem.evaluator(), &problem.ranges, &problem.loads)
+            random_information(problem.evaluator(), &problem.ranges, &task.loads)
         });
         if problem.impossible.is_none() {
             problem.indifferent = indifferent_joints(
                 problem.evaluator(),
                 &problem.ranges,
-                &problem.loads,
+                &task.loads,
                 &problem.bounds,
             );
         }
@@ -261,13 +261,13 @@ impl<'a> Problem<'a> {
             // The criteria of Table 1 are about the instrument's noise alone.
             _ => None,
         };
-        let (ranges, loads) = (ranges_of(&task.region), LoadChoice::new(&task.loads));
+        let (ranges, loads) = (ranges_of(&task.region), &task.loads);
         let mut considered = Vec::new();
         let (sizes, test_poses, prior) = if let Some(extended) = extended {
             let rows = |pose: &TestPose| test_pose_rows(&task.belief, pose);
             let sizes = task.belief.sizes();
             let test_poses = scaled_test_poses(task, &rows, &sizes);
-            considered = relevant(task, extended, &sizes, &test_poses, &ranges, &loads);
+            considered = relevant(task, extended, &sizes, &test_poses, &ranges, loads);
             let prior = task.belief.prior_information();
             (
                 considered.iter().map(|&index| sizes[index]).collect(),
@@ -284,7 +284,6 @@ impl<'a> Problem<'a> {
             indifferent: Vec::new(),
             bounds: bounds_of(&task.region),
             ranges,
-            loads,
             test_poses,
             extended,
             considered,
@@ -347,10 +346,10 @@ impl<'a> Problem<'a> {
     /// How many searches over so many experiments at once there is time for. One takes work that grows as
     /// their number times the cube of the variables of each: joint angles, and what of the force is free.
     pub(super) fn affordable(&self, experiments: usize) -> usize {
-        let of_load = match self.loads {
-            LoadChoice::OneOf(_) => 0,
-            LoadChoice::Size(..) => 1,
-            LoadChoice::Ball(_) => 3,
+        let of_load = match self.task.loads {
+            Loads::Fixed(_) | Loads::List(_) => 0,
+            Loads::Direction { .. } => 1,
+            Loads::Any { .. } => 3,
         };
         let variables = self.ranges.len() + of_load;
         WORK / (experiments.max(1) * variables.pow(3)).max(1)

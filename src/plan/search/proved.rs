@@ -1,8 +1,6 @@
 //! The bound of an approximate design, proved: the largest derivative over the class of plans is bounded by
 //! [`crate::plan::proof`] instead of being searched.
 
-use std::time::Duration;
-
 use serde::Serialize;
 
 use crate::experiment::{Experiment, Loads, printed_tolerance};
@@ -89,28 +87,6 @@ impl From<&Experiment> for ProofExperiment {
     }
 }
 
-/// How far a proof goes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ProofEffort {
-    /// The gap at which it ends.
-    pub gap: f64,
-    /// The number of boxes after which it ends.
-    pub boxes: u64,
-    /// The time after which it ends; then results depend on the clock.
-    pub time: Option<Duration>,
-}
-
-impl Default for ProofEffort {
-    /// A second at most.
-    fn default() -> Self {
-        Self {
-            gap: TIGHT,
-            boxes: 300_000,
-            time: None,
-        }
-    }
-}
-
 impl ProvedBound {
     /// Proves the bound that an approximate design for a problem's test poses gives.
     ///
@@ -138,7 +114,7 @@ impl ProvedBound {
             question(problem, gathered(&rows))
         };
         let found = approximate.certificate.largest_derivative;
-        let printed = (problem.loads.samples().iter())
+        let printed = (task.loads.samples().iter())
             .map(printed_tolerance)
             .fold(0.0, f64::max);
         if let Some(extended) = problem.extended {

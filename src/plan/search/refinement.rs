@@ -64,36 +64,32 @@ impl<'a> Refinement<'a> {
 
     /// A plan that is known, without the mandatory experiments.
     pub fn known(&self, experiments: &[Experiment]) -> Found {
-        let points: Vec<Point> = experiments
-            .iter()
-            .map(|each| {
-                self.local
-                    .point(each.configuration_rad.as_slice(), &each.load)
-            })
-            .collect();
+        let points = experiments.iter().map(|each| {
+            let q = each.configuration_rad.as_slice();
+            self.local.point(q, &each.load)
+        });
         let repeats = experiments.iter().map(|each| each.repeats).collect();
-        self.plan(points, repeats)
+        self.plan(points.collect(), repeats)
     }
 
     /// A plan with its cost.
     pub fn plan(&self, points: Vec<Point>, repeats: Vec<u32>) -> Found {
-        let mut information = self.mandatory.clone();
-        self.total(&points, &repeats, None, &mut information);
-        Found {
-            cost: self.cost(&information),
+        let mut found = Found {
+            cost: f64::INFINITY,
             points,
             repeats,
-        }
+        };
+        let mut information = self.mandatory.clone();
+        self.total(&found, None, &mut information);
+        found.cost = self.cost(&information);
+        found
     }
 
     /// Refines to full precision, also after moving single repeats from one configuration to another.
     pub fn polish(&mut self, found: Found) -> Found {
         let mut best = self.refine(found, Precision::FINE, f64::INFINITY);
         let count = best.points.len();
-        loop {
-            if self.problem.is_stopped() {
-                return best;
-            }
+        while !self.problem.is_stopped() {
             let mut better: Option<Found> = None;
             for (from, to) in (0..count * count).map(|pair| (pair / count, pair % count)) {
                 if from == to || best.repeats[from] == 1 {
@@ -109,54 +105,41 @@ impl<'a> Refinement<'a> {
                     better = Some(moved);
                 }
             }
-            match better {
-                Some(better) => best = self.refine(better, Precision::FINE, f64::INFINITY),
-                None => return best,
-            }
+            let Some(better) = better else { break };
+            best = self.refine(better, Precision::FINE, f64::INFINITY);
         }
+        best
     }
 
     /// Improves the experiments in turn, and moves repeats from one to another, until nothing more
     /// is gained, or so little that the cost will not fall below `hopeless`.
     pub fn refine(&mut self, mut best: Found, precision: Precision, hopeless: f64) -> Found {
         let mut information = self.mandatory.clone();
-        let mut next = best.points.clone();
+        let mut next = best.clone();
         let mut is_extrapolated = false;
         for _ in 0..SWEEPS {
             if self.problem.is_stopped() && best.cost.is_finite() {
                 break;
             }
-            let swept = self.sweep(
-                std::mem::take(&mut next),
-                &best.repeats,
-                precision,
-                is_extrapolated,
-                &mut information,
-            );
-            let cost = self.cost(&information);
-            let gain = 1.0 - cost / best.cost;
-            let before = if gain > 0.0 {
-                best.cost = cost;
-                std::mem::replace(&mut best.points, swept)
-            } else {
-                best.points.clone()
-            };
-            next.clone_from(&best.points);
+            next.repeats.clone_from(&best.repeats);
+            self.sweep(&mut next, precision, is_extrapolated, &mut information);
+            next.cost = self.cost(&information);
+            let gain = 1.0 - next.cost / best.cost;
+            let before = best.clone();
+            if gain > 0.0 {
+                best.clone_from(&next);
+            }
+            next.points.clone_from(&best.points);
             if gain > precision.converged {
                 if best.cost * (1.0 - HOPE * gain) > hopeless {
                     break;
                 }
-                is_extrapolated = self.extrapolate(&before, &best, &mut next);
+                is_extrapolated = self.extrapolate(&before.points, &best, &mut next);
             } else if is_extrapolated {
                 is_extrapolated = false;
             } else {
-                self.total(&best.points, &best.repeats, None, &mut information);
-                let Found {
-                    cost,
-                    points,
-                    repeats,
-                } = &mut best;
-                if !self.move_repeat(points, repeats, &information, cost) {
+                self.total(&best, None, &mut information);
+                if !self.move_repeat(&mut best, &information) {
                     break;
                 }
             }
@@ -168,73 +151,66 @@ impl<'a> Refinement<'a> {
     /// infeasible. Those that are not improved may collide only if they were `extrapolated`.
     fn sweep(
         &mut self,
-        mut points: Vec<Point>,
-        repeats: &[u32],
+        found: &mut Found,
         precision: Precision,
         extrapolated: bool,
         information: &mut DMatrix<f64>,
-    ) -> Vec<Point> {
-        for index in 0..points.len() {
-            self.total(&points, repeats, Some(index), information);
-            let present = &points[index];
-            if let Some(better) = self.improve(present, information, repeats[index], precision) {
-                points[index] = better;
-            } else if !self.local.is_inside(&present.q, &present.load) {
-                information.fill(0.0);
-                return points;
-            } else if extrapolated {
-                let Some(clear) = self.sampler.clear_variant(present) else {
-                    information.fill(0.0);
-                    return points;
-                };
-                points[index] = clear;
+    ) {
+        for index in 0..found.points.len() {
+            self.total(found, Some(index), information);
+            let (present, repeats) = (&found.points[index], found.repeats[index]);
+            if let Some(better) = self.improve(present, information, repeats, precision) {
+                found.points[index] = better;
+                continue;
             }
+            let is_inside = self.local.is_inside(&present.q, &present.load);
+            if is_inside && !extrapolated {
+                continue;
+            }
+            let clear = is_inside.then(|| self.sampler.clear_variant(present));
+            let Some(clear) = clear.flatten() else {
+                information.fill(0.0);
+                return;
+            };
+            found.points[index] = clear;
         }
-        self.total(&points, repeats, None, information);
-        points
+        self.total(found, None, information);
     }
 
     /// Goes on in the direction of a sweep's whole step as long as that lowers the cost, be it a
     /// little out of bounds: the next sweep starts there. Sweeps alone converge slowly.
-    fn extrapolate(&mut self, before: &[Point], best: &Found, next: &mut Vec<Point>) -> bool {
-        let mut information = self.mandatory.clone();
+    fn extrapolate(&mut self, before: &[Point], best: &Found, next: &mut Found) -> bool {
         let mut lowest = best.cost;
         let mut factor = 1.0;
         while factor < LONGEST_STEP {
-            let points: Vec<Point> = before
-                .iter()
-                .zip(&best.points)
-                .map(|(before, after)| {
-                    let q: Vec<f64> = (before.q.iter().zip(&after.q))
-                        .map(|(before, after)| after + factor * (after - before))
-                        .collect();
-                    self.local.point(&self.local.in_ranges(q), &after.load)
-                })
-                .collect();
-            self.total(&points, &best.repeats, None, &mut information);
-            let cost = self.cost(&information);
-            if cost >= lowest {
+            let points = before.iter().zip(&best.points).map(|(before, after)| {
+                let q = (before.q.iter().zip(&after.q))
+                    .map(|(before, after)| after + factor * (after - before));
+                self.local
+                    .point(&self.local.in_ranges(q.collect()), &after.load)
+            });
+            let found = self.plan(points.collect(), best.repeats.clone());
+            if found.cost >= lowest {
                 break;
             }
-            lowest = cost;
-            *next = points;
+            lowest = found.cost;
+            *next = found;
             factor *= 2.0;
         }
         lowest < best.cost
     }
 
-    /// Moves one repeat between two configurations where that lowers the cost most.
-    pub fn move_repeat(
-        &self,
-        points: &[Point],
-        repeats: &mut [u32],
-        information: &DMatrix<f64>,
-        lowest: &mut f64,
-    ) -> bool {
-        let mut best = None;
+    /// Moves one repeat between two configurations where that lowers the cost of a plan that tells so much most.
+    pub fn move_repeat(&self, found: &mut Found, information: &DMatrix<f64>) -> bool {
+        let Found {
+            cost: lowest,
+            points,
+            repeats,
+        } = found;
         if self.has_coincident(points) {
             return false;
         }
+        let mut best = None;
         let mut moved = information.clone();
         for from in (0..points.len()).filter(|&from| repeats[from] > 1) {
             for to in (0..points.len()).filter(|&to| to != from) {
@@ -248,91 +224,66 @@ impl<'a> Refinement<'a> {
                 }
             }
         }
-        let Some((from, to)) = best else {
-            return false;
-        };
-        repeats[from] -= 1;
-        repeats[to] += 1;
-        true
+        if let Some((from, to)) = best {
+            repeats[from] -= 1;
+            repeats[to] += 1;
+        }
+        best.is_some()
     }
 
     /// Adds what one repeat more or less of a point tells.
-    fn change_repeats(
-        &self,
-        information: &mut DMatrix<f64>,
-        point: &Point,
-        repeats: u32,
-        change: i32,
-    ) {
+    fn change_repeats(&self, sum: &mut DMatrix<f64>, point: &Point, repeats: u32, change: i32) {
         if self.is_shared_by_configuration {
-            self.add(information, point, repeats, -1.0);
-            self.add(
-                information,
-                point,
-                repeats.saturating_add_signed(change),
-                1.0,
-            );
+            self.add(sum, point, repeats, -1.0);
+            self.add(sum, point, repeats.saturating_add_signed(change), 1.0);
         } else {
-            add_information(information, &point.matrix, f64::from(change));
+            add_information(sum, &point.matrix, f64::from(change));
         }
     }
 
     /// Adds so many times what a point tells that is repeated so often.
-    fn add(&self, information: &mut DMatrix<f64>, point: &Point, repeats: u32, times: f64) {
+    fn add(&self, sum: &mut DMatrix<f64>, point: &Point, repeats: u32, times: f64) {
         let weight = times * f64::from(repeats);
-        if self.is_shared_by_configuration && repeats != 1 {
-            add_information(information, &self.repeated(point, repeats).matrix, weight);
-        } else {
-            add_information(information, &point.matrix, weight);
+        match self.repeated(point, repeats) {
+            Some(repeated) => add_information(sum, &repeated.matrix, weight),
+            None => add_information(sum, &point.matrix, weight),
         }
     }
 
     /// How many readings of a point that share nothing so many repeats are worth.
     pub fn worth_of_repeats(&self, point: &Point, repeats: u32) -> f64 {
-        if self.is_shared_by_configuration && repeats != 1 {
-            let repeated = self.repeated(point, repeats).matrix.norm_squared();
-            f64::from(repeats) * repeated / point.matrix.norm_squared()
-        } else {
-            f64::from(repeats)
-        }
+        let repeated = self.repeated(point, repeats);
+        repeated.map_or(f64::from(repeats), |repeated| {
+            f64::from(repeats) * repeated.matrix.norm_squared() / point.matrix.norm_squared()
+        })
     }
 
-    /// A point as one that is repeated so often.
-    fn repeated(&self, point: &Point, repeats: u32) -> Point {
-        self.local.set_repeats(repeats);
-        let repeated = self.local.point(&point.q, &point.load);
-        self.local.set_repeats(1);
-        repeated
+    /// A point as one that is repeated so often, where it then tells something else.
+    fn repeated(&self, point: &Point, repeats: u32) -> Option<Point> {
+        (self.is_shared_by_configuration && repeats != 1).then(|| {
+            self.local.set_repeats(repeats);
+            let repeated = self.local.point(&point.q, &point.load);
+            self.local.set_repeats(1);
+            repeated
+        })
     }
 
     /// The cost of an information matrix.
     pub fn cost(&self, information: &DMatrix<f64>) -> f64 {
-        let Work {
-            cost, directions, ..
-        } = &mut *self.work.borrow_mut();
-        cost.cost(information, directions)
+        let work = &mut *self.work.borrow_mut();
+        work.cost.cost(information, &mut work.directions)
     }
 
     /// The information of the mandatory and all other experiments but one.
-    pub fn total(
-        &self,
-        points: &[Point],
-        repeats: &[u32],
-        left_out: Option<usize>,
-        total: &mut DMatrix<f64>,
-    ) {
+    pub fn total(&self, found: &Found, left_out: Option<usize>, total: &mut DMatrix<f64>) {
         total.copy_from(&self.mandatory);
-        if self.has_coincident(points) {
-            let left = points.iter().zip(repeats).enumerate();
-            let left = left.filter(|(index, _)| Some(*index) != left_out);
-            *total += (self.problem).told_by(
-                left.map(|(_, (point, &repeats))| point.experiment(repeats))
-                    .collect(),
-            );
-            return;
-        }
-        for (index, (point, &repeats)) in points.iter().zip(repeats).enumerate() {
-            if Some(index) != left_out {
+        let all = found.points.iter().zip(&found.repeats).enumerate();
+        let others = all.filter(|(index, _)| Some(*index) != left_out);
+        if self.has_coincident(&found.points) {
+            let others = others.map(|(_, (point, &repeats))| point.experiment(repeats));
+            *total += self.problem.told_by(others.collect());
+        } else {
+            for (_, (point, &repeats)) in others {
                 self.add(total, point, repeats, 1.0);
             }
         }
@@ -349,7 +300,7 @@ impl<'a> Refinement<'a> {
     /// nothing.
     pub fn cost_in_place(
         &self,
-        (points, repeats): (&[Point], &[u32]),
+        found: &Found,
         (index, point): (usize, &Point),
         rest: &DMatrix<f64>,
         apart: f64,
@@ -357,16 +308,16 @@ impl<'a> Refinement<'a> {
         if !self.is_shared_by_configuration {
             return apart;
         }
-        let mut points = points.to_vec();
+        let mut points = found.points.clone();
         points[index] = point.clone();
         if self.has_coincident(&points) {
-            return self.plan(points, repeats.to_vec()).cost;
+            return self.plan(points, found.repeats.clone()).cost;
         }
-        if repeats[index] == 1 {
+        if found.repeats[index] == 1 {
             return apart;
         }
         let mut information = rest.clone();
-        self.add(&mut information, point, repeats[index], 1.0);
+        self.add(&mut information, point, found.repeats[index], 1.0);
         self.cost(&information)
     }
 
@@ -378,22 +329,18 @@ impl<'a> Refinement<'a> {
         repeats: u32,
         precision: Precision,
     ) -> Option<Point> {
-        let is_repeated = self.is_shared_by_configuration && repeats != 1;
-        let repeated = is_repeated.then(|| self.repeated(present, repeats));
+        let repeated = self.repeated(present, repeats);
+        let is_repeated = repeated.is_some();
         let present = repeated.as_ref().unwrap_or(present);
         let weight = f64::from(repeats);
         let cost = |matrix: &Matrix3xX<f64>, slope: Option<(&mut Matrix3xX<f64>, f64)>| {
-            let Work {
-                cost,
-                information,
-                directions,
-            } = &mut *self.work.borrow_mut();
-            information.copy_from(rest);
-            add_information(information, matrix, weight);
-            let value = cost.cost(information, directions);
+            let work = &mut *self.work.borrow_mut();
+            work.information.copy_from(rest);
+            add_information(&mut work.information, matrix, weight);
+            let value = work.cost.cost(&work.information, &mut work.directions);
             if let Some((slope, unit)) = slope {
                 if value.is_finite() {
-                    in_directions(slope, -2.0 * weight, matrix, directions);
+                    in_directions(slope, -2.0 * weight, matrix, &work.directions);
                 } else {
                     slope.fill(0.0);
                 }

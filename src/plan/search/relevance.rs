@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, Matrix3xX};
 
 use super::joints::random_points;
-use super::point::LoadChoice;
+use crate::experiment::Loads;
 use crate::task::{Extended, Task};
 
 /// What is left out makes together at most this share of the square of what random plans prediction: half of it in
@@ -21,7 +21,7 @@ pub(super) fn relevant(
     sizes: &[f64],
     test_poses: &DMatrix<f64>,
     ranges: &[(f64, f64)],
-    loads: &LoadChoice,
+    loads: &Loads,
 ) -> Vec<usize> {
     let all: Vec<usize> = (0..sizes.len()).collect();
     let precision = task.belief.instrument.precision();

@@ -8,8 +8,9 @@ use rand_distr::{Distribution, UnitSphere};
 use rayon::prelude::*;
 
 use super::local::LocalSearch;
-use super::point::{LoadChoice, Point, force};
+use super::point::{Point, force};
 use super::problem::{Problem, SearchError};
+use crate::experiment::Loads;
 use crate::numeric::random::{generator, streams};
 use crate::plan::feasibility::COLLISION;
 use crate::plan::{Criterion, Experiment, Feasibility, Plan, Violation};
@@ -155,12 +156,15 @@ impl<'a> RandomPlans<'a> {
     /// A load at joint angles `q`. Where its size is free, the largest that the torque bounds allow;
     /// none where they allow none.
     fn load(&self, q: &[f64], random: &mut impl Rng) -> Option<Load> {
-        let (direction, sizes) = match &self.problem.loads {
-            LoadChoice::OneOf(loads) => return Some(loads[random.random_range(0..loads.len())]),
-            LoadChoice::Size(direction, sizes) => (*direction, *sizes),
-            LoadChoice::Ball(size) => {
+        let (direction, sizes) = match &self.problem.task.loads {
+            Loads::Direction { direction, force_n } => (*direction, *force_n),
+            Loads::Any { force_max_n } => {
                 let direction: [f64; 3] = UnitSphere.sample(random);
-                (direction.into(), [0.0, *size])
+                (direction.into(), [0.0, *force_max_n])
+            }
+            listed => {
+                let loads = listed.listed()?;
+                return Some(loads[random.random_range(0..loads.len())]);
             }
         };
         let size = self.local.largest_size(q, &direction, sizes)?;
@@ -169,10 +173,10 @@ impl<'a> RandomPlans<'a> {
 
     /// What is least likely to break a torque bound.
     fn least_load(&self) -> Load {
-        match &self.problem.loads {
-            LoadChoice::OneOf(loads) => loads[0],
-            LoadChoice::Size(direction, sizes) => force(direction, sizes[0]),
-            LoadChoice::Ball(_) => Load::NONE,
+        match &self.problem.task.loads {
+            Loads::Any { .. } => Load::NONE,
+            Loads::Direction { direction, force_n } => force(direction, force_n[0]),
+            listed => listed.samples()[0],
         }
     }
 }
