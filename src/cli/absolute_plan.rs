@@ -10,13 +10,13 @@ use elastocal::parameter::ParameterKind;
 use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use elastocal::plan::search::{PlanBound, Watch};
 use elastocal::record::absolute_plan::AbsolutePlanMessage;
-use elastocal::record::absolute_trials::{AbsoluteTrialsMessage, as_study};
+use elastocal::record::absolute_trials::AbsoluteTrialsMessage;
 use elastocal::record::json::{merge, results};
 use elastocal::record::messages::ProvenanceMessage;
-use elastocal::record::study::StudyPlanMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::study::absolute::{AbsoluteEntry, AbsoluteRunner, AbsoluteTrials, TrialError};
+use elastocal::study::absolute::{AbsoluteEntry, AbsoluteRunner};
+use elastocal::study::runner::RunsInBlocks;
 use elastocal::study::{StudyError, account::Account, verdict::Kept};
 use elastocal::text::wording::counted;
 use elastocal::view::report::{AbsolutePageRecord, absolute_page};
@@ -35,9 +35,6 @@ use super::{Report, uncertainty_budget};
 
 /// Which accuracy it is.
 pub const ABSOLUTE: &str = "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.";
-
-/// What trials of a plan came to, and the same as a study has it.
-type Tried = (AbsoluteTrialsMessage, StudyPlanMessage);
 
 impl PlanArgs {
     /// Designs a plan of absolute readings of candidates, or of so many configurations that are drawn; and writes it, and stills of
@@ -146,7 +143,7 @@ impl PlanArgs {
         let trials = robots
             .map(|robots| self.try_plan(scenario, planning, plan, robots))
             .transpose()?;
-        let tried = trials.as_ref().map(|(message, _)| message);
+        let tried = trials.as_ref();
         merge(&mut report.json, json!({ "trials": tried }));
         if let Some(tried) = tried {
             report.text += &describe_trials(tried);
@@ -167,14 +164,14 @@ impl PlanArgs {
         scenario: &Scenario,
         (plan, provenance): (&AbsolutePlanMessage, &ProvenanceMessage),
         readings: &[(&Candidate, u32)],
-        trials: Option<&Tried>,
+        trials: Option<&AbsoluteTrialsMessage>,
         (report, mut written): (&mut Report, Written),
     ) -> anyhow::Result<()> {
         if let Some(path) = &self.report_out {
             let page = absolute_page(&AbsolutePageRecord {
                 scenario,
                 plan,
-                trials: trials.map(|(trials, as_study)| (trials, as_study)),
+                trials,
                 provenance,
                 stills: &stills::figures_of_readings(scenario, readings),
                 conditions: &report.conditions,
@@ -193,9 +190,8 @@ impl PlanArgs {
         planning: AbsolutePlanning<'_>,
         plan: Vec<(usize, u32)>,
         robots: u64,
-    ) -> anyhow::Result<Tried> {
+    ) -> anyhow::Result<AbsoluteTrialsMessage> {
         let (task, truth) = (&scenario.task, &scenario.truth);
-        let readings = plan.iter().map(|(_, times)| times).sum();
         let entries = [AbsoluteEntry {
             name: "plan".to_owned(),
             planning,
@@ -206,18 +202,22 @@ impl PlanArgs {
         let runner = runner.stopped_by(&STOP);
         let bar = bar(self.common.quiet, "robots");
         bar.set_length(robots);
-        let trials = AbsoluteTrials::new(&runner, robots, &|done| bar.inc(done));
+        let blocks = 0..runner.blocks(robots);
+        let tallies = runner.run(robots, blocks, 1, &|done| bar.inc(done));
         bar.finish_and_clear();
         searched();
-        let trials = match trials {
-            Err(TrialError::Runs(StudyError::Stopped)) => return Err(Interrupted.into()),
+        let tallies = match tallies {
+            Err(StudyError::Stopped) => return Err(Interrupted.into()),
             other => other?,
         };
-        let account = (runner.predictions().next())
-            .and_then(|prediction| Account::of_absolute(task, truth, &entries[0], prediction))
-            .ok_or(TrialError::NoPrediction)?;
-        let message = AbsoluteTrialsMessage::new(&trials, &account);
-        Ok((message, as_study(&trials, &account, readings)))
+        let prediction = (runner.predictions().next()).ok_or(StudyError::NoPrediction)?;
+        let account = Account::of_absolute(task, truth, &entries[0], prediction);
+        let account = account.ok_or(StudyError::NoPrediction)?;
+        let first = runner.first_failure();
+        let runs = (&tallies[0], first.clone());
+        let message = AbsoluteTrialsMessage::new(task, prediction, &account, runs);
+        let first = first.unwrap_or_default();
+        Ok(message.ok_or(StudyError::AllFailed { robots, first })?)
     }
 
     /// What is predicted of a plan that was designed, from candidates that may be drawn, or read from a file.

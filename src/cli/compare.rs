@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
-use elastocal::comparison::{Aspect, Comparison, Rules, compare, results::ResultsFile};
+use elastocal::comparison::{Aspect, Comparison, compare, results::ResultsFile};
 use elastocal::files::{output::write_whole, roles::Roles};
 use elastocal::gate::Decision;
 
@@ -50,12 +50,8 @@ impl Compare {
         roles.reads("the base", &self.base);
         roles.reads("the results to judge", &self.new);
         check_outputs(&mut roles, &[("--markdown", self.markdown.as_deref())])?;
-        let rules = Rules {
-            gate: &new.gate,
-            allowed: &self.allow_different,
-            within: if self.exact { Some(0.0) } else { self.within },
-        };
-        let comparison = compare(&base, &new, rules)?;
+        let within = if self.exact { Some(0.0) } else { self.within };
+        let comparison = compare(&base, &new, &self.allow_different, within)?;
         if let Some(path) = &self.markdown {
             write_whole(path, markdown(&base, &new, &comparison).as_bytes())?;
         }

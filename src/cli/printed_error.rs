@@ -8,7 +8,7 @@ use elastocal::files::FileError;
 use elastocal::identification::IdentificationError;
 use elastocal::plan::search::SearchError;
 use elastocal::robot::EquilibriumError;
-use elastocal::study::{StudyError, absolute::TrialError};
+use elastocal::study::StudyError;
 use elastocal::text::{diagnostics::say, wording::shortened};
 use elastocal::workflow::{evidence::EvidenceError, run::RunError, study::EntryError};
 
@@ -66,7 +66,6 @@ fn code(error: &(dyn Error + 'static)) -> Option<ErrorCode> {
     let is_simulation = error.is::<CalibrationError>()
         || error.is::<RunError>()
         || error.is::<EvidenceError>()
-        || error.is::<StudyError>()
-        || error.is::<TrialError>();
+        || error.is::<StudyError>();
     is_simulation.then_some(ErrorCode::Simulation)
 }

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::gate::{Decision, Direction, Gate, Quantity, Tolerance};
+use crate::gate::{Decision, Direction, Quantity, Tolerance};
 use crate::study::summary::TWO_SIDED_95;
 use results::{Answer, Key, ResultNumber, ResultsFile};
 
@@ -105,17 +105,6 @@ pub struct Comparison {
     pub not_compared: Vec<Key>,
 }
 
-/// How to compare.
-#[derive(Debug, Clone, Copy)]
-pub struct Rules<'a> {
-    /// The tolerances.
-    pub gate: &'a Gate,
-    /// Differences that are put up with.
-    pub allowed: &'a [Aspect],
-    /// On the same platform, only this share of a number may change, either way; zero for not a bit.
-    pub within: Option<f64>,
-}
-
 impl Aspect {
     /// The name, as on the command line.
     pub fn name(self) -> String {
@@ -123,25 +112,27 @@ impl Aspect {
     }
 }
 
-/// Compares new results with those they are measured by.
+/// Compares new results with those they are measured by, by the new ones' gate. Differences that are `allowed` are put up with; on
+/// the same platform, only a share of a number may change, `within`, either way: zero for not a bit.
 ///
 /// # Errors
 /// They differ in a setting that is not allowed to differ, or have nothing in common.
 pub fn compare(
     base: &ResultsFile,
     new: &ResultsFile,
-    rules: Rules<'_>,
+    allowed: &[Aspect],
+    within: Option<f64>,
 ) -> Result<Comparison, FileError> {
     let differences = differences(base, new);
     let refused: Vec<&Difference> = (differences.iter())
-        .filter(|difference| !rules.allowed.contains(&difference.aspect))
+        .filter(|difference| !allowed.contains(&difference.aspect))
         .collect();
     if !refused.is_empty() {
         return Err(refusal(base, new, &refused));
     }
     let same_platform = base.provenance.platform == new.provenance.platform;
     // So small a share may change, either way.
-    let within = rules.within.filter(|_| same_platform);
+    let within = within.filter(|_| same_platform);
     let within = within.map(|share| Tolerance {
         relative: share,
         absolute: 0.0,
@@ -156,7 +147,7 @@ pub fn compare(
         match found_in(new, &before.key) {
             Some(place) => {
                 let quantity = before.key.quantity;
-                let tolerance = within.unwrap_or_else(|| rules.gate.tolerance(quantity));
+                let tolerance = within.unwrap_or_else(|| new.gate.tolerance(quantity));
                 changes.push(judge(before, &new.numbers[place], tolerance));
             }
             None => not_compared.push(before.key.clone()),
@@ -168,7 +159,7 @@ pub fn compare(
         |problem: String| FileError::new(&new.path, problem).code(ErrorCode::NotComparable);
     let missing = (not_compared.iter())
         .find(|key| base.plans.contains(&key.plan) && new.plans.contains(&key.plan));
-    let may_miss = rules.allowed.contains(&Aspect::Scenario)
+    let may_miss = allowed.contains(&Aspect::Scenario)
         || differences.iter().any(|each| each.aspect == Aspect::Schema);
     if let (Some(key), false) = (missing, may_miss) {
         let problem = format!("only one of this file and {} has it", base.path.display());

@@ -2,9 +2,12 @@
 
 use serde::Serialize;
 
-use super::account::{ContributionMessage, verdict};
+use super::account::ContributionMessage;
 use super::study::{HistogramMessage, StudyPlanMessage};
-use crate::study::{Conditions, absolute::AbsoluteTrials, account::Account};
+use crate::plan::absolute::PredictedAccuracy;
+use crate::study::summary::Measured;
+use crate::study::{Conditions, account::Account, tally::Tally, verdict::Kept};
+use crate::task::Task;
 
 /// Robots that were drawn, read as the plan says, identified and looked at.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -33,43 +36,43 @@ pub struct AbsoluteTrialsMessage {
     pub contributions: Vec<ContributionMessage>,
     /// How often which distances were left.
     pub histogram: HistogramMessage,
+    /// The same as a study has it.
+    #[serde(skip)]
+    pub as_study: StudyPlanMessage,
 }
 
 impl AbsoluteTrialsMessage {
-    /// The record of trials, and what is predicted and hidden.
-    pub fn new(trials: &AbsoluteTrials, account: &Account) -> Self {
-        let seen_m = trials.summary.rms_m;
-        Self {
-            robots: trials.robots,
-            failed: trials.tally.failures(),
-            first_failure: trials.first_failure.clone(),
-            predicted_rms_mm: trials.predicted_m * 1e3,
-            rms_mm: seen_m.value * 1e3,
-            rms_std_mm: seen_m.standard_error * 1e3,
-            below_quantile95: trials.below_quantile95(),
-            coverage95: trials.tally.coverage(),
-            prediction: trials.kept().name(),
-            verdict: verdict(account, seen_m),
-            contributions: (account.parts.iter())
-                .map(ContributionMessage::from)
-                .collect(),
-            histogram: HistogramMessage::new(&trials.tally, trials.sigma_m),
-        }
+    /// The record of a plan's runs, with what was predicted, and is hidden; `None` where no run says anything.
+    pub fn new(
+        task: &Task,
+        prediction: &PredictedAccuracy,
+        account: &Account,
+        (tally, first_failure): (&Tally, Option<String>),
+    ) -> Option<Self> {
+        let conditions = Conditions::plain(task, prediction.readings);
+        let predicted = (Some(account), prediction.quantile95_m);
+        let name = "virtual robots";
+        let as_study = StudyPlanMessage::new(name, &conditions, 0, (tally, None), predicted);
+        let predicted_rms_mm = account.predicted_m * 1e3;
+        let observed_mm = Measured {
+            value: as_study.rms_mm?,
+            standard_error: as_study.rms_std_mm?,
+        };
+        let below = |quantile95_m: f64| tally.share_below(quantile95_m / conditions.sigma_m);
+        Some(Self {
+            robots: tally.runs + tally.failures(),
+            failed: as_study.failed,
+            first_failure,
+            predicted_rms_mm,
+            rms_mm: observed_mm.value,
+            rms_std_mm: observed_mm.standard_error,
+            below_quantile95: prediction.quantile95_m.and_then(below),
+            coverage95: as_study.coverage95,
+            prediction: Kept::of(predicted_rms_mm, observed_mm).name(),
+            verdict: as_study.verdict.clone()?,
+            contributions: as_study.contributions.clone(),
+            histogram: as_study.histogram.clone(),
+            as_study,
+        })
     }
-}
-
-/// The same as what a study says of a plan of so many readings.
-pub fn as_study(trials: &AbsoluteTrials, account: &Account, readings: u32) -> StudyPlanMessage {
-    let conditions = Conditions {
-        sigma_m: trials.sigma_m,
-        experiments: readings,
-        load_scale: 1.0,
-    };
-    StudyPlanMessage::new(
-        "virtual robots",
-        &conditions,
-        0,
-        (&trials.tally, None),
-        (Some(account), trials.quantile95_m),
-    )
 }

@@ -12,13 +12,10 @@ use std::sync::atomic::AtomicBool;
 use nalgebra::{
     Isometry3, Matrix3, Matrix6, Matrix6xX, Point3, Rotation3, SymmetricEigen, Vector3,
 };
-use thiserror::Error;
 
 use super::StudyError;
 use super::runner::RunsInBlocks;
-use super::summary::Summary;
-use super::tally::{Batch, Failure, Tally};
-use super::verdict::Kept;
+use super::tally::{Batch, Failure};
 use super::virtual_readings::{ReadPlan, TargetReading, VirtualReadingError};
 use crate::files::FileError;
 use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
@@ -49,31 +46,6 @@ pub struct AbsoluteEntry<'a> {
     pub plan: Vec<(usize, u32)>,
     /// Whether it was drawn at random.
     pub is_random: bool,
-}
-
-/// Why no robots can be drawn.
-#[derive(Debug, Error)]
-pub enum TrialError {
-    /// The virtual robot lacks something.
-    #[error(transparent)]
-    Model(#[from] FileError),
-    /// Nothing tells where the machining tool is.
-    #[error("no reading of the plan is of {0}, whose place is predicted: it is assumed exact")]
-    Unread(String),
-    /// Nothing is predicted.
-    #[error("there is no predicted accuracy: the plan does not determine the tool's place")]
-    NoPrediction,
-    /// None could be judged.
-    #[error("no robot of {robots} could be identified and looked at: {first}")]
-    AllFailed {
-        /// How many there were.
-        robots: u64,
-        /// What the first failed by.
-        first: String,
-    },
-    /// The runs could not be made.
-    #[error(transparent)]
-    Runs(#[from] StudyError),
 }
 
 /// A plan made ready: what is drawn, read and held against what.
@@ -143,7 +115,7 @@ impl<'a> AbsoluteRunner<'a> {
         groups: &'a [ParameterGroup],
         seed: u64,
         entries: &'a [AbsoluteEntry<'a>],
-    ) -> Result<Self, TrialError> {
+    ) -> Result<Self, StudyError> {
         let tried = (entries.iter())
             .map(|entry| JudgedPlan::new(task, truth, entry))
             .collect::<Result<Vec<_>, _>>()?;
@@ -344,15 +316,15 @@ impl<'a> JudgedPlan<'a> {
         task: &'a Task,
         truth: &Truth,
         entry: &'a AbsoluteEntry<'a>,
-    ) -> Result<Self, TrialError> {
+    ) -> Result<Self, StudyError> {
         let belief = &task.belief;
         let read = ReadPlan::new(task, &entry.planning, &entry.plan);
         let machining = &belief.machining_tool.name;
         if !read.targets().any(|target| target == machining) {
-            return Err(TrialError::Unread(machining.clone()));
+            return Err(StudyError::Unread(machining.clone()));
         }
         let prediction = entry.planning.prediction(&entry.plan);
-        let predicted_m = prediction.rho0_m().ok_or(TrialError::NoPrediction)?;
+        let predicted_m = prediction.rho0_m().ok_or(StudyError::NoPrediction)?;
         let no_place = Matrix3::zeros();
         Ok(Self {
             regions: (prediction.places_m2.iter())
@@ -371,65 +343,6 @@ impl<'a> JudgedPlan<'a> {
 
     fn robots(&self, task: &Task) -> Result<TrueRobots, FileError> {
         TrueRobots::of_readings(&task.belief, &self.truth, self.read.targets())
-    }
-}
-
-/// What was seen of a plan's prediction.
-#[derive(Debug, Clone, PartialEq)]
-pub struct AbsoluteTrials {
-    /// How many robots were drawn.
-    pub robots: u64,
-    /// Why the first of those that could not be identified, or not looked at, could not be.
-    pub first_failure: Option<String>,
-    /// The predicted rms distance (m).
-    pub predicted_m: f64,
-    /// What 95 % were predicted to stay below (m).
-    pub quantile95_m: Option<f64>,
-    /// What is kept of the runs, whose distances are in units of the instrument's sigma.
-    pub tally: Tally,
-    /// What it says.
-    pub summary: Summary,
-    /// The instrument's sigma (m).
-    pub sigma_m: f64,
-}
-
-impl AbsoluteTrials {
-    /// Draws so many robots for the first plan of a runner, and looks at each.
-    ///
-    /// # Errors
-    /// None of them could be looked at, or it was asked to stop.
-    pub fn new(
-        runner: &AbsoluteRunner<'_>,
-        robots: u64,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Self, TrialError> {
-        let blocks = 0..runner.blocks(robots);
-        let tallies = runner.run(robots, blocks, 1, progress)?;
-        let tally = tallies.into_iter().next().ok_or(StudyError::NoPlan)?;
-        let tried = runner.tried.first().ok_or(StudyError::NoPlan)?;
-        let sigma_m = runner.task.belief.instrument.sigma_m;
-        Ok(Self {
-            robots,
-            first_failure: runner.first_failure(),
-            predicted_m: tried.predicted_m,
-            quantile95_m: tried.prediction.quantile95_m,
-            summary: Summary::new(&tally, sigma_m, None).ok_or_else(|| TrialError::AllFailed {
-                robots,
-                first: runner.first_failure().unwrap_or_default(),
-            })?,
-            tally,
-            sigma_m,
-        })
-    }
-
-    /// Whether the prediction was kept.
-    pub fn kept(&self) -> Kept {
-        Kept::of(self.predicted_m, self.summary.rms_m)
-    }
-
-    /// The share of robots that stayed below what 95 % were predicted to.
-    pub fn below_quantile95(&self) -> Option<f64> {
-        self.tally.share_below(self.quantile95_m? / self.sigma_m)
     }
 }
 

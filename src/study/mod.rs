@@ -118,6 +118,20 @@ pub enum StudyError {
     /// It was asked to stop.
     #[error("the study was stopped")]
     Stopped,
+    /// Nothing tells where the machining tool is.
+    #[error("no reading of the plan is of {0}, whose place is predicted: it is assumed exact")]
+    Unread(String),
+    /// Nothing is predicted of a plan of absolute readings.
+    #[error("there is no predicted accuracy: the plan does not determine the tool's place")]
+    NoPrediction,
+    /// No virtual robot could be judged.
+    #[error("no robot of {robots} could be identified and looked at: {first}")]
+    AllFailed {
+        /// How many there were.
+        robots: u64,
+        /// What the first failed by.
+        first: String,
+    },
 }
 
 impl From<FileError> for StudyError {

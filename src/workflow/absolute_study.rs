@@ -13,7 +13,7 @@ use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, DrawnWanted};
 use crate::plan::search::Watch;
 use crate::scenario::Scenario;
 use crate::study::absolute::AbsoluteEntry;
-use crate::study::{Level, StudySource};
+use crate::study::{Level, StudyPlan, StudySource};
 
 /// What plans of a study of absolute readings are made of.
 #[derive(Debug, Clone, Copy)]
@@ -42,45 +42,42 @@ pub struct AbsoluteEntryError {
 /// The first such key.
 pub fn check(scenario: &Scenario) -> Result<(), FileError> {
     let study = &scenario.study;
-    let wrong = |key: &str, problem: &str, hint: &str| {
-        let problem = format!("{problem}: design.accuracy is \"absolute\"");
-        Err(FileError::new(&scenario.path, problem)
-            .at(key.to_owned())
-            .code(ErrorCode::OtherAccuracy)
-            .hint(hint.to_owned()))
-    };
-    if study.level == Some(Level::Model) {
-        return wrong(
-            "study.level",
-            "robots are read in MuJoCo, and not by the linear model",
-            "leave the key out, or set level = \"robot\"",
-        );
-    }
-    if study.conditions.len() > 1 {
-        let hint = "leave the table out, and make a study for each";
-        return wrong("study.sweep", "nothing is swept", hint);
-    }
-    for (index, plan) in study.plans.iter().enumerate() {
-        let key = |name: &str| format!("study.plan[{index}].{name}");
-        match plan.source {
+    let of_plan = |(index, plan): (usize, &StudyPlan)| {
+        let (key, problem, hint) = match plan.source {
             StudySource::RandomEach => {
                 let problem = "one random plan stands for all";
-                return wrong(&key("kind"), problem, "say kind = \"random\"");
+                ("kind", problem, "say kind = \"random\"")
             }
             StudySource::Optimal { criterion, .. } if criterion != Criterion::TestPose => {
                 let problem = "plans are made for the test poses";
-                return wrong(&key("criterion"), problem, "leave the key out");
+                ("criterion", problem, "leave the key out")
             }
             StudySource::Optimal {
                 noise_only: true, ..
             } => {
                 let problem = "plans are made for the whole";
-                return wrong(&key("noise_only"), problem, "leave the key out");
+                ("noise_only", problem, "leave the key out")
             }
-            _ => {}
-        }
-    }
-    Ok(())
+            _ => return None,
+        };
+        Some((format!("study.plan[{index}].{key}"), problem, hint))
+    };
+    let found = if study.level == Some(Level::Model) {
+        let problem = "robots are read in MuJoCo, and not by the linear model";
+        let hint = "leave the key out, or set level = \"robot\"";
+        Some(("study.level".to_owned(), problem, hint))
+    } else if study.conditions.len() > 1 {
+        let hint = "leave the table out, and make a study for each";
+        Some(("study.sweep".to_owned(), "nothing is swept", hint))
+    } else {
+        study.plans.iter().enumerate().find_map(of_plan)
+    };
+    let Some((key, problem, hint)) = found else {
+        return Ok(());
+    };
+    let problem = format!("{problem}: design.accuracy is \"absolute\"");
+    let wrong = FileError::new(&scenario.path, problem).at(key);
+    Err(wrong.code(ErrorCode::OtherAccuracy).hint(hint))
 }
 
 /// The plans of a study, each with as many readings as it has; `watch` is told of each by its name.

@@ -9,7 +9,6 @@ use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
-use crate::record::study::StudyPlanMessage;
 use crate::record::{absolute_trials::AbsoluteTrialsMessage, messages::ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::text::wording::{counted, dash, micrometres, number, percent};
@@ -26,8 +25,8 @@ pub struct AbsolutePageRecord<'a> {
     pub scenario: &'a Scenario,
     /// The predicted accuracy of the plan.
     pub plan: &'a AbsolutePlanMessage,
-    /// What virtual robots made of it, where some were drawn, and the same as a study has it.
-    pub trials: Option<(&'a AbsoluteTrialsMessage, &'a StudyPlanMessage)>,
+    /// What virtual robots made of it, where some were drawn.
+    pub trials: Option<&'a AbsoluteTrialsMessage>,
     /// Where it comes from.
     pub provenance: &'a ProvenanceMessage,
     /// The robot in each configuration (HTML).
@@ -51,12 +50,8 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
     let plan = shown.plan;
     let title = format!("Plan of absolute readings: {}", shown.scenario.name);
     let mut body = heading(&title, &shown.scenario.description, &cards(shown));
-    if let Some((trials, runs)) = shown.trials {
-        body += &section(
-            "trials",
-            "Do virtual robots keep it?",
-            &of_trials(trials, runs)?,
-        );
+    if let Some(trials) = shown.trials {
+        body += &section("trials", "Do virtual robots keep it?", &of_trials(trials)?);
     }
     let about = "Contributions are what the instrument's noise and each error source leave, rms, to first order; squares add up. \
                  Frames, and what else nothing is known of before, are found from readings: they are in the contributions of what \
@@ -76,7 +71,7 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
 
 fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &bound_card(shown.plan);
-    if let Some((trials, _)) = shown.trials {
+    if let Some(trials) = shown.trials {
         let is_kept = trials.prediction == "holds";
         let about = format!(
             "{} were sampled in MuJoCo, read by the plan and identified: residual error {} rms, predicted {}.",
@@ -195,7 +190,7 @@ fn bound_card(plan: &AbsolutePlanMessage) -> String {
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
-fn of_trials(trials: &AbsoluteTrialsMessage, runs: &StudyPlanMessage) -> Result<String, PlotError> {
+fn of_trials(trials: &AbsoluteTrialsMessage) -> Result<String, PlotError> {
     let mut said = format!(
         "Predicted {} rms, observed {} \u{b1} {}: the prediction {}.",
         micrometres(Some(trials.predicted_rms_mm)),
@@ -219,9 +214,9 @@ fn of_trials(trials: &AbsoluteTrialsMessage, runs: &StudyPlanMessage) -> Result<
         let failed = counted(trials.failed, "robot");
         said += &format!(" {failed} could not be evaluated.");
     }
-    let lines = [Line::new(runs, Role::Own)];
+    let lines = [Line::new(&trials.as_study, Role::Own)];
     let caption = "Distance of the loaded tool from where the identified model predicts it, rms over the test poses, of each virtual robot. The area is the distribution; the dark line is the mean.";
-    let hidden: Vec<String> = (runs.contributions.iter())
+    let hidden: Vec<String> = (trials.contributions.iter())
         .filter(|each| each.hidden)
         .map(|each| match each.contribution_um {
             um if um > 0.0 => format!("{} ({})", each.source, micrometres(Some(um * 1e-3))),
