@@ -6,11 +6,11 @@ use thiserror::Error;
 
 use crate::codes::{Condition, ConditionCode};
 use crate::compensation::{compensate_identified, predicted_error, test_pose_rows};
+use crate::files::FileError;
 use crate::identification::{
     Case, Identification, IdentificationError, MeasurementResidual, Sigma, measurement_residuals,
 };
 use crate::measurement::Measurement;
-use crate::mujoco::ModelError;
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::plan::Plan;
 use crate::robot::{EquilibriumError, Load};
@@ -22,7 +22,7 @@ use crate::testbed::{MeasurementError, RunTruth, TrueRobots, Truth, add_noise_of
 pub enum CalibrationError {
     /// The virtual robot's model lacks something.
     #[error(transparent)]
-    Model(#[from] ModelError),
+    Model(#[from] FileError),
     /// An experiment cannot be measured.
     #[error(transparent)]
     Measurement(#[from] MeasurementError),

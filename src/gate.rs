@@ -186,53 +186,33 @@ impl Quantity {
         Self::FailedRuns,
     ];
 
+    /// Its name in files, the unit of its values (empty for pure numbers), its key for an absolute tolerance, and the relative
+    /// tolerance where the gate gives none; counts may not grow.
+    const fn row(self) -> (&'static str, &'static str, &'static str, f64) {
+        match self {
+            Self::Rho0 => ("rho0", "um", "absolute_um", 0.01),
+            Self::Efficiency => ("efficiency", "", "absolute", 0.01),
+            Self::StandardError => ("standard_error", "rad/(N m)", "absolute_rad_per_nm", 0.05),
+            Self::RealisedError => ("realised_error", "um", "absolute_um", 0.05),
+            Self::MeanError => ("mean_error", "um", "absolute_um", 0.05),
+            Self::Violations => ("violations", "", "absolute", 0.0),
+            Self::FailedRuns => ("failed_runs", "", "absolute", 0.0),
+        }
+    }
+
     /// The name, as in files.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Rho0 => "rho0",
-            Self::Efficiency => "efficiency",
-            Self::StandardError => "standard_error",
-            Self::RealisedError => "realised_error",
-            Self::MeanError => "mean_error",
-            Self::Violations => "violations",
-            Self::FailedRuns => "failed_runs",
-        }
+        self.row().0
     }
 
     /// The unit of its values; empty for pure numbers.
     pub const fn unit(self) -> &'static str {
-        match self {
-            Self::Rho0 | Self::RealisedError | Self::MeanError => "um",
-            Self::StandardError => "rad/(N m)",
-            Self::Efficiency | Self::Violations | Self::FailedRuns => "",
-        }
+        self.row().1
     }
 
     /// Whether a larger value is worse.
     pub const fn larger_is_worse(self) -> bool {
         !matches!(self, Self::Efficiency)
-    }
-
-    /// Whether results say how uncertain it is: the others are computed, not estimated.
-    const fn is_estimated(self) -> bool {
-        matches!(self, Self::MeanError)
-    }
-
-    const fn absolute_key(self) -> &'static str {
-        match self {
-            Self::Rho0 | Self::RealisedError | Self::MeanError => "absolute_um",
-            Self::StandardError => "absolute_rad_per_nm",
-            Self::Efficiency | Self::Violations | Self::FailedRuns => "absolute",
-        }
-    }
-
-    /// The relative tolerance of a quantity for which the gate gives none; counts may not grow.
-    const fn default_relative(self) -> f64 {
-        match self {
-            Self::Rho0 | Self::Efficiency => 0.01,
-            Self::StandardError | Self::RealisedError | Self::MeanError => 0.05,
-            Self::Violations | Self::FailedRuns => 0.0,
-        }
     }
 }
 
@@ -264,7 +244,7 @@ impl Gate {
     pub fn tolerance(&self, quantity: Quantity) -> Tolerance {
         let table = self.table(quantity).unwrap_or_default();
         let absolute = table.absolutes().into_iter().find_map(|(_, value)| value);
-        let default = absolute.map_or(quantity.default_relative(), |_| 0.0);
+        let default = absolute.map_or(quantity.row().3, |_| 0.0);
         Tolerance {
             relative: table.relative.unwrap_or(default),
             absolute: absolute.unwrap_or(0.0),
@@ -283,7 +263,7 @@ impl Gate {
                 continue;
             };
             let key = |key: &str| format!("{}.{key}", quantity.name());
-            let right = quantity.absolute_key();
+            let right = quantity.row().2;
             for (name, value) in table.absolutes() {
                 if value.is_some() && name != right {
                     let problem = format!(
@@ -292,7 +272,8 @@ impl Gate {
                     return Err((key(name), problem));
                 }
             }
-            if table.guard_band.is_some() && !quantity.is_estimated() {
+            // The others are computed, not estimated.
+            if table.guard_band.is_some() && quantity != Quantity::MeanError {
                 let problem = "is not estimated and has no uncertainty; mean_error has";
                 return Err((key("guard_band"), problem.to_owned()));
             }

@@ -45,7 +45,7 @@
 //! - [`task`]: the planner's model, what must be accurate (the quantity of interest), and which experiments may
 //!   be made.
 //! - [`measurement`]: measured deflections, the laboratory's or the virtual robot's.
-//! - [`testbed`]: the simulated truth: the virtual robot in MuJoCo, its instrument, and the reference simulation in time.
+//! - [`testbed`]: the simulated truth: the virtual robot in MuJoCo, and its instrument.
 //! - [`identification`]: compliances with their uncertainty, and what cannot be identified.
 //! - [`compensation`]: the joint angles to command at a test pose.
 //! - [`plan`]: predicted accuracy of plans with its uncertainty budget, feasibility, and [`plan::search`] for the best one with

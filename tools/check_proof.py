@@ -470,7 +470,6 @@ class Arm:
 
     def __init__(self, arm):
         self.offset, self.rotation, self.axis, self.sign, self.range = [], [], [], [], []
-        self.mass, self.centre = [], []
         frame = STRAIGHT
         if "springs" in arm or any("slides" in joint or "held_at" in joint for joint in arm["joints"]):
             raise Unknown("arms with springs beside the joints' own, slides or passive joints")
@@ -498,13 +497,10 @@ class Arm:
             self.axis.append(along[0])
             self.sign.append(1.0 if axis[along[0]] > 0 else -1.0)
             self.range.append([float(x) for x in joint["range_rad"]])
-            self.mass.append(float(joint["mass_kg"]))
-            self.centre.append(frame.transposed().turns([float(x) for x in joint["centre_of_mass_m"]]))
             if index + 1 == self.tool_joints:
                 here = frame.transposed()
                 self.tool = here.turns([float(x) for x in arm["tool_offset_m"]])
                 self.tool_axis = [column[2] for column in transposed(here.times(rotation_of(arm["tool_rotation"])).columns())]
-        self.gravity = [float(x) for x in arm["gravity_m_s2"]]
 
     def set_runs(self, starts):
         """Joints in a run have parallel axes; variables are the sums of their angles."""
@@ -533,20 +529,16 @@ def check_domain(question, arm, part):
     """
     variables, ranges = part["variables"], part["ranges"]
     region, wrench = question["region"], part["wrench"]
-    has_torques = region["torque_nm"] is not None
-    # Where torques are limited, the weights of links behind the tool matter, too.
-    count = len(arm.axis) if has_torques else arm.tool_joints
+    count = arm.tool_joints
     if len(variables) != count or len(part["starts_run"]) != count:
         raise Refused("the file names variables for other joints")
     upright = region["elevation_sine"] is not None
 
     def is_still(joint):
         vertical = wrench is None or all(wrench[k] == 0.0 for k in (0, 1, 3, 4))
-        if has_torques:
-            vertical = vertical and arm.gravity[0] == 0.0 and arm.gravity[1] == 0.0
         if joint == 0 and arm.axis[0] == 2 and arm.rotation[0] is None and vertical:
             return True
-        if joint != count - 1 or has_torques:
+        if joint != count - 1:
             return False
         vectors = [arm.tool] + ([arm.tool_axis] if upright else [])
         return all(v[k].is_nought() for v in vectors for k in range(3) if k != arm.axis[joint])
@@ -575,14 +567,6 @@ def check_domain(question, arm, part):
             # Limits may only be left out: they help the prover.
             needed[variable] = (min(first[0], needed[before][0]) + low - 1e-12, max(first[1], needed[before][1]) + high + 1e-12)
             differences[(variable, before)] = (low, high)
-    if part["share"] is not None:
-        loads = question["loads"]
-        if "up_to" not in loads or part["share"] != seen:
-            raise Refused("there is a share of a load that has none")
-        needed[seen] = (loads["up_to"][1], 1.0)
-        seen += 1
-    elif "up_to" in question["loads"] and has_torques:
-        raise Refused("under torque limits a smaller load may tell more")
     if seen != len(ranges):
         raise Refused("there are variables that stand for nothing")
     for later, earlier, limits in part["differences"]:
@@ -595,8 +579,6 @@ def check_domain(question, arm, part):
             halved.append(variable)
         elif not (low <= least and high >= most):
             raise Refused(f"variable {variable} does not cover its joint's range")
-    if halved and has_torques:
-        raise Refused("torques have no symmetries here")
     joint_of = {}
     for joint in range(count):
         if variables[joint] is not None:
@@ -649,10 +631,10 @@ def enclose(question, arm, part, boxes):
     """What gives d (or the form whose largest eigenvalue it is), when it is called, and such functions of the margins."""
     variables, middle = part["variables"], part["middle"]
     count = len(variables)
-    waves = [boxes.sine_cosine(v) for v in range(len(part["ranges"])) if v != part["share"]]
+    waves = [boxes.sine_cosine(v) for v in range(len(part["ranges"]))]
     angle = [None if v is None else waves[v] for v in variables]
     home = [constant([float(k == row) for row in range(3)]) for k in range(3)]
-    axes, anchors, centres = [None] * count, [None] * count, [None] * count
+    axes, anchors = [None] * count, [None] * count
     tool = tool_axis = None
     frame, origin, run = home, NOUGHT, home
     if middle == arm.tool_joints:
@@ -666,7 +648,6 @@ def enclose(question, arm, part, boxes):
         axes[joint] = run[arm.axis[joint]].scaled(arm.sign[joint])
         if angle[joint] is not None:
             frame = turned(run, arm.axis[joint], *angle[joint])
-        centres[joint] = origin + in_frame(frame, arm.centre[joint])
         if joint + 1 == arm.tool_joints:
             tool, tool_axis = origin + in_frame(frame, arm.tool), in_frame(frame, arm.tool_axis)
     frame, origin, end = home, NOUGHT, middle
@@ -679,8 +660,6 @@ def enclose(question, arm, part, boxes):
         for joint in range(end - 1, first - 1, -1):
             anchors[joint] = origin
             axes[joint] = run[axis].scaled(arm.sign[joint])
-            after = run if angle[joint] is None else turned(run, axis, *angle[joint])
-            centres[joint] = origin + in_frame(after, arm.centre[joint])
             if joint == first:
                 here = turned_by(run, transposed(arm.rotation[first]))
             else:
@@ -708,15 +687,10 @@ def enclose(question, arm, part, boxes):
     force = torque = None
     if part["wrench"] is not None:
         force, torque = (in_frame(frame, [Entry(float(x)) for x in part["wrench"][k : k + 3]]) for k in (0, 3))
-        if part["share"] is not None:
-            share = boxes.coordinate(part["share"])
-            force, torque = (each if each is NOUGHT else times(each, share) for each in (force, torque))
-        if region["torque_nm"] is not None:
-            margins += torque_margins(arm, frame, axes, anchors, centres, levers, (force, torque), region["torque_nm"])
     for later, earlier, limits in part["differences"]:
         margins += difference_margins(boxes, later, earlier, limits)
     if part["wrench"] is None:
-        return lambda: form(question, axes, levers), margins
+        return lambda: form(question, levers), margins
     # Nothing turns about the vertical under a vertical force.
     fx, fy, _, _, _, tz = part["wrench"]
     upright = arm.rotation[0] is None and arm.axis[0] == 2
@@ -731,8 +705,8 @@ def difference_margins(boxes, later, earlier, limits):
 
 
 def derivative(question, axes, levers, load, silent):
-    """d: the sum over rows of |sum of b tau J|^2 and of what rotations add, or of these by their covariance."""
-    rows, parameters, turns = question["rows"], question["parameters"], question["rotation_scale_m"]
+    """d: the sum over rows of |sum of b tau J|^2, or of these by their covariance."""
+    rows, parameters = question["rows"], question["parameters"]
     rows = np.array(rows, float).reshape(len(rows), len(parameters))
     moved = [index for index, joint in enumerate(parameters) if joint < len(levers) and joint not in silent]
     if not moved:
@@ -743,16 +717,10 @@ def derivative(question, axes, levers, load, silent):
     if load[1] is not NOUGHT:
         moments = moments + summed(own_axes, load[1])
     shares = times(own_levers, moments[:, None])
-    spread = question.get("spread")
-    if spread is not None:
-        if turns:
-            raise Unknown("a covariance beside measured rotations")
+    if question.get("spread") is not None:
         columns, returns = noise_columns(question, axes, levers, load)
         return weighted(question, rows[:, moved], [parameters[index] for index in moved], moments, shares, columns, returns)
-    total = squares_of_rows(rows[:, moved], shares)
-    if turns:
-        total = total + squares_of_rows(rows[:, moved] * turns, times(own_axes, moments[:, None]))
-    return total
+    return squares_of_rows(rows[:, moved], shares)
 
 
 def squares_of_rows(rows, shares):
@@ -871,56 +839,23 @@ def best_linear(everywhere, rest, factors, columns, returned):
     return Model(columns.variables, chosen, np.zeros(e.shape), np.abs(chosen).sum(2), is_linear=True)
 
 
-def torque_margins(arm, frame, axes, anchors, centres, levers, load, limits):
-    """limit + torque and limit - torque about each joint, from the last to the first: of gravity on the links behind it
-    and of the load."""
-    gravity = in_frame(frame, [Entry(x) for x in arm.gravity])
-
-    def torque(joint):
-        total = constant(0.0)
-        for link in range(joint, len(axes)):
-            if arm.mass[link] != 0.0:
-                weight = cross(centres[link] - anchors[joint], gravity)
-                total = total + summed(axes[joint], weight).scaled(arm.mass[link])
-        if joint < len(levers):
-            total = total + summed(levers[joint], load[0]) + summed(axes[joint], load[1])
-        return total
-
-    margins = []
-    for joint in reversed(range(len(axes))):
-        if joint >= len(limits) or limits[joint] is None or not math.isfinite(limits[joint]):
-            continue
-        about = functools.cache(functools.partial(torque, joint))
-        margins.append(lambda about=about, limit=limits[joint]: about().shifted(limit))
-        margins.append(lambda about=about, limit=limits[joint]: (-about()).shifted(limit))
-    return margins
-
-
 # The entries of a symmetric matrix that are told, and where each of all nine is among them.
 UPPER = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])
 SYMMETRIC = [[0, 3, 4], [3, 1, 5], [4, 5, 2]]
 
 
-def form(question, axes, levers):
-    """The entries of Q with d = F^T Q F: the sum over rows of W^T W, W = sum b J J^T, times the force squared, and
-    with s z in place of the first J where rotations are measured."""
-    size, turns = question["loads"]["any_force"], question["rotation_scale_m"]
+def form(question, levers):
+    """The entries of Q with d = F^T Q F: the sum over rows of W^T W, W = sum b J J^T, times the force squared."""
+    size = question["loads"]["any_force"]
     rows, parameters = question["rows"], question["parameters"]
     rows = np.array(rows, float).reshape(len(rows), len(parameters))
     moved = [index for index, joint in enumerate(parameters) if joint < len(levers)]
-    total = constant([0.0] * 6)
-    own = stacked([levers[parameters[index]] for index in moved]) if moved else None
-    for vectors, weight in ((levers, size), (axes, size * turns)):
-        if not weight or not moved:
-            continue
-        if vectors is levers:
-            w = combined(rows[:, moved] * weight, times(own[:, UPPER[0]], own[:, UPPER[1]]))[:, SYMMETRIC]
-        else:
-            turning = stacked([vectors[parameters[index]] for index in moved])
-            w = combined(rows[:, moved] * weight, times(turning[:, :, None], own[:, None]))
-        columns = stacked([w[:, :, k].flat() for k in range(3)])
-        total = total + summed(columns[UPPER[0]], columns[UPPER[1]])
-    return total
+    if not size or not moved:
+        return constant([0.0] * 6)
+    own = stacked([levers[parameters[index]] for index in moved])
+    w = combined(rows[:, moved] * size, times(own[:, UPPER[0]], own[:, UPPER[1]]))[:, SYMMETRIC]
+    columns = stacked([w[:, :, k].flat() for k in range(3)])
+    return summed(columns[UPPER[0]], columns[UPPER[1]])
 
 
 def largest_eigenvalue(q, threshold):
@@ -1156,11 +1091,11 @@ def mandatory_share(file, unit):
     within = file["mandatory_within_rad"]
     if not within >= math.radians(0.1):
         raise Refused("experiments that are printed as the mandatory ones are left out")
-    near = dict(question, region={"height_m": [None, None], "radius_m": [None, None], "elevation_sine": None, "torque_nm": None})
+    near = dict(question, region={"height_m": [None, None], "radius_m": [None, None], "elevation_sine": None})
     arm = Arm(question["arm"])
     joints = len(arm.axis)
     arm.set_runs([True] * joints)
-    part = {"variables": list(range(joints)), "middle": joints // 2, "ranges": [[0.0, 0.0]] * joints, "share": None, "differences": []}
+    part = {"variables": list(range(joints)), "middle": joints // 2, "ranges": [[0.0, 0.0]] * joints, "differences": []}
     count, total = 0, 0.0
     for experiment in file["mandatory_experiments"]:
         angles = [float(q) * sign for q, sign in zip(experiment["configuration_rad"], arm.sign)]
@@ -1214,18 +1149,12 @@ def check_bounds(file):
     trace = abs(trace) - 2e-13 * size
     length = lambda v: math.sqrt(sum(x * x for x in v))
     reaches = reaches_m(question["arm"])
-    turns = question["rotation_scale_m"]
-    unit = 0.0
-    for row in rows:
-        parts = [(abs(b) * (reaches[n] + 1), reaches[n]) for b, n in zip(row, parameters)]
-        unit += sum(size * r for size, r in parts) ** 2 + (sum(size for size, _ in parts) * turns) ** 2
+    unit = sum(sum(abs(b) * (reaches[n] + 1) * reaches[n] for b, n in zip(row, parameters)) ** 2 for row in rows)
     spread = question.get("spread")
     unit = math.sqrt(unit / (1.0 if spread is None else spread["everywhere"]))
     loads = question["loads"]
     if "one_of" in loads:
         strongest = max(length(w[:3]) + length(w[3:]) for w in loads["one_of"])
-    elif "up_to" in loads:
-        strongest = length(loads["up_to"][0])
     else:
         strongest = loads["any_force"]
     printed = min(0.05 * math.sqrt(3), 1e-3 * strongest)
@@ -1275,9 +1204,9 @@ def asked(file):
         line = f"test pose {number}: [{angles}] deg under [{listed(target['wrench'])}] N, N m, weight {target['weight']:.4f}"
         along = target.get("direction")
         lines.append(line if along is None else f"{line}, along [{listed(along, 4)}]")
-    kinds = {"one_of": "one of {} N, N m", "up_to": "{} N, N m or a smaller share", "any_force": "any force up to {} N"}
+    kinds = {"one_of": "one of {} N, N m", "any_force": "any force up to {} N"}
     for kind, loads in question["loads"].items():
-        wrenches = loads if kind == "one_of" else loads[:1] if kind == "up_to" else []
+        wrenches = loads if kind == "one_of" else []
         words = " ".join(f"[{listed(each)}]" for each in wrenches) or f"{loads:.1f}"
         lines.append("loads: " + kinds[kind].format(words))
     ranges = " ".join(f"[{listed(joint['range_rad'], 2, 180 / math.pi)}]" for joint in question["arm"]["joints"])
@@ -1285,12 +1214,10 @@ def asked(file):
     lines.append(f"region: joints {ranges} deg")
     lines.append(
         f"  height [{listed(region['height_m'], 4)}] m, radius [{listed(region['radius_m'], 4)}] m, "
-        f"sine of the elevation [{listed([region['elevation_sine']], 6)}], torques [{listed(region['torque_nm'] or [None])}] N m"
+        f"sine of the elevation [{listed([region['elevation_sine']], 6)}]"
     )
-    turns = question["rotation_scale_m"]
-    rotations = f", of rotations {sigma / turns:.3e} rad" if turns else ""
     more = ", and more in each reading" if question.get("spread") is not None else ""
-    lines.append(f"sigma of each coordinate of a deflection {sigma * 1e6:.3f} um{rotations}{more}")
+    lines.append(f"sigma of each coordinate of a deflection {sigma * 1e6:.3f} um{more}")
     lines.append(f"compliances of joints {', '.join(str(joint + 1) for joint in question['parameters'])}")
     if file["mandatory"][0]:
         lines.append(f"mandatory: {file['mandatory'][0]} measurements")
@@ -1308,6 +1235,8 @@ def check(file):
             raise Unknown(f"the file lacks {key}: a program of today writes it")
     proof = file["proof"]
     question, threshold = proof["question"], proof["largest"]
+    if question.get("rotation_scale_m"):
+        raise Unknown("measured rotations")
     arm = Arm(question["arm"])
     if not (math.isfinite(threshold) and threshold > 0):
         raise Refused("the threshold is no number")
@@ -1321,10 +1250,6 @@ def check(file):
     elif "any_force" in loads:
         if [part["wrench"] for part in parts] != [None]:
             raise Refused("there is no proof for forces of any direction")
-    elif "up_to" in loads:
-        # d grows with the square of the load's size, on which no limit depends here: the largest load stands for all.
-        if [part["wrench"] for part in parts] != [loads["up_to"][0]]:
-            raise Refused("there is no proof for the largest load")
     else:
         raise Unknown("loads of this kind")
     lines = asked(file)

@@ -1,22 +1,20 @@
 //! Does the work of elastocal's hot paths on request: `make bench` times it beside other programs,
-//! and `make instructions` counts its instructions. `cargo bench` prints what each path costs.
+//! and `make instructions` counts its instructions.
 
 #![expect(clippy::expect_used, reason = "a bench that cannot go on fails")]
 
 mod absolute;
 mod arms;
 mod fit;
-mod limits;
 mod paths;
 mod problem;
 
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use paths::{HotPath, NAMES, hot_path};
+use paths::{HotPath, hot_path};
 
 const USAGE: &str = "usage:
-  driver                                  prints what each hot path costs
   driver problem                          prints the paths' data and results as JSON
   driver serve                            answers lines `PATH TIMES` with seconds
   driver repeat PATH TIMES [--slow-down]  does the work so often (a fifth more)";
@@ -25,8 +23,6 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match words.as_slice() {
-        // What `cargo bench` gives.
-        [] | ["--bench"] => print_costs(),
         ["problem"] => println!("{}", problem::problem()),
         ["serve"] => serve(),
         ["repeat", path, times] => repeat(path, number(times)),
@@ -66,20 +62,4 @@ fn seconds(work: &mut HotPath, times: u64) -> f64 {
     let start = Instant::now();
     work(times);
     start.elapsed().as_secs_f64()
-}
-
-/// The median of eleven slices of about 50 ms each, and their range.
-fn print_costs() {
-    println!("{:<24} {:>12}  {:>26}", "path", "median [us]", "range [us]");
-    for name in NAMES {
-        let mut work = hot_path(name);
-        let once = seconds(&mut work, 1).min(seconds(&mut work, 1));
-        let times = limits::whole(0.05 / once).max(1);
-        let mut each_us: Vec<f64> = (0..11)
-            .map(|_| seconds(&mut work, times) / limits::float(times) * 1e6)
-            .collect();
-        each_us.sort_by(f64::total_cmp);
-        let [low, median, high] = [each_us[0], each_us[5], each_us[10]];
-        println!("{name:<24} {median:>12.3}  {low:>12.3} to {high:>10.3}");
-    }
 }

@@ -10,56 +10,23 @@ use elastocal::numeric::random::normal::{LANES, fill_normals};
 use elastocal::numeric::random::streams::Stream;
 use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design, random_plan};
 use elastocal::plan::{Criterion, Plan, read_plan};
-use elastocal::robot::{KinematicState, Kinematics, Load};
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, RunsInBlocks, block_runs};
 use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, repeated};
 use elastocal::task::Method;
-use elastocal::testbed::{VirtualRobot, settle};
+use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::recording::Recording;
 use elastocal::view::rerun_file::write_rerun;
 use nalgebra::{DMatrix, Matrix3xX};
 
 use super::fit::Fit;
-use super::{absolute, arms, limits};
+use super::{absolute, arms};
 
 /// Does its work so many times.
 pub type HotPath = Box<dyn FnMut(u64)>;
 
-/// The paths that `cargo bench` times. A number behind a name is that of measurements, or of joints
-/// or threads where the name says so.
-pub const NAMES: [&str; 27] = [
-    "objective_3",
-    "objective_12",
-    "objective_default_3",
-    "objective_laboratory_12",
-    "search",
-    "equilibrium",
-    "measurement",
-    "measurement_flexible",
-    "settle",
-    "identify_linear_3",
-    "identify_linear_12",
-    "identify_nonlinear_3",
-    "identify_nonlinear_12",
-    "fit",
-    "fit_absolute",
-    "fit_joint_errors",
-    "study_model",
-    "study_model_threads_2",
-    "study_robot",
-    "study_laboratory",
-    "trial_absolute",
-    "normals",
-    "mcap",
-    "rrd",
-    "kinematics",
-    "position_stage",
-    "flops",
-];
-
-/// Prepares a path.
+/// Prepares a path. A number behind its name is that of measurements, or of joints or threads where the name says so.
 pub fn hot_path(name: &str) -> HotPath {
     let (kind, size) = match name.rsplit_once('_') {
         Some((kind, digits)) if digits.parse::<u32>().is_ok() => {
@@ -77,7 +44,6 @@ pub fn hot_path(name: &str) -> HotPath {
         "equilibrium_joints" => equilibrium(arms::serial_arm(size), &arms::plan(size)),
         "measurement" => measurement(paper()),
         "measurement_flexible" => measurement(flexible()),
-        "settle" => settling(),
         "identify_linear" => identification(Method::Linear, size),
         "identify_nonlinear" => identification(Method::Nonlinear, size),
         "fit" => fit(),
@@ -91,11 +57,6 @@ pub fn hot_path(name: &str) -> HotPath {
         "normals" => normals(),
         "mcap" => recording_file("run.mcap"),
         "rrd" => recording_file("run.rrd"),
-        "kinematics" => kinematics(),
-        "position_stage" => position_stage(paper()),
-        "position_stage_flexible" => position_stage(flexible()),
-        "flops" => Box::new(limits::multiply_add),
-        "write" => bytes(size),
         _ => panic!("there is no path {name:?}"),
     }
 }
@@ -234,19 +195,6 @@ fn measurement(scenario: &'static Scenario) -> HotPath {
     over_and_over(move || robot.displacement(1, &experiment).expect("stable"))
 }
 
-/// The same by simulating in time until the robot rests.
-fn settling() -> HotPath {
-    let scenario = paper();
-    let experiment = plan_of(3).experiments[0].clone();
-    let site = &scenario.task.belief.calibration_tool.name;
-    over_and_over(move || {
-        [Load::NONE, experiment.load].map(|load| {
-            let q = &experiment.configuration_rad;
-            settle(&scenario.truth.robot, site, q, &load).expect("settles")
-        })
-    })
-}
-
 fn identification(method: Method, experiments: u32) -> HotPath {
     let scenario = paper();
     let measurements = measurements(scenario, experiments);
@@ -346,53 +294,6 @@ fn recording_file(name: &str) -> HotPath {
         // The folder lives as long as the work.
         let _ = &folder;
         write(&path, &recording).expect("written");
-    })
-}
-
-/// So many bytes written to a file, which is what a recording needs at least.
-fn bytes(count: u32) -> HotPath {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("bytes");
-    let content = vec![1_u8; count as usize];
-    over_and_over(move || {
-        let _ = &folder;
-        std::fs::write(&path, &content).expect("written");
-    })
-}
-
-/// The geometry of the analytic chain, which each step of a non-linear identification needs.
-fn kinematics() -> HotPath {
-    let scenario = paper();
-    let mut arm = scenario
-        .task
-        .belief
-        .nominal
-        .chain
-        .at(&scenario.task.belief.calibration_tool);
-    let mut state = KinematicState::new(scenario.task.belief.joints());
-    let q = plan_of(3).experiments[0].configuration_rad.clone();
-    Box::new(move |times| {
-        for _ in 0..times {
-            arm.update(black_box(q.as_slice()), &mut state);
-            black_box(&state);
-        }
-    })
-}
-
-/// MuJoCo's position stage, which each step of a static equilibrium needs.
-fn position_stage(scenario: &Scenario) -> HotPath {
-    let mut state = elastocal::mujoco::State::new(&scenario.truth.robot.model);
-    let site = &scenario.task.belief.calibration_tool.name;
-    let mut robot = VirtualRobot::new(&scenario.truth.robot, site).expect("the site exists");
-    let experiment = &plan_of(3).experiments[0];
-    robot
-        .rest(&experiment.configuration_rad, &experiment.load)
-        .expect("stable");
-    let q = robot.coordinates().to_vec();
-    Box::new(move |times| {
-        for _ in 0..times {
-            state.move_to(black_box(q.as_slice()));
-        }
     })
 }
 

@@ -2,12 +2,11 @@
 //! come to the same numbers.
 
 use elastocal::identification::{Sigma, identify};
-use elastocal::measurement::Measurement;
 use elastocal::numeric::random::normal::{LANES, fill_normals};
 use elastocal::numeric::random::streams::Stream;
 use elastocal::plan::search::{Problem, random_plan};
 use elastocal::plan::{Criterion, Plan};
-use elastocal::robot::{EquilibriumSolver, Load, Tool};
+use elastocal::robot::{Load, Tool};
 use elastocal::scenario::Scenario;
 use elastocal::study::model_level::LinearModel;
 use elastocal::study::robot_level::RobotRuns;
@@ -15,11 +14,10 @@ use elastocal::task::Method;
 use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::rerun_file::write_rerun;
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX};
+use nalgebra::{DMatrix, Isometry3, Matrix3xX};
 use serde_json::{Value, json};
 
 use super::fit::Fit;
-use super::limits::FLOPS;
 use super::paths::{flexible, measurements, paper, plan_of, recording, value_and_gradient};
 
 /// Experiments that selections choose from.
@@ -30,7 +28,6 @@ pub fn problem() -> Value {
     let scenario = paper();
     let pose = &scenario.task.test_poses[0];
     json!({
-        "flops_per_unit": FLOPS,
         "sigma_m": scenario.task.belief.instrument.sigma_m,
         "parameters": scenario.task.belief.parameters,
         "compliance_rad_per_nm": scenario.task.belief.nominal.compliance_rad_per_nm,
@@ -51,8 +48,8 @@ pub fn problem() -> Value {
         },
         "plans": { "3": plan(scenario, 3), "12": plan(scenario, 12) },
         "study": study(scenario),
-        "equilibrium": equilibrium(scenario),
-        "flexible": flexible_measurement(),
+        "equilibrium": { "tool_m": at_rest(scenario) },
+        "flexible": { "model": "models/kr270_flexible.xml", "tool_m": at_rest(flexible()) },
         "pool": pool(scenario),
         "recordings": recordings(),
         "fit": Fit::new(scenario).record(),
@@ -111,30 +108,8 @@ fn plan(scenario: &'static Scenario, experiments: u32) -> Value {
         "nonlinear": {
             "compliance_rad_per_nm": nonlinear.compliance_rad_per_nm,
             "covariance": rows(&nonlinear.posterior.covariance),
-            "kinematics_calls": kinematics_calls(scenario, &measured, nonlinear.iterations),
         },
     })
-}
-
-/// How often a non-linear identification asks for the arm's geometry, as far as its last step tells.
-fn kinematics_calls(scenario: &Scenario, measured: &[Measurement], iterations: usize) -> usize {
-    let mut arm = scenario
-        .task
-        .belief
-        .nominal
-        .chain
-        .at(&scenario.task.belief.calibration_tool);
-    let mut solver = EquilibriumSolver::new(scenario.task.belief.joints());
-    let mut calls = 0;
-    for each in measured {
-        for load in [Load::NONE, each.load] {
-            let q = each.configuration_rad.as_slice();
-            let compliance = &scenario.task.belief.nominal.compliance_rad_per_nm;
-            let found = solver.solve(&mut arm, compliance, q, &load);
-            calls += found.expect("stable").iterations;
-        }
-    }
-    calls * iterations
 }
 
 /// The first runs of both levels with their normals.
@@ -162,56 +137,14 @@ fn study(scenario: &Scenario) -> Value {
     })
 }
 
-/// Where the first experiment of the plan of three rests without and with load, and how often
-/// MuJoCo's position stage is asked for that, and for a whole run.
-fn equilibrium(scenario: &Scenario) -> Value {
-    let mut calls_of_run = 0;
-    let mut rest = |tool: &Tool, q: &DVector<f64>, load: &Load| {
-        let mut robot =
-            VirtualRobot::new(&scenario.truth.robot, &tool.name).expect("the site exists");
-        let (position, _, equilibrium) = robot.rest(q, load).expect("stable");
-        // The geometry is asked for once more at the end.
-        let calls = equilibrium.iterations;
-        calls_of_run += calls;
-        (position.as_slice().to_vec(), calls)
-    };
-    let found: Vec<(Vec<f64>, usize)> = plan_of(3)
-        .experiments
-        .iter()
-        .flat_map(|each| [Load::NONE, each.load].map(|load| (each.configuration_rad.clone(), load)))
-        .map(|(q, load)| rest(&scenario.task.belief.calibration_tool, &q, &load))
-        .collect();
-    let pose = &scenario.task.test_poses[0];
-    for load in [Load::NONE, pose.load, pose.load] {
-        rest(
-            &scenario.task.belief.machining_tool,
-            &pose.configuration_rad,
-            &load,
-        );
-    }
-    json!({
-        "tool_m": [found[0].0, found[1].0],
-        "position_stages": [found[0].1, found[1].1],
-        "position_stages_of_run": calls_of_run,
-    })
-}
-
-/// Where the robot with a compensator and passive joints rests in the first experiment of the plan of three,
-/// without and with load.
-fn flexible_measurement() -> Value {
-    let robot = &flexible().truth.robot;
-    let site = &flexible().task.belief.calibration_tool.name;
-    let mut body = VirtualRobot::new(robot, site).expect("the site exists");
+/// Where a robot's tool rests in the first experiment of the plan of three, without and with load.
+fn at_rest(scenario: &Scenario) -> [Vec<f64>; 2] {
+    let site = &scenario.task.belief.calibration_tool.name;
+    let mut robot = VirtualRobot::new(&scenario.truth.robot, site).expect("the site exists");
     let experiment = &plan_of(3).experiments[0];
-    let [unloaded, loaded] = [Load::NONE, experiment.load].map(|load| {
-        let found = body.rest(&experiment.configuration_rad, &load);
-        let (position, _, equilibrium) = found.expect("stable");
-        (position.as_slice().to_vec(), equilibrium.iterations)
-    });
-    json!({
-        "model": "models/kr270_flexible.xml",
-        "tool_m": [unloaded.0, loaded.0],
-        "position_stages": unloaded.1 + loaded.1,
+    [Load::NONE, experiment.load].map(|load| {
+        let found = robot.rest(&experiment.configuration_rad, &load);
+        found.expect("stable").0.as_slice().to_vec()
     })
 }
 

@@ -1,8 +1,7 @@
 """Times elastocal's hot paths beside other programs that do the same work, in turn, and prints one table.
 
 A ratio is the peer's time over elastocal's: above 1, elastocal is faster. Each is a median with its range over
-the repetitions. Both sides have shown before that they come to the same numbers. "Of the limit" is the share of
-elastocal's time that the named part alone would take; what is beyond it could be saved at most.
+the repetitions. Both sides have shown before that they come to the same numbers.
 """
 
 import argparse
@@ -18,7 +17,6 @@ from pathlib import Path
 os.chdir(Path(__file__).resolve().parents[2])
 
 from driver import Driver
-from limits import limits
 from timing import Result, alternate, spread, timer
 
 # A file beside this one, its function, and what it is for if it cannot be had.
@@ -47,15 +45,11 @@ def skipping(name: str, peer: str, make) -> list[Result]:
 
 def compared(driver: Driver, problem: dict, effort: dict, module: str, function: str) -> list[Result]:
     results = []
-    known = limits(problem)
     for row in getattr(importlib.import_module(module), function)(problem):
         print(f"{row.name}: {row.peer}", file=sys.stderr)
-        what, path, factor = known[row.path]
         sides = [lambda times: driver.seconds(row.path, times), timer(row.work)]
-        sides.append(lambda times: driver.seconds(path, times))
-        ours, peer, limit = alternate(sides, effort["slice_s"], effort["repetitions"])
-        shares = [factor * bound / own for bound, own in zip(limit, ours)]
-        results.append(Result(row.name, row.peer, ours, peer, what, shares))
+        ours, peer = alternate(sides, effort["slice_s"], effort["repetitions"])
+        results.append(Result(row.name, row.peer, ours, peer))
     return results
 
 
@@ -103,16 +97,13 @@ def line(result: Result) -> str:
         return "| " + " | ".join(cells) + " |"
     ratio, ours, peer = (spread(values) for values in (result.ratios(), result.ours_s, result.peer_s))
     more = "> " if result.at_least else ""
-    limit = result.note
-    if result.limit_shares:
-        limit = f"{100 * spread(result.limit_shares)['median']:.2g} %: {result.limit}"
     cells = [
         result.name,
         amount(ours["median"]),
         result.peer,
         more + amount(peer["median"]),
         f"{more}{ratio['median']:.3g} ({ratio['min']:.3g} to {ratio['max']:.3g})",
-        limit,
+        result.note,
     ]
     return "| " + " | ".join(cells) + " |"
 
@@ -123,8 +114,6 @@ def record(result: Result) -> dict:
         return told | {"skipped": result.skipped}
     told |= {"ratio": spread(result.ratios()), "at_least": result.at_least, "note": result.note or None}
     told |= {"elastocal_s": spread(result.ours_s), "peer_s": spread(result.peer_s)}
-    if result.limit_shares:
-        told["limit"] = {"what": result.limit, "share": spread(result.limit_shares)}
     return told
 
 
@@ -177,7 +166,7 @@ def main() -> None:
     print(f"{about['cpu']}, {about['cores']} cores, {about['machine']}; peers on one thread, searches on all")
     loads = f"{about['load_average_before']:.1f} before and {about['load_average_after']:.1f} after"
     print(f"medians and ranges of {effort['repetitions']} repetitions in turn, {effort['seeds']} for searches; load {loads}\n")
-    print("| work | elastocal | peer | its time | ratio | of the limit, or remark |\n|---|---:|---|---:|---:|---|")
+    print("| work | elastocal | peer | its time | ratio | remark |\n|---|---:|---|---:|---:|---|")
     for result in results:
         print(line(result))
     arguments.json.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Times both sides in turn, so that a noisy machine hits both, and what limits ours."""
+"""Times both sides in turn, so that a noisy machine hits both."""
 
 import statistics
 import time
@@ -14,8 +14,6 @@ class Result:
     peer: str
     ours_s: list[float] = field(default_factory=list)
     peer_s: list[float] = field(default_factory=list)
-    limit: str = ""
-    limit_shares: list[float] = field(default_factory=list)
     at_least: bool = False  # the peer was stopped: its time is a lower bound
     note: str = ""
     skipped: str = ""

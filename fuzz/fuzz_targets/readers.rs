@@ -39,7 +39,7 @@ fn scenario(name: &str) -> Scenario {
 static FOREIGN: LazyLock<[PathBuf; 2]> = LazyLock::new(|| {
     let texts = [
         "A1;A2;X;Y;Z\n0,5;-10;1000,5;-200;300\n1,25;20;1010,5;-210;310\n",
-        "delimiter = \";\"\ndecimal = \",\"\n\n[[joint]]\ncolumn = \"A1\"\nunit = \"rad\"\n\n[[joint]]\ncolumn = \"A2\"\nunit = \"deg\"\n\n[position]\ncolumns = [\"X\", \"Y\", \"Z\"]\nunit = \"mm\"\n",
+        "[[joint]]\ncolumn = \"A1\"\nunit = \"rad\"\n\n[[joint]]\ncolumn = \"A2\"\nunit = \"deg\"\n\n[position]\ncolumns = [\"X\", \"Y\", \"Z\"]\nunit = \"mm\"\n",
     ];
     let files = ["table.csv", "mapping.toml"].map(|name| FILE.with_extension(name));
     for (file, text) in files.iter().zip(texts) {

@@ -102,7 +102,6 @@ class EvaluateOptions(EvaluateGiven, total=False):
 
 
 class ExplainGiven(TypedDict, total=False):
-    markdown: bool | None
     threads: int | None
 
 

@@ -6,9 +6,7 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 use elastocal::codes::ConditionCode;
 use elastocal::laboratory::{Campaign, time::quickest};
-use elastocal::plan::search::{
-    BudgetPoint, Watch, budget_and_proof, cheapest, repeated_configurations,
-};
+use elastocal::plan::search::{BudgetPoint, budget, cheapest, repeated_configurations};
 use elastocal::quantities::plausible::ACCURACY;
 use elastocal::record::messages::{CommonSourcesMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
@@ -36,7 +34,7 @@ pub struct Budget {
     #[arg(long, value_name = "M", default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..=100))]
     up_to: u32,
     /// The accuracy that is wanted at the test pose (rms, um).
-    #[arg(long, value_name = "UM", default_value_t = 5.0, value_parser = accuracy)]
+    #[arg(long, value_name = "UM", default_value_t = 5.0, value_parser = |text: &str| ACCURACY.parse(text))]
     accuracy_um: f64,
     /// Find what takes the least time, by the table [laboratory] of the scenario, in place of fewest measurements.
     #[arg(long)]
@@ -44,11 +42,6 @@ pub struct Budget {
     /// Where to write the plot (SVG).
     #[arg(long, value_name = "FILE")]
     plot_out: Option<PathBuf>,
-}
-
-fn accuracy(text: &str) -> Result<f64, String> {
-    let number = text.parse().map_err(|_| ACCURACY.allowed())?;
-    ACCURACY.check(number)
 }
 
 impl Budget {
@@ -75,10 +68,8 @@ impl Budget {
 
     /// The cheapest way for a person.
     fn tell(&self, point: &BudgetPoint, minutes: Option<f64>) -> String {
-        let time = match minutes.filter(|_| self.by_minutes) {
-            Some(minutes) => format!(": {minutes:.0} minutes"),
-            None => String::new(),
-        };
+        let time = minutes.filter(|_| self.by_minutes);
+        let time = time.map_or_else(String::new, |minutes| format!(": {minutes:.0} minutes"));
         format!(
             "\nFor {} um at the test pose you need {} in {}{time}.\n",
             self.accuracy_um,
@@ -88,89 +79,80 @@ impl Budget {
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load_relative()?;
+        let (common, largest) = (&self.common, self.up_to);
+        let scenario = common.load_relative()?;
         let outputs = [
             ("--plot-out", self.plot_out.as_deref()),
             ("--proof-out", self.proof.out()),
         ];
         check_outputs(&mut inputs(&scenario), &outputs)?;
         let stop = ask_search();
-        self.common.say(&format!(
-            "searching the best plans of up to {}",
-            counted(self.up_to.into(), "measurement")
-        ));
-        let bar = bar(self.common.quiet, "searching plans");
-        let watch = Watch {
-            stop,
-            progress: &|_, _, _| {},
-        };
-        let (points, bound) = self.proof.with_effort(&self.common, stop, |proof| {
-            budget_and_proof(
+        let up_to = counted(largest.into(), "measurement");
+        common.say(&format!("searching the best plans of up to {up_to}"));
+        let bar = bar(common.quiet, "searching plans");
+        let progress = |done: usize, all: usize| show(&bar, done, all);
+        let (points, bound) = self.proof.with_effort(common, stop, |proof| {
+            budget(
                 &scenario.task,
-                self.up_to,
+                largest,
                 scenario.seed,
                 proof,
-                watch,
-                &|done, all| show(&bar, done, all),
+                stop,
+                &progress,
             )
         })?;
-        let is_cut_short = watch.stop.load(Ordering::Relaxed);
+        let is_cut_short = stop.load(Ordering::Relaxed);
         bar.finish_and_clear();
         super::interruption::searched();
-        anyhow::ensure!(
-            !points.is_empty(),
-            "no plan of up to {} determines {}; give a larger --up-to",
-            counted(self.up_to.into(), "measurement"),
-            counted(scenario.task.belief.parameters.len() as u64, "compliance")
-        );
+        let Some(last) = points.last() else {
+            let compliances = scenario.task.belief.parameters.len() as u64;
+            anyhow::bail!(
+                "no plan of up to {up_to} determines {}; give a larger --up-to",
+                counted(compliances, "compliance")
+            );
+        };
         let mut conditions = Vec::new();
         if is_cut_short {
             let words = "the search was stopped: better plans may exist, and plans of more measurements were not searched";
             conditions.push(ConditionCode::SearchStopped.with(words));
         }
-        let searched = match points.last() {
-            Some(last) if is_cut_short => last.experiments,
-            _ => self.up_to,
-        };
         let needed = self.needed(&scenario, &points);
-        let mut text = describe(&points) + &common(&points) + &stops_helping(&points);
+        let mut text = describe(&points) + &common_to(&points) + &stops_helping(&points);
         let mut written = Written::default();
         let provenance = ProvenanceMessage::new(&scenario);
         text += &self.proof.tell(&bound, &provenance, &mut written)?;
-        match &needed {
-            Some((point, minutes)) => {
-                text += &self.tell(point, *minutes);
-                if minutes.is_none() {
-                    let words = "no way is found between its experiments";
-                    conditions.push(ConditionCode::NoWay.with(words));
-                }
+        if let Some((point, minutes)) = &needed {
+            text += &self.tell(point, *minutes);
+            if minutes.is_none() {
+                let words = "no way is found between its experiments";
+                conditions.push(ConditionCode::NoWay.with(words));
             }
-            None => conditions.push(ConditionCode::OutOfReach.with(format!(
+        } else {
+            let searched = if is_cut_short {
+                last.experiments
+            } else {
+                largest
+            };
+            conditions.push(ConditionCode::OutOfReach.with(format!(
                 "no plan of up to {} reaches {} um",
                 counted(searched.into(), "measurement"),
                 self.accuracy_um
-            ))),
+            )));
         }
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
             text += &written.save(path, &budget_plot(&title, &points)?);
         }
         conditions.extend(written.conditions());
-        Ok(Report::new(
-            results(
-                "budget",
-                &provenance,
-                json!({
-                    "accuracy_um": self.accuracy_um,
-                    "needed": needed.as_ref().map(|(point, _)| record(point)),
-                    "needed_minutes": needed.as_ref().and_then(|(_, minutes)| *minutes),
-                    "proof": proof_json(&bound),
-                    "budget": points.iter().map(record).collect::<Vec<_>>(),
-                }),
-            ),
-            text,
-            conditions,
-        ))
+        let json = json!({
+            "accuracy_um": self.accuracy_um,
+            "needed": needed.as_ref().map(|(point, _)| record(point)),
+            "needed_minutes": needed.as_ref().and_then(|(_, minutes)| *minutes),
+            "proof": proof_json(&bound),
+            "budget": points.iter().map(record).collect::<Vec<_>>(),
+        });
+        let json = results("budget", &provenance, json);
+        Ok(Report::new(json, text, conditions))
     }
 }
 
@@ -188,7 +170,7 @@ fn record(point: &BudgetPoint) -> Value {
 }
 
 /// The error sources in common with the campaign of the prior, with the accuracy of most measurements.
-fn common(points: &[BudgetPoint]) -> String {
+fn common_to(points: &[BudgetPoint]) -> String {
     let last = points.iter().rev().find_map(|point| {
         let common = point.common_sources.as_ref()?;
         let rho0 = format!(
@@ -225,38 +207,32 @@ fn stops_helping(points: &[BudgetPoint]) -> String {
 /// loss against all different ones.
 fn describe(points: &[BudgetPoint]) -> String {
     let counts = repeated_configurations(points);
+    let micro = |value_m: Option<f64>| number(value_m.map(|value_m| value_m * 1e6), 3);
+    let is_shared = points.iter().any(|point| point.shared_m.is_some());
     let mut header = vec!["measurements".to_owned()];
     header.extend(counts.iter().map(|count| format!("in {count} [um]")));
     header.push("all different [um]".to_owned());
-    let is_shared = points.iter().any(|point| point.shared_m.is_some());
-    if is_shared {
-        header.push("shared by the plan [um]".to_owned());
-    }
+    header.extend(is_shared.then(|| "shared by the plan [um]".to_owned()));
     header.push("bound [um]".to_owned());
-    let mut rows = Vec::new();
-    for all_different in (points.iter()).filter(|point| point.configurations == point.experiments) {
+    let row = |all_different: &BudgetPoint| {
         let m = all_different.experiments;
+        let repeated = |&count: &u32| {
+            let is_it =
+                |point: &&BudgetPoint| (point.experiments, point.configurations) == (m, count);
+            points.iter().find(is_it).map_or_else(String::new, |point| {
+                let loss = point.rho0_m / all_different.rho0_m - 1.0;
+                format!("{:.3} ({:+.2} %)", point.rho0_m * 1e6, loss * 100.0)
+            })
+        };
         let mut row = vec![m.to_string()];
-        row.extend(counts.iter().map(|&count| {
-            (points.iter())
-                .find(|point| point.experiments == m && point.configurations == count)
-                .map_or_else(String::new, |point| {
-                    let loss = point.rho0_m / all_different.rho0_m - 1.0;
-                    format!("{:.3} ({:+.2} %)", point.rho0_m * 1e6, loss * 100.0)
-                })
-        }));
-        row.push(format!("{:.3}", all_different.rho0_m * 1e6));
-        if is_shared {
-            row.push(number(
-                all_different.shared_m.map(|shared_m| shared_m * 1e6),
-                3,
-            ));
-        }
-        row.push(number(
-            all_different.lower_bound_m().map(|bound_m| bound_m * 1e6),
-            3,
-        ));
-        rows.push(row);
-    }
-    table_of(&header, rows)
+        row.extend(counts.iter().map(repeated));
+        row.push(micro(Some(all_different.rho0_m)));
+        row.extend(is_shared.then(|| micro(all_different.shared_m)));
+        row.push(micro(all_different.lower_bound_m()));
+        row
+    };
+    let all = points
+        .iter()
+        .filter(|point| point.configurations == point.experiments);
+    table_of(&header, all.map(row))
 }

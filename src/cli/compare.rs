@@ -60,7 +60,7 @@ impl Compare {
             write_whole(path, markdown(&base, &new, &comparison).as_bytes())?;
         }
         Ok(Report::new(
-            comparison_json(&base, &new, &comparison),
+            comparison_json(&base, &new, &comparison)?,
             describe(&base, &new, &comparison),
             conditions(&comparison),
         ))

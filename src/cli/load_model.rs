@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::files::FileError;
 use elastocal::mujoco::{Model, State, limit_process, rehearse_with};
 
 /// Its name on the command line.
@@ -18,16 +17,7 @@ pub struct LoadModel {
 impl LoadModel {
     pub fn execute(&self) -> anyhow::Result<Vec<elastocal::codes::Condition>> {
         limit_process();
-        let model = Model::load(&self.model).map_err(|error| {
-            let problem = error.to_string();
-            let about_model = format!("{}: ", self.model.display());
-            let problem = problem.strip_prefix(&about_model).unwrap_or(&problem);
-            let wrong = FileError::new(&self.model, problem).code(error.code());
-            match error.hint() {
-                Some(hint) => wrong.hint(hint),
-                None => wrong,
-            }
-        })?;
+        let model = Model::load(&self.model)?;
         let mut state = State::new(&model);
         state.move_to(&[]);
         state.nearest_contact(0.0);

@@ -17,7 +17,7 @@ use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::absolute_plan::{explained, refuse_options};
+use super::plan_args::refuse_others;
 use super::table::table;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
@@ -115,7 +115,7 @@ impl Measure {
 
     /// A plan of absolute readings, each by itself.
     fn absolute(&self, scenario: &Scenario) -> anyhow::Result<Report> {
-        refuse_options(scenario, &[("--noise-free", self.noise_free)])?;
+        refuse_others(scenario, &[("--noise-free", self.noise_free)], &[])?;
         let (task, seed, run) = (&scenario.task, scenario.seed, self.run.unwrap_or(0));
         let commands = task.belief.commands();
         let rows = read_candidates(&self.plan, commands.clone())?;
@@ -123,8 +123,7 @@ impl Measure {
         let mut roles = inputs(scenario);
         check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
         let planning = AbsolutePlanning::of_plan(task, &[], &rows)
-            .and_then(|planning| planning.check_whole().map(|()| planning))
-            .map_err(|error| explained(&self.plan, &error))?;
+            .map_err(|error| error.in_file(&self.plan))?;
         let wrong = |error: String| FileError::new(&self.plan, error).code(ErrorCode::Simulation);
         let readings = virtual_readings(task, &scenario.truth, &planning, [seed, run])
             .map_err(|error| wrong(error.to_string()))?;
@@ -159,7 +158,7 @@ fn truth_words(joints: &[String], truth: &TruthMessage) -> String {
         vec![name.clone(), value, unit.to_owned()]
     };
     let sampled = truth.sampled.iter().map(|each| {
-        let unit = if each.unit == "1" { "ln" } else { &each.unit };
+        let unit = if each.unit == "1" { "ln" } else { each.unit };
         vec![
             each.name.clone(),
             format!("{:.4e}", each.value),

@@ -5,7 +5,6 @@
 
 mod absolute_plan;
 mod budget;
-mod candidates;
 mod check;
 mod compare;
 mod compensate;
@@ -29,6 +28,7 @@ mod model_selection;
 mod next;
 mod patterns;
 mod plan;
+mod plan_args;
 pub mod printed_error;
 pub mod process;
 pub mod progress;
@@ -367,9 +367,9 @@ impl Command {
         Some(match self {
             Self::Run(command) => &command.common,
             Self::Check(command) => &command.common,
-            Self::Plan(command) => &command.common,
+            Self::Plan(command) => &command.args.common,
             Self::Budget(command) => &command.common,
-            Self::Evaluate(command) => &command.common,
+            Self::Evaluate(command) => &command.args.common,
             Self::Measure(command) => &command.common,
             Self::Identify(command) => &command.common,
             Self::Compensate(command) => &command.common,
@@ -558,17 +558,10 @@ fn useful(threads: u16) -> usize {
 }
 
 fn print(text: &str) -> anyhow::Result<()> {
-    anyhow::ensure!(
-        !interruption::is_stdout_closed() || text.is_empty(),
-        STDOUT_CLOSED
-    );
     let mut stdout = std::io::stdout().lock();
     let printed = stdout.write_all(text.as_bytes());
     unless_reader_is_gone(printed.and_then(|()| stdout.flush()))
 }
-
-/// What is wrong with no stdout.
-pub const STDOUT_CLOSED: &str = "stdout cannot be written: it is closed";
 
 /// A reader of stdout that has seen enough is no error.
 pub fn unless_reader_is_gone(printed: std::io::Result<()>) -> anyhow::Result<()> {

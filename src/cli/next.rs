@@ -49,7 +49,7 @@ pub struct Next {
     #[arg(long, value_name = "DEG", default_value_t = 10.0, value_parser = angle)]
     skip_within_deg: f64,
     /// The accuracy that is wanted at the test poses (rms, um): as few measurements as give it.
-    #[arg(long, value_name = "UM", value_parser = wanted)]
+    #[arg(long, value_name = "UM", value_parser = |text: &str| ACCURACY.parse(text))]
     accuracy_um: Option<f64>,
     /// The number of measurements in all; that of the plan or the scenario if not given. With --accuracy-um at most so many.
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
@@ -61,11 +61,6 @@ pub struct Next {
 
 /// With --accuracy-um, so many measurements are tried beside those that are there.
 const MORE: u32 = 12;
-
-fn wanted(text: &str) -> Result<f64, String> {
-    let number = text.parse().map_err(|_| ACCURACY.allowed())?;
-    ACCURACY.check(number)
-}
 
 fn angle(text: &str) -> Result<f64, String> {
     let angle = text.parse::<f64>().ok();

@@ -9,13 +9,13 @@ use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
 use elastocal::plan::search::{
-    ApproximateDesign, Bound, BoundKind, Candidates, Certificate, ExactDesign, Problem,
-    SearchError, Watch,
+    ApproximateDesign, Bound, BoundKind, Candidates, Certificate, Problem, SearchError, Watch,
 };
 use elastocal::plan::{Assessment, Criterion, Plan, take_nearest_turns, write_plan};
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
-use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
-use elastocal::record::{candidates::CandidatesMessage, json::merge};
+use elastocal::record::candidates::CandidatesMessage;
+use elastocal::record::json::{merge, results};
+use elastocal::record::messages::{AssessmentMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
@@ -23,20 +23,15 @@ use elastocal::view::stills;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
 use serde_json::json;
 
-use super::absolute_plan::{
-    AbsoluteOutputs, AbsoluteWanted, RUN_REPORTS, UnknownArgs, refuse_options,
-    refuse_where_relative,
-};
-use super::candidates::{CandidateArgs, PoseArgs, told};
 use super::conditions::{conditions, search_stopped};
 use super::evaluate::describe;
-use super::interruption::ask_search;
+use super::interruption::{ask_search, searched};
+use super::plan_args::{ANYWHERE, PlanArgs};
 use super::progress::{bar, show};
 use super::proof::ProofArgs;
 use super::table::table;
-use super::uncertainty_budget::BudgetArgs;
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
+use super::{Common, Report, without_effect};
 
 /// So many configurations are drawn where nothing else is said.
 pub const DRAWN: u32 = 200;
@@ -46,17 +41,7 @@ pub const DRAWN: u32 = 200;
 #[command(mut_args(without_effect(&["out"])))]
 pub struct PlanCommand {
     #[command(flatten)]
-    pub common: Common,
-    #[command(flatten)]
-    proof: ProofArgs,
-    #[command(flatten)]
-    candidates: CandidateArgs,
-    #[command(flatten)]
-    poses: PoseArgs,
-    #[command(flatten)]
-    unknown: UnknownArgs,
-    #[command(flatten)]
-    budget: BudgetArgs,
+    pub args: PlanArgs,
     /// The number m of measurements; the scenario's if not given.
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     experiments: Option<u32>,
@@ -64,7 +49,7 @@ pub struct PlanCommand {
     #[arg(long, value_name = "C", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     configurations: Option<u32>,
     /// At most so many minutes, by the table [laboratory] of the scenario, in place of a number of measurements.
-    #[arg(long, value_name = "MIN", value_parser = minutes, conflicts_with_all = ["experiments", "configurations", "criterion", "candidates"])]
+    #[arg(long, value_name = "MIN", value_parser = |text: &str| MINUTES.parse(text), conflicts_with_all = ["experiments", "configurations", "criterion", "candidates"])]
     minutes: Option<f64>,
     /// With design.accuracy = "absolute" and without --candidates, begin with so many configurations at random [default: 200]
     #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
@@ -78,12 +63,9 @@ pub struct PlanCommand {
     /// Where to draw the robot in each configuration of the plan (SVG).
     #[arg(long, value_name = "FILE")]
     stills_out: Option<PathBuf>,
-    /// With design.accuracy = "absolute", where to write a page about the plan (HTML).
-    #[arg(long, value_name = "FILE")]
-    report_out: Option<PathBuf>,
 }
 
-/// Designs a plan with a progress bar, as long as it is not asked to stop.
+/// Designs a plan anywhere in a region, with a progress bar, as long as it is not asked to stop.
 pub fn design(
     common: &Common,
     task: &Task,
@@ -91,7 +73,7 @@ pub fn design(
     wanted: Wanted,
     proof: &ProofArgs,
     stop: &AtomicBool,
-) -> Result<Designed, SearchError> {
+) -> Result<(Designed, ApproximateDesign), SearchError> {
     let bar = bar(common.quiet, "searching the plan");
     let prove = |bound: Bound, approximate: &ApproximateDesign| {
         let sizes = [wanted.experiments];
@@ -116,21 +98,8 @@ pub fn design(
     };
     let designed = design_of(task, seed, wanted, onlooker)?;
     bar.finish_and_clear();
-    super::interruption::searched();
+    searched();
     Ok(designed)
-}
-
-/// What searches for the plan say, where there were any.
-fn searched(searches: usize, agreeing: usize, elapsed_s: f64) -> String {
-    let found = if searches == 0 {
-        "The plan rounds the weights of the approximate design: no search could end more than 0.1 % lower."
-            .to_owned()
-    } else {
-        format!(
-            "Of {searches} independent searches for the plan, {agreeing} ended within 0.1 % of it."
-        )
-    };
-    format!("{found} It took {elapsed_s:.2} s.\n")
 }
 
 /// The uncertainties that the search leaves out.
@@ -142,25 +111,6 @@ fn left_out(task: &Task) -> String {
             "\nSearch and bound assume exact: {}, together less than 1 % of the variance. The predicted accuracy counts them.\n",
             names.join(", ")
         ),
-    }
-}
-
-fn minutes(text: &str) -> Result<f64, String> {
-    let number = text.parse().map_err(|_| MINUTES.allowed())?;
-    MINUTES.check(number)
-}
-
-/// Takes the plan of a larger search where it keeps within so many minutes, too, and else the one that is known to; and
-/// tells how many it takes.
-fn keep_in_time(scenario: &Scenario, exact: &mut ExactDesign, timed: &TimedPlan, most: f64) -> f64 {
-    let campaign = Campaign::new(&scenario.task, &scenario.laboratory, &exact.plan, false);
-    match campaign {
-        Ok(campaign) if campaign.minutes <= most => campaign.minutes,
-        _ => {
-            exact.plan = timed.plan.clone();
-            exact.cost = timed.rho0_m.powi(2);
-            timed.minutes
-        }
     }
 }
 
@@ -178,15 +128,16 @@ fn tell(timed: &[TimedPlan]) -> String {
         ]
     };
     let header = "configurations | measurements | rho0 [um] | minutes";
-    let rows = timed.iter().map(row);
-    table(header, rows) + "\n"
+    table(header, timed.iter().map(row)) + "\n"
 }
 
 /// What the bound rests on, in words.
 fn rests_on(certificate: &Certificate, assessment: &Assessment) -> String {
-    let asked_for = assessment.asked_for();
-    let rests = match asked_for.map(|(_, bound)| bound.as_ref().map(|bound| bound.kind)) {
-        Some(Ok(BoundKind::Proved)) => "The largest directional derivative was",
+    let bound = assessment
+        .asked_for()
+        .and_then(|(_, bound)| bound.as_ref().ok());
+    let rests = match bound.map(|bound| bound.kind) {
+        Some(BoundKind::Proved) => "The largest directional derivative was",
         _ => "The bound rests on the largest directional derivative",
     };
     format!(
@@ -195,40 +146,29 @@ fn rests_on(certificate: &Certificate, assessment: &Assessment) -> String {
     )
 }
 
-impl PlanCommand {
-    /// Writes the plan, its budget and its pictures where that is wanted, and tells of it.
-    fn write(
-        &self,
-        scenario: &Scenario,
-        (plan, assessment): (&Plan, &Assessment),
-        written: &mut Written,
-    ) -> String {
-        let budget = assessment.uncertainty_budget.as_ref();
-        let mut text = self.budget.write(budget, written);
-        if let Some(path) = &self.plan_out {
-            let rows = write_plan(path, scenario.task.belief.commands(), plan);
-            text += &written.noted(path, rows);
-        }
-        if let Some(path) = &self.stills_out {
-            text += &written.save(path, &stills::sheet(scenario, plan));
-        }
-        text
-    }
+/// What searches for the plan say, where there were any; those in a region know nothing of one another.
+fn told(designed: &Designed, is_anywhere: bool) -> String {
+    let found = match (designed.exact.searches, is_anywhere) {
+        (0, true) => "The plan rounds the weights of the approximate design: no search could end more than 0.1 % lower.".to_owned(),
+        (searches, _) => format!(
+            "Of {searches} {}searches for the plan, {} ended within 0.1 % of it.",
+            if is_anywhere { "independent " } else { "" },
+            designed.exact.agreeing
+        ),
+    };
+    format!("{found} It took {:.2} s.\n", designed.elapsed_s)
+}
 
-    /// The best plans within a time, of which there is at least one.
-    fn within(
-        &self,
-        scenario: &Scenario,
-        minutes: f64,
-        stop: &AtomicBool,
-    ) -> anyhow::Result<Vec<TimedPlan>> {
-        self.common
-            .say(&format!("searching plans of at most {minutes} minutes"));
-        let watch = Watch {
-            stop,
-            progress: &|_, _, _| {},
+impl PlanCommand {
+    /// The best plans within a time, of which there is at least one; none where no time was given.
+    fn within(&self, scenario: &Scenario, stop: &AtomicBool) -> anyhow::Result<Vec<TimedPlan>> {
+        let Some(minutes) = self.minutes else {
+            return Ok(Vec::new());
         };
+        let searching = format!("searching plans of at most {minutes} minutes");
+        self.args.common.say(&searching);
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
+        let watch = Watch::quiet(stop);
         let timed = plans_within(task, laboratory, minutes, scenario.seed, watch)?;
         if timed.is_empty() {
             let problem = format!("no plan takes at most {minutes} minutes");
@@ -241,227 +181,157 @@ impl PlanCommand {
         Ok(timed)
     }
 
-    /// A plan of absolute readings.
-    fn absolute(&self, scenario: &Scenario, sizes: [u32; 2]) -> anyhow::Result<Report> {
-        let given = [
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let outputs = [
+            ("--plan-out", self.plan_out.as_deref()),
+            ("--stills-out", self.stills_out.as_deref()),
+        ];
+        let mut scenario = self.args.load(None, &outputs)?;
+        if let Some(experiments) = self.experiments {
+            scenario.task.design.experiments = experiments;
+            scenario.task.design.configurations = None;
+        }
+        let of_deflections = [
             ("--minutes", self.minutes.is_some()),
             ("--criterion", self.criterion != Criterion::TestPose),
         ];
-        refuse_options(scenario, &given)?;
-        refuse_options(scenario, &self.proof.given())?;
-        let wanted = AbsoluteWanted {
-            common: &self.common,
-            scenario,
-            unknown: &self.unknown,
-            candidates: self.candidates.path(),
-            poses: &self.poses,
-            budget: &self.budget,
+        let of_readings = [("--draw", self.draw.is_some(), ANYWHERE)];
+        self.args
+            .refuse_others(&scenario, &of_deflections, &of_readings)?;
+        let wanted = Wanted {
+            criterion: self.criterion,
+            experiments: scenario.task.design.experiments,
+            configurations: self.configurations.or(scenario.task.design.configurations),
         };
-        let outputs = AbsoluteOutputs {
-            plan: self.plan_out.as_deref(),
-            stills: self.stills_out.as_deref(),
-            report: self.report_out.as_deref(),
-        };
-        wanted.design(sizes, self.draw.unwrap_or(DRAWN), outputs)
+        match scenario.task.design.accuracy {
+            AccuracyKind::Absolute => {
+                let drawn = self.draw.unwrap_or(DRAWN);
+                let files = [self.plan_out.as_deref(), self.stills_out.as_deref()];
+                (self.args).design_readings(&scenario, wanted.sizes(), drawn, files)
+            }
+            AccuracyKind::Relative => self.deflections(scenario, wanted),
+        }
     }
 
-    /// A plan of candidates.
+    /// A plan of deflections, of candidates or anywhere in the scenario's region.
+    fn deflections(&self, mut scenario: Scenario, mut wanted: Wanted) -> anyhow::Result<Report> {
+        let common = &self.args.common;
+        let candidates = self.args.read_candidates(&scenario.task)?;
+        let stop = ask_search();
+        let timed = self.within(&scenario, stop)?;
+        if let Some(best) = timed.first() {
+            wanted.experiments = best.experiments;
+            wanted.configurations = Some(best.configurations);
+            scenario.task.design.experiments = best.experiments;
+        }
+        let of = match (&candidates, wanted.configurations) {
+            (Some(all), _) => format!(
+                " among {}",
+                counted(all.experiments.len() as u64, "candidate")
+            ),
+            (None, Some(count)) => format!(" in {}", counted(count.into(), "configuration")),
+            (None, None) => String::new(),
+        };
+        common.say(&format!(
+            "designing a plan of {}{of} for the criterion {}",
+            counted(wanted.experiments.into(), "measurement"),
+            self.criterion.name()
+        ));
+        let (task, seed) = (&scenario.task, scenario.seed);
+        let (mut designed, certificate) = if let Some(candidates) = &candidates {
+            (self.among(&scenario, candidates, wanted)?, None)
+        } else {
+            let (designed, approximate) =
+                design(common, task, seed, wanted, &self.args.proof, stop)?;
+            (designed, Some(approximate.certificate))
+        };
+        let plan = &mut designed.exact.plan;
+        let minutes = (self.minutes.zip(timed.first()))
+            .map(|(most, timed)| keep_in_time(&scenario, plan, timed, most));
+        if candidates.is_none() {
+            take_nearest_turns(task, scenario.laboratory.home(), plan);
+        }
+        let plan = &designed.exact.plan;
+        let assessment = designed.assessment(task);
+        let mut text = tell(&timed) + &describe(&scenario, &assessment) + &left_out(task) + "\n";
+        let mut written = Written::default();
+        let provenance = self.args.provenance(&scenario, None)?;
+        if let Some(candidates) = &candidates {
+            text += &self.args.told(candidates);
+        }
+        if let Some(certificate) = &certificate {
+            let bound = designed.wanted_bound();
+            text += &self.args.proof.tell(bound, &provenance, &mut written)?;
+            text += &rests_on(certificate, &assessment);
+        }
+        text += &told(&designed, candidates.is_none());
+        let budget = assessment.uncertainty_budget.as_ref();
+        text += &self.args.budget.write(budget, &mut written);
+        if let Some(path) = &self.plan_out {
+            text += &written.noted(path, write_plan(path, task.belief.commands(), plan));
+        }
+        if let Some(path) = &self.stills_out {
+            text += &written.save(path, &stills::sheet(&scenario, plan));
+        }
+        let [experiments, configurations] = wanted.sizes();
+        let mut json = json!({
+            "gate": scenario.gate,
+            "plan": plan_messages(&task.belief.commands(), plan),
+            "criterion": self.criterion.name(),
+            "minutes": minutes,
+            "configurations": configurations.min(experiments),
+            "elapsed_s": designed.elapsed_s,
+            "searches": designed.exact.searches,
+            "searches_agreeing": designed.exact.agreeing,
+            "bound_searches": certificate.map_or(0, |certificate| certificate.searches),
+            "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
+        });
+        if let Some(candidates) = &candidates {
+            let message = CandidatesMessage::new(candidates);
+            merge(&mut json, json!({ "candidates": message }));
+        }
+        let mut json = results("plan", &provenance, json);
+        let message = AssessmentMessage::new(&scenario, &assessment);
+        merge(&mut json, serde_json::to_value(message)?);
+        let mut conditions = conditions(&scenario, &assessment);
+        conditions.extend(designed.is_cut_short.then(search_stopped));
+        conditions.extend(written.conditions());
+        Ok(Report::new(json, text, conditions))
+    }
+
+    /// The best plan of candidates, with a progress bar.
     fn among(
         &self,
         scenario: &Scenario,
         candidates: &Candidates,
         wanted: Wanted,
-    ) -> anyhow::Result<Report> {
-        self.common.say(&format!(
-            "designing a plan of {} among {} for the criterion {}",
-            counted(wanted.experiments.into(), "measurement"),
-            counted(candidates.experiments.len() as u64, "candidate"),
-            self.criterion.name()
-        ));
-        let bar = bar(self.common.quiet, "searching the plan");
-        let progress = |done: usize, all: usize, _: f64| show(&bar, done, all);
+    ) -> anyhow::Result<Designed> {
+        let bar = bar(self.args.common.quiet, "searching the plan");
         let watch = Watch {
             stop: ask_search(),
-            progress: &progress,
+            progress: &|done, all, _| show(&bar, done, all),
         };
-        let designed = design_among(&scenario.task, candidates, scenario.seed, wanted, watch)
-            .map_err(|error| self.candidates.wrong(error))?;
+        let designed = design_among(&scenario.task, candidates, scenario.seed, wanted, watch);
+        let designed = designed.map_err(|error| match &self.args.candidates {
+            Some(path) => FileError::new(path, error.to_string())
+                .code(ErrorCode::NoPlan)
+                .into(),
+            None => anyhow::Error::from(error),
+        })?;
         bar.finish_and_clear();
-        super::interruption::searched();
-        let plan = &designed.exact.plan;
-        let mut assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
-        if let Some(bound) = &designed.by_criterion {
-            assessment = assessment.beside(bound, plan);
-        }
-        let mut text = describe(scenario, &assessment) + &left_out(&scenario.task) + "\n";
-        text += &told(&self.candidates, candidates);
-        text += &format!(
-            "Of {} searches for the plan, {} ended within 0.1 % of it. It took {:.2} s.\n",
-            designed.exact.searches, designed.exact.agreeing, designed.elapsed_s
-        );
-        let mut written = Written::default();
-        text += &self.write(scenario, (plan, &assessment), &mut written);
-        let different = wanted.configurations.unwrap_or(wanted.experiments);
-        let json = json!({
-            "gate": scenario.gate,
-            "plan": plan_messages(&scenario.task.belief.commands(), plan),
-            "criterion": self.criterion.name(),
-            "minutes": null,
-            "configurations": different.min(wanted.experiments),
-            "elapsed_s": designed.elapsed_s,
-            "searches": designed.exact.searches,
-            "searches_agreeing": designed.exact.agreeing,
-            "bound_searches": 0,
-            "bound_searches_agreeing": 0,
-            "candidates": CandidatesMessage::new(candidates),
-        });
-        let provenance = ProvenanceMessage::new(scenario)
-            .with_optional("test_poses", self.poses.path())?
-            .with_optional("candidates", self.candidates.path())?;
-        let json = results("plan", &provenance, json);
-        let mut report = reported(scenario, &assessment, designed.is_cut_short, (json, text))?;
-        report.conditions.extend(written.conditions());
-        Ok(report)
-    }
-
-    pub fn execute(&self) -> anyhow::Result<Report> {
-        let mut scenario = self.common.load()?;
-        let outputs = [
-            ("--plan-out", self.plan_out.as_deref()),
-            ("--stills-out", self.stills_out.as_deref()),
-            ("--report-out", self.report_out.as_deref()),
-            ("--proof-out", self.proof.out()),
-            self.budget.out(),
-        ];
-        let mut roles = inputs(&scenario);
-        roles.may_read("the test poses", self.poses.path());
-        roles.may_read("the candidates", self.candidates.path());
-        check_outputs(&mut roles, &outputs)?;
-        self.poses.replace(&mut scenario.task)?;
-        rests(&scenario)?;
-        if let Some(experiments) = self.experiments {
-            scenario.task.design.experiments = experiments;
-            scenario.task.design.configurations = None;
-        }
-        let experiments = scenario.task.design.experiments;
-        let configurations = self.configurations.or(scenario.task.design.configurations);
-        if scenario.task.design.accuracy == AccuracyKind::Absolute {
-            return self.absolute(
-                &scenario,
-                [experiments, configurations.unwrap_or(experiments)],
-            );
-        }
-        self.unknown.refuse(&scenario)?;
-        let instead = "plans of deflections are searched in the whole region";
-        let given = [
-            ("--draw", self.draw.is_some(), instead),
-            ("--report-out", self.report_out.is_some(), RUN_REPORTS),
-        ];
-        refuse_where_relative(&scenario, &given)?;
-        if let Some(candidates) = self.candidates.read(&scenario.task)? {
-            let wanted = Wanted {
-                criterion: self.criterion,
-                experiments,
-                configurations,
-            };
-            return self.among(&scenario, &candidates, wanted);
-        }
-        self.anywhere(scenario, experiments, configurations)
-    }
-
-    /// A plan anywhere in the scenario's region.
-    fn anywhere(
-        &self,
-        mut scenario: Scenario,
-        experiments: u32,
-        configurations: Option<u32>,
-    ) -> anyhow::Result<Report> {
-        let stop = ask_search();
-        let (timed, experiments, configurations) = match self.minutes {
-            Some(minutes) => {
-                let timed = self.within(&scenario, minutes, stop)?;
-                let best = &timed[0];
-                let (experiments, configurations) = (best.experiments, best.configurations);
-                scenario.task.design.experiments = experiments;
-                (timed, experiments, Some(configurations))
-            }
-            None => (Vec::new(), experiments, configurations),
-        };
-        self.common.say(&format!(
-            "designing a plan of {}{} for the criterion {}",
-            counted(experiments.into(), "measurement"),
-            configurations.map_or_else(String::new, |count| format!(
-                " in {}",
-                counted(count.into(), "configuration")
-            )),
-            self.criterion.name()
-        ));
-        let mut designed = design(
-            &self.common,
-            &scenario.task,
-            scenario.seed,
-            Wanted {
-                criterion: self.criterion,
-                experiments,
-                configurations,
-            },
-            &self.proof,
-            stop,
-        )?;
-        let minutes = (self.minutes)
-            .map(|most| keep_in_time(&scenario, &mut designed.exact, &timed[0], most));
-        let home = scenario.laboratory.home();
-        take_nearest_turns(&scenario.task, home, &mut designed.exact.plan);
-        let plan = &designed.exact.plan;
-        let mut assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
-        if let Some((_, bound)) = &designed.by_criterion {
-            assessment = assessment.beside(bound, plan);
-        }
-        let mut text = tell(&timed) + &describe(&scenario, &assessment);
-        text += &(left_out(&scenario.task) + "\n");
-        let mut written = Written::default();
-        let provenance =
-            ProvenanceMessage::new(&scenario).with_optional("test_poses", self.poses.path())?;
-        text += &(self.proof).tell(designed.wanted_bound(), &provenance, &mut written)?;
-        let certificate = &designed.wanted_approximate().certificate;
-        text += &rests_on(certificate, &assessment);
-        text += &searched(
-            designed.exact.searches,
-            designed.exact.agreeing,
-            designed.elapsed_s,
-        );
-        text += &self.write(&scenario, (plan, &assessment), &mut written);
-        let json = json!({
-            "gate": scenario.gate,
-            "plan": plan_messages(&scenario.task.belief.commands(), plan),
-            "criterion": self.criterion.name(),
-            "minutes": minutes,
-            "configurations": configurations.unwrap_or(experiments).min(experiments),
-            "elapsed_s": designed.elapsed_s,
-            "searches": designed.exact.searches,
-            "searches_agreeing": designed.exact.agreeing,
-            "bound_searches": certificate.searches,
-            "bound_searches_agreeing": certificate.agreeing,
-        });
-        let json = results("plan", &provenance, json);
-        let mut report = reported(&scenario, &assessment, designed.is_cut_short, (json, text))?;
-        report.conditions.extend(written.conditions());
-        Ok(report)
+        searched();
+        Ok(designed)
     }
 }
 
-/// The predicted accuracy of a plan, beside what else is told of it.
-fn reported(
-    scenario: &Scenario,
-    assessment: &Assessment,
-    is_cut_short: bool,
-    (mut json, text): (serde_json::Value, String),
-) -> anyhow::Result<Report> {
-    let message = AssessmentMessage::new(scenario, assessment);
-    merge(&mut json, serde_json::to_value(message)?);
-    let mut conditions = conditions(scenario, assessment);
-    if is_cut_short {
-        conditions.push(search_stopped());
+/// Takes the plan of a larger search where it keeps within so many minutes, too, and else the one that is known to; and
+/// tells how many it takes.
+fn keep_in_time(scenario: &Scenario, plan: &mut Plan, timed: &TimedPlan, most: f64) -> f64 {
+    match Campaign::new(&scenario.task, &scenario.laboratory, plan, false) {
+        Ok(campaign) if campaign.minutes <= most => campaign.minutes,
+        _ => {
+            *plan = timed.plan.clone();
+            timed.minutes
+        }
     }
-    Ok(Report::new(json, text, conditions))
 }

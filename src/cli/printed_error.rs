@@ -6,12 +6,11 @@ use elastocal::calibration::CalibrationError;
 use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::identification::IdentificationError;
-use elastocal::mujoco::ModelError;
 use elastocal::plan::search::SearchError;
 use elastocal::robot::EquilibriumError;
-use elastocal::study::{StudyError, absolute::TrialError, evidence::EvidenceError};
+use elastocal::study::{StudyError, absolute::TrialError};
 use elastocal::text::{diagnostics::say, wording::shortened};
-use elastocal::workflow::{run::RunError, study::EntryError};
+use elastocal::workflow::{evidence::EvidenceError, run::RunError, study::EntryError};
 
 /// More characters than this of an error nobody reads.
 const LONGEST_ERROR: usize = 4000;
@@ -54,9 +53,6 @@ impl PrintedError {
 fn code(error: &(dyn Error + 'static)) -> Option<ErrorCode> {
     if let Some(error) = error.downcast_ref::<FileError>() {
         return Some(error.code);
-    }
-    if let Some(error) = error.downcast_ref::<ModelError>() {
-        return Some(error.code());
     }
     if let Some(error) = error.downcast_ref::<IdentificationError>() {
         return Some(error.code());

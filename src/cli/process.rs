@@ -4,22 +4,21 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::Parser;
-use clap::error::{ContextKind, ContextValue};
 use elastocal::codes::ErrorCode;
-use elastocal::text::{diagnostics::say, renamed};
+use elastocal::text::diagnostics::say;
 
 use super::interruption::{self, Interrupted};
 use super::printed_error::PrintedError;
-use super::{Arguments, STDOUT_CLOSED, unless_reader_is_gone};
+use super::{Arguments, unless_reader_is_gone};
 
 /// Does what the arguments say, the program's name first, and returns the exit code. It is the only place that maps
 /// outcomes to exit codes: 0 done, 1 failed, 2 wrong usage (by clap), 3 done with a condition that was not accepted, 130
 /// interrupted. `itself` as in [`Arguments::execute`].
 pub fn run(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf>) -> u8 {
-    interruption::listen(end_interrupted);
+    interruption::listen();
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
-        Err(usage) => return explain_usage(&with_new_name(usage)),
+        Err(usage) => return explain_usage(&usage),
     };
     match arguments.execute(itself) {
         Ok(conditions) => {
@@ -32,27 +31,12 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf
                 3
             }
         }
-        Err(error) if error.is::<Interrupted>() => interruption::finish(end_interrupted),
+        Err(error) if error.is::<Interrupted>() => interruption::finish(),
         Err(error) => {
             PrintedError::of(&error).say();
             1
         }
     }
-}
-
-/// With what an older option is called now.
-fn with_new_name(mut usage: clap::Error) -> clap::Error {
-    let new = match usage.get(ContextKind::InvalidArg) {
-        Some(ContextValue::String(option)) => renamed(option),
-        _ => None,
-    };
-    if let Some(new) = new {
-        usage.insert(
-            ContextKind::SuggestedArg,
-            ContextValue::String(new.to_owned()),
-        );
-    }
-    usage
 }
 
 /// What is wrong with the usage, for stderr, or the help that was asked for, for stdout.
@@ -63,29 +47,11 @@ fn explain_usage(usage: &clap::Error) -> u8 {
         say(text.replacen("error:", &coded, 1).trim_end());
         return 2;
     }
-    let printed = usage.print();
-    let printed = if interruption::is_stdout_closed() {
-        Err(anyhow::anyhow!(STDOUT_CLOSED))
-    } else {
-        unless_reader_is_gone(printed)
-    };
-    match printed {
+    match unless_reader_is_gone(usage.print()) {
         Ok(()) => 0,
         Err(error) => {
             PrintedError::of(&error).say();
             1
         }
-    }
-}
-
-/// Ends the process while other threads are still at work, which must not see it taken apart.
-fn end_interrupted() -> ! {
-    // SAFETY: it takes a number and does not return.
-    #[expect(
-        unsafe_code,
-        reason = "the library's exit takes apart what other threads use"
-    )]
-    unsafe {
-        libc::_exit(130)
     }
 }

@@ -3,7 +3,7 @@
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::files::make_folder;
-use elastocal::paper::{record::ReproductionMessage, reproduce};
+use elastocal::paper::{Reproduction, reproduce};
 use elastocal::plan::search::Watch;
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::view::report::reproduction_page;
@@ -49,8 +49,7 @@ impl Reproduce {
         let reproduction = reproduce(&scenario, trials, watch, &|done, all| show(&bar, done, all));
         bar.finish_and_clear();
         proceed()?;
-        let reproduction = reproduction?;
-        let message = ReproductionMessage::new(&scenario, &reproduction);
+        let message = reproduction?;
         let provenance = ProvenanceMessage::new(&scenario);
         let mut json = results("reproduce", &provenance, json!({}));
         merge(&mut json, serde_json::to_value(&message)?);
@@ -75,7 +74,7 @@ impl Reproduce {
 }
 
 /// What agrees, what does not, and how much better than random, for a person.
-fn describe(message: &ReproductionMessage) -> String {
+fn describe(message: &Reproduction) -> String {
     let cells = || message.eq23.iter().flatten();
     let worst = (message.table5.iter())
         .map(|row| row.largest_difference)
@@ -108,7 +107,7 @@ fn describe(message: &ReproductionMessage) -> String {
     text
 }
 
-fn table_6(message: &ReproductionMessage) -> String {
+fn table_6(message: &Reproduction) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
     let rows = (message.table6.iter()).map(|row| {
         vec![
@@ -116,7 +115,7 @@ fn table_6(message: &ReproductionMessage) -> String {
             micro(Some(row.printed_rho0_mm)),
             micro(row.found_rho0_mm),
             number(row.ratio, 3),
-            micro(Some(row.own_rho0_mm)),
+            micro(row.own_rho0_mm),
             micro(row.lower_bound_rho0_mm),
         ]
     });
@@ -125,7 +124,7 @@ fn table_6(message: &ReproductionMessage) -> String {
     table(header, rows)
 }
 
-fn figure_7(message: &ReproductionMessage) -> String {
+fn figure_7(message: &Reproduction) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 2);
     let interval = |ends: Option<[f64; 2]>| {
         ends.map_or_else(String::new, |[low, high]| format!("{low:.2} to {high:.2}"))

@@ -71,11 +71,11 @@ impl Run {
         ));
         let wanted = Wanted::by(&scenario.task);
         let (task, seed) = (&scenario.task, scenario.seed);
-        let mut designed = design(common, task, seed, wanted, &self.proof, &STOP)?;
+        let (mut designed, approximate) = design(common, task, seed, wanted, &self.proof, &STOP)?;
         let home = scenario.laboratory.home();
         take_nearest_turns(task, home, &mut designed.exact.plan);
         proceed()?;
-        let outcome = run(&scenario, &designed, &STOP, &|stage| {
+        let outcome = run(&scenario, (&designed, &approximate), &STOP, &|stage| {
             tell(common, &folder, stage);
         });
         let outcome = outcome.map_err(|error| match error {

@@ -204,18 +204,18 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
     .iter()
     .enumerate()
     {
-        let of = |spread: Option<[f64; 3]>| cell(spread.map(|spread| spread[place]));
+        let of = |name: &str| cell(random.spreads[name].map(|spread| spread[place]));
         rows.push(vec![
             (*name).to_owned(),
-            of(random.mean_mm),
-            of(random.rms_mm),
-            of(random.predicted_rms_mm),
-            of(random.quantile95_mm),
-            of(random.largest_mm),
+            of("mean_mm"),
+            of("rms_mm"),
+            of("predicted_rms_mm"),
+            of("quantile95_mm"),
+            of("largest_mm"),
             String::new(),
-            of(random.rho0_mm),
-            of(random.from_all_mm),
-            of(random.without_discrepancy_from_true_mm),
+            of("rho0_mm"),
+            of("from_all_mm"),
+            of("without_discrepancy_from_true_mm"),
         ]);
     }
     let header = "chosen by | mean [mm] | rms | predicted rms | 95 % below | largest | better than random [%] | rho0 | from all | without discrepancy";

@@ -14,19 +14,11 @@ use super::Report;
 #[derive(Debug, Args)]
 pub struct ToleranceArgs {
     /// How far measurements may be from what is predicted: each is accepted, rejected or inconclusive.
-    #[arg(long, value_name = "UM", requires = "measurements", value_parser = tolerance)]
+    #[arg(long, value_name = "UM", requires = "measurements", value_parser = |text: &str| ACCURACY.parse(text))]
     tolerance_um: Option<f64>,
     /// The guard band of --tolerance-um, as so many times the expanded uncertainty (95 %) of the measurement.
-    #[arg(long, value_name = "TIMES", requires = "tolerance_um", default_value_t = 1.0, value_parser = times)]
+    #[arg(long, value_name = "TIMES", requires = "tolerance_um", default_value_t = 1.0, value_parser = |text: &str| TOLERANCE.parse(text))]
     guard_band: f64,
-}
-
-fn tolerance(text: &str) -> Result<f64, String> {
-    ACCURACY.check(text.parse().map_err(|_| ACCURACY.allowed())?)
-}
-
-fn times(text: &str) -> Result<f64, String> {
-    TOLERANCE.check(text.parse().map_err(|_| TOLERANCE.allowed())?)
 }
 
 /// Measurements that are judged.

@@ -30,7 +30,7 @@ impl ConditionCode {
 
     /// Whether it is of an identification: results may hold those of the plan, too.
     pub fn is_of_identification(self) -> bool {
-        self.meaning().id.starts_with("C02")
+        self.id().starts_with("C02")
     }
 }
 

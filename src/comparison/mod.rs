@@ -10,17 +10,16 @@ pub mod record;
 pub mod results;
 
 use clap::ValueEnum;
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde::Serialize;
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::gate::{Decision, Direction, Gate, Quantity, Tolerance};
 use crate::study::summary::TWO_SIDED_95;
-use results::{Key, ResultNumber, ResultsFile};
+use results::{Answer, Key, ResultNumber, ResultsFile};
 
 /// In what results can differ that makes them answers to different questions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Aspect {
     /// The command, or the version of its results.
@@ -44,9 +43,10 @@ pub enum Aspect {
 }
 
 /// A difference between the questions, with both answers.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Difference {
     /// What differs.
+    #[serde(rename = "setting")]
     pub aspect: Aspect,
     /// What it is in the one.
     pub base: String,
@@ -58,35 +58,51 @@ pub struct Difference {
 const MOST_TIMES: f64 = 1e6;
 
 /// A number before and now.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Change {
     /// What it is.
+    #[serde(flatten)]
     pub key: Key,
+    /// The unit of all that follows.
+    pub unit: &'static str,
     /// Before.
     pub base: Option<f64>,
     /// Now.
     pub new: Option<f64>,
-    /// How far it may change, in its unit.
+    /// By how much it has changed.
+    pub change: Option<f64>,
+    /// The same as a part of the value before; none of zero, or of what is next to nothing.
+    pub relative_change: Option<f64>,
+    /// How far it may change.
     pub tolerance: f64,
     /// Which changes count.
     pub direction: Direction,
-    /// The guard band in its unit: so much the change may be from what the numbers say.
+    /// The guard band: so much the change may be from what the numbers say.
     pub guard_band: f64,
     /// What the change says of the tolerance.
     pub decision: Decision,
+    /// Whether it is accepted.
+    pub ok: bool,
 }
 
 /// What comparing two results gives.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
+    /// Whether all changes are within their tolerances.
+    pub ok: bool,
+    /// Whether every number that both have is the same to the bit.
+    pub identical: bool,
+    /// Whether both are of the same platform.
+    pub same_platform: bool,
     /// Differences that were allowed.
+    #[serde(rename = "allowed_differences")]
     pub differences: Vec<Difference>,
+    /// The quantities that were compared.
+    pub quantities: Vec<Quantity>,
     /// The numbers that both have.
     pub changes: Vec<Change>,
     /// The numbers that only one has.
     pub not_compared: Vec<Key>,
-    /// Whether every number that both have is the same to the bit.
-    pub identical: bool,
 }
 
 /// How to compare.
@@ -102,52 +118,8 @@ pub struct Rules<'a> {
 
 impl Aspect {
     /// The name, as on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Schema => "schema",
-            Self::Scenario => "scenario",
-            Self::Seed => "seed",
-            Self::Experiments => "experiments",
-            Self::Configurations => "configurations",
-            Self::Criterion => "criterion",
-            Self::Trials => "trials",
-            Self::Level => "level",
-            Self::Plans => "plans",
-        }
-    }
-
-    /// What it is in a results file, for a person; none where the file says nothing about it.
-    fn of(self, file: &ResultsFile) -> Option<String> {
-        let provenance = &file.provenance;
-        match self {
-            Self::Schema => Some(format!("{} {}", file.schema.name, file.schema.version)),
-            Self::Scenario => {
-                let hash: String = provenance.scenario_sha256.chars().take(12).collect();
-                Some(format!("{} {hash}", provenance.scenario))
-            }
-            Self::Seed => Some(provenance.seed.to_string()),
-            Self::Plans => Some(file.plans.join(", ")),
-            _ => (file.settings.iter())
-                .find(|(name, _)| *name == self.name())
-                .map(|(_, value)| match value {
-                    Value::String(text) => text.clone(),
-                    other => other.to_string(),
-                }),
-        }
-    }
-
-    fn is_same(self, base: &ResultsFile, new: &ResultsFile) -> bool {
-        match self {
-            // A copy of a scenario under another name asks the same question.
-            Self::Scenario => base.provenance.scenario_sha256 == new.provenance.scenario_sha256,
-            Self::Plans => sorted(&base.plans) == sorted(&new.plans),
-            // Results of earlier versions do not say.
-            Self::Configurations => match (self.of(base), self.of(new)) {
-                (Some(base), Some(new)) => base == new,
-                _ => true,
-            },
-            _ => self.of(base) == self.of(new),
-        }
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
     }
 }
 
@@ -167,8 +139,15 @@ pub fn compare(
     if !refused.is_empty() {
         return Err(refusal(base, new, &refused));
     }
-    let is_same_platform = base.provenance.platform == new.provenance.platform;
-    let within = rules.within.filter(|_| is_same_platform).map(nearly);
+    let same_platform = base.provenance.platform == new.provenance.platform;
+    // So small a share may change, either way.
+    let within = rules.within.filter(|_| same_platform);
+    let within = within.map(|share| Tolerance {
+        relative: share,
+        absolute: 0.0,
+        direction: Direction::Both,
+        guard_band: 0.0,
+    });
     let found_in =
         |file: &'_ ResultsFile, key: &Key| file.numbers.iter().position(|each| each.key == *key);
     let mut changes = Vec::new();
@@ -185,66 +164,55 @@ pub fn compare(
     }
     let only_new = (new.numbers.iter()).filter(|each| found_in(base, &each.key).is_none());
     not_compared.extend(only_new.map(|each| each.key.clone()));
-    let scenario_may_differ = rules.allowed.contains(&Aspect::Scenario);
+    let not_comparable =
+        |problem: String| FileError::new(&new.path, problem).code(ErrorCode::NotComparable);
     let missing = (not_compared.iter())
         .find(|key| base.plans.contains(&key.plan) && new.plans.contains(&key.plan));
-    if let (Some(key), false) = (missing, scenario_may_differ || schema_differs(&differences)) {
+    let may_miss = rules.allowed.contains(&Aspect::Scenario)
+        || differences.iter().any(|each| each.aspect == Aspect::Schema);
+    if let (Some(key), false) = (missing, may_miss) {
         let problem = format!("only one of this file and {} has it", base.path.display());
-        let wrong = FileError::new(&new.path, problem).at(key.text());
-        return Err(wrong.code(ErrorCode::NotComparable));
+        return Err(not_comparable(problem).at(key.text()));
     }
     if changes.is_empty() {
         let problem = format!("has no number in common with {}", base.path.display());
-        return Err(FileError::new(&new.path, problem).code(ErrorCode::NotComparable));
+        return Err(not_comparable(problem));
     }
     let same_bits = |change: &Change| change.base.map(f64::to_bits) == change.new.map(f64::to_bits);
+    let is_there = |quantity: &Quantity| changes.iter().any(|each| each.key.quantity == *quantity);
     Ok(Comparison {
+        ok: changes.iter().all(|change| change.ok),
         identical: changes.iter().all(same_bits),
+        same_platform,
         differences,
+        quantities: Quantity::ALL.into_iter().filter(is_there).collect(),
         changes,
         not_compared,
     })
 }
 
-/// So small a share may change, either way.
-const fn nearly(share: f64) -> Tolerance {
-    Tolerance {
-        relative: share,
-        absolute: 0.0,
-        direction: Direction::Both,
-        guard_band: 0.0,
-    }
-}
-
-fn sorted(names: &[String]) -> Vec<&String> {
-    let mut names: Vec<_> = names.iter().collect();
-    names.sort_unstable();
-    names
-}
-
-fn schema_differs(differences: &[Difference]) -> bool {
-    (differences.iter()).any(|difference| difference.aspect == Aspect::Schema)
-}
-
 fn differences(base: &ResultsFile, new: &ResultsFile) -> Vec<Difference> {
-    let differs = |aspect: &Aspect| !aspect.is_same(base, new);
-    let difference = |aspect: Aspect| {
-        let say = |file| aspect.of(file).unwrap_or_else(|| "none".to_owned());
-        Difference {
+    let difference = |&aspect: &Aspect| {
+        let [base, new] = [base, new].map(|file| file.answers.get(&aspect));
+        let identity = |answer: Option<&Answer>| answer.map(|each| each.identity.clone());
+        let shown = |answer: Option<&Answer>| {
+            answer.map_or_else(|| "none".to_owned(), |each| each.shown.clone())
+        };
+        (identity(base) != identity(new)).then(|| Difference {
             aspect,
-            base: say(base),
-            new: say(new),
-        }
+            base: shown(base),
+            new: shown(new),
+        })
     };
-    let all = Aspect::value_variants().iter().copied();
-    all.filter(differs).map(difference).collect()
+    let all = Aspect::value_variants().iter();
+    all.filter_map(difference).collect()
 }
 
 fn refusal(base: &ResultsFile, new: &ResultsFile, refused: &[&Difference]) -> FileError {
     let named: Vec<String> = (refused.iter())
         .map(|each| format!("{} ({}, not {})", each.aspect.name(), each.new, each.base))
         .collect();
-    let names: Vec<&str> = refused.iter().map(|each| each.aspect.name()).collect();
+    let names: Vec<String> = refused.iter().map(|each| each.aspect.name()).collect();
     let problem = format!(
         "differs from {} in {}",
         base.path.display(),
@@ -285,15 +253,27 @@ fn judge(before: &ResultNumber, now: &ResultNumber, allowed: Tolerance) -> Chang
         }
         _ => Decision::Accept,
     };
+    let change = new.zip(base).map(|(new, base)| new - base);
+    let change = change.filter(|change| change.is_finite());
     Change {
         key: before.key.clone(),
+        unit: before.key.quantity.unit(),
         base,
         new,
+        change,
+        relative_change: change.and_then(|change| part_of(base?, change)),
         tolerance,
         direction: allowed.direction,
         guard_band,
         decision,
+        ok: decision == Decision::Accept,
     }
+}
+
+/// An amount as a part of the value before; none of zero, or of what is next to nothing.
+fn part_of(base: f64, amount: f64) -> Option<f64> {
+    let part = amount / base.abs();
+    (part.abs() < MOST_TIMES).then_some(part)
 }
 
 impl Key {
@@ -309,43 +289,15 @@ impl Key {
 }
 
 impl Change {
-    /// The change in the unit of the quantity.
-    pub fn change(&self) -> Option<f64> {
-        Some(self.new? - self.base?).filter(|change| change.is_finite())
-    }
-
-    /// The change as a part of the value before; none of zero, or of what is next to nothing.
-    pub fn relative_change(&self) -> Option<f64> {
-        self.of_base(self.change()?)
-    }
-
     /// What is allowed as a part of the value before; none of zero, or of what is next to nothing.
     pub fn relative_tolerance(&self) -> Option<f64> {
-        self.of_base(self.tolerance)
-    }
-
-    fn of_base(&self, amount: f64) -> Option<f64> {
-        let part = amount / self.base?.abs();
-        (part.abs() < MOST_TIMES).then_some(part)
+        part_of(self.base?, self.tolerance)
     }
 }
 
 impl Comparison {
-    /// Whether all changes are within their tolerances.
-    pub fn ok(&self) -> bool {
-        self.broken().next().is_none()
-    }
-
     /// The changes that are not within their tolerances: the inconclusive ones among them.
     pub fn broken(&self) -> impl Iterator<Item = &Change> {
-        (self.changes.iter()).filter(|change| change.decision != Decision::Accept)
-    }
-
-    /// The quantities that were compared.
-    pub fn quantities(&self) -> Vec<Quantity> {
-        let is_there = |quantity: &Quantity| {
-            (self.changes.iter()).any(|change| change.key.quantity == *quantity)
-        };
-        Quantity::ALL.into_iter().filter(is_there).collect()
+        self.changes.iter().filter(|change| !change.ok)
     }
 }

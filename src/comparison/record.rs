@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use crate::comparison::results::{Key, ResultsFile};
 use crate::comparison::{Change, Comparison};
 use crate::gate::{Decision, Direction, Quantity};
-use crate::record::messages::SchemaMessage;
+use crate::record::{json::merge, messages::SchemaMessage};
 
 /// The columns of [`rows`].
 pub const COLUMNS: [&str; 7] = [
@@ -13,7 +13,14 @@ pub const COLUMNS: [&str; 7] = [
 ];
 
 /// The comparison of two files for machines. Numbers that do not exist are `null`.
-pub fn comparison_json(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> Value {
+///
+/// # Errors
+/// None that records of numbers and texts have.
+pub fn comparison_json(
+    base: &ResultsFile,
+    new: &ResultsFile,
+    comparison: &Comparison,
+) -> serde_json::Result<Value> {
     let side = |file: &ResultsFile| {
         json!({
             "file": file.path.display().to_string(),
@@ -21,43 +28,10 @@ pub fn comparison_json(base: &ResultsFile, new: &ResultsFile, comparison: &Compa
             "provenance": file.provenance,
         })
     };
-    let names = |quantities: Vec<Quantity>| -> Vec<&str> {
-        quantities.into_iter().map(Quantity::name).collect()
-    };
-    let differences = (comparison.differences.iter())
-        .map(|each| json!({ "setting": each.aspect, "base": each.base, "new": each.new }));
-    json!({
-        "schema": SchemaMessage::new("compare"),
-        "ok": comparison.ok(),
-        "identical": comparison.identical,
-        "same_platform": base.provenance.platform == new.provenance.platform,
-        "base": side(base),
-        "new": side(new),
-        "allowed_differences": differences.collect::<Vec<_>>(),
-        "quantities": names(comparison.quantities()),
-        "changes": comparison.changes.iter().map(change_json).collect::<Vec<_>>(),
-        "not_compared": comparison.not_compared.iter().map(|key| json!({
-            "quantity": key.quantity, "plan": key.plan, "of": key.of,
-        })).collect::<Vec<_>>(),
-    })
-}
-
-fn change_json(change: &Change) -> Value {
-    json!({
-        "quantity": change.key.quantity,
-        "plan": change.key.plan,
-        "of": change.key.of,
-        "unit": change.key.quantity.unit(),
-        "base": change.base,
-        "new": change.new,
-        "change": change.change(),
-        "relative_change": change.relative_change(),
-        "tolerance": change.tolerance,
-        "direction": change.direction,
-        "guard_band": change.guard_band,
-        "decision": change.decision,
-        "ok": change.decision == Decision::Accept,
-    })
+    let schema = SchemaMessage::new("compare");
+    let mut json = json!({ "schema": schema, "base": side(base), "new": side(new) });
+    merge(&mut json, serde_json::to_value(comparison)?);
+    Ok(json)
 }
 
 /// A row for each change, in the [`COLUMNS`].
@@ -105,7 +79,7 @@ fn is_count(quantity: Quantity) -> bool {
 }
 
 fn difference(change: &Change) -> String {
-    match (change.change(), change.relative_change()) {
+    match (change.change, change.relative_change) {
         (Some(0.0), _) => "0".to_owned(),
         (Some(_), Some(relative)) if !is_count(change.key.quantity) => {
             let percent = relative * 100.0;
@@ -181,8 +155,8 @@ pub fn notes(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> 
 
 /// What it comes to, in a sentence.
 pub fn verdict(comparison: &Comparison) -> String {
-    let names: Vec<&str> = (comparison.quantities().into_iter())
-        .map(Quantity::name)
+    let names: Vec<&str> = (comparison.quantities.iter())
+        .map(|quantity| quantity.name())
         .collect();
     let all = comparison.changes.len();
     let compared = format!("{all} numbers compared ({})", names.join(", "));
@@ -201,13 +175,13 @@ pub fn verdict(comparison: &Comparison) -> String {
 
 /// A summary that a job of continuous integration can post.
 pub fn markdown(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> String {
-    let outcome = if comparison.ok() { "passed" } else { "failed" };
+    let outcome = if comparison.ok { "passed" } else { "failed" };
     let scenario = escaped(&new.provenance.scenario);
     let mut text = format!(
         "### Gate {outcome}: {scenario}\n\n{}\n\n",
         verdict(comparison)
     );
-    if !comparison.ok() {
+    if !comparison.ok {
         text += &markdown_table(&COLUMNS[..6], &rows(comparison.broken()));
         text.push('\n');
     }

@@ -1,12 +1,13 @@
 //! Results files as they are compared: their numbers by plan and quantity, and under which settings
 //! they were made.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde::de::IgnoredAny;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::Aspect;
 use crate::files::{FileError, schema::read_results, typed::from_json};
 use crate::gate::{Gate, Quantity};
 use crate::record::messages::{ProvenanceMessage, SchemaMessage};
@@ -15,7 +16,7 @@ use crate::record::messages::{ProvenanceMessage, SchemaMessage};
 pub const ONLY_PLAN: &str = "plan";
 
 /// A number's name: of which plan, what, and of which joint or test pose.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Key {
     /// The plan's name; [`ONLY_PLAN`] where the results are of one plan without a name.
     pub plan: String,
@@ -36,6 +37,15 @@ pub struct ResultNumber {
     pub standard_error: f64,
 }
 
+/// Which question results answer, in one aspect.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Answer {
+    /// What must be the same for the question to be the same.
+    pub identity: String,
+    /// For a person.
+    pub shown: String,
+}
+
 /// A results file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResultsFile {
@@ -47,8 +57,8 @@ pub struct ResultsFile {
     pub provenance: ProvenanceMessage,
     /// The scenario's tolerances.
     pub gate: Gate,
-    /// What was asked for beside the scenario, such as the number of runs, by name.
-    pub settings: Vec<(&'static str, Value)>,
+    /// What was asked.
+    pub answers: BTreeMap<Aspect, Answer>,
     /// The plans' names.
     pub plans: Vec<String>,
     /// All numbers.
@@ -63,76 +73,59 @@ struct Head {
     gate: Gate,
 }
 
-/// What `plan` and `evaluate` say, and `run` of each plan.
-#[derive(Deserialize)]
-struct PredictedPlan {
-    experiments: u32,
-    parameters: Vec<String>,
-    #[serde(deserialize_with = "there")]
-    rho0_mm: Option<f64>,
-    #[serde(deserialize_with = "there")]
-    efficiency: Option<f64>,
-    compliance_std_rad_per_nm: Vec<Option<f64>>,
-    violations: Vec<IgnoredAny>,
+/// A place in a results file.
+struct Place<'a> {
+    path: &'a Path,
+    /// Its dotted key.
+    key: String,
+    json: &'a Value,
 }
 
-#[derive(Deserialize)]
-struct DesignedResults {
-    criterion: String,
-    configurations: Option<u32>,
-}
+impl<'a> Place<'a> {
+    fn wrong(&self, problem: String) -> FileError {
+        let wrong = FileError::new(self.path, problem);
+        match &*self.key {
+            "" => wrong,
+            key => wrong.at(key),
+        }
+    }
 
-#[derive(Deserialize)]
-struct RunResults {
-    experiments: u32,
-    plans: Vec<RunPlanResults>,
-}
+    /// What must be under a key, if only null.
+    fn get(&self, name: &str) -> Result<Self, FileError> {
+        let json = self.json.get(name);
+        let dot = if self.key.is_empty() { "" } else { "." };
+        Ok(Place {
+            path: self.path,
+            key: format!("{}{dot}{name}", self.key),
+            json: json.ok_or_else(|| self.wrong(format!("missing field `{name}`")))?,
+        })
+    }
 
-#[derive(Deserialize)]
-struct RunPlanResults {
-    name: String,
-    assessment: PredictedPlan,
-    test_poses: Vec<PoseResults>,
-}
+    /// What must be under a key, as a type.
+    fn read<T: Deserialize<'a>>(&self, name: &str) -> Result<T, FileError> {
+        let place = self.get(name)?;
+        T::deserialize(place.json).map_err(|error| place.wrong(error.to_string()))
+    }
 
-#[derive(Deserialize)]
-struct PoseResults {
-    name: String,
-    #[serde(deserialize_with = "there")]
-    residual_mm: Option<f64>,
-}
-
-#[derive(Deserialize)]
-struct StudyResults {
-    trials: u64,
-    level: String,
-    plans: Vec<StudyPlanResults>,
-}
-
-#[derive(Deserialize)]
-struct StudyPlanResults {
-    name: String,
-    experiments: u32,
-    sigma_mm: f64,
-    load_scale: f64,
-    failed: u64,
-    #[serde(deserialize_with = "there")]
-    mean_mm: Option<f64>,
-    mean_std_mm: Option<f64>,
-    #[serde(deserialize_with = "there")]
-    predicted_rms_mm: Option<f64>,
-}
-
-/// A number or null, but not nothing.
-fn there<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
-    Option::deserialize(deserializer)
+    /// The elements of a list.
+    fn list(&self, name: &str) -> Result<Vec<Self>, FileError> {
+        let list = self.get(name)?;
+        let elements = list.json.as_array();
+        let elements = elements.ok_or_else(|| list.wrong("is no list".to_owned()))?;
+        let element = |(index, json)| Place {
+            path: self.path,
+            key: format!("{}[{index}]", list.key),
+            json,
+        };
+        Ok(elements.iter().enumerate().map(element).collect())
+    }
 }
 
 impl ResultsFile {
     /// Reads the results of `run`, `plan`, `evaluate` or `study`.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let hint = "files to compare are results.json, study.json, or what --json prints";
-        let (text, _) = read_results(path, &["run", "plan", "evaluate", "study"], hint)?;
+        let (text, json) = read_results(path, &["run", "plan", "evaluate", "study"], hint)?;
         let head: Head = from_json(path, &text)?;
         head.gate
             .check()
@@ -142,111 +135,123 @@ impl ResultsFile {
             schema: head.schema,
             provenance: head.provenance,
             gate: head.gate,
-            settings: Vec::new(),
+            answers: BTreeMap::new(),
             plans: Vec::new(),
             numbers: Vec::new(),
         };
+        let results = Place {
+            path,
+            key: String::new(),
+            json: &json,
+        };
         match file.schema.name.as_str() {
-            "elastocal.run" => file.run(from_json(path, &text)?)?,
-            "elastocal.study" => file.study(from_json(path, &text)?),
-            "elastocal.plan" => {
-                let designed: DesignedResults = from_json(path, &text)?;
-                file.settings.push(("criterion", designed.criterion.into()));
-                let configurations = designed.configurations;
-                file.settings
-                    .extend(configurations.map(|count| ("configurations", count.into())));
-                file.single(from_json(path, &text)?)?;
+            "elastocal.run" => file.run(&results)?,
+            "elastocal.study" => file.study(&results)?,
+            name => {
+                if name == "elastocal.plan" {
+                    file.answer(Aspect::Criterion, results.read("criterion")?);
+                    if let Some(count) = json["configurations"].as_u64() {
+                        file.answer(Aspect::Configurations, count.to_string());
+                    }
+                }
+                let experiments: u32 = results.read("experiments")?;
+                file.answer(Aspect::Experiments, experiments.to_string());
+                let plan = file.add_plan(ONLY_PLAN);
+                file.prediction(&plan, &results)?;
             }
-            _ => file.single(from_json(path, &text)?)?,
         }
+        file.answer_for_all();
         Ok(file)
     }
 
-    fn run(&mut self, run: RunResults) -> Result<(), FileError> {
-        self.settings.push(("experiments", run.experiments.into()));
-        for (index, plan) in run.plans.into_iter().enumerate() {
-            let name = self.add_plan(&plan.name);
-            self.prediction(
-                &name,
-                &format!("plans[{index}].assessment."),
-                plan.assessment,
-            )?;
-            for pose in plan.test_poses {
-                let micrometres = pose.residual_mm.map(|value| value * 1e3);
-                self.add(&name, Quantity::RealisedError, Some(pose.name), micrometres);
+    fn answer(&mut self, aspect: Aspect, identity: String) {
+        let shown = identity.clone();
+        self.answers.insert(aspect, Answer { identity, shown });
+    }
+
+    /// What all results say of their question.
+    fn answer_for_all(&mut self) {
+        let form = format!("{} {}", self.schema.name, self.schema.version);
+        self.answer(Aspect::Schema, form);
+        self.answer(Aspect::Seed, self.provenance.seed.to_string());
+        // A copy of a scenario under another name asks the same question.
+        let identity = self.provenance.scenario_sha256.clone();
+        let hash: String = identity.chars().take(12).collect();
+        let shown = format!("{} {hash}", self.provenance.scenario);
+        self.answers
+            .insert(Aspect::Scenario, Answer { identity, shown });
+        let mut sorted = self.plans.clone();
+        sorted.sort_unstable();
+        let [identity, shown] = [&sorted, &self.plans].map(|names| names.join(", "));
+        self.answers
+            .insert(Aspect::Plans, Answer { identity, shown });
+    }
+
+    fn run(&mut self, run: &Place<'_>) -> Result<(), FileError> {
+        let experiments: u32 = run.read("experiments")?;
+        self.answer(Aspect::Experiments, experiments.to_string());
+        for plan in run.list("plans")? {
+            let name = self.add_plan(plan.read("name")?);
+            self.prediction(&name, &plan.get("assessment")?)?;
+            for pose in plan.list("test_poses")? {
+                let of = Some(pose.read("name")?);
+                let residual_mm = pose.read("residual_mm")?;
+                self.add(&name, Quantity::RealisedError, of, residual_mm);
             }
         }
         Ok(())
     }
 
-    fn study(&mut self, study: StudyResults) {
-        let mut experiments: Vec<u32> = study.plans.iter().map(|plan| plan.experiments).collect();
-        experiments.dedup();
-        self.settings.extend([
-            ("trials", study.trials.into()),
-            ("level", study.level.into()),
-            (
-                "experiments",
-                match experiments[..] {
-                    [one] => one.into(),
-                    _ => experiments.into(),
-                },
-            ),
-        ]);
-        let is_swept = |name: &str| study.plans.iter().filter(|plan| plan.name == name).count() > 1;
-        for plan in &study.plans {
-            let (m, sigma_mm, load) = (plan.experiments, plan.sigma_mm, plan.load_scale);
-            let name = self.add_plan(&if is_swept(&plan.name) {
-                format!(
-                    "{}, {m} measurements, {sigma_mm} mm, load {load}",
-                    plan.name
-                )
-            } else {
-                plan.name.clone()
-            });
-            let micrometres = |value: Option<f64>| value.map(|value| value * 1e3);
-            let rho0 = micrometres(plan.predicted_rms_mm);
-            self.add(&name, Quantity::Rho0, None, rho0);
-            let mean = micrometres(plan.mean_mm);
-            self.add(&name, Quantity::MeanError, None, mean);
-            if let Some(last) = self.numbers.last_mut() {
-                last.standard_error = micrometres(plan.mean_std_mm).unwrap_or(0.0);
+    fn study(&mut self, study: &Place<'_>) -> Result<(), FileError> {
+        let trials: u64 = study.read("trials")?;
+        self.answer(Aspect::Trials, trials.to_string());
+        self.answer(Aspect::Level, study.read("level")?);
+        let plans = study.list("plans")?;
+        let mut experiments = Vec::new();
+        for plan in &plans {
+            let m: u32 = plan.read("experiments")?;
+            let mut name: String = plan.read("name")?;
+            let same = (plans.iter()).filter(|other| other.json["name"] == plan.json["name"]);
+            if same.count() > 1 {
+                let [sigma_mm, load]: [f64; 2] = [plan.read("sigma_mm")?, plan.read("load_scale")?];
+                name += &format!(", {m} measurements, {sigma_mm} mm, load {load}");
             }
-            let failed = Some(plan.failed as f64);
-            self.add(&name, Quantity::FailedRuns, None, failed);
+            let name = self.add_plan(&name);
+            self.add(&name, Quantity::Rho0, None, plan.read("predicted_rms_mm")?);
+            self.add(&name, Quantity::MeanError, None, plan.read("mean_mm")?);
+            if let Some(last) = self.numbers.last_mut() {
+                let error_mm: Option<f64> = plan.read("mean_std_mm")?;
+                last.standard_error = error_mm.unwrap_or(0.0) * 1e3;
+            }
+            self.add(&name, Quantity::FailedRuns, None, plan.read("failed")?);
+            experiments.push(m.to_string());
         }
+        experiments.dedup();
+        self.answer(Aspect::Experiments, experiments.join(", "));
+        Ok(())
     }
 
-    fn single(&mut self, prediction: PredictedPlan) -> Result<(), FileError> {
-        self.settings
-            .push(("experiments", prediction.experiments.into()));
-        let name = self.add_plan(ONLY_PLAN);
-        self.prediction(&name, "", prediction)
-    }
-
-    fn prediction(
-        &mut self,
-        plan: &str,
-        place: &str,
-        prediction: PredictedPlan,
-    ) -> Result<(), FileError> {
-        let (names, errors) = (prediction.parameters, prediction.compliance_std_rad_per_nm);
+    /// What `plan` and `evaluate` say, and `run` of each plan.
+    fn prediction(&mut self, plan: &str, prediction: &Place<'_>) -> Result<(), FileError> {
+        let names: Vec<String> = prediction.read("parameters")?;
+        let key = "compliance_std_rad_per_nm";
+        let errors: Vec<Option<f64>> = prediction.read(key)?;
         if names.len() != errors.len() {
             let problem = format!("found {} numbers for {} joints", errors.len(), names.len());
-            let place = format!("{place}compliance_std_rad_per_nm");
-            return Err(FileError::new(&self.path, problem).at(place));
+            return Err(prediction.get(key)?.wrong(problem));
         }
-        let rho0 = prediction.rho0_mm.map(|value| value * 1e3);
-        self.add(plan, Quantity::Rho0, None, rho0);
-        self.add(plan, Quantity::Efficiency, None, prediction.efficiency);
+        self.add(plan, Quantity::Rho0, None, prediction.read("rho0_mm")?);
+        let efficiency = prediction.read("efficiency")?;
+        self.add(plan, Quantity::Efficiency, None, efficiency);
         for (joint, error) in names.into_iter().zip(errors) {
             self.add(plan, Quantity::StandardError, Some(joint), error);
         }
-        let violations = prediction.violations.len() as f64;
+        let violations = prediction.list("violations")?.len() as f64;
         self.add(plan, Quantity::Violations, None, Some(violations));
         Ok(())
     }
 
+    /// Adds a number, lengths in mm.
     fn add(&mut self, plan: &str, quantity: Quantity, of: Option<String>, value: Option<f64>) {
         let plan = plan.to_owned();
         let mut key = Key { plan, quantity, of };
@@ -256,22 +261,20 @@ impl ResultsFile {
         if let (Some(of), 1..) = (&mut key.of, earlier) {
             *of += &format!(" ({})", earlier + 1);
         }
+        let factor = if quantity.unit() == "um" { 1e3 } else { 1.0 };
         self.numbers.push(ResultNumber {
             key,
-            value,
+            value: value.map(|value| value * factor),
             standard_error: 0.0,
         });
     }
 
     /// Adds a plan under a name of its own: a scenario may bring one that is named as `run` names its.
     fn add_plan(&mut self, name: &str) -> String {
-        let mut own = name.to_owned();
-        for number in 2.. {
-            if !self.plans.contains(&own) {
-                break;
-            }
-            own = format!("{name} ({number})");
-        }
+        let others = (2..).map(|number| format!("{name} ({number})"));
+        let mut names = std::iter::once(name.to_owned()).chain(others);
+        let own = names.find(|own| !self.plans.contains(own));
+        let own = own.unwrap_or_default();
         self.plans.push(own.clone());
         own
     }

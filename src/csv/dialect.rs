@@ -2,101 +2,30 @@
 
 use std::path::Path;
 
-use super::wrong_table;
+use super::{Fields, kind_of, wrong_table};
 use crate::files::FileError;
 
-/// What separates fields.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Delimiter {
-    /// `,`
-    Comma,
-    /// `;`
-    Semicolon,
-    /// A tab.
-    Tab,
+/// What may separate fields, and what several are called.
+const DELIMITERS: [(u8, &str); 3] = [(b',', "commas"), (b';', "semicolons"), (b'\t', "tabs")];
+
+/// Spreadsheets may say it in a first line of their own: `sep=;`.
+pub(super) fn delimiter_of_separator_line(line: &str) -> Option<u8> {
+    let said = line.trim_matches(['"', ' ']).strip_prefix("sep=")?;
+    let mut known = DELIMITERS.iter().map(|(delimiter, _)| *delimiter);
+    known.find(|&delimiter| said.as_bytes().first() == Some(&delimiter))
 }
 
-impl Delimiter {
-    const ALL: [Self; 3] = [Self::Comma, Self::Semicolon, Self::Tab];
-
-    /// Its sign, and what several are called.
-    const fn spelled(self) -> (char, &'static str) {
-        match self {
-            Self::Comma => (',', "commas"),
-            Self::Semicolon => (';', "semicolons"),
-            Self::Tab => ('\t', "tabs"),
+/// The one in the header, since no column's name contains any.
+pub(super) fn delimiter_of_header(path: &Path, header: &str) -> Result<u8, FileError> {
+    let is_there = |(delimiter, _): &(u8, &str)| header.as_bytes().contains(delimiter);
+    let mut found = DELIMITERS.into_iter().filter(is_there);
+    match (found.next(), found.next()) {
+        (one, None) => Ok(one.map_or(b',', |(delimiter, _)| delimiter)),
+        (Some((_, one)), Some((_, other))) => {
+            let found = format!("found {one} and {other} between the columns' names");
+            Err(wrong_table(path, found + "; one of them is allowed"))
         }
-    }
-
-    /// Spreadsheets may say it in a first line of their own: `sep=;`.
-    pub(super) fn of_separator_line(line: &str) -> Option<Self> {
-        let line = line.trim_matches(['"', ' ']);
-        let said = line.strip_prefix("sep=")?;
-        Self::ALL
-            .into_iter()
-            .find(|delimiter| said.starts_with(delimiter.spelled().0))
-    }
-
-    /// The one in the header, since no column's name contains any.
-    pub(super) fn of_header(path: &Path, header: &str) -> Result<Self, FileError> {
-        let found: Vec<Self> = Self::ALL
-            .into_iter()
-            .filter(|delimiter| header.contains(delimiter.spelled().0))
-            .collect();
-        match found.as_slice() {
-            [] => Ok(Self::Comma),
-            [one] => Ok(*one),
-            [one, other, ..] => {
-                let [one, other] = [one, other].map(|each| each.spelled().1);
-                let found = format!("found {one} and {other} between the columns' names");
-                Err(wrong_table(path, found + "; one of them is allowed"))
-            }
-        }
-    }
-
-    /// The fields of a line without space and quotes around them; a delimiter in quotes is none, and a doubled quote there is
-    /// one.
-    pub(super) fn split(self, path: &Path, line: &str) -> Result<Vec<String>, FileError> {
-        let mut fields = vec![String::new()];
-        let mut quoted = false;
-        let mut signs = line.chars().peekable();
-        while let Some(sign) = signs.next() {
-            if sign == '"' && quoted && signs.next_if_eq(&'"').is_some() {
-                fields
-                    .last_mut()
-                    .into_iter()
-                    .for_each(|field| field.push(sign));
-            } else if sign == '"' {
-                quoted = !quoted;
-            } else if sign == self.spelled().0 && !quoted {
-                fields.push(String::new());
-            } else if let Some(field) = fields.last_mut() {
-                field.push(sign);
-            }
-        }
-        if quoted {
-            return Err(wrong_table(path, "a quote is not closed"));
-        }
-        for field in &mut fields {
-            *field = field.trim().to_owned();
-        }
-        Ok(fields)
-    }
-
-    /// The error of a row that has not as many fields as the header.
-    pub(super) fn miscounted(self, path: &Path, found: usize, columns: usize) -> FileError {
-        let wrong = wrong_table(
-            path,
-            format!("found {found} fields; the header has {columns}"),
-        );
-        if self == Self::Comma && found > columns {
-            wrong.hint(
-                "decimal commas? Where commas separate the fields, write decimal points, or put \
-                 semicolons between the fields",
-            )
-        } else {
-            wrong
-        }
+        (None, Some(_)) => Ok(b','),
     }
 }
 
@@ -107,7 +36,7 @@ type WrittenNumber = (usize, String);
 #[derive(Debug)]
 pub struct Decimals<'a> {
     path: &'a Path,
-    delimiter: Delimiter,
+    delimiter: u8,
     point: Option<WrittenNumber>,
     /// The first number with a comma.
     comma: Option<WrittenNumber>,
@@ -116,18 +45,27 @@ pub struct Decimals<'a> {
 }
 
 impl<'a> Decimals<'a> {
-    pub const fn new(path: &'a Path, delimiter: Delimiter) -> Self {
+    /// Those of these fields of a file.
+    pub const fn new(path: &'a Path, fields: &Fields) -> Self {
         Self {
             path,
-            delimiter,
+            delimiter: fields.delimiter,
             point: None,
             comma: None,
             is_decimal: false,
         }
     }
 
-    /// The value of a field.
+    /// The value of a field, which is plausible for the unit in the column's name.
     pub fn number(&mut self, line: usize, column: &str, field: &str) -> Result<f64, FileError> {
+        let value = self.any_number(line, column, field)?;
+        kind_of(column).check(value).map_err(|problem| {
+            wrong_table(self.path, format!("{column}: {problem}")).at(format!("line {line}"))
+        })
+    }
+
+    /// The value of a field of whatever unit.
+    pub fn any_number(&mut self, line: usize, column: &str, field: &str) -> Result<f64, FileError> {
         let wrong = |problem: String| {
             wrong_table(self.path, format!("{column}: found {field:?}{problem}"))
                 .at(format!("line {line}"))
@@ -139,7 +77,7 @@ impl<'a> Decimals<'a> {
                     "; a number without thousands separators is allowed".to_owned(),
                 ));
             }
-            (_, false) if self.delimiter == Delimiter::Comma => {
+            (_, false) if self.delimiter == b',' => {
                 return Err(wrong(
                     ", where the comma can be a decimal one or separate thousands".to_owned(),
                 )

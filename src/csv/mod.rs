@@ -7,20 +7,19 @@
 
 mod dialect;
 mod encoding;
-mod raw;
+mod fields;
 
 use std::path::Path;
 
+use ::csv::StringRecord;
 use nalgebra::Vector3;
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::quantities::limits::MOST_MEASUREMENTS;
 use crate::quantities::plausible::{self, Kind};
-use dialect::Decimals;
 
-pub use dialect::Delimiter;
-pub use raw::{RawTable, Separator};
+pub use dialect::Decimals;
+pub use fields::Fields;
 
 /// A spreadsheet takes a word that begins so for a formula, and this program for a comment.
 const NO_WORD: [char; 5] = ['=', '+', '-', '@', '#'];
@@ -98,9 +97,9 @@ impl Columns {
     }
 
     /// Whether a row has nothing in one of the groups that may be empty.
-    fn is_left_out(&self, columns: &[String], fields: &[String]) -> bool {
+    fn is_left_out(&self, columns: &[String], fields: &StringRecord) -> bool {
         self.may_be_empty.iter().any(|group| {
-            let of_it = |(column, _): &(&String, &String)| group.contains(column);
+            let of_it = |(column, _): &(&String, &str)| group.contains(column);
             let mut found = columns.iter().zip(fields).filter(of_it).peekable();
             found.peek().is_some() && found.all(|(_, field)| field.is_empty())
         })
@@ -115,30 +114,11 @@ impl Columns {
 }
 
 impl<'a> Table<'a> {
-    /// Reads a CSV file whose header has all `required` columns and, beside them, only `optional`
-    /// ones. Lines that begin with # are comments, and those without any field are blank.
+    /// Reads a CSV file whose header has all required columns and, beside them, only optional ones.
     ///
     /// # Errors
-    /// The file cannot be read, a column is missing, unknown or given twice, a row has another
-    /// number of fields, a field is not a finite number or can be read in two ways, or there is no
-    /// row.
-    pub fn read(
-        path: &'a Path,
-        required: &[String],
-        optional: &[String],
-    ) -> Result<Self, FileError> {
-        let columns = Columns {
-            required: required.to_vec(),
-            optional: optional.to_vec(),
-            ..Columns::default()
-        };
-        Self::read_with(path, &columns)
-    }
-
-    /// The same for a file that may have one group of columns or another.
-    ///
-    /// # Errors
-    /// As [`read`](Self::read); and no row is filled in.
+    /// As [`Fields::read`]; and a column is missing, unknown or given twice, a field is not a finite number or can be read in
+    /// two ways, or no row is filled in.
     pub fn read_with(path: &'a Path, wanted: &Columns) -> Result<Self, FileError> {
         Self::read_as(path, |_| wanted.clone())
     }
@@ -148,97 +128,52 @@ impl<'a> Table<'a> {
         path: &'a Path,
         wanted: impl Fn(&[String]) -> Columns,
     ) -> Result<Self, FileError> {
-        let text = encoding::read_text(path)?;
-        let mut lines = content_lines(&text).peekable();
-        let separator_line =
-            (lines.peek()).and_then(|(_, line)| Delimiter::of_separator_line(line));
-        if separator_line.is_some() {
-            lines.next();
-        }
-        let (header_line, header) = lines.next().ok_or_else(|| {
-            wrong_table(path, "is empty").hint(header_hint(&wanted(&[]).needed(&[])))
+        let (fields, wanted) = Fields::read(path, |line, columns| {
+            let wanted = wanted(columns);
+            check_columns(path, line, columns, &wanted)?;
+            Ok(wanted)
         })?;
-        let at = |line: usize| move |error: FileError| error.at(format!("line {line}"));
-        let delimiter = match separator_line {
-            Some(delimiter) => delimiter,
-            None => Delimiter::of_header(path, header).map_err(at(header_line))?,
-        };
-        let split = |line, content| delimiter.split(path, content).map_err(at(line));
-        let mut columns = split(header_line, header)?;
-        // Spreadsheets fill up lines to the width of the widest.
-        while columns.last().is_some_and(String::is_empty) {
-            columns.pop();
-        }
-        let wanted = wanted(&columns);
-        let needed = wanted.needed(&columns);
-        check_columns(path, header_line, &columns, &needed, &wanted.optional)?;
-        let mut is_unfinished = false;
-        let mut decimals = Decimals::new(path, delimiter);
-        let mut rows = Vec::new();
-        for (line, content) in lines {
-            let mut fields = split(line, content)?;
-            if fields.iter().all(String::is_empty) {
+        let Fields { columns, rows, .. } = &fields;
+        let is_word: Vec<bool> = (columns.iter())
+            .map(|column| wanted.words.contains(column))
+            .collect();
+        let mut decimals = Decimals::new(path, &fields);
+        let mut filled = Vec::new();
+        for (line, fields) in rows {
+            if wanted.is_left_out(columns, fields) {
                 continue;
             }
-            while fields.len() > columns.len() && fields.last().is_some_and(String::is_empty) {
-                fields.pop();
-            }
-            if fields.len() != columns.len() {
-                return Err(at(line)(delimiter.miscounted(
-                    path,
-                    fields.len(),
-                    columns.len(),
-                )));
-            }
-            if wanted.is_left_out(&columns, &fields) {
-                is_unfinished = true;
-                continue;
-            }
-            let mut words = Vec::new();
-            let values = (fields.iter().zip(&columns))
-                .map(|(field, column)| {
-                    let is_word = wanted.words.contains(column);
-                    if !wanted.words.is_empty() {
-                        words.push(if is_word {
-                            word_of(field).to_owned()
-                        } else {
-                            String::new()
-                        });
-                    }
-                    if is_word {
-                        return Ok(0.0);
-                    }
-                    let value = decimals.number(line, column, field)?;
-                    kind_of(column).check(value).map_err(|problem| {
-                        wrong_table(path, format!("{column}: {problem}")).at(format!("line {line}"))
-                    })
-                })
-                .collect::<Result<Vec<f64>, FileError>>()?;
-            rows.push(TableRow {
-                line,
-                values,
+            let words = match wanted.words.as_slice() {
+                [] => Vec::new(),
+                _ => (fields.iter().zip(&is_word))
+                    .map(|(field, &is_word)| if is_word { word_of(field) } else { "" }.to_owned())
+                    .collect(),
+            };
+            let value = |(place, field): (usize, &str)| {
+                if is_word[place] {
+                    return Ok(0.0);
+                }
+                decimals.number(*line, &columns[place], field)
+            };
+            filled.push(TableRow {
+                line: *line,
+                values: fields
+                    .iter()
+                    .enumerate()
+                    .map(value)
+                    .collect::<Result<_, _>>()?,
                 words,
             });
         }
         decimals.check()?;
-        if rows.len() > MOST_MEASUREMENTS as usize {
-            let problem = format!(
-                "has {} rows; at most {MOST_MEASUREMENTS} are allowed",
-                rows.len()
-            );
-            return Err(wrong_table(path, problem));
-        }
-        if rows.is_empty() && is_unfinished {
+        if filled.is_empty() {
             return Err(wrong_table(path, "has no row that is filled in"));
-        }
-        if rows.is_empty() {
-            return Err(wrong_table(path, "has no row below its header"));
         }
         Ok(Self {
             path,
-            header_line,
-            columns,
-            rows,
+            header_line: fields.header_line,
+            columns: fields.columns,
+            rows: filled,
         })
     }
 
@@ -335,39 +270,41 @@ fn content_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     numbered(text).filter(|(_, line)| !line.trim().is_empty() && !is_comment(line))
 }
 
-fn header_hint(required: &[String]) -> String {
-    format!("the header must be: {}", required.join(","))
-}
-
 fn check_columns(
     path: &Path,
     line: usize,
     found: &[String],
-    required: &[String],
-    optional: &[String],
+    wanted: &Columns,
 ) -> Result<(), FileError> {
+    let needed = wanted.needed(found);
     let wrong = |problem: String| {
-        wrong_table(path, problem)
-            .at(format!("line {line}"))
-            .hint(header_hint(required))
+        let hint = format!("the header must be: {}", needed.join(","));
+        let wrong = wrong_table(path, problem).hint(hint);
+        if found.is_empty() {
+            wrong
+        } else {
+            wrong.at(format!("line {line}"))
+        }
     };
+    if found.is_empty() {
+        return Err(wrong("is empty".to_owned()));
+    }
     for (index, column) in found.iter().enumerate() {
-        if !required.contains(column) && !optional.contains(column) {
+        if !needed.contains(column) && !wanted.optional.contains(column) {
             return Err(wrong(format!("found the unknown column {column:?}")));
         }
         if found[..index].contains(column) {
             return Err(wrong(format!("found the column {column:?} twice")));
         }
     }
-    (required.iter())
-        .find(|column| !found.contains(column))
-        .map_or(Ok(()), |missing| {
-            Err(wrong(format!(
-                "the column {missing:?} is missing; found {} columns, {} are needed",
-                found.len(),
-                required.len()
-            )))
-        })
+    match needed.iter().find(|column| !found.contains(column)) {
+        None => Ok(()),
+        Some(missing) => Err(wrong(format!(
+            "the column {missing:?} is missing; found {} columns, {} are needed",
+            found.len(),
+            needed.len()
+        ))),
+    }
 }
 
 #[cfg(test)]

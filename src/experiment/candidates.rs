@@ -1,10 +1,13 @@
-//! Files of candidates: what may be measured, of which a plan is chosen.
+//! Files of plans, and of candidates: what may be measured, of which a plan is chosen.
 
 use std::path::Path;
 
 use nalgebra::DVector;
 
-use super::file::{APPROACH, LOAD, approach, configuration, configuration_and_load};
+use super::file::{
+    APPROACH, LOAD, approach, configuration, configuration_and_load, experiment_columns,
+};
+use super::{Experiment, Plan};
 use crate::codes::ErrorCode;
 use crate::csv::{Columns, Row, Table, word_field};
 use crate::files::FileError;
@@ -14,7 +17,7 @@ use crate::quantities::plausible::faint_load;
 use crate::robot::{Approach, Commands, Load};
 use crate::text::wrong_name;
 
-/// How often a candidate may be measured.
+/// How often an experiment is measured, or a candidate may be.
 const REPEATS: &str = "repeats";
 /// What is read, and from where.
 const PLACES: [&str; 2] = ["target", "station"];
@@ -50,17 +53,9 @@ pub fn read_candidates(
 }
 
 fn candidates_of(path: &Path, commands: &Commands) -> Result<Vec<Candidate>, FileError> {
-    let words: Vec<String> = (PLACES.iter().chain(&[APPROACH]))
-        .map(|&column| column.to_owned())
-        .collect();
     let optional = LOAD.iter().chain(&[REPEATS, APPROACH]).chain(&PLACES);
-    let columns = Columns {
-        required: commands.columns(),
-        optional: optional.map(|&column| column.to_owned()).collect(),
-        words,
-        ..Columns::default()
-    };
-    let table = Table::read_with(path, &columns)?;
+    let words = PLACES.iter().chain(&[APPROACH]);
+    let table = table(path, commands.columns(), optional, words)?;
     let has_load = table.has(&LOAD);
     if let Some(column) = LOAD.iter().find(|column| !has_load && table.has(&[column])) {
         let problem = format!("found {column:?} alone; these columns come together: {LOAD:?}");
@@ -68,24 +63,16 @@ fn candidates_of(path: &Path, commands: &Commands) -> Result<Vec<Candidate>, Fil
     }
     let has_repeats = table.has(&[REPEATS]);
     let candidate = |row: Row<'_>| {
-        let (configuration_rad, load) = if has_load {
-            let (configuration_rad, load) = configuration_and_load(&row, commands);
-            (configuration_rad, Some(load))
-        } else {
-            (configuration(&row, commands), None)
-        };
+        let load = has_load.then(|| configuration_and_load(&row, commands).1);
         if let Some(problem) = load.and_then(|load| faint_load(&load.wrench())) {
             return Err(row.wrong(problem));
         }
-        let most = if has_repeats {
-            Some(repeats(&row)?)
-        } else {
-            None
-        };
+        let often = ": how often the candidate may be measured";
+        let most = has_repeats.then(|| repeats(&row, often)).transpose()?;
         let [target, station] = PLACES.map(|column| name(&row, column));
         Ok(Candidate {
             line: row.line(),
-            configuration_rad,
+            configuration_rad: configuration(&row, commands),
             load,
             most,
             target: target?,
@@ -102,6 +89,81 @@ fn candidates_of(path: &Path, commands: &Commands) -> Result<Vec<Candidate>, Fil
     Ok(candidates)
 }
 
+fn table<'p, 'c>(
+    path: &'p Path,
+    required: Vec<String>,
+    optional: impl Iterator<Item = &'c &'static str>,
+    words: impl Iterator<Item = &'c &'static str>,
+) -> Result<Table<'p>, FileError> {
+    let columns = Columns {
+        required,
+        optional: optional.map(|&column| column.to_owned()).collect(),
+        words: words.map(|&column| column.to_owned()).collect(),
+        ..Columns::default()
+    };
+    Table::read_with(path, &columns)
+}
+
+/// Reads a plan for an arm, which may be given by its number of joints.
+///
+/// # Errors
+/// See [`Table::read`]; `repeats` must be a whole number from 1, and no load zero.
+pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, FileError> {
+    plan_of(path, &commands.into()).map_err(|wrong| wrong.or_code(ErrorCode::PlanFile))
+}
+
+fn plan_of(path: &Path, commands: &Commands) -> Result<Plan, FileError> {
+    let mut required = experiment_columns(commands);
+    required.push(REPEATS.to_owned());
+    let table = table(path, required, [APPROACH].iter(), [APPROACH].iter())?;
+    let experiment = |row: Row<'_>| {
+        let repeats = repeats(&row, "")?;
+        let (configuration_rad, load) = configuration_and_load(&row, commands);
+        if load == Load::NONE {
+            return Err(row.wrong("found a load of zero, which deflects nothing"));
+        }
+        if let Some(problem) = faint_load(&load.wrench()) {
+            return Err(row.wrong(problem));
+        }
+        Ok(Experiment {
+            configuration_rad,
+            load,
+            repeats,
+            approach: approach(&row, commands)?,
+        })
+    };
+    let experiments = table.rows().map(experiment).collect::<Result<_, _>>()?;
+    let plan = Plan { experiments };
+    let all = plan.experiments.iter().map(|each| u64::from(each.repeats));
+    let all: u64 = all.sum();
+    if all > u64::from(MOST_MEASUREMENTS) {
+        let problem = format!(
+            "found {all} measurements, repeats counted; at most {MOST_MEASUREMENTS} are allowed"
+        );
+        return Err(FileError::new(path, problem).at("repeats"));
+    }
+    Ok(plan)
+}
+
+/// Writes a plan for an arm, which may be given by its number of joints.
+pub fn write_plan(
+    path: &Path,
+    commands: impl Into<Commands>,
+    plan: &Plan,
+) -> Result<(), FileError> {
+    let row = |each: &Experiment| Candidate {
+        line: 0,
+        configuration_rad: each.configuration_rad.clone(),
+        load: Some(each.load),
+        most: Some(each.repeats),
+        target: None,
+        station: None,
+        approach: each.approach.clone(),
+    };
+    let rows: Vec<Candidate> = plan.experiments.iter().map(row).collect();
+    write(path, &commands.into(), &rows, true)
+}
+
 /// Writes candidates, or a plan of them, whose repeats are then the most that there may be; columns that nobody needs are left
 /// out.
 pub fn write_candidates(
@@ -109,9 +171,17 @@ pub fn write_candidates(
     commands: impl Into<Commands>,
     candidates: &[Candidate],
 ) -> Result<(), FileError> {
-    let commands = commands.into();
+    let has_load = candidates.iter().any(|each| each.load.is_some());
+    write(path, &commands.into(), candidates, has_load)
+}
+
+fn write(
+    path: &Path,
+    commands: &Commands,
+    candidates: &[Candidate],
+    has_load: bool,
+) -> Result<(), FileError> {
     let has = |of: &dyn Fn(&Candidate) -> bool| candidates.iter().any(of);
-    let has_load = has(&|each| each.load.is_some());
     let has_target = has(&|each| each.target.is_some());
     let has_station = has(&|each| each.station.is_some());
     let has_approach = has(&|each| each.approach.is_some());
@@ -146,12 +216,11 @@ pub fn write_candidates(
     write_whole(path, text.as_bytes())
 }
 
-fn repeats(row: &Row<'_>) -> Result<u32, FileError> {
+fn repeats(row: &Row<'_>, of_what: &str) -> Result<u32, FileError> {
     let repeats = row.get(REPEATS);
     if repeats.fract() != 0.0 || !(1.0..=f64::from(MOST_MEASUREMENTS)).contains(&repeats) {
         return Err(row.wrong(format!(
-            "{REPEATS}: found {repeats}; a whole number from 1 to {MOST_MEASUREMENTS} is allowed: how often the candidate may \
-             be measured"
+            "{REPEATS}: found {repeats}; a whole number from 1 to {MOST_MEASUREMENTS} is allowed{of_what}"
         )));
     }
     #[expect(

@@ -11,10 +11,10 @@ use nalgebra::DVector;
 
 use crate::robot::{Approach, Load};
 
-pub use candidates::{Candidate, read_candidates, write_candidates};
+pub use candidates::{Candidate, read_candidates, read_plan, write_candidates, write_plan};
 pub use file::{
     APPROACH, LOAD, approach, configuration, configuration_and_load, experiment_columns,
-    experiment_fields, read_plan, write_plan,
+    experiment_fields,
 };
 pub use load_set::{Loads, in_words, is_printed_as, printed_tolerance};
 pub use mandatory::{NotMandatory, PRINTED_RAD};

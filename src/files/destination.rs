@@ -4,23 +4,13 @@
 use std::fs::{File, Metadata, OpenOptions};
 use std::io::{Error, ErrorKind, Write};
 use std::os::fd::AsFd;
-use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
-use std::os::unix::net::UnixStream;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::time::{Duration, Instant};
 
 /// So many links may lead to one another.
 const LINKS: usize = 40;
-/// How long a FIFO's reader may take to come.
-const READER: Duration = Duration::from_secs(1);
-/// How often a FIFO is looked at.
-const GLANCE: Duration = Duration::from_millis(10);
 /// The write permissions of a mode.
 const WRITABLE: u32 = 0o222;
-
-/// FIFOs that were opened before the work; who reads them would take a closed one for the end.
-static OPENED: Mutex<Vec<([u64; 2], File)>> = Mutex::new(Vec::new());
 
 /// Where an output goes.
 #[derive(Debug)]
@@ -32,7 +22,7 @@ pub(super) enum Destination {
         /// What is there.
         old: Option<Metadata>,
     },
-    /// A device, a FIFO or a socket, or what stdout and stderr go to: it is written into.
+    /// A device or a FIFO, or what stdout and stderr go to: it is written into.
     Stream(PathBuf, Metadata),
 }
 
@@ -78,14 +68,9 @@ impl Destination {
                 }
                 OpenOptions::new().write(true).open(file).map(drop)
             }
-            Self::Stream(path, found) if found.file_type().is_fifo() => {
-                let fifo = open_stream(path, found)?;
-                if let (Some(fifo), Ok(mut opened)) = (fifo, OPENED.lock()) {
-                    opened.push((identity(found), fifo));
-                }
-                Ok(())
-            }
-            Self::Stream(path, found) => open_stream(path, found).map(drop),
+            // A FIFO that nobody reads would not open before somebody does.
+            Self::Stream(_, found) if found.file_type().is_fifo() || is_standard(found) => Ok(()),
+            Self::Stream(path, _) => OpenOptions::new().write(true).open(path).map(drop),
         }
     }
 }
@@ -95,76 +80,20 @@ pub(super) const READ_ONLY: &str = "the file is read-only";
 
 /// Writes into what is no regular file.
 pub(super) fn write_stream(path: &Path, found: &Metadata, content: &[u8]) -> Result<(), Error> {
-    if found.file_type().is_socket() && !is_standard(found) {
-        return UnixStream::connect(path)?.write_all(content);
+    if !is_standard(found) {
+        let mut stream = OpenOptions::new().write(true).open(path)?;
+        return stream.write_all(content);
     }
-    match open_stream(path, found)? {
-        Some(mut stream) => write_patiently(&mut stream, content),
-        None if identity_of(std::io::stdout()) != Some(identity(found)) => {
-            std::io::stderr().write_all(content)
-        }
-        None => {
-            let mut stdout = std::io::stdout().lock();
-            let written = stdout.write_all(content).and_then(|()| stdout.flush());
-            // A reader of stdout that has seen enough is no error.
-            written.or_else(|error| match error.kind() {
-                ErrorKind::BrokenPipe => Ok(()),
-                _ => Err(error),
-            })
-        }
+    if identity_of(std::io::stdout()) != Some(identity(found)) {
+        return std::io::stderr().write_all(content);
     }
-}
-
-/// Opens a device or FIFO; `None` is stdout or stderr, which are open.
-fn open_stream(path: &Path, found: &Metadata) -> Result<Option<File>, Error> {
-    if is_standard(found) {
-        return Ok(None);
-    }
-    if found.file_type().is_socket() {
-        return UnixStream::connect(path).map(|_| None);
-    }
-    if let Ok(mut opened) = OPENED.lock()
-        && let Some(index) = (opened.iter()).position(|(known, _)| *known == identity(found))
-    {
-        return Ok(Some(opened.swap_remove(index).1));
-    }
-    let start = Instant::now();
-    loop {
-        // A FIFO that nobody reads would not open before somebody does.
-        let stream = OpenOptions::new()
-            .write(true)
-            .custom_flags(libc::O_NONBLOCK | libc::O_NOCTTY)
-            .open(path);
-        match stream {
-            Err(error) if error.raw_os_error() == Some(libc::ENXIO) => {
-                if !found.file_type().is_fifo() {
-                    return Err(error);
-                }
-                if start.elapsed() > READER {
-                    return Err(Error::new(
-                        ErrorKind::NotConnected,
-                        "nobody reads this FIFO",
-                    ));
-                }
-                std::thread::sleep(GLANCE);
-            }
-            other => return other.map(Some),
-        }
-    }
-}
-
-/// Writes all to a stream that may not take it at once.
-fn write_patiently(stream: &mut File, mut content: &[u8]) -> Result<(), Error> {
-    while !content.is_empty() {
-        match stream.write(content) {
-            Ok(0) => return Err(ErrorKind::WriteZero.into()),
-            Ok(count) => content = &content[count..],
-            Err(error) if error.kind() == ErrorKind::WouldBlock => std::thread::sleep(GLANCE),
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(())
+    let mut stdout = std::io::stdout().lock();
+    let written = stdout.write_all(content).and_then(|()| stdout.flush());
+    // A reader of stdout that has seen enough is no error.
+    written.or_else(|error| match error.kind() {
+        ErrorKind::BrokenPipe => Ok(()),
+        _ => Err(error),
+    })
 }
 
 /// Device and number: what two names for one file have in common.

@@ -76,6 +76,14 @@ impl FileError {
         self
     }
 
+    /// Adds a hint, where there is one.
+    pub fn hinted(self, hint: Option<impl Into<String>>) -> Self {
+        match hint {
+            Some(hint) => self.hint(hint),
+            None => self,
+        }
+    }
+
     /// Adds a hint.
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(shortened(&hint.into(), LONGEST_PROBLEM));
@@ -86,7 +94,7 @@ impl FileError {
 /// Reads a text file.
 ///
 /// # Errors
-/// It is missing, neither a file nor a pipe, not readable, too large, or not UTF-8.
+/// It is missing, neither a file nor a shell's pipe, not readable, too large, or not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, FileError> {
     utf8(path, read_bytes(path)?)
 }
@@ -94,7 +102,7 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
 /// Reads a file.
 ///
 /// # Errors
-/// It is missing, neither a file nor a pipe, not readable or too large.
+/// It is missing, neither a file nor a shell's pipe, not readable or too large.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
     source::read(path).map_err(|problem| FileError::new(path, problem).code(ErrorCode::Unreadable))
 }

@@ -100,8 +100,7 @@ pub fn write_whole(path: &Path, content: &[u8]) -> Result<(), FileError> {
 /// Finds out before the work is done whether its result can be written.
 ///
 /// # Errors
-/// The folder does not exist or cannot be written, the file is read-only, nobody reads the FIFO, or
-/// the path is a folder.
+/// The folder does not exist or cannot be written, the file is read-only, or the path is a folder.
 pub fn check_writable(path: &Path) -> Result<(), FileError> {
     Destination::of(path)
         .and_then(|destination| {
@@ -124,7 +123,6 @@ fn cannot_write(path: &Path, error: &Error) -> FileError {
             "make room, or give another place with --out or the option that names the file"
         }
         ErrorKind::FileTooLarge => "raise the limit on the size of files (ulimit -f)",
-        ErrorKind::NotConnected => "start what reads it before",
         _ if cause == READ_ONLY => "give another file, or make it writable (chmod u+w)",
         _ => "give a place where you may write, with --out or the option that names the file",
     })

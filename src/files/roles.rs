@@ -1,10 +1,10 @@
 //! What a command reads and what it writes. No output overwrites an input or another output.
 
 use std::os::unix::fs::FileTypeExt;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
-use super::FileError;
 use super::destination::{end_of_links, identity};
+use super::{FileError, folder_of};
 use crate::codes::ErrorCode;
 
 /// The files of one command.
@@ -104,27 +104,13 @@ fn also(path: &Path, other: &Path) -> String {
 }
 
 fn identity_of(path: &Path) -> Identity {
-    match path.metadata() {
-        Ok(found) => Identity::There(identity(&found)),
-        Err(_) => Identity::Path(without_links(
-            &end_of_links(path).unwrap_or_else(|_| path.to_owned()),
-        )),
+    if let Ok(found) = path.metadata() {
+        return Identity::There(identity(&found));
     }
-}
-
-/// The path of something that need not be there, without links in what is there.
-fn without_links(path: &Path) -> PathBuf {
-    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    for folder in path.ancestors().skip(1) {
-        if let (Ok(mut known), Ok(rest)) = (folder.canonicalize(), path.strip_prefix(folder)) {
-            for part in rest.components() {
-                match part {
-                    Component::ParentDir => drop(known.pop()),
-                    other => known.push(other),
-                }
-            }
-            return known;
-        }
-    }
-    path
+    // Without links, as far as its folder is there.
+    let path = end_of_links(path).unwrap_or_else(|_| path.to_owned());
+    let folder = folder_of(&path).canonicalize();
+    let named = folder.ok().zip(path.file_name());
+    let absolute = || std::path::absolute(&path).unwrap_or_else(|_| path.clone());
+    Identity::Path(named.map_or_else(absolute, |(folder, name)| folder.join(name)))
 }

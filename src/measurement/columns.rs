@@ -1,6 +1,6 @@
 //! The columns of measurement files, beside those that name configuration and load.
 
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::csv::{Row, Table};
 use crate::experiment::APPROACH;
@@ -31,25 +31,31 @@ pub const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
 pub const WORDS: [&str; 4] = ["target", "visit", "station", APPROACH];
 pub const TIME: &str = "time_s";
 pub const TEMPERATURE: &str = "temperature_c";
+/// A quaternion's length may be so far from 1: four decimals and a half.
+const NEARLY_ONE: f64 = 1e-3;
 /// The rows and columns of a reading's covariance: a position, then the rotation vector.
 const COVARIANCE_AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// The columns of a covariance's upper triangle, row by row, of so many rows: `cxx_mm2`, `cxy_mm2`, `cxrx_mm_mrad`,
-/// `crxry_mrad2` and so on.
-pub fn covariance_columns(rows: usize) -> Vec<String> {
-    let axes = &COVARIANCE_AXES[..rows];
-    let mut names = Vec::new();
-    for (row, one) in axes.iter().enumerate() {
-        for (column, other) in axes.iter().enumerate().skip(row) {
-            let unit = match (row < 3, column < 3) {
-                (true, true) => "mm2",
-                (false, false) => "mrad2",
-                _ => "mm_mrad",
-            };
-            names.push(format!("c{one}{other}_{unit}"));
-        }
-    }
-    names
+/// The column of a covariance's element: `cxx_mm2`, `cxy_mm2`, `cxrx_mm_mrad`, `crxry_mrad2` and so on.
+pub(super) fn covariance_column(row: usize, column: usize) -> String {
+    let unit = match (row < 3, column < 3) {
+        (true, true) => "mm2",
+        (false, false) => "mrad2",
+        _ => "mm_mrad",
+    };
+    let [one, other] = [row, column].map(|place| COVARIANCE_AXES[place]);
+    format!("c{one}{other}_{unit}")
+}
+
+/// The places of the upper triangle of a matrix of so many rows, row by row.
+pub(super) fn triangle(rows: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..rows).flat_map(move |row| (row..rows).map(move |column| (row, column)))
+}
+
+/// The columns of a covariance's upper triangle, row by row, of so many rows.
+pub(super) fn covariance_columns(rows: usize) -> Vec<String> {
+    let names = triangle(rows).map(|(row, column)| covariance_column(row, column));
+    names.collect()
 }
 
 /// Whether a table has the columns of a group, which come together.
@@ -83,4 +89,17 @@ pub(super) fn deviations(
         );
         Err(row.wrong(problem))
     }
+}
+
+/// The rotation of a quaternion, whose real part comes first.
+pub(super) fn unit_quaternion([w, x, y, z]: [f64; 4]) -> Result<UnitQuaternion<f64>, String> {
+    let quaternion = Quaternion::new(w, x, y, z);
+    let norm = quaternion.norm();
+    if (norm - 1.0).abs() <= NEARLY_ONE {
+        return Ok(UnitQuaternion::from_quaternion(quaternion));
+    }
+    let found = shown((norm * 1e6).round() / 1e6);
+    Err(format!(
+        "found a quaternion of length {found}; 1 is allowed, to {NEARLY_ONE}"
+    ))
 }

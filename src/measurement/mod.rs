@@ -10,7 +10,6 @@ mod origin;
 mod read;
 mod read_absolute;
 mod write;
-mod write_absolute;
 
 use nalgebra::{DVector, Vector3};
 
@@ -23,9 +22,9 @@ pub use read::{
     MeasuredArm, MeasuredFile, read_measured, read_measurements, read_measurements_so_far,
 };
 pub use write::{
-    RowToFillIn, deflection_table, table_to_fill_in, write_measurements, write_measurements_under,
+    RowToFillIn, absolute_table, deflection_table, table_to_fill_in, write_measurements,
+    write_measurements_under,
 };
-pub use write_absolute::absolute_table;
 
 /// One calibration experiment's outcome (A2).
 #[derive(Debug, Clone, PartialEq)]

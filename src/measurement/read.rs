@@ -186,39 +186,27 @@ fn deflections(
         });
     }
     if columns.has_positions {
-        match unloaded {
-            Unloaded::Own => apart(table, &columns, &measurements)?,
-            Unloaded::Shared => on_one(table, &columns, &measurements)?,
-        }
+        check_unloaded(table, &columns, (&measurements, unloaded))?;
     }
     Ok(measurements)
-}
-
-/// Which standard deviations of its own a file has.
-enum OwnDeviations {
-    None,
-    OfDeflection,
-    OfPositions,
 }
 
 /// Which groups of columns a file has.
 struct Given {
     has_positions: bool,
-    deviations: OwnDeviations,
+    /// The columns of its own standard deviations: of the deflection, or of its two positions.
+    deviations: Vec<[&'static str; 3]>,
     has_rotation: bool,
     has_places: bool,
 }
 
 impl Given {
     fn new(table: &Table<'_>) -> Result<Self, FileError> {
-        let of_positions = whole_group(table, &[UNLOADED_SIGMA, LOADED_SIGMA].concat())?;
         let of_deflection = whole_group(table, &DEFLECTION_SIGMA)?;
+        let of_positions = whole_group(table, &[UNLOADED_SIGMA, LOADED_SIGMA].concat())?;
         let given = Self {
             has_positions: table.has(&UNLOADED),
-            deviations: match (of_positions, of_deflection) {
-                (false, false) => OwnDeviations::None,
-                (false, true) => OwnDeviations::OfDeflection,
-                (true, false) => OwnDeviations::OfPositions,
+            deviations: match (of_deflection, of_positions) {
                 (true, true) => {
                     let problem = format!(
                         "found {:?} and {:?}: the deviations of the deflection or of the positions are allowed",
@@ -226,6 +214,9 @@ impl Given {
                     );
                     return Err(table.wrong_header(problem));
                 }
+                (true, false) => vec![DEFLECTION_SIGMA],
+                (false, true) => vec![UNLOADED_SIGMA, LOADED_SIGMA],
+                (false, false) => Vec::new(),
             },
             has_rotation: whole_group(table, &[ROTATION, ROTATION_SIGMA].concat())?,
             has_places: whole_group(table, &PLACES)?,
@@ -266,15 +257,12 @@ impl Given {
 
     /// The standard deviation of the deflection, whose variance is the sum of those of its two positions.
     fn sigma_m(&self, row: &Row<'_>) -> Result<Option<Vector3<f64>>, FileError> {
-        match self.deviations {
-            OwnDeviations::None => Ok(None),
-            OwnDeviations::OfDeflection => deviations(row, DEFLECTION_SIGMA, &DEVIATION).map(Some),
-            OwnDeviations::OfPositions => {
-                let unloaded = deviations(row, UNLOADED_SIGMA, &DEVIATION)?;
-                let loaded = deviations(row, LOADED_SIGMA, &DEVIATION)?;
-                Ok(Some(unloaded.zip_map(&loaded, f64::hypot)))
-            }
+        let mut sum: Option<Vector3<f64>> = None;
+        for &columns in &self.deviations {
+            let own = deviations(row, columns, &DEVIATION)?;
+            sum = Some(sum.map_or(own, |sum| sum.zip_map(&own, f64::hypot)));
         }
+        Ok(sum)
     }
 
     fn rotation(&self, row: &Row<'_>) -> Result<Option<RotationMeasurement>, FileError> {
@@ -288,85 +276,58 @@ impl Given {
     }
 }
 
-/// No reading without a load stands in two rows: their deflections would share its error, which all that rests on
-/// them takes for independent. Readings are told apart by their numbers, or else by what they show.
-fn apart(
+/// Deflections rest on readings without a load as all that uses them takes for granted: each on one of its own, for else they would
+/// share its error; or where these are shared, all of one configuration on one, and no two configurations on the same.
+fn check_unloaded(
     table: &Table<'_>,
     columns: &Given,
-    measurements: &[Measurement],
-) -> Result<(), FileError> {
-    let mut known = BTreeMap::new();
-    for (row, measurement) in table.rows().zip(measurements) {
-        let (key, words) = columns.unloaded(&row, measurement);
-        if let Some(line) = known.insert(key, row.line()) {
-            let problem = format!(
-                "the reading without a load ({words}) is that of line {line}, too: both deflections would share its \
-                 error, and are taken for independent"
-            );
-            let first = known_at(measurements, table, line);
-            let is_one = first.is_some_and(|first| {
-                first.stands_at(
-                    &measurement.configuration_rad,
-                    measurement.approach.as_ref(),
-                )
-            });
-            let mut hint = "read the instrument once without a load for each row".to_owned();
-            if is_one {
-                hint += ", or say instrument.unloaded = \"shared\" in the scenario, where all of a configuration rest on one";
-            }
-            if !columns.has_places {
-                hint += "; different readings of equal values need the columns \
-                         unloaded_stop,unloaded_reading,loaded_stop,loaded_reading";
-            }
-            return Err(row.wrong(problem).hint(hint));
-        }
-    }
-    Ok(())
-}
-
-/// The measurement in a line.
-fn known_at<'m>(
-    measurements: &'m [Measurement],
-    table: &Table<'_>,
-    line: usize,
-) -> Option<&'m Measurement> {
-    let mut rows = table.rows().zip(measurements);
-    rows.find_map(|(row, measurement)| (row.line() == line).then_some(measurement))
-}
-
-/// All rows of one configuration have one reading without a load, as all that rests on them takes for granted, and no two
-/// configurations have the same.
-fn on_one(
-    table: &Table<'_>,
-    columns: &Given,
-    measurements: &[Measurement],
+    (measurements, unloaded): (&[Measurement], Unloaded),
 ) -> Result<(), FileError> {
     let rows: Vec<Row<'_>> = table.rows().collect();
     let read: Vec<(Vec<u64>, String)> = (rows.iter().zip(measurements))
         .map(|(row, measurement)| columns.unloaded(row, measurement))
         .collect();
+    let alone = || (0..rows.len()).map(|row| vec![row]).collect();
+    let together = match unloaded {
+        Unloaded::Own => alone(),
+        Unloaded::Shared => by_configuration(measurements),
+    };
     let mut known: BTreeMap<&[u64], usize> = BTreeMap::new();
-    for members in by_configuration(measurements) {
+    for members in together {
         let first = members[0];
-        if let Some(other) = members.iter().find(|&&each| read[each].0 != read[first].0) {
+        let (reading, words) = &read[first];
+        if let Some(&other) = members.iter().find(|&&each| read[each].0 != *reading) {
             let problem = format!(
-                "the reading without a load ({}) is not that of line {} ({}), and with instrument.unloaded = \"shared\" all \
+                "the reading without a load ({}) is not that of line {} ({words}), and with instrument.unloaded = \"shared\" all \
                  deflections of one configuration rest on one",
-                read[*other].1,
+                read[other].1,
                 rows[first].line(),
-                read[first].1
             );
             let hint = "say instrument.unloaded = \"own\" in the scenario where each row has one of its own";
-            return Err(rows[*other].wrong(problem).hint(hint));
+            return Err(rows[other].wrong(problem).hint(hint));
         }
-        if let Some(line) = known.insert(&read[first].0, rows[first].line()) {
-            let problem = format!(
-                "the reading without a load ({}) is that of line {line}, too, which is of another configuration",
-                read[first].1
-            );
+        let Some(same) = known.insert(reading, first) else {
+            continue;
+        };
+        let line = rows[same].line();
+        let that = format!("the reading without a load ({words}) is that of line {line}, too");
+        if unloaded == Unloaded::Shared {
+            let problem = that + ", which is of another configuration";
             let hint = "read the instrument once without a load in each configuration";
             return Err(rows[first].wrong(problem).hint(hint));
         }
+        let mut hint = "read the instrument once without a load for each row".to_owned();
+        let own = &measurements[first];
+        if measurements[same].stands_at(&own.configuration_rad, own.approach.as_ref()) {
+            hint += ", or say instrument.unloaded = \"shared\" in the scenario, where all of a configuration rest on one";
+        }
+        if !columns.has_places {
+            hint += "; different readings of equal values need the columns \
+                     unloaded_stop,unloaded_reading,loaded_stop,loaded_reading";
+        }
+        let problem =
+            that + ": both deflections would share its error, and are taken for independent";
+        return Err(rows[first].wrong(problem).hint(hint));
     }
     Ok(())
 }

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, Matrix6, Quaternion, SymmetricEigen, UnitQuaternion};
+use nalgebra::{DMatrix, Matrix6, SymmetricEigen, UnitQuaternion};
 
 use super::absolute::AbsoluteReading;
 use super::columns::{
     DEFLECTION_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME, WORDS,
-    covariance_columns, deviations, whole_group,
+    covariance_column, covariance_columns, deviations, triangle, unit_quaternion, whole_group,
 };
 use crate::csv::{Columns, Row, Table};
 use crate::experiment::{LOAD, approach, configuration, configuration_and_load};
@@ -16,8 +16,6 @@ use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, faint_load, sh
 use crate::robot::{Commands, Load};
 use crate::text::wrong_name;
 
-/// A quaternion's length may be so far from 1: four decimals and a half.
-const NEARLY_ONE: f64 = 1e-3;
 /// Rounding in what wrote a covariance may leave it so far from positive definite, as a share of the variances.
 const LEAST_EIGENVALUE: f64 = 1e-9;
 
@@ -79,35 +77,29 @@ struct AbsoluteGroups {
 }
 
 /// What a file says of how precise its readings are.
+#[derive(Clone, Copy)]
 enum ReadingPrecision {
     None,
     Deviations,
-    Covariance(Vec<String>),
+    Covariance,
 }
 
 impl AbsoluteGroups {
     fn new(table: &Table<'_>) -> Result<Self, FileError> {
         let is_pose = whole_group(table, &QUATERNION)?;
-        let sigma = [DEFLECTION_SIGMA, ROTATION_SIGMA].concat();
-        let covariance = covariance_columns(6);
-        let names: Vec<&str> = covariance.iter().map(String::as_str).collect();
-        let mut of_position = covariance_columns(3);
-        if !is_pose {
-            let of_rotation = |column: &&&str| {
-                ROTATION_SIGMA.contains(column) || column.starts_with('c') && column.contains('r')
-            };
-            let lost = [&ROTATION_SIGMA[..], &names].concat();
-            if let Some(found) = (lost.iter())
-                .filter(of_rotation)
-                .find(|column| table.has(&[column]))
-            {
-                let problem = format!("found {found:?} without {:?}", QUATERNION[0]);
-                return Err(table.wrong_header(problem));
-            }
+        let all_covariances = covariance_columns(6);
+        let all_covariances: Vec<&str> = all_covariances.iter().map(String::as_str).collect();
+        let of_rotation = |column: &&str| column.contains('r');
+        let lost = [&ROTATION_SIGMA[..], &all_covariances].concat();
+        let mut lost = lost.into_iter().filter(of_rotation);
+        if let Some(found) = lost.find(|column| !is_pose && table.has(&[column])) {
+            let problem = format!("found {found:?} without {:?}", QUATERNION[0]);
+            return Err(table.wrong_header(problem));
         }
-        let has_deviations = whole_group(table, if is_pose { &sigma } else { &DEFLECTION_SIGMA })?;
-        let found = names.iter().find(|column| table.has(&[column]));
-        let precision = match (has_deviations, found) {
+        let sigma = [DEFLECTION_SIGMA, ROTATION_SIGMA].concat();
+        let has_deviations = whole_group(table, &sigma[..if is_pose { 6 } else { 3 }])?;
+        let covariance = all_covariances.iter().find(|column| table.has(&[column]));
+        let precision = match (has_deviations, covariance) {
             (false, None) => ReadingPrecision::None,
             (true, None) => ReadingPrecision::Deviations,
             (true, Some(found)) => {
@@ -118,12 +110,10 @@ impl AbsoluteGroups {
                 return Err(table.wrong_header(problem));
             }
             (false, Some(_)) => {
-                if is_pose {
-                    of_position.clone_from(&covariance);
-                }
-                let names: Vec<&str> = of_position.iter().map(String::as_str).collect();
-                whole_group(table, &names)?;
-                ReadingPrecision::Covariance(of_position)
+                let is_asked = |column: &&str| is_pose || !of_rotation(column);
+                let asked: Vec<&str> = all_covariances.into_iter().filter(is_asked).collect();
+                whole_group(table, &asked)?;
+                ReadingPrecision::Covariance
             }
         };
         Ok(Self {
@@ -151,11 +141,7 @@ impl AbsoluteGroups {
             station: name(row, station)?,
             visit: name(row, visit)?,
             position_m: row.vector(POSITION) * 1e-3,
-            rotation: if self.is_pose {
-                Some(rotation(row)?)
-            } else {
-                None
-            },
+            rotation: self.is_pose.then(|| rotation(row)).transpose()?,
             covariance: self.covariance(row)?,
             approach: approach(row, commands)?,
             time_s: number(TIME),
@@ -165,29 +151,23 @@ impl AbsoluteGroups {
 
     fn covariance(&self, row: &Row<'_>) -> Result<Option<Matrix6<f64>>, FileError> {
         let mut covariance = Matrix6::identity();
-        match &self.precision {
+        match self.precision {
             ReadingPrecision::None => return Ok(None),
             ReadingPrecision::Deviations => {
                 let position = deviations(row, DEFLECTION_SIGMA, &DEVIATION)?;
-                let rotation = if self.is_pose {
-                    Some(deviations(row, ROTATION_SIGMA, &ROTATION_DEVIATION)?)
-                } else {
-                    None
-                };
+                let rotation = (self.is_pose)
+                    .then(|| deviations(row, ROTATION_SIGMA, &ROTATION_DEVIATION))
+                    .transpose()?;
                 let rotation = rotation.iter().flat_map(|vector| vector.iter());
                 for (index, sigma) in position.iter().chain(rotation).enumerate() {
                     covariance[(index, index)] = sigma * sigma;
                 }
             }
-            ReadingPrecision::Covariance(columns) => {
-                let mut values = columns.iter().map(|column| row.get(column) * 1e-6);
-                let size = if self.is_pose { 6 } else { 3 };
-                for one in 0..size {
-                    for other in one..size {
-                        let value = values.next().unwrap_or_default();
-                        covariance[(one, other)] = value;
-                        covariance[(other, one)] = value;
-                    }
+            ReadingPrecision::Covariance => {
+                for (one, other) in triangle(if self.is_pose { 6 } else { 3 }) {
+                    let value = row.get(&covariance_column(one, other)) * 1e-6;
+                    covariance[(one, other)] = value;
+                    covariance[(other, one)] = value;
                 }
                 definite(&covariance).map_err(|problem| row.wrong(problem))?;
             }
@@ -199,20 +179,13 @@ impl AbsoluteGroups {
 /// Whether a matrix with units of m and rad is the covariance of a reading, whose deviations are plausible.
 fn definite(covariance: &Matrix6<f64>) -> Result<(), String> {
     let deviation = covariance.diagonal().map(f64::sqrt);
-    for (index, column) in covariance_columns(6).iter().enumerate() {
-        // Of the diagonal: rows are of 6, 5, 4 and so on columns.
-        let Some(row) = [0, 6, 11, 15, 18, 20]
-            .iter()
-            .position(|&place| place == index)
-        else {
-            continue;
-        };
-        if !DEVIATION.allows(deviation[row] * 1e3) {
-            let found = shown(covariance[(row, row)] * 1e6);
-            return Err(format!(
-                "{column}: found {found}; a variance is allowed, a positive number from 1e-18 to 1e8"
-            ));
-        }
+    let is_wrong = |row: &usize| !DEVIATION.allows(deviation[*row] * 1e3);
+    if let Some(row) = (0..6).find(is_wrong) {
+        let found = shown(covariance[(row, row)] * 1e6);
+        return Err(format!(
+            "{}: found {found}; a variance is allowed, a positive number from 1e-18 to 1e8",
+            covariance_column(row, row)
+        ));
     }
     let relative = DMatrix::from_fn(6, 6, |row, column| {
         covariance[(row, column)] / (deviation[row] * deviation[column])
@@ -237,18 +210,8 @@ fn name(row: &Row<'_>, column: &str) -> Result<Option<String>, FileError> {
 }
 
 fn rotation(row: &Row<'_>) -> Result<UnitQuaternion<f64>, FileError> {
-    let [w, x, y, z] = QUATERNION.map(|column| row.get(column));
-    let quaternion = Quaternion::new(w, x, y, z);
-    let norm = quaternion.norm();
-    if (norm - 1.0).abs() <= NEARLY_ONE {
-        return Ok(UnitQuaternion::from_quaternion(quaternion));
-    }
-    let problem = format!(
-        "{}: found a quaternion of length {}; 1 is allowed, to {NEARLY_ONE}",
-        QUATERNION.join(","),
-        shown((norm * 1e6).round() / 1e6)
-    );
-    Err(row
-        .wrong(problem)
-        .hint("give more decimals; the first of the four is the real part"))
+    unit_quaternion(QUATERNION.map(|column| row.get(column))).map_err(|problem| {
+        row.wrong(format!("{}: {problem}", QUATERNION.join(",")))
+            .hint("give more decimals; the first of the four is the real part")
+    })
 }

@@ -2,16 +2,69 @@
 
 use std::path::Path;
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DVector, Matrix6, Vector3};
 
 use super::columns::{
-    DEFLECTION, DEFLECTION_SIGMA, LOADED, PLACES, ROTATION, ROTATION_SIGMA, UNLOADED,
+    DEFLECTION, DEFLECTION_SIGMA, LOADED, PLACES, POSITION, QUATERNION, ROTATION, ROTATION_SIGMA,
+    TEMPERATURE, TIME, UNLOADED, WORDS, covariance_columns, triangle,
 };
-use super::{Measurement, Origin};
-use crate::experiment::{APPROACH, experiment_columns, experiment_fields};
+use super::{AbsoluteReading, Measurement, Origin};
+use crate::csv::word_field;
+use crate::experiment::{APPROACH, LOAD, experiment_columns, experiment_fields};
 use crate::files::{FileError, output::write_whole};
 use crate::quantities::units::thousandths;
 use crate::robot::{Approach, Commands, Load};
+
+/// A table whose columns are added one after the other.
+struct Sheet<'a, R> {
+    of: &'a [R],
+    columns: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl<'a, R> Sheet<'a, R> {
+    /// A row for each of these.
+    fn new(of: &'a [R]) -> Self {
+        Self {
+            of,
+            columns: Vec::new(),
+            rows: vec![Vec::new(); of.len()],
+        }
+    }
+
+    /// Columns of these names, and what a row has in them.
+    fn add(&mut self, names: &[impl AsRef<str>], fields: impl Fn(&R) -> Vec<String>) {
+        (self.columns).extend(names.iter().map(|name| name.as_ref().to_owned()));
+        for (row, of) in self.rows.iter_mut().zip(self.of) {
+            row.append(&mut fields(of));
+        }
+    }
+
+    /// The side of approach, where some row says it.
+    fn add_approach(&mut self, side: impl Fn(&R) -> Option<&Approach>) {
+        if self.of.iter().any(|row| side(row).is_some()) {
+            self.add(&[APPROACH], |row| {
+                vec![side(row).map_or_else(String::new, Approach::field)]
+            });
+        }
+    }
+
+    fn text(self) -> String {
+        let rows = self.rows.iter().map(|row| row.join(",") + "\n");
+        rows.fold(self.columns.join(",") + "\n", |text, row| text + &row)
+    }
+}
+
+/// The coordinates of a vector in thousandths of its unit.
+fn in_thousandths(vector: &Vector3<f64>) -> Vec<String> {
+    (vector.iter())
+        .map(|&value| thousandths(value).to_string())
+        .collect()
+}
+
+fn shown(values: &[f64]) -> Vec<String> {
+    values.iter().map(ToString::to_string).collect()
+}
 
 /// A measurement that is to be made.
 #[derive(Debug, Clone)]
@@ -35,43 +88,26 @@ pub fn table_to_fill_in<'a>(
     rotation_sigma_rad: Option<f64>,
     rows: impl Iterator<Item = RowToFillIn<'a>>,
 ) -> String {
-    let mut columns: Vec<String> = PLACES.map(str::to_owned).into();
-    columns.extend(experiment_columns(commands));
-    columns.extend(
-        [UNLOADED, LOADED]
-            .concat()
-            .iter()
-            .map(|&column| column.to_owned()),
-    );
-    let mut to_fill = vec![String::new(); 6];
-    if let Some(sigma_rad) = rotation_sigma_rad {
-        columns.extend(
-            [ROTATION, ROTATION_SIGMA]
-                .concat()
-                .iter()
-                .map(|&column| column.to_owned()),
-        );
-        to_fill.resize(9, String::new());
-        to_fill.resize(12, thousandths(sigma_rad).to_string());
-    }
     let rows: Vec<RowToFillIn<'_>> = rows.collect();
-    let says_sides = rows.iter().any(|row| row.approach.is_some());
-    if says_sides {
-        columns.push(APPROACH.to_owned());
-    }
-    let mut text = columns.join(",") + "\n";
-    for row in rows {
+    let mut sheet = Sheet::new(&rows);
+    sheet.add(&PLACES, |row| {
         let places = [row.unloaded, row.loaded].concat();
-        let mut fields: Vec<String> = places.iter().map(ToString::to_string).collect();
-        fields.extend(experiment_fields(commands, row.configuration_rad, row.load));
-        fields.extend_from_slice(&to_fill);
-        if says_sides {
-            fields.push((row.approach.as_ref()).map_or_else(String::new, Approach::field));
-        }
-        text += &fields.join(",");
-        text.push('\n');
+        places.iter().map(ToString::to_string).collect()
+    });
+    sheet.add(&experiment_columns(commands), |row| {
+        experiment_fields(commands, row.configuration_rad, row.load)
+    });
+    let empty = |_: &RowToFillIn<'_>| vec![String::new(); 3];
+    sheet.add(&UNLOADED, empty);
+    sheet.add(&LOADED, empty);
+    if let Some(sigma_rad) = rotation_sigma_rad {
+        sheet.add(&ROTATION, empty);
+        sheet.add(&ROTATION_SIGMA, |_| {
+            in_thousandths(&Vector3::repeat(sigma_rad))
+        });
     }
-    text
+    sheet.add_approach(|row| row.approach.as_ref());
+    sheet.text()
 }
 
 /// Writes measurements of an arm of n joints that were made under a scenario, which comments name.
@@ -95,10 +131,8 @@ pub fn write_measurements(
     commands: impl Into<Commands>,
     measurements: &[Measurement],
 ) -> Result<(), FileError> {
-    write_whole(
-        path,
-        deflection_table(path, &commands.into(), measurements)?.as_bytes(),
-    )
+    let text = deflection_table(path, &commands.into(), measurements)?;
+    write_whole(path, text.as_bytes())
 }
 
 /// The text of a file of deflections.
@@ -110,52 +144,108 @@ pub fn deflection_table(
     commands: &Commands,
     measurements: &[Measurement],
 ) -> Result<String, FileError> {
-    let has = |what, is_there: fn(&Measurement) -> bool| match (measurements.iter())
-        .filter(|each| is_there(each))
-        .count()
-    {
-        0 => Ok(false),
-        count if count == measurements.len() => Ok(true),
-        count => {
-            let all = measurements.len();
-            let problem = format!("{count} of {all} measurements have {what}; all or none may");
-            Err(FileError::new(path, problem))
+    let has = |what, is_there: fn(&Measurement) -> bool| {
+        let count = measurements.iter().filter(|each| is_there(each)).count();
+        let all = measurements.len();
+        if count == 0 || count == all {
+            return Ok(count > 0);
+        }
+        let problem = format!("{count} of {all} measurements have {what}; all or none may");
+        Err(FileError::new(path, problem))
+    };
+    let mut sheet = Sheet::new(measurements);
+    sheet.add(&experiment_columns(commands), |each| {
+        experiment_fields(commands, &each.configuration_rad, &each.load)
+    });
+    sheet.add(&DEFLECTION, |each| in_thousandths(&each.deflection_m));
+    if has("standard deviations", |each| each.sigma_m.is_some())? {
+        sheet.add(&DEFLECTION_SIGMA, |each| {
+            each.sigma_m.iter().flat_map(in_thousandths).collect()
+        });
+    }
+    if has("rotations", |each| each.rotation.is_some())? {
+        sheet.add(&[ROTATION, ROTATION_SIGMA].concat(), |each| {
+            let both = each.rotation.map(|each| [each.vector_rad, each.sigma_rad]);
+            both.iter().flatten().flat_map(in_thousandths).collect()
+        });
+    }
+    sheet.add_approach(|each| each.approach.as_ref());
+    Ok(sheet.text())
+}
+
+/// The text of a measurement file that holds these readings, all of the same kind. A column that some of them do not
+/// have is left out, but for the approach, which may be known of some.
+pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> String {
+    let all = |has: &dyn Fn(&AbsoluteReading) -> bool| readings.iter().all(has);
+    let is_pose = all(&|each| each.rotation.is_some());
+    let rows = if is_pose { 6 } else { 3 };
+    let mut sheet = Sheet::new(readings);
+    sheet.add(&commands.columns(), |each| {
+        shown(&commands.numbers(each.configuration_rad.as_slice()))
+    });
+    if readings.iter().any(|each| each.load != Load::NONE) {
+        sheet.add(&LOAD, |each| shown(each.load.wrench().as_slice()));
+    }
+    let words: [fn(&AbsoluteReading) -> Option<&String>; 3] = [
+        |each| each.target.as_ref(),
+        |each| each.visit.as_ref(),
+        |each| each.station.as_ref(),
+    ];
+    for (name, word) in WORDS.into_iter().zip(words) {
+        if all(&|each| word(each).is_some()) {
+            sheet.add(&[name], |each| {
+                word(each)
+                    .map(|word| word_field(word))
+                    .into_iter()
+                    .collect()
+            });
+        }
+    }
+    sheet.add_approach(|each| each.approach.as_ref());
+    sheet.add(&POSITION, |each| in_thousandths(&each.position_m));
+    if is_pose {
+        sheet.add(&QUATERNION, |each| {
+            let parts = each.rotation.map(|rotation| rotation.coords.into());
+            parts.map_or_else(Vec::new, |[x, y, z, w]: [f64; 4]| shown(&[w, x, y, z]))
+        });
+    }
+    if all(&|each| each.covariance.is_some()) {
+        let is_diagonal = all(&|each| each.covariance.is_none_or(|all| is_diagonal(&all, rows)));
+        let columns = if is_diagonal {
+            [DEFLECTION_SIGMA, ROTATION_SIGMA].concat()[..rows]
+                .iter()
+                .map(|&name| name.to_owned())
+                .collect()
+        } else {
+            covariance_columns(rows)
+        };
+        sheet.add(&columns, |each| {
+            let numbers = (each.covariance).map(|all| precision(&all, rows, is_diagonal));
+            shown(&numbers.unwrap_or_default())
+        });
+    }
+    let mut number = |name: &str, of: fn(&AbsoluteReading) -> Option<f64>| {
+        if all(&|each| of(each).is_some()) {
+            sheet.add(&[name], |each| shown(of(each).as_slice()));
         }
     };
-    let has_sigma = has("standard deviations", |each| each.sigma_m.is_some())?;
-    let has_rotation = has("rotations", |each| each.rotation.is_some())?;
-    let mut columns = experiment_columns(commands);
-    columns.extend(DEFLECTION.map(str::to_owned));
-    if has_sigma {
-        columns.extend(DEFLECTION_SIGMA.map(str::to_owned));
+    number(TIME, |each| each.time_s);
+    number(TEMPERATURE, |each| each.temperature_c);
+    sheet.text()
+}
+
+fn is_diagonal(covariance: &Matrix6<f64>, rows: usize) -> bool {
+    triangle(rows).all(|(row, column)| row == column || covariance[(row, column)] == 0.0)
+}
+
+/// The numbers of a covariance in the units of the file.
+fn precision(covariance: &Matrix6<f64>, rows: usize, is_diagonal: bool) -> Vec<f64> {
+    if is_diagonal {
+        return (0..rows)
+            .map(|row| thousandths(covariance[(row, row)].sqrt()))
+            .collect();
     }
-    if has_rotation {
-        columns.extend(ROTATION.map(str::to_owned));
-        columns.extend(ROTATION_SIGMA.map(str::to_owned));
-    }
-    let says_sides = measurements.iter().any(|each| each.approach.is_some());
-    if says_sides {
-        columns.push(APPROACH.to_owned());
-    }
-    let mut text = columns.join(",") + "\n";
-    for each in measurements {
-        let mut fields = experiment_fields(commands, &each.configuration_rad, &each.load);
-        let mut push = |vector: &Vector3<f64>| {
-            fields.extend(vector.iter().map(|&value| thousandths(value).to_string()));
-        };
-        push(&each.deflection_m);
-        if let (true, Some(sigma)) = (has_sigma, &each.sigma_m) {
-            push(sigma);
-        }
-        if let (true, Some(rotation)) = (has_rotation, &each.rotation) {
-            push(&rotation.vector_rad);
-            push(&rotation.sigma_rad);
-        }
-        if says_sides {
-            fields.push((each.approach.as_ref()).map_or_else(String::new, Approach::field));
-        }
-        text += &fields.join(",");
-        text.push('\n');
-    }
-    Ok(text)
+    triangle(rows)
+        .map(|place| covariance[place] * 1e6)
+        .collect()
 }

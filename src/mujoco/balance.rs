@@ -12,7 +12,8 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::servo::Servo;
-use super::{Model, ModelError, State};
+use super::{Model, State};
+use crate::files::FileError;
 
 /// How far an equality constraint gives way.
 #[derive(Debug, Clone, PartialEq)]
@@ -118,7 +119,7 @@ impl State {
         force: &Vector3<f64>,
         torque: &Vector3<f64>,
         left_over: &mut [f64],
-    ) -> Result<(), ModelError> {
+    ) -> Result<(), FileError> {
         self.data.fwd_position();
         self.data.fwd_velocity();
         self.data.fwd_actuation();
@@ -126,20 +127,16 @@ impl State {
         #[expect(unsafe_code, reason = "the array is only there after these stages")]
         let reference = unsafe { self.data.efc_aref() };
         let without_acceleration: Vec<f64> = reference.iter().map(|aref| -aref).collect();
-        let failed = |message: String| ModelError::Load {
-            path: self.model.path().to_owned(),
-            message,
-        };
         self.data
             .constraint_update(&without_acceleration, None, false)
-            .map_err(|error| failed(error.to_string()))?;
+            .map_err(|error| self.model.not_loaded(error))?;
         let (body, _) = self.model.site_body(site);
         let point = self.data.site_xpos()[site];
         left_over.fill(0.0);
         let (force, torque) = ((*force).into(), (*torque).into());
         self.data
             .apply_ft(&force, &torque, &point, body, left_over)
-            .map_err(|error| failed(error.to_string()))?;
+            .map_err(|error| self.model.not_loaded(error))?;
         let forces = (self.data.qfrc_actuator().iter())
             .zip(self.data.qfrc_passive())
             .zip(self.data.qfrc_bias())

@@ -1,20 +1,19 @@
 //! What lies loose beside the arm: free bodies that are tied to nothing, and mocap bodies that something is tied to. Scenes for simulation have them, and no
 //! statics: they are left out by name.
 
-use mujoco_rs::prelude::{MjModel, MjSpec, MjtJoint};
+use mujoco_rs::prelude::{MjSpec, MjtJoint};
 use mujoco_rs::wrappers::mj_editing::{MjsBody, SpecElement, SpecObject};
-
-/// Whether a model may have something loose beside joints of an arm.
-pub(super) fn is_in(model: &MjModel) -> bool {
-    let is_of_arm = |kind: &MjtJoint| matches!(kind, MjtJoint::mjJNT_HINGE | MjtJoint::mjJNT_SLIDE);
-    let kinds = model.jnt_type();
-    let is_tied = model.body_mocapid().iter().any(|&id| id >= 0) && !model.eq_type().is_empty();
-    kinds.iter().any(is_of_arm) && (is_tied || kinds.contains(&MjtJoint::mjJNT_FREE))
-}
 
 /// Takes everything loose out of a specification; what was left out, in words.
 pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, String> {
     let mut said = Vec::new();
+    if !has(
+        spec.world_body_mut(),
+        true,
+        &[MjtJoint::mjJNT_HINGE, MjtJoint::mjJNT_SLIDE],
+    ) {
+        return Ok(said);
+    }
     let mut place = 0;
     loop {
         let beside: Vec<String> = (spec.world_body_mut().body_iter(false))

@@ -7,7 +7,8 @@ use mujoco_rs::prelude::{MjModel, MjtSameFrame};
 use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
-use super::{Model, ModelError};
+use super::Model;
+use crate::files::FileError;
 
 /// What is not as the file says. Frames stand elsewhere by the displacement from their own place, in their own axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,7 +53,7 @@ impl Model {
         &self,
         joints: &[Option<usize>],
         changes: &[ModelChange],
-    ) -> Result<Self, ModelError> {
+    ) -> Result<Self, FileError> {
         let mut changed = self.clone();
         changed.become_changed(self, joints, changes)?;
         Ok(changed)
@@ -65,7 +66,7 @@ impl Model {
         nominal: &Self,
         joints: &[Option<usize>],
         changes: &[ModelChange],
-    ) -> Result<(), ModelError> {
+    ) -> Result<(), FileError> {
         let model = Arc::make_mut(&mut self.inner);
         restore(model, &nominal.inner);
         nominal.apply_changes(model, joints, changes)
@@ -76,7 +77,7 @@ impl Model {
         model: &mut MjModel,
         joints: &[Option<usize>],
         changes: &[ModelChange],
-    ) -> Result<(), ModelError> {
+    ) -> Result<(), FileError> {
         self.displace_links(model, joints, changes);
         for each in changes {
             match each {

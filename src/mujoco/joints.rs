@@ -4,8 +4,9 @@ use mujoco_rs::prelude::MjtJoint;
 use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtObjBase};
 use nalgebra::Vector3;
 
+use super::Model;
 use super::servo::{Servo, command_range, disabled};
-use super::{Model, ModelError};
+use crate::files::FileError;
 
 impl Model {
     /// The joints of a body in the order in which they act.
@@ -114,9 +115,15 @@ impl Model {
     }
 
     /// The identifier of a joint.
-    pub fn joint(&self, name: &str) -> Result<usize, ModelError> {
+    pub fn joint(&self, name: &str) -> Result<usize, FileError> {
         (0..self.joints())
             .find(|&joint| self.joint_name(joint) == name)
-            .ok_or_else(|| self.unknown("joint", MjtObjBase::mjOBJ_JOINT, name, self.joints()))
+            .ok_or_else(|| {
+                self.unknown(
+                    "joint",
+                    name,
+                    &self.names(MjtObjBase::mjOBJ_JOINT, self.joints()),
+                )
+            })
     }
 }

@@ -4,15 +4,16 @@ use std::sync::Arc;
 
 use mujoco_rs::wrappers::mj_model::MjtEq;
 
+use super::Model;
 use super::servo::acts_on;
-use super::{Model, ModelError};
+use crate::files::FileError;
 
 impl Model {
     /// The same model with locked joints, by name, each at a coordinate (rad or m).
     ///
     /// # Errors
     /// There is no such joint, or it is neither a hinge nor a slide.
-    pub fn with_locked(&self, joints: &[(String, f64)]) -> Result<Self, ModelError> {
+    pub fn with_locked(&self, joints: &[(String, f64)]) -> Result<Self, FileError> {
         if joints.is_empty() {
             return Ok(self.clone());
         }
@@ -20,7 +21,11 @@ impl Model {
         for (name, value) in joints {
             let joint = self.joint(name)?;
             if !self.is_hinge(joint) && !self.is_slide(joint) {
-                return Err(self.not_lockable(joint));
+                return Err(self.not_static(
+                    self.element("joint", joint),
+                    "is neither a hinge nor a slide and cannot be locked",
+                    "remove it from the model",
+                ));
             }
             locked.push((joint, *value));
         }
@@ -79,20 +84,5 @@ impl Model {
             coordinates[self.coordinate_of_joint(joint)] = value;
         }
         coordinates
-    }
-
-    /// The same model for simulations in time, in which locked joints are too heavy to move: put back at
-    /// each step, they stand still.
-    pub fn with_heavy_locked_joints(&self) -> Self {
-        const HEAVY: f64 = 1e9;
-        if self.locked.is_empty() {
-            return self.clone();
-        }
-        let mut model = (*self.inner).clone();
-        for &(joint, _) in self.locked.iter() {
-            let degree = self.degree_of_joint(joint);
-            model.dof_armature_mut()[degree] = HEAVY;
-        }
-        self.changed(model)
     }
 }

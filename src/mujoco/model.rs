@@ -8,9 +8,9 @@ use mujoco_rs::wrappers::mj_model::MjtDisableBit;
 use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::ModelError;
-use super::error::{NONE, refused};
+use super::error::refused;
 use super::servo::disabled;
+use crate::files::FileError;
 use crate::text::is_unseen;
 
 /// A compiled MJCF model, shared between threads.
@@ -27,7 +27,7 @@ pub struct Model {
 }
 
 impl Model {
-    pub(super) fn new(inner: MjModel, path: &Path) -> Result<Self, ModelError> {
+    pub(super) fn new(inner: MjModel, path: &Path) -> Result<Self, FileError> {
         // All names of the model, one after the other, each with a zero behind.
         let names: Vec<u8> = inner
             .names()
@@ -58,11 +58,6 @@ impl Model {
     /// The file that the model was read from.
     pub fn path(&self) -> &Path {
         &self.path
-    }
-
-    /// The time step of simulations (s).
-    pub fn time_step_s(&self) -> f64 {
-        self.inner.opt().timestep
     }
 
     /// The acceleration of gravity in the world frame, m/s^2; zero where the model switches it off.
@@ -96,25 +91,18 @@ impl Model {
         )
     }
 
-    /// The principal moments of inertia of one body (kg m^2), and their axes in the body's frame.
-    pub fn inertia(&self, body: usize) -> (Vector3<f64>, UnitQuaternion<f64>) {
-        let turned = isometry(&[0.0; 3], &self.inner.body_iquat()[body]);
-        let moments = Vector3::from(self.inner.body_inertia()[body]);
-        (moments, turned.rotation)
-    }
-
     /// The number of tendons.
     pub(super) fn tendons(&self) -> usize {
         self.inner.tendon_stiffness().len()
     }
 
     /// A tendon by its name, or `tendon <id>`.
-    pub(super) fn tendon(&self, name: &str) -> Result<usize, ModelError> {
+    pub(super) fn tendon(&self, name: &str) -> Result<usize, FileError> {
         let known = |&tendon: &usize| self.name(MjtObjBase::mjOBJ_TENDON, "tendon", tendon) == name;
         let count = self.tendons();
-        (0..count)
-            .find(known)
-            .ok_or_else(|| self.unknown("tendon", MjtObjBase::mjOBJ_TENDON, name, count))
+        (0..count).find(known).ok_or_else(|| {
+            self.unknown("tendon", name, &self.names(MjtObjBase::mjOBJ_TENDON, count))
+        })
     }
 
     /// The share of a body's mass that weighs on the arm: what the model does not compensate. MuJoCo
@@ -133,6 +121,11 @@ impl Model {
         springs.flat_map(|spring| spring.sites).collect()
     }
 
+    /// A body by its name.
+    pub fn body(&self, name: &str) -> Option<usize> {
+        (1..self.bodies()).find(|&body| self.body_name(body) == name)
+    }
+
     /// The body's name, or `body <id>`.
     pub fn body_name(&self, body: usize) -> String {
         self.name(MjtObjBase::mjOBJ_BODY, "body", body)
@@ -145,12 +138,18 @@ impl Model {
     }
 
     /// The identifier of a site.
-    pub fn site(&self, name: &str) -> Result<usize, ModelError> {
+    pub fn site(&self, name: &str) -> Result<usize, FileError> {
         // The bindings' strings end at a zero.
         (!name.contains('\0'))
             .then(|| self.inner.name_to_id(MjtObjBase::mjOBJ_SITE, name))
             .flatten()
-            .ok_or_else(|| self.unknown("site", MjtObjBase::mjOBJ_SITE, name, self.sites()))
+            .ok_or_else(|| {
+                self.unknown(
+                    "site",
+                    name,
+                    &self.names(MjtObjBase::mjOBJ_SITE, self.sites()),
+                )
+            })
     }
 
     /// The body that carries a site, and the site's frame in that body's.
@@ -185,26 +184,10 @@ impl Model {
             .map_or_else(|| format!("{word} {id}"), str::to_owned)
     }
 
-    pub(super) fn unknown(
-        &self,
-        kind: &'static str,
-        object: MjtObjBase,
-        name: &str,
-        count: usize,
-    ) -> ModelError {
-        let known: Vec<_> = (0..count)
-            .filter_map(|id| self.inner.id_to_name(object, id))
-            .collect();
-        ModelError::Unknown {
-            path: self.path.clone(),
-            kind,
-            name: name.to_owned(),
-            known: if known.is_empty() {
-                NONE.to_owned()
-            } else {
-                known.join(", ")
-            },
-        }
+    /// The names of objects of a kind that have one.
+    pub(super) fn names(&self, object: MjtObjBase, count: usize) -> Vec<String> {
+        let name = |id| self.inner.id_to_name(object, id).map(str::to_owned);
+        (0..count).filter_map(name).collect()
     }
 }
 

@@ -5,7 +5,8 @@ use mujoco_rs::wrappers::mj_editing::SpecItem;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::error::refused;
-use super::{Model, ModelError, Obstacle};
+use super::{Model, Obstacle};
+use crate::files::FileError;
 use crate::text::wrong_name;
 
 /// What the names begin with of what a calibrated model keeps: texts, and payloads.
@@ -53,9 +54,8 @@ impl Additions {
 
 impl Model {
     /// A body by its name, or that of a site, with the frame of what was named in the body's.
-    pub(super) fn carrier(&self, name: &str) -> Result<(usize, Isometry3<f64>), ModelError> {
-        let body = (1..self.bodies()).find(|&body| self.body_name(body) == name);
-        if let Some(body) = body {
+    pub(super) fn carrier(&self, name: &str) -> Result<(usize, Isometry3<f64>), FileError> {
+        if let Some(body) = self.body(name) {
             return Ok((body, Isometry3::identity()));
         }
         let (body, body_from_site) = self.site_body(self.site(name).map_err(|error| {
@@ -74,7 +74,7 @@ impl Model {
     }
 
     /// Adds tools and payloads to the file's elements; the model is what the file says alone.
-    pub(super) fn mount(&self, spec: &mut MjSpec, additions: &Additions) -> Result<(), ModelError> {
+    pub(super) fn mount(&self, spec: &mut MjSpec, additions: &Additions) -> Result<(), FileError> {
         let failed = |message: String| refused(self.path(), message);
         for tool in &additions.tools {
             if let Some(problem) = wrong_name(&tool.name) {

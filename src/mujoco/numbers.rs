@@ -2,15 +2,16 @@
 
 use mujoco_rs::wrappers::mj_model::MjtObjBase;
 
+use super::Model;
 use super::error::refused;
-use super::{Model, ModelError};
+use crate::files::FileError;
 
 /// Nothing of a laboratory is further away (m).
 const FURTHEST_M: f64 = 1e6;
 
 impl Model {
     /// Whether all places are finite, and all ranges go upwards.
-    pub(super) fn check_numbers(&self) -> Result<(), ModelError> {
+    pub(super) fn check_numbers(&self) -> Result<(), FileError> {
         let inner = &self.inner;
         let places = [
             (MjtObjBase::mjOBJ_BODY, "body", "pos", inner.body_pos()),

@@ -11,6 +11,9 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use crate::codes::ErrorCode;
+use crate::files::FileError;
+
 /// A model that takes longer is given up.
 const PATIENCE: Duration = Duration::from_mins(1);
 /// The same in time of the processor (s).
@@ -22,12 +25,6 @@ static STAGE: Mutex<Rehearsals> = Mutex::new(Rehearsals {
     program: None,
     rehearsed: Vec::new(),
 });
-
-/// Why a model is refused.
-pub(super) struct Refusal {
-    pub problem: String,
-    pub hint: Option<String>,
-}
 
 struct Rehearsals {
     program: Option<(PathBuf, &'static str)>,
@@ -68,7 +65,7 @@ pub fn limit_process() {
 ///
 /// # Errors
 /// What the child came to, in words.
-pub(super) fn rehearse(model: &Path) -> Result<(), Refusal> {
+pub(super) fn rehearse(model: &Path) -> Result<(), FileError> {
     let Some((program, command)) = stage(|stage| {
         let is_new = !stage.rehearsed.iter().any(|known| known == model);
         stage.program.clone().filter(|_| is_new)
@@ -94,13 +91,11 @@ pub(super) fn rehearse(model: &Path) -> Result<(), Refusal> {
             Ok(())
         }
         Some(status) => Err(refusal(model, status, &said)),
-        None => Err(Refusal {
-            problem: format!(
-                "MuJoCo has not loaded the model after {} s",
-                PATIENCE.as_secs()
-            ),
-            hint: None,
-        }),
+        None => {
+            let waited = PATIENCE.as_secs();
+            let problem = format!("MuJoCo has not loaded the model after {waited} s");
+            Err(FileError::new(model, problem).code(ErrorCode::Model))
+        }
     }
 }
 
@@ -113,7 +108,7 @@ fn is_stopped(status: ExitStatus) -> bool {
 }
 
 /// What the child says is wrong with the model, or else how it ended.
-fn refusal(model: &Path, status: ExitStatus, said: &str) -> Refusal {
+fn refusal(model: &Path, status: ExitStatus, said: &str) -> FileError {
     let lines = || said.lines().map(str::trim).filter(|line| !line.is_empty());
     let about_model = format!(": {}: ", model.display());
     let mut errors = lines().filter(|line| line.starts_with("error "));
@@ -123,9 +118,10 @@ fn refusal(model: &Path, status: ExitStatus, said: &str) -> Refusal {
         Some(line) => format!("MuJoCo breaks down on the model ({status}): {line}"),
         None => format!("MuJoCo breaks down on the model ({status})"),
     };
-    Refusal {
-        problem: problem.map_or_else(broken, str::to_owned),
+    let problem = problem.map_or_else(broken, str::to_owned);
+    FileError {
         hint: hint.map(str::to_owned),
+        ..FileError::new(model, problem).code(ErrorCode::Model)
     }
 }
 

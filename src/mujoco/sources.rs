@@ -1,8 +1,9 @@
 //! The files that a model is made of.
 
+use super::error::refused;
+use crate::files::{FileError, read_text};
 use std::path::{Path, PathBuf};
 
-use super::ModelError;
 use super::urdf::{Urdf, parsed};
 
 /// What only pictures show.
@@ -14,7 +15,7 @@ const PICTURES: [&str; 2] = ["texture", "skin"];
 ///
 /// # Errors
 /// A file cannot be read, or is not XML.
-pub fn sources(model: &Path) -> Result<Vec<PathBuf>, ModelError> {
+pub fn sources(model: &Path) -> Result<Vec<PathBuf>, FileError> {
     let mut found = vec![model.to_owned()];
     let mut folders = vec![folder_of(model)];
     let mut next = 0;
@@ -25,21 +26,14 @@ pub fn sources(model: &Path) -> Result<Vec<PathBuf>, ModelError> {
         if !is_xml {
             continue;
         }
-        let text = std::fs::read_to_string(&file).map_err(|source| ModelError::Read {
-            path: file.clone(),
-            source,
-        })?;
-        let compile = |error: roxmltree::Error| ModelError::Compile {
-            path: file.clone(),
-            message: format!("XML: {error}"),
-        };
+        let text = read_text(&file)?;
         if let Some(urdf) = Urdf::read(&file, &text, true) {
             for mesh in urdf.meshes {
                 push_new(&mut found, mesh);
             }
             continue;
         }
-        let document = parsed(&text).map_err(compile)?;
+        let document = parsed(&text).map_err(|error| refused(&file, format!("XML: {error}")))?;
         push_new(&mut folders, folder_of(&file));
         let elements = || document.descendants().filter(roxmltree::Node::is_element);
         for compiler in elements().filter(|each| each.has_tag_name("compiler")) {

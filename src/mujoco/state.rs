@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use mujoco_rs::prelude::MjData;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
+use super::Model;
 use super::torque_law::LawAtWork;
-use super::{Model, ModelError};
 
 /// Two geometries nearer to each other than their margins allow.
 #[derive(Debug, Clone, PartialEq)]
@@ -135,57 +135,6 @@ impl State {
             None,
         );
         hit.map(|geometry| (geometry, distance))
-    }
-
-    /// One time step under a force (N) and torque (N m) in the world frame at a site, which follow
-    /// the site as it moves.
-    ///
-    /// # Errors
-    /// MuJoCo cannot apply them.
-    pub fn step_with_wrench(
-        &mut self,
-        site: usize,
-        force: &Vector3<f64>,
-        torque: &Vector3<f64>,
-    ) -> Result<(), ModelError> {
-        self.data.step1();
-        let (body, _) = self.model.site_body(site);
-        let point = self.data.site_xpos()[site];
-        let mut applied = self.generalised_force(&point, body, force, torque)?;
-        self.add_torque_laws(&mut applied);
-        self.data.qfrc_applied_mut().copy_from_slice(&applied);
-        self.data.step2();
-        // What is locked stands still.
-        for &(joint, value) in self.model.locked.iter() {
-            let coordinate = self.model.coordinate_of_joint(joint);
-            let degree = self.model.degree_of_joint(joint);
-            self.data.qpos_mut()[coordinate] = value;
-            self.data.qvel_mut()[degree] = 0.0;
-        }
-        Ok(())
-    }
-
-    /// What a force (N) and a torque (N m) that act on a body at a point (m), all in the world frame,
-    /// make of the joints' torques (N m).
-    ///
-    /// # Errors
-    /// MuJoCo cannot tell.
-    pub fn generalised_force(
-        &mut self,
-        point: &[f64; 3],
-        body: usize,
-        force: &Vector3<f64>,
-        torque: &Vector3<f64>,
-    ) -> Result<Vec<f64>, ModelError> {
-        let mut applied = vec![0.0; self.data.qvel().len()];
-        let (force, torque) = ((*force).into(), (*torque).into());
-        self.data
-            .apply_ft(&force, &torque, point, body, &mut applied)
-            .map_err(|error| ModelError::Load {
-                path: self.model.path().to_owned(),
-                message: error.to_string(),
-            })?;
-        Ok(applied)
     }
 
     /// The joint coordinates (rad) and velocities (rad/s).

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use mujoco_rs::prelude::MjSpec;
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::ModelError;
 use super::error::refused;
+use crate::files::FileError;
 
 /// What MuJoCo's compiler is told: every link is a body, masses are those of the file alone.
 const COMPILER: &str = r#"<mujoco><compiler angle="radian" fusestatic="false" strippath="false" discardvisual="false" balanceinertia="true" inertiafromgeom="false" boundmass="1e-9" boundinertia="1e-12"/></mujoco>"#;
@@ -63,19 +63,16 @@ impl Urdf {
             missing: BTreeSet::new(),
         };
         writer.element(root);
-        let mut left_out = Vec::new();
-        if let Some(first) = writer.missing.first() {
-            left_out.push(format!(
-                "{} of its meshes cannot be had, such as {first}: collisions do not see them",
-                writer.missing.len()
-            ));
-        }
-        left_out.extend(without_mass(root));
-        left_out.extend(held_still(root));
+        let missing = writer.missing.first().map(|first| {
+            let count = writer.missing.len();
+            format!(
+                "{count} of its meshes cannot be had, such as {first}: collisions do not see them"
+            )
+        });
         Some(Self {
             text: writer.text,
             meshes: writer.meshes,
-            left_out,
+            left_out: missing.into_iter().chain(left_out(root)).collect(),
             neighbours: neighbours(root),
         })
     }
@@ -141,75 +138,68 @@ fn is_inertia(node: Node<'_, '_>) -> bool {
     tensor.iter().all(|each| each.is_finite()) && tensor.symmetric_eigenvalues().min() > 1e-15
 }
 
-/// A URDF's text, not yet read.
-pub(super) struct UrdfText(String);
-
-impl UrdfText {
-    /// A file's text, if it is a URDF's.
-    pub fn of(path: &Path, text: String) -> Option<Self> {
-        Urdf::read(path, &text, false).map(|_| Self(text))
-    }
-
-    /// The elements as MuJoCo reads them, and what is left out. Without meshes, where MuJoCo refuses these.
-    pub fn spec(&self, path: &Path) -> Result<(MjSpec, Vec<String>), ModelError> {
-        let spec = |with_meshes: bool| {
-            let urdf =
-                Urdf::read(path, &self.0, with_meshes).ok_or_else(|| "is no URDF".to_owned())?;
-            let mut spec =
-                MjSpec::from_xml_string(&urdf.text).map_err(|error| error.to_string())?;
-            for [still, moving] in &urdf.neighbours {
-                // MuJoCo makes the first link a body, or the world.
-                let still = spec.body_mut(still).map_or("world", |_| still);
-                spec.add_exclude()
-                    .with_bodyname1(still)
-                    .with_bodyname2(moving);
-            }
-            spec.compile().map_err(|error| error.to_string())?;
-            Ok::<_, String>((spec, urdf.left_out))
-        };
-        let refusal = match spec(true) {
-            Ok(read) => return Ok(read),
-            Err(refusal) => refusal,
-        };
-        let (spec, mut left_out) = spec(false).map_err(|message| refused(path, message))?;
-        left_out.push(format!("MuJoCo refuses its meshes: {refusal}"));
-        Ok((spec, left_out))
-    }
+/// Whether a text is a URDF.
+pub(super) fn is_one(text: &str) -> bool {
+    parsed(text).is_ok_and(|document| document.root_element().has_tag_name("robot"))
 }
 
-/// Joints that nothing drives, and that stand where they are drawn.
-fn held_still(root: Node<'_, '_>) -> Option<String> {
-    let joints = root.children().filter(|each| each.has_tag_name("joint"));
-    let floating: Vec<&str> = joints
-        .filter(|joint| joint.attribute("type") == Some(FLOATING))
-        .filter_map(|joint| joint.attribute("name"))
-        .collect();
-    (!floating.is_empty()).then(|| {
-        format!(
-            "floating joints are held where they are drawn: {}",
-            floating.join(", ")
-        )
-    })
+/// The elements of a URDF as MuJoCo reads them, and what is left out. Without meshes, where MuJoCo refuses these.
+pub(super) fn specification(path: &Path, text: &str) -> Result<(MjSpec, Vec<String>), FileError> {
+    let spec = |with_meshes: bool| {
+        let urdf = Urdf::read(path, text, with_meshes).ok_or_else(|| "is no URDF".to_owned())?;
+        let mut spec = MjSpec::from_xml_string(&urdf.text).map_err(|error| error.to_string())?;
+        for [still, moving] in &urdf.neighbours {
+            // MuJoCo makes the first link a body, or the world.
+            let still = spec.body_mut(still).map_or("world", |_| still);
+            spec.add_exclude()
+                .with_bodyname1(still)
+                .with_bodyname2(moving);
+        }
+        spec.compile().map_err(|error| error.to_string())?;
+        Ok::<_, String>((spec, urdf.left_out))
+    };
+    let refusal = match spec(true) {
+        Ok(read) => return Ok(read),
+        Err(refusal) => refusal,
+    };
+    let (spec, mut left_out) = spec(false).map_err(|message| refused(path, message))?;
+    left_out.push(format!("MuJoCo refuses its meshes: {refusal}"));
+    Ok((spec, left_out))
 }
 
-/// Links that a joint moves and that say nothing of their mass.
-fn without_mass(root: Node<'_, '_>) -> Option<String> {
+/// What is left out of a description beside its meshes, in words: joints that nothing drives, and links that a joint moves and
+/// that say nothing of their mass.
+fn left_out(root: Node<'_, '_>) -> impl Iterator<Item = String> {
+    let named = |tag: &'static str, is_meant: &dyn Fn(Node<'_, '_>) -> bool| -> Vec<String> {
+        let all = root.children().filter(|each| each.has_tag_name(tag));
+        let names = all.filter(|node| is_meant(*node));
+        names
+            .filter_map(|node| Some(node.attribute("name")?.to_owned()))
+            .collect()
+    };
     let moved: BTreeSet<&str> = joints(root)
         .filter(|joint| joint.0)
         .map(|joint| joint.2)
         .collect();
-    let links = root.children().filter(|each| each.has_tag_name("link"));
-    let without: Vec<&str> = links
-        .filter(|link| !link.children().any(|each| each.has_tag_name("inertial")))
-        .filter_map(|link| link.attribute("name"))
-        .filter(|name| moved.contains(name))
-        .collect();
-    (!without.is_empty()).then(|| {
-        format!(
-            "links without <inertial> are taken to weigh nothing: {}",
-            without.join(", ")
-        )
-    })
+    let floats = |joint: Node<'_, '_>| joint.attribute("type") == Some(FLOATING);
+    let is_weightless = |link: Node<'_, '_>| {
+        !link.children().any(|each| each.has_tag_name("inertial"))
+            && link
+                .attribute("name")
+                .is_some_and(|name| moved.contains(name))
+    };
+    let all = [
+        (
+            "links without <inertial> are taken to weigh nothing",
+            named("link", &is_weightless),
+        ),
+        (
+            "floating joints are held where they are drawn",
+            named("joint", &floats),
+        ),
+    ];
+    let all = all.into_iter().filter(|(_, names)| !names.is_empty());
+    all.map(|(what, names)| format!("{what}: {}", names.join(", ")))
 }
 
 struct UrdfWriter {

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use mujoco_rs::prelude::MjModel;
 use mujoco_rs::wrappers::mj_model::MjtDisableBit;
 
-use super::{Model, ModelError};
+use super::Model;
+use crate::files::FileError;
 
 impl Model {
     /// The same model in which other numbers stand.
@@ -62,12 +63,12 @@ impl Model {
     /// same. A compliance of zero changes nothing.
     ///
     /// # Errors
-    /// [`ModelError::Statics`] for a joint that no position actuator holds.
+    /// For a joint that no position actuator holds.
     pub fn with_joint_compliance(
         &self,
         joints: &[usize],
         compliance: &[f64],
-    ) -> Result<Self, ModelError> {
+    ) -> Result<Self, FileError> {
         let mut model = (*self.inner).clone();
         for (&joint, value) in joints.iter().zip(compliance) {
             if *value == 0.0 {

@@ -25,12 +25,11 @@ use std::cell::RefCell;
 
 use nalgebra::{Matrix3, Matrix3xX, Rotation3, Vector3};
 
-use super::off_springs::OffSpring;
 use crate::parameter::{
     Axis, Backlash, ElasticArm, GearWave, ParameterKind, ParameterSet, ReadingSource, Unloaded,
     along,
 };
-use crate::robot::{Approach, KinematicState, Load, SerialChain};
+use crate::robot::{Approach, KinematicState, Load};
 
 /// What a deflection's columns are made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,26 +78,20 @@ enum PlaceMotion {
     ToolAlong(Axis),
 }
 
-/// A wave in the gear of a joint, at the angle (rad) that is commanded.
+/// A joint that stands off its spring as weight and load have it: on a side of its gap, or by what it gives besides. With its lever J
+/// and that shape f, a deflection follows a half width of the gap, or a share, by
+///
+/// ```text
+/// f(tau_w + tau_l) dp_n + (f(tau_w + tau_l) - f(tau_w)) J,     tau_l = J . F + z . T
+/// ```
+///
+/// where `tau_w` is the torque of the arm's own weight and `dp_n` what turning the joint changes of the deflection.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct WaveHere {
-    column: usize,
-    /// Whose the wave is, among the joints that have some.
-    owner: usize,
-    wave: GearWave,
-    angle: f64,
-    value: f64,
-    slope: f64,
-}
-
-/// A joint whose gear has waves, with what their columns are worth in a cost, by their values and by their slopes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct WavyJoint {
+struct OffSpring {
     joint: usize,
-    of_values: Vector3<f64>,
-    of_slopes: Vector3<f64>,
-    /// What turning the joint is worth by the slopes.
-    of_angle: f64,
+    is_gap: bool,
+    came_positively: bool,
+    weight_nm: f64,
 }
 
 /// Columns of a Jacobian, position rows above rotation rows, and the adjoints of both.
@@ -157,20 +150,16 @@ impl Lever {
 /// are in the world frame, which is the instrument's.
 #[derive(Debug, Clone)]
 pub struct FirstOrder<'a> {
-    chain: &'a SerialChain,
+    arm: &'a ElasticArm,
     compliance: &'a [f64],
     columns: Vec<Column>,
     /// What each column is multiplied by.
     factors: Vec<f64>,
     /// Columns of gaps, with the joint and the size of each: the side of approach decides on their sign.
     gaps: Vec<(usize, usize, f64)>,
-    /// Joints that stand off their springs as weight and load have it.
     off_springs: Vec<OffSpring>,
-    /// Where some do: the angular velocities of all beyond each joint, and how the arm's weight turns about these.
-    turning: Vec<Vector3<f64>>,
-    weight_turning: Vec<Vector3<f64>>,
-    waves: Vec<WaveHere>,
-    wavy_joints: Vec<WavyJoint>,
+    /// Waves in the gears of joints, with the angles (rad) that these are commanded.
+    waves: Vec<(usize, GearWave, f64)>,
     places: Vec<FramePlace>,
     /// The variance of each coordinate of a deflection by the instrument alone (m^2).
     variance_m2: f64,
@@ -214,16 +203,22 @@ impl<'a> FirstOrder<'a> {
         };
         let tool = &arm.tools[target];
         let mut off_springs: Vec<OffSpring> = Vec::new();
-        let (waves, wavy_joints) = waves_of(set);
-        let columns: Vec<Column> = (set.parameters().iter().enumerate())
-            .map(|(index, parameter)| match parameter.kind {
-                kind if let Some(each) = OffSpring::of(arm, kind) => {
-                    off_springs.push(each);
+        let mut waves = Vec::new();
+        let columns: Vec<Column> = (set.parameters().iter())
+            .map(|parameter| match parameter.kind {
+                kind if let Some(joint) = stands_off_spring(arm, kind) => {
+                    off_springs.push(OffSpring {
+                        joint,
+                        is_gap: matches!(kind, ParameterKind::JointBacklash { .. }),
+                        came_positively: true,
+                        weight_nm: 0.0,
+                    });
                     Column::OffSpring(off_springs.len() - 1)
                 }
                 ParameterKind::JointCompliance { joint } => Column::Compliance(joint),
-                ParameterKind::JointWave { .. } => {
-                    Column::Wave(waves.partition_point(|wave| wave.column < index))
+                ParameterKind::JointWave { joint, wave } => {
+                    waves.push((joint, wave, 0.0));
+                    Column::Wave(waves.len() - 1)
                 }
                 ParameterKind::JointZero { joint } | ParameterKind::JointBacklash { joint } => {
                     place(joint, PlaceMotion::Joint)
@@ -276,15 +271,12 @@ impl<'a> FirstOrder<'a> {
             },
         );
         let mut model = Self {
-            chain: &arm.chain,
+            arm,
             compliance: &arm.compliance_rad_per_nm,
             factors: factors.collect(),
             gaps: gaps.collect(),
             off_springs,
             waves,
-            wavy_joints,
-            turning: Vec::new(),
-            weight_turning: Vec::new(),
             seen: RefCell::new(SeenHere {
                 load: None,
                 whitener: Matrix3::zeros(),
@@ -304,16 +296,15 @@ impl<'a> FirstOrder<'a> {
         model
     }
 
-    /// Readings are from now on those of configurations that are approached from this side. Where joints have gaps, it decides on
-    /// which side of them they stand: alone, or beside what they carry.
+    /// See [`super::PlannedReadings::come_from`].
     pub fn come_from(&mut self, approach: Option<&Approach>) {
         if self.gaps.is_empty() && self.off_springs.is_empty() {
             return;
         }
         self.seen.get_mut().load = None;
-        let came = Approach::of_all(approach, self.chain);
+        let came = Approach::of_all(approach, &self.arm.chain);
         for each in &mut self.off_springs {
-            each.come_from(&came);
+            each.came_positively = came[each.joint];
         }
         for &(column, joint, size) in &self.gaps {
             self.factors[column] = Backlash::NONE.side(came[joint], 0.0) * size;
@@ -326,9 +317,7 @@ impl<'a> FirstOrder<'a> {
         self
     }
 
-    /// Readings are from now on those of experiments with so many repeats. What repeats share counts in each reading's
-    /// covariance as often as it is shared: then r readings that are taken as independent tell as much as the r repeats
-    /// do, J^T (`R_shared` + `R_new`/r)^-1 J.
+    /// See [`super::PlannedReadings::set_repeats`].
     pub fn set_repeats(&mut self, repeats: u32) {
         self.seen.get_mut().load = None;
         self.repeats = f64::from(repeats);
@@ -351,22 +340,15 @@ impl<'a> FirstOrder<'a> {
         for (joint, lever) in self.joints.iter_mut().enumerate() {
             *lever = Lever::at(state.position_column(joint), state.rotation_column(joint));
         }
+        let chain = &self.arm.chain;
         for each in &mut self.off_springs {
-            each.stand(state, &self.chain.gravity_m_s2);
+            each.weight_nm = state.gravity_torque(each.joint, &chain.gravity_m_s2);
         }
-        if !self.off_springs.is_empty() {
-            let joints = 0..self.joints.len();
-            let turned = |joint| state.mass_column(joint).cross(&self.chain.gravity_m_s2);
-            self.turning.clone_from(&state.turning);
-            self.weight_turning.clear();
-            self.weight_turning.extend(joints.map(turned));
-        }
-        for wave in &mut self.waves {
-            wave.angle = q[self.wavy_joints[wave.owner].joint];
-            (wave.value, wave.slope) = wave.wave.at(wave.angle);
+        for (joint, _, angle) in &mut self.waves {
+            *angle = q[*joint];
         }
         let mut before = Rotation3::identity();
-        for (index, (joint, &angle)) in self.chain.joints.iter().zip(q).enumerate() {
+        for (index, (joint, &angle)) in chain.joints.iter().zip(q).enumerate() {
             // The link's axes, as they are at zero angle.
             before *= Rotation3::from(joint.previous_from_link.rotation);
             for (place, lever) in self.places.iter().zip(&mut self.levers) {
@@ -392,6 +374,26 @@ impl<'a> FirstOrder<'a> {
             .sum()
     }
 
+    /// Whether its gradients are closed: those of what stands off springs and of gears' waves come from differences.
+    pub const fn has_gradient(&self) -> bool {
+        self.off_springs.is_empty() && self.waves.is_empty()
+    }
+
+    /// A joint that stands off its spring, and its shape with a load and without it.
+    fn off_spring(&self, place: usize, load: &Load) -> (usize, [f64; 2]) {
+        let each = &self.off_springs[place];
+        let joint = each.joint;
+        let of_load = self.joints[joint].torque(load);
+        let shape = [each.weight_nm + of_load, each.weight_nm].map(|torque| {
+            if each.is_gap {
+                self.arm.backlash[joint].side(each.came_positively, torque)
+            } else {
+                self.arm.stiffening[joint].gives(self.compliance[joint], torque)
+            }
+        });
+        (joint, shape)
+    }
+
     /// Writes the derivatives of the deflection (3 x p), each with respect to its parameter in its size.
     pub fn derivatives(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         let deflection = self.deflection(load);
@@ -411,20 +413,19 @@ impl<'a> FirstOrder<'a> {
                     self.of_motion(self.places[place].moved_from, &self.levers[place], load)
                 }
                 Column::OffSpring(place) => {
-                    let each = &self.off_springs[place];
-                    let lever = &self.joints[each.joint];
-                    let shape = each.under(lever.torque(load));
-                    self.of_motion(each.joint, lever, load) * shape.loaded
-                        + lever.position * shape.crossed()
+                    let (joint, [loaded, unloaded]) = self.off_spring(place, load);
+                    let lever = &self.joints[joint];
+                    self.of_motion(joint, lever, load) * loaded
+                        + lever.position * (loaded - unloaded)
                 }
                 Column::Wave(wave) => {
-                    let wave = &self.waves[wave];
-                    if moved.is_none_or(|(owner, _)| owner != wave.owner) {
-                        let joint = self.wavy_joints[wave.owner].joint;
-                        let all = self.of_motion(joint, &self.joints[joint], load);
-                        moved = Some((wave.owner, all));
-                    }
-                    moved.map_or_else(Vector3::zeros, |(_, all)| all * wave.value)
+                    let (joint, wave, angle) = self.waves[wave];
+                    let all = match moved {
+                        Some((other, all)) if other == joint => all,
+                        _ => self.of_motion(joint, &self.joints[joint], load),
+                    };
+                    moved = Some((joint, all));
+                    all * wave.at(angle)
                 }
                 Column::LoadScale => deflection,
                 Column::LoadOffset => self.deflection(&along),
@@ -436,10 +437,7 @@ impl<'a> FirstOrder<'a> {
         }
     }
 
-    /// Writes the derivatives of what is left at the loaded tool if the deflection at the parameters' nominal values is
-    /// compensated (3 x p): what they change of the joints' own deflections, seen at the tool. The scale of the
-    /// loads, the instrument and where things stand have no part in it; the task's force, which is not what was
-    /// compensated, has. For compliances it is the matrix of a test pose (eq. 23).
+    /// See [`super::PlannedReadings::uncompensated`].
     pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         for (index, (column, factor)) in self.columns.iter().zip(&self.factors).enumerate() {
             let value = match *column {
@@ -452,20 +450,18 @@ impl<'a> FirstOrder<'a> {
                 }
                 // It stands off its spring before the load acts; what that adds is compensated, too.
                 Column::OffSpring(place) => {
-                    let each = &self.off_springs[place];
-                    let lever = &self.joints[each.joint];
-                    let shape = each.under(lever.torque(load));
-                    self.torques_of_motion(each.joint, lever, load) * shape.unloaded
-                        + lever.position * shape.crossed()
+                    let (joint, [loaded, unloaded]) = self.off_spring(place, load);
+                    let lever = &self.joints[joint];
+                    self.torques_of_motion(joint, lever, load) * unloaded
+                        + lever.position * (loaded - unloaded)
                 }
                 // Where the joint is commanded back by what its spring gives, its gear errs by more or less.
                 Column::Wave(wave) => {
-                    let wave = &self.waves[wave];
-                    let joint = self.wavy_joints[wave.owner].joint;
+                    let (joint, wave, angle) = self.waves[wave];
                     let lever = &self.joints[joint];
                     let back = self.compliance[joint] * lever.torque(load);
-                    self.torques_of_motion(joint, lever, load) * wave.value
-                        + lever.position * (wave.wave.at(wave.angle - back).0 - wave.value)
+                    self.torques_of_motion(joint, lever, load) * wave.at(angle)
+                        + lever.position * (wave.at(angle - back) - wave.at(angle))
                 }
                 Column::TaskScale => self.deflection(load),
                 Column::TaskForce(axis) => self.deflection(&Load {
@@ -519,33 +515,15 @@ impl<'a> FirstOrder<'a> {
     }
 }
 
-/// The waves among parameters, and the joints whose they are, in the order of their first.
-fn waves_of(set: &ParameterSet) -> (Vec<WaveHere>, Vec<WavyJoint>) {
-    let (mut waves, mut joints) = (Vec::new(), Vec::<WavyJoint>::new());
-    for (column, parameter) in set.parameters().iter().enumerate() {
-        let ParameterKind::JointWave { joint, wave } = parameter.kind else {
-            continue;
-        };
-        let known = joints.iter().position(|each| each.joint == joint);
-        let owner = known.unwrap_or_else(|| {
-            joints.push(WavyJoint {
-                joint,
-                of_values: Vector3::zeros(),
-                of_slopes: Vector3::zeros(),
-                of_angle: 0.0,
-            });
-            joints.len() - 1
-        });
-        waves.push(WaveHere {
-            column,
-            owner,
-            wave,
-            angle: 0.0,
-            value: 0.0,
-            slope: 0.0,
-        });
+/// The joint that stands off its spring by what it carries, of which a parameter is.
+pub(super) fn stands_off_spring(arm: &ElasticArm, kind: ParameterKind) -> Option<usize> {
+    match kind {
+        ParameterKind::JointBacklash { joint } => {
+            arm.backlash[joint].turned_over_at_nm.map(|_| joint)
+        }
+        ParameterKind::JointStiffening { joint } => Some(joint),
+        _ => None,
     }
-    (waves, joints)
 }
 
 impl FramePlace {

@@ -6,9 +6,9 @@
 //! the commanded angles to first order in compliance (eqs. 3 to 8, extended), for planning; and through
 //! the static equilibrium, for identification.
 //!
-//! What is planned is seen as [`PlannedReadings`]: by that model ([`ObservedRows`]) or in the same form closed, with
-//! gradients: where deflections alone are read of an arm without springs beside the joints' own ([`FirstOrder`]), and
-//! where compliances alone are unknown and only the instrument's noise disturbs ([`ComplianceRows`]). Tests hold the
+//! What is planned is seen as [`PlannedReadings`]: by that model (`observed`) or in the same form closed, with
+//! gradients: where deflections alone are read of an arm without springs beside the joints' own (`first_order`), and
+//! where compliances alone are unknown and only the instrument's noise disturbs (`compliances`). Tests hold the
 //! three together. [`ReadingErrors`] are those of absolute readings besides the instrument's noise; [`ConfigurationEquations`] say what
 //! readings of one configuration tell together, which share them.
 
@@ -18,7 +18,6 @@ mod first_order;
 mod information;
 mod model;
 mod observed;
-mod off_springs;
 mod planned;
 mod reading;
 mod reading_errors;
@@ -32,14 +31,13 @@ mod visits;
 mod visits_tests;
 
 pub use braced::BareArm;
-pub use compliances::{ComplianceColumns, ComplianceRows};
+pub use compliances::ComplianceColumns;
 pub use first_order::FirstOrder;
 pub use information::{
     NormalEquations, normal_equations, planned_information, planned_information_of_each,
     planned_positions, planned_rows,
 };
 pub use model::{Form, ObservationModel};
-pub use observed::ObservedRows;
 pub use planned::{CovarianceTogether, NOTHING_READ, PlannedReadings};
 pub use reading::{
     DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,

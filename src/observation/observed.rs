@@ -1,25 +1,21 @@
 //! Readings that are planned, by the observation model itself: rotations among them, and arms with springs beside the
 //! joints' own, such as a gravity compensator.
 //!
-//! Derivatives are those of [`ObservationModel`] at nominal parameters. How they follow the configuration and the load
-//! comes from differences: [`FirstOrder`](super::FirstOrder) has it in closed form, for deflections of arms without
-//! springs alone.
+//! Derivatives are those of [`ObservationModel`] at nominal parameters.
 
 use std::cell::RefCell;
 
 use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
 
+use super::braced::BareArm;
 use super::model::ObservationModel;
 use super::reading::{DeflectionPrecision, Setup, Whitener, of_positions};
+use super::reading_errors::moved_by;
 use crate::parameter::{
-    Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, TransmissionError, counted_times,
+    ElasticArm, ParameterKind, ParameterSet, ReadingSource, TransmissionError, counted_times,
 };
 use crate::robot::{Approach, EquilibriumSolver, KinematicState, Kinematics, Load};
 
-/// How far joints are moved to see what follows them (rad, m).
-const SHIFT: f64 = 1e-5;
-/// How far a force is changed, as a share of it.
-const FORCE_SHIFT: f64 = 1e-3;
 /// How far parameters are changed to see what compensation leaves, as a share of their typical size.
 const PARAMETER_SHIFT: f64 = 1e-3;
 
@@ -91,12 +87,12 @@ impl<'a> ObservedRows<'a> {
         }
     }
 
-    /// See [`super::FirstOrder::set_repeats`].
+    /// See [`super::PlannedReadings::set_repeats`].
     pub fn set_repeats(&mut self, repeats: u32) {
         self.repeats = f64::from(repeats);
     }
 
-    /// See [`super::FirstOrder::come_from`]; what the arm carries counts, too.
+    /// See [`super::PlannedReadings::come_from`]; what the arm carries counts, too.
     pub fn come_from(&mut self, approach: Option<&Approach>) {
         self.approach = approach.cloned();
     }
@@ -124,12 +120,8 @@ impl<'a> ObservedRows<'a> {
     /// Writes the derivatives of the reading (6 x p), each with respect to its parameter in its size; a reading of
     /// three rows leaves the last three to be ignored.
     pub fn derivatives(&self, load: &Load, matrix: &mut Matrix6xX<f64>) {
-        self.derivatives_at(&self.q, load, matrix);
-    }
-
-    fn derivatives_at(&self, q: &[f64], load: &Load, matrix: &mut Matrix6xX<f64>) {
         let work = &mut *self.work.borrow_mut();
-        work.predict(self, q, load);
+        work.predict(self, load);
         for (index, size) in self.sizes.iter().enumerate() {
             matrix.set_column(index, &(work.rows.column(index) * *size));
         }
@@ -137,38 +129,10 @@ impl<'a> ObservedRows<'a> {
 
     /// What one of the sources adds to a reading's covariance, whatever is repeated (m^2, m rad, rad^2).
     pub fn covariance_of_one(&self, source: usize, load: &Load) -> Matrix6<f64> {
-        self.covariance_at(&self.q, source, load)
-    }
-
-    fn covariance_at(&self, q: &[f64], source: usize, load: &Load) -> Matrix6<f64> {
         let work = &mut *self.work.borrow_mut();
         match &self.sources[source] {
-            ReadingSource::JointRepeatability(deviations) => {
-                work.stand(self, q);
-                let state = &work.state;
-                (deviations.iter().enumerate())
-                    .map(|(joint, deviation)| {
-                        let moved = column(state, joint) * *deviation;
-                        moved * moved.transpose()
-                    })
-                    .sum()
-            }
-            ReadingSource::LoadDirection(deviation) => {
-                let form = work.of_loads(self, q, |axis| Load {
-                    force_n: axis.cross(&load.force_n),
-                    torque_nm: axis.cross(&load.torque_nm),
-                });
-                form * form.transpose() * (deviation * deviation)
-            }
-            ReadingSource::LoadPoint(deviation) => {
-                let form = work.of_loads(self, q, |axis| Load {
-                    force_n: Vector3::zeros(),
-                    torque_nm: axis.cross(&load.force_n),
-                });
-                form * form.transpose() * (deviation * deviation)
-            }
             ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
-                work.predict(self, q, load);
+                work.predict(self, load);
                 (self.zeros.iter().zip(deviations))
                     .map(|(&place, deviation)| {
                         let seen = work.rows.column(place) * *deviation;
@@ -176,22 +140,38 @@ impl<'a> ObservedRows<'a> {
                     })
                     .sum()
             }
-            other => {
-                work.stand(self, q);
-                let own = other.covariance_of_positions(&work.state.tool_position);
-                own.map_or_else(Matrix6::zeros, |own| of_positions(&own))
+            source => {
+                let arm = self.bare();
+                arm.chain.at(arm.tool).update(&self.q, &mut work.state);
+                match source.covariance_of_positions(&work.state.tool_position) {
+                    Some(own) => of_positions(&own),
+                    None => {
+                        let seen = work.state.clone().braced(arm.compliance_rad_per_nm);
+                        let at_target = (load, &Vector3::zeros());
+                        let columns = moved_by(source, arm, [&work.state, &seen], at_target);
+                        columns.iter().map(|each| each * each.transpose()).sum()
+                    }
+                }
             }
         }
     }
 
-    /// See [`super::FirstOrder::covariance_between`].
+    fn bare(&self) -> BareArm<'a> {
+        BareArm {
+            chain: &self.arm.chain,
+            compliance_rad_per_nm: &self.arm.compliance_rad_per_nm,
+            tool: &self.arm.tools[self.target],
+        }
+    }
+
+    /// See [`super::PlannedReadings::covariance_between`].
     pub fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix6<f64> {
         if let ReadingSource::TransmissionError(TransmissionError { deviations, .. }) =
             &self.sources[source]
         {
             let seen = |load: &Load| -> Vec<Vector6<f64>> {
                 let work = &mut *self.work.borrow_mut();
-                work.predict(self, &self.q, load);
+                work.predict(self, load);
                 (self.zeros.iter().zip(deviations))
                     .map(|(&place, deviation)| work.rows.column(place) * *deviation)
                     .collect()
@@ -219,25 +199,21 @@ impl<'a> ObservedRows<'a> {
     }
 
     /// W with W C W^T = I for a reading's covariance C; rows that it does not have are zero.
-    fn whitener_at(&self, q: &[f64], load: &Load) -> Matrix6<f64> {
+    fn whitener(&self, load: &Load) -> Matrix6<f64> {
         let of_noise = counted_times(self.precision.unloaded.shared_part(), self.repeats);
         let mut covariance = self.precision.covariance() * of_noise;
         for source in 0..self.sources.len() {
-            covariance += self.covariance_at(q, source, load) * self.times(source);
+            covariance += self.covariance_of(source, load);
         }
         whitener(&covariance, self.precision.rows())
     }
 
     /// Writes the derivatives of the whitened reading, 3 x p for positions, and 3 x p for rotations beside them.
     pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
-        self.observe_at(&self.q, load, matrix);
-    }
-
-    fn observe_at(&self, q: &[f64], load: &Load, matrix: &mut Matrix3xX<f64>) {
         let size = self.parameters();
         let mut rows = Matrix6xX::zeros(size);
-        self.derivatives_at(q, load, &mut rows);
-        let whitener = self.whitener_at(q, load);
+        self.derivatives(load, &mut rows);
+        let whitener = self.whitener(load);
         for (index, each) in rows.column_iter().enumerate() {
             let white = whitener * each;
             for block in 0..self.precision.rows() / 3 {
@@ -247,38 +223,7 @@ impl<'a> ObservedRows<'a> {
         }
     }
 
-    /// Adds the derivatives of sum(B * A), for the whitened rows A and a factor B of the same shape, with respect to
-    /// the joint angles to `gradient` (n).
-    pub fn pull_back(&self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
-        let mut q = self.q.clone();
-        let mut matrix = Matrix3xX::zeros(factor.ncols());
-        for (joint, slope) in gradient.iter_mut().enumerate().take(self.q.len()) {
-            let mut at = |shift: f64| {
-                q[joint] = self.q[joint] + shift;
-                self.observe_at(&q, load, &mut matrix);
-                factor.dot(&matrix)
-            };
-            *slope += (at(SHIFT) - at(-SHIFT)) / (2.0 * SHIFT);
-            q[joint] = self.q[joint];
-        }
-    }
-
-    /// The same with respect to the force.
-    pub fn force_gradient(&self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
-        let mut matrix = Matrix3xX::zeros(factor.ncols());
-        let shift = FORCE_SHIFT * load.force_n.norm().max(1.0);
-        Vector3::from_fn(|axis, _| {
-            let mut at = |shift: f64| {
-                let mut load = *load;
-                load.force_n[axis] += shift;
-                self.observe_at(&self.q, &load, &mut matrix);
-                factor.dot(&matrix)
-            };
-            (at(shift) - at(-shift)) / (2.0 * shift)
-        })
-    }
-
-    /// See [`super::FirstOrder::uncompensated`]. The robot is commanded q = `q_0` - k tau with the torques tau of the
+    /// See [`super::PlannedReadings::uncompensated`]. The robot is commanded q = `q_0` - k tau with the torques tau of the
     /// load where it rests without it, so that a parameter leaves J~ d(k tau) at the loaded tool, J~ that of the arm
     /// with its springs.
     pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
@@ -363,9 +308,9 @@ impl<'a> ObservedRows<'a> {
 
 impl ObservedRoom {
     /// Fills the rows with the derivatives of the reading in the parameters' units.
-    fn predict(&mut self, of: &ObservedRows<'_>, q: &[f64], load: &Load) {
+    fn predict(&mut self, of: &ObservedRows<'_>, load: &Load) {
         let setup = Setup {
-            commanded_rad: DVector::from_column_slice(q),
+            commanded_rad: DVector::from_column_slice(&of.q),
             load: *load,
             target: of.target,
             station: 0,
@@ -374,43 +319,6 @@ impl ObservedRoom {
         let kind = of.precision.kind();
         self.model.predict_as_planned(&setup, kind, &mut self.rows);
     }
-
-    /// The arm's geometry at the commanded angles, with the springs beside the joints' own at work.
-    fn stand(&mut self, of: &ObservedRows<'_>, q: &[f64]) {
-        let tool = &of.arm.tools[of.target];
-        of.arm.chain.at(tool).update(q, &mut self.state);
-        if let Some(mobility) = self.state.mobility(&of.arm.compliance_rad_per_nm) {
-            self.state.brace(&mobility);
-        }
-    }
-
-    /// How the reading follows a small vector that changes the load.
-    fn of_loads(
-        &mut self,
-        of: &ObservedRows<'_>,
-        q: &[f64],
-        load: impl Fn(Vector3<f64>) -> Load,
-    ) -> nalgebra::Matrix6x3<f64> {
-        self.stand(of, q);
-        let mut plain = KinematicState::new(q.len());
-        let tool = &of.arm.tools[of.target];
-        of.arm.chain.at(tool).update(q, &mut plain);
-        let columns = Axis::ALL.map(|axis| -> Vector6<f64> {
-            let load = load(Vector3::ith(axis.index(), 1.0));
-            (of.arm.compliance_rad_per_nm.iter().enumerate())
-                .map(|(joint, k)| {
-                    column(&self.state, joint) * (k * plain.load_torque(joint, &load))
-                })
-                .sum()
-        });
-        nalgebra::Matrix6x3::from_columns(&columns)
-    }
-}
-
-/// A joint's column of the Jacobian, position above rotation.
-fn column(state: &KinematicState, joint: usize) -> Vector6<f64> {
-    let (moved, turned) = (state.position_column(joint), state.rotation_column(joint));
-    Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z)
 }
 
 /// W with W C W^T = I for the first rows of a covariance C; the others are zero.

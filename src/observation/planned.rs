@@ -6,12 +6,16 @@ use nalgebra::{DMatrix, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::braced::BareArm;
 use super::compliances::ComplianceRows;
-use super::first_order::FirstOrder;
+use super::first_order::{FirstOrder, stands_off_spring};
 use super::observed::ObservedRows;
-use super::off_springs::OffSpring;
 use super::reading::{DeflectionPrecision, of_positions};
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource, Unloaded, counted_times};
 use crate::robot::{Approach, KinematicState, Kinematics, Load};
+
+/// How far joints are moved to see what follows them (rad, m).
+const SHIFT: f64 = 1e-5;
+/// How far a force is changed, as a share of it.
+const FORCE_SHIFT: f64 = 1e-3;
 
 /// The precision where nothing is read, as at a test pose.
 pub const NOTHING_READ: DeflectionPrecision = DeflectionPrecision {
@@ -25,7 +29,9 @@ pub const NOTHING_READ: DeflectionPrecision = DeflectionPrecision {
 #[derive(Debug, Clone)]
 pub struct PlannedReadings<'a> {
     arm: BareArm<'a>,
-    /// The arm's geometry at the last configuration.
+    /// The last configuration (rad).
+    q: Vec<f64>,
+    /// The arm's geometry there.
     state: KinematicState,
     precision: DeflectionPrecision,
     rows: PlannedRows<'a>,
@@ -54,7 +60,7 @@ impl<'a> PlannedReadings<'a> {
     ) -> Self {
         // Where joints stand off their springs by what they carry, the arm's weight counts, and with it what it carries.
         let is_laden = arm.payload.is_some()
-            && (set.parameters().iter()).any(|each| OffSpring::of(arm, each.kind).is_some());
+            && (set.parameters().iter()).any(|each| stands_off_spring(arm, each.kind).is_some());
         let is_bare = !arm.chain.elements.has_springs() && !is_laden;
         let rows = if precision.rows() == 3 && is_bare {
             let sigma_m = precision.sigma_m;
@@ -86,6 +92,7 @@ impl<'a> PlannedReadings<'a> {
 
     fn of(arm: BareArm<'a>, precision: DeflectionPrecision, rows: PlannedRows<'a>) -> Self {
         Self {
+            q: vec![0.0; arm.chain.len()],
             state: KinematicState::new(arm.chain.len()),
             arm,
             precision,
@@ -93,7 +100,7 @@ impl<'a> PlannedReadings<'a> {
         }
     }
 
-    /// The same where nothing is read, as at a test pose: see [`FirstOrder::uncompensated`].
+    /// The same where nothing is read, as at a test pose: see [`Self::uncompensated`].
     pub fn at_test_pose(
         arm: &'a ElasticArm,
         target: usize,
@@ -103,7 +110,9 @@ impl<'a> PlannedReadings<'a> {
         Self::new(arm, target, set, sizes, NOTHING_READ, &[])
     }
 
-    /// See [`FirstOrder::set_repeats`].
+    /// Readings are from now on those of experiments with so many repeats. What repeats share counts in each reading's
+    /// covariance as often as it is shared: then r readings that are taken as independent tell as much as the r repeats
+    /// do, J^T (`R_shared` + `R_new`/r)^-1 J.
     pub fn set_repeats(&mut self, repeats: u32) {
         match &mut self.rows {
             // Repeats share nothing of the instrument's noise.
@@ -113,7 +122,8 @@ impl<'a> PlannedReadings<'a> {
         }
     }
 
-    /// See [`FirstOrder::come_from`].
+    /// Readings are from now on those of configurations that are approached from this side. Where joints have gaps, it decides on
+    /// which side of them they stand: alone, or beside what they carry.
     pub fn come_from(&mut self, approach: Option<&Approach>) {
         match &mut self.rows {
             PlannedRows::Compliances(_) => {}
@@ -148,6 +158,7 @@ impl<'a> PlannedReadings<'a> {
     /// Moves to the joint angles `q` (rad).
     pub fn move_to(&mut self, q: &[f64]) {
         let BareArm { chain, tool, .. } = self.arm;
+        self.q.copy_from_slice(q);
         chain.at(tool).update(q, &mut self.state);
         match &mut self.rows {
             PlannedRows::Compliances(model) => model.stand(q, &self.state),
@@ -187,7 +198,10 @@ impl<'a> PlannedReadings<'a> {
         }
     }
 
-    /// See [`FirstOrder::uncompensated`].
+    /// Writes the derivatives of what is left at the loaded tool if the deflection at the parameters' nominal values is
+    /// compensated (3 x p): what they change of the joints' own deflections, seen at the tool. The scale of the
+    /// loads, the instrument and where things stand have no part in it; the task's force, which is not what was
+    /// compensated, has. For compliances it is the matrix of a test pose (eq. 23).
     pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         match &self.rows {
             PlannedRows::Compliances(model) => model.uncompensated(&self.state, load, matrix),
@@ -329,19 +343,53 @@ impl<'a> PlannedReadings<'a> {
             PlannedRows::Compliances(model) => {
                 model.pull_back(&self.state, load, factor, gradient);
             }
-            PlannedRows::Deflections(model) => {
+            PlannedRows::Deflections(model) if model.has_gradient() => {
                 model.pull_back(load, factor, gradient);
             }
-            PlannedRows::Others(model) => model.pull_back(load, factor, gradient),
+            PlannedRows::Deflections(_) | PlannedRows::Others(_) => {
+                self.add_differences(load, factor, gradient);
+            }
         }
+    }
+
+    /// The same by differences.
+    fn add_differences(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
+        let here = self.q.clone();
+        let mut q = here.clone();
+        let mut matrix = Matrix3xX::zeros(factor.ncols());
+        for (joint, slope) in gradient.iter_mut().enumerate().take(here.len()) {
+            let mut at = |shift: f64| {
+                q[joint] = here[joint] + shift;
+                self.move_to(&q);
+                self.observe(load, &mut matrix);
+                factor.dot(&matrix)
+            };
+            *slope += (at(SHIFT) - at(-SHIFT)) / (2.0 * SHIFT);
+            q[joint] = here[joint];
+        }
+        self.move_to(&here);
     }
 
     /// The same with respect to the force.
     pub fn force_gradient(&mut self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
         match &mut self.rows {
             PlannedRows::Compliances(model) => model.force_gradient(&self.state, factor),
-            PlannedRows::Deflections(model) => model.pull_back(load, factor, &mut []),
-            PlannedRows::Others(model) => model.force_gradient(load, factor),
+            PlannedRows::Deflections(model) if model.has_gradient() => {
+                model.pull_back(load, factor, &mut [])
+            }
+            PlannedRows::Deflections(_) | PlannedRows::Others(_) => {
+                let mut matrix = Matrix3xX::zeros(factor.ncols());
+                let shift = FORCE_SHIFT * load.force_n.norm().max(1.0);
+                Vector3::from_fn(|axis, _| {
+                    let mut at = |shift: f64| {
+                        let mut load = *load;
+                        load.force_n[axis] += shift;
+                        self.observe(&load, &mut matrix);
+                        factor.dot(&matrix)
+                    };
+                    (at(shift) - at(-shift)) / (2.0 * shift)
+                })
+            }
         }
     }
 }

@@ -52,53 +52,22 @@ impl ReadingErrors {
         let carried_m = state.tool_position;
         arm.chain.at(arm.tool).update(q, &mut state);
         let lever = carried_m - state.tool_position;
-        let plain = state.clone();
-        let seen = state.braced(arm.compliance_rad_per_nm);
-        let column = |joint: usize| -> Vector6<f64> {
-            let [moved, turned] = [seen.position_column(joint), seen.rotation_column(joint)];
-            Vector6::from_fn(|row, _| if row < 3 { moved[row] } else { turned[row - 3] })
-        };
-        let of_joints = |deviations: &[f64], share: f64| -> Vec<Vector6<f64>> {
-            let uncertain =
-                (deviations.iter().enumerate()).filter(|(_, deviation)| **deviation > 0.0);
-            uncertain
-                .map(|(joint, deviation)| column(joint) * (deviation * share.sqrt()))
-                .collect()
-        };
-        let of_loads = |deviation: f64, change: &dyn Fn(&Vector3<f64>) -> Load| {
-            [0, 1, 2].map(|axis| -> Vector6<f64> {
-                let off = change(&Vector3::ith(axis, deviation));
-                (arm.compliance_rad_per_nm.iter().enumerate())
-                    .map(|(joint, k)| column(joint) * (k * plain.load_torque(joint, &off)))
-                    .sum()
-            })
-        };
-        let at_target = |force_n: Vector3<f64>, torque_nm: Vector3<f64>| Load {
-            force_n,
-            torque_nm: torque_nm + lever.cross(&force_n),
+        let seen = state.clone().braced(arm.compliance_rad_per_nm);
+        let moved = |source: &ReadingSource, share: f64| {
+            let columns = moved_by(source, arm, [&state, &seen], (load, &lever));
+            columns.into_iter().map(move |column| column * share.sqrt())
         };
         let mut reading = Matrix6::zeros();
         let (mut visit, mut configuration) = (Vec::new(), Vec::new());
         for source in sources {
             match source {
-                ReadingSource::JointRepeatability(deviations) => {
-                    visit.extend(of_joints(deviations, HALF));
+                ReadingSource::JointRepeatability(_) => visit.extend(moved(source, HALF)),
+                ReadingSource::LoadDirection(_) | ReadingSource::LoadPoint(_) => {
+                    visit.extend(moved(source, 1.0));
                 }
-                ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
-                    configuration.extend(of_joints(deviations, 1.0));
-                }
-                ReadingSource::LoadDirection(deviation) => {
-                    visit.extend(of_loads(*deviation, &|turn| {
-                        at_target(turn.cross(&load.force_n), turn.cross(&load.torque_nm))
-                    }));
-                }
-                ReadingSource::LoadPoint(deviation) => {
-                    visit.extend(of_loads(*deviation, &|shift| {
-                        at_target(Vector3::zeros(), shift.cross(&load.force_n))
-                    }));
-                }
+                ReadingSource::TransmissionError(_) => configuration.extend(moved(source, 1.0)),
                 ReadingSource::Range(noise) => {
-                    let apart = plain.tool_position - station_m.unwrap_or(&noise.from_m);
+                    let apart = state.tool_position - station_m.unwrap_or(&noise.from_m);
                     reading += of_positions(&(noise.covariance(&apart) * HALF));
                 }
                 ReadingSource::Discrepancy(deviation) => {
@@ -125,5 +94,53 @@ impl ReadingErrors {
     pub fn covariance(&self) -> Matrix6<f64> {
         let squared = |columns: &Matrix6xX<f64>| columns * columns.transpose();
         self.reading + squared(&self.visit) + squared(&self.configuration)
+    }
+}
+
+/// A joint's column of the Jacobian, position above rotation.
+pub(super) fn column(state: &KinematicState, joint: usize) -> Vector6<f64> {
+    let [moved, turned] = [state.position_column(joint), state.rotation_column(joint)];
+    Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z)
+}
+
+/// How one standard deviation of each number of a source moves a target (m, rad): a joint, or a load, which acts at a place (m, from
+/// the target). The arm's geometry is that without and with the springs beside the joints' own at work.
+pub(super) fn moved_by(
+    source: &ReadingSource,
+    arm: BareArm<'_>,
+    [plain, seen]: [&KinematicState; 2],
+    (load, lever): (&Load, &Vector3<f64>),
+) -> Vec<Vector6<f64>> {
+    let of_load = |force_n: Vector3<f64>, torque_nm: Vector3<f64>| -> Vector6<f64> {
+        let off = Load {
+            force_n,
+            torque_nm: torque_nm + lever.cross(&force_n),
+        };
+        (arm.compliance_rad_per_nm.iter().enumerate())
+            .map(|(joint, k)| column(seen, joint) * (k * plain.load_torque(joint, &off)))
+            .sum()
+    };
+    match source {
+        ReadingSource::JointRepeatability(deviations)
+        | ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
+            let joints = deviations.iter().enumerate();
+            let uncertain = joints.filter(|(_, deviation)| **deviation > 0.0);
+            uncertain
+                .map(|(joint, deviation)| column(seen, joint) * *deviation)
+                .collect()
+        }
+        ReadingSource::LoadDirection(deviation) => {
+            let turns = [0, 1, 2].map(|axis| Vector3::ith(axis, *deviation));
+            let moved = |turn: Vector3<f64>| {
+                of_load(turn.cross(&load.force_n), turn.cross(&load.torque_nm))
+            };
+            turns.map(moved).to_vec()
+        }
+        ReadingSource::LoadPoint(deviation) => {
+            let shifts = [0, 1, 2].map(|axis| Vector3::ith(axis, *deviation));
+            let moved = |shift: Vector3<f64>| of_load(Vector3::zeros(), shift.cross(&load.force_n));
+            shifts.map(moved).to_vec()
+        }
+        ReadingSource::Range(_) | ReadingSource::Discrepancy(_) => Vec::new(),
     }
 }

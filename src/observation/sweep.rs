@@ -15,6 +15,7 @@
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6x3, Matrix6xX, Rotation3, Vector3, Vector6};
 
+use super::reading_errors::column as jacobian_column;
 use super::rotation::left_jacobian;
 use crate::parameter::{Axis, ElasticArm, Leaning, ParameterKind, ParameterSet, Payload, along};
 use crate::robot::{KinematicState, Load, Motion, SerialChain};
@@ -164,7 +165,7 @@ impl Sweep {
                 }
                 ParameterKind::JointZero { joint } => self.of_zero(pose, joint),
                 ParameterKind::JointWave { joint, wave } => {
-                    self.of_zero(pose, joint) * wave.at(pose.asked_rad[joint]).0
+                    self.of_zero(pose, joint) * wave.at(pose.asked_rad[joint])
                 }
                 ParameterKind::JointBacklash { joint } => {
                     self.of_leaning(pose, joint, |leaning| leaning.side)
@@ -271,12 +272,7 @@ impl Sweep {
         let [here, unloaded] = leanings.map(|all| by(&all[joint]));
         let mut column = self.of_zero(pose, joint) * here;
         if !pose.has_rigid_motion {
-            let (moved, turned) = (
-                pose.state.position_column(joint),
-                pose.state.rotation_column(joint),
-            );
-            let whole = Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z);
-            column += whole * (here - unloaded);
+            column += jacobian_column(pose.state, joint) * (here - unloaded);
         }
         column
     }

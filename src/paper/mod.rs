@@ -7,23 +7,24 @@
 
 mod designs;
 pub mod published;
-pub mod record;
 mod tables;
 
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::files::FileError;
 use crate::plan::search::{SearchError, Watch};
-use crate::plan::{Plan, read_plan};
+use crate::plan::{Feasibility, Plan, read_plan};
+use crate::record::messages::{ExperimentMessage, plan_messages};
+use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
-use crate::study::evidence::{Distances, distances};
-use crate::study::{Conditions, Entry, EntryKind, Setting, StudyError, repeated};
+use crate::study::{EntryKind, StudyError, repeated};
+use crate::workflow::evidence::distances;
 use published::{FIGURE_7, FIGURE_7_RANDOM};
 
 pub use designs::{DesignedPlan, designs};
 pub use tables::{
-    Accuracy, Agreement, Number, StandardErrors, TABLE_5_TOLERANCE, accuracies, equation_23,
-    standard_errors,
+    Accuracy, Number, StandardErrors, TABLE_5_TOLERANCE, accuracies, equation_23, standard_errors,
 };
 
 /// The number of measurements of Fig. 7.
@@ -46,33 +47,53 @@ pub enum ReproductionError {
     Study(#[from] StudyError),
 }
 
+/// A plan of Table 4.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PrintedPlan {
+    /// The number of measurements.
+    pub experiments: u32,
+    /// The plan as printed.
+    pub plan: Vec<ExperimentMessage>,
+    /// The bounds of Table 3 that it breaks.
+    pub violations: Vec<String>,
+}
+
 /// The mean distance that one plan of Fig. 7 leaves.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MeanDistance {
     /// What the plan is.
     pub description: String,
-    /// The mean that the paper prints (m).
-    pub printed_m: Option<f64>,
+    /// The mean that the paper prints (mm).
+    pub printed_mean_mm: Option<f64>,
+    /// What the paper prints for random plans over what it prints for this one.
+    pub printed_random_over_mean: Option<f64>,
+    /// The mean over random plans over this plan's mean.
+    pub random_over_mean: Option<f64>,
+    /// Its 95 % interval.
+    pub random_over_mean_ci95: Option<[f64; 2]>,
     /// This program's runs.
-    pub distances: Distances,
+    #[serde(flatten)]
+    pub runs: StudyPlanMessage,
 }
 
-/// The paper's numbers and this program's.
-#[derive(Debug, Clone, PartialEq)]
+/// The paper's numbers and this program's. What does not exist is null.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reproduction {
+    /// Whether everything agrees that should.
+    pub agrees: bool,
+    /// What should agree and does not.
+    pub failures: Vec<String>,
     /// Eq. 23, row by row.
-    pub equation_23: Vec<Vec<Number>>,
+    pub eq23: Vec<Vec<Number>>,
     /// Table 4: the paper's plans by the number of measurements.
-    pub table_4: Vec<Plan>,
+    pub table4: Vec<PrintedPlan>,
     /// Table 5.
-    pub table_5: Vec<StandardErrors>,
-    /// Table 6.
-    pub table_6: Vec<Accuracy>,
-    /// What this program designs for each row of Table 6.
-    pub designs: Vec<DesignedPlan>,
+    pub table5: Vec<StandardErrors>,
+    /// Table 6, with what this program designs for each row.
+    pub table6: Vec<Accuracy>,
     /// Fig. 7: random plans, the paper's, this program's.
-    pub figure_7: Vec<MeanDistance>,
-    /// The number of runs of each plan.
+    pub fig7: Vec<MeanDistance>,
+    /// The number of runs of each plan of Fig. 7.
     pub trials: u64,
 }
 
@@ -86,18 +107,30 @@ pub fn reproduce(
     progress: &dyn Fn(usize, usize),
 ) -> Result<Reproduction, ReproductionError> {
     let table_4 = table_4(scenario)?;
-    let equation_23 = equation_23(&scenario.task)?;
-    let table_5 = standard_errors(&scenario.task, &table_4);
-    let table_6 = accuracies(&scenario.task, &table_4);
+    let task = &scenario.task;
+    let eq23 = equation_23(task)?;
     let designs = designs(scenario, watch, progress)?;
-    let figure_7 = figure_7(scenario, &table_4, &designs, trials, watch)?;
+    let fig7 = figure_7(scenario, &table_4, &designs, trials, watch)?;
+    let mut feasibility = Feasibility::new(task);
+    let printed = table_4.iter().map(|plan| PrintedPlan {
+        experiments: plan.measurements(),
+        plan: plan_messages(&task.belief.commands(), plan),
+        violations: (feasibility.violations(plan).iter())
+            .map(ToString::to_string)
+            .collect(),
+    });
+    let table4 = printed.collect();
+    let table5 = standard_errors(task, &table_4);
+    let table6 = accuracies(task, &table_4, &designs);
+    let failures = failures(&eq23, &table5, &table6);
     Ok(Reproduction {
-        equation_23,
-        table_4,
-        table_5,
-        table_6,
-        designs,
-        figure_7,
+        agrees: failures.is_empty(),
+        failures,
+        eq23,
+        table4,
+        table5,
+        table6,
+        fig7,
         trials,
     })
 }
@@ -130,23 +163,14 @@ fn figure_7(
     trials: u64,
     watch: Watch<'_>,
 ) -> Result<Vec<MeanDistance>, ReproductionError> {
-    let mut entries = vec![Entry {
-        name: "random".to_owned(),
-        setting: 0,
-        kind: EntryKind::RandomEach,
-    }];
+    let mut kinds = vec![("random".to_owned(), EntryKind::RandomEach)];
     let mut about = vec![(
         "a fresh random plan each run".to_owned(),
         Some(FIGURE_7_RANDOM),
     )];
     let mut add = |name: &str, plan: &Plan, description: String, printed: Option<f64>| {
         if let Some(plan) = repeated(plan, FIGURE_7_EXPERIMENTS) {
-            let (name, kind) = (name.to_owned(), EntryKind::Fixed(plan));
-            entries.push(Entry {
-                name,
-                setting: 0,
-                kind,
-            });
+            kinds.push((name.to_owned(), EntryKind::Fixed(plan)));
             about.push((description, printed));
         }
     };
@@ -171,39 +195,47 @@ fn figure_7(
             );
         }
     }
-    let conditions = Conditions::plain(&scenario.task, FIGURE_7_EXPERIMENTS);
-    let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
-    let distances = distances(&setting, scenario.seed, &entries, trials, Some(watch.stop))?;
-    let all = about.into_iter().zip(distances);
+    let stop = Some(watch.stop);
+    let runs = distances(scenario, FIGURE_7_EXPERIMENTS, kinds, trials, stop)?;
+    let over_mean = |printed_um: f64| FIGURE_7_RANDOM / printed_um;
+    let inverse = |[low, high]: [f64; 2]| [high.recip(), low.recip()];
+    let all = about.into_iter().zip(runs);
     Ok(all
-        .map(|((description, printed_um), distances)| MeanDistance {
+        .map(|((description, printed_um), runs)| MeanDistance {
             description,
-            printed_m: printed_um.map(|printed| printed * 1e-6),
-            distances,
+            printed_mean_mm: printed_um.map(|printed| printed * 1e-3),
+            printed_random_over_mean: printed_um.map(over_mean),
+            random_over_mean: runs.mean_ratio_to_random.map(f64::recip),
+            random_over_mean_ci95: runs.mean_ratio_to_random_ci95.map(inverse),
+            runs,
         })
         .collect())
 }
 
-impl Reproduction {
-    /// What should agree with the paper and does not.
-    pub fn failures(&self) -> Vec<String> {
-        let mut failures = Vec::new();
-        let cells = self.equation_23.iter().flatten();
-        let wrong = cells.filter(|cell| !cell.agrees()).count();
-        if wrong > 0 {
-            failures.push(format!("{wrong} of the 15 numbers of eq. 23 differ"));
-        }
-        let wrong = (self.table_5.iter()).filter(|row| !row.agrees()).count();
-        if wrong > 0 {
-            failures.push(format!("{wrong} of the 5 rows of Table 5 differ"));
-        }
-        let wrong = (self.table_6.iter()).filter(|row| row.keeps_the_rule() == Some(false));
-        let wrong = wrong.count();
-        if wrong > 0 {
-            failures.push(format!(
-                "{wrong} numbers of Table 6 break the rule of repeated plans"
-            ));
-        }
-        failures
-    }
+/// What should agree with the paper and does not.
+pub fn failures(
+    eq23: &[Vec<Number>],
+    table5: &[StandardErrors],
+    table6: &[Accuracy],
+) -> Vec<String> {
+    let wrong = [
+        (
+            eq23.iter().flatten().filter(|cell| !cell.agrees).count(),
+            "of the 15 numbers of eq. 23 differ",
+        ),
+        (
+            table5.iter().filter(|row| !row.agrees).count(),
+            "of the 5 rows of Table 5 differ",
+        ),
+        (
+            (table6.iter())
+                .filter(|row| row.keeps_the_rule == Some(false))
+                .count(),
+            "numbers of Table 6 break the rule of repeated plans",
+        ),
+    ];
+    (wrong.iter())
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect()
 }

@@ -31,19 +31,11 @@ impl Backlash {
 
     /// On which side of the gap the joint stands, -1 to 1, after it came turning positively or not, under a torque (N m).
     pub fn side(&self, came_positively: bool, torque_nm: f64) -> f64 {
-        self.side_and_slope(came_positively, torque_nm).0
-    }
-
-    /// The same, and how it follows the torque (1/(N m)).
-    pub fn side_and_slope(&self, came_positively: bool, torque_nm: f64) -> (f64, f64) {
         let of_approach = if came_positively { -1.0 } else { 1.0 };
         let Some(turned_over_at_nm) = self.turned_over_at_nm else {
-            return (of_approach, 0.0);
+            return of_approach;
         };
         let ratio = torque_nm / turned_over_at_nm;
-        let whole = 1.0 + ratio * ratio;
-        let side = (of_approach + ratio * ratio.abs()) / whole;
-        let slope = 2.0 * (ratio.abs() - of_approach * ratio) / (whole * whole);
-        (side, slope / turned_over_at_nm)
+        (of_approach + ratio * ratio.abs()) / (1.0 + ratio * ratio)
     }
 }

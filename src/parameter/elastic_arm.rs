@@ -140,7 +140,7 @@ impl ElasticArm {
             let compliance = self.compliance_rad_per_nm[joint];
             Leaning {
                 side: gap.side(came, torque),
-                gives: self.stiffening[joint].gives(compliance, torque).0,
+                gives: self.stiffening[joint].gives(compliance, torque),
             }
         };
         gaps.enumerate().map(leaning).collect()
@@ -158,30 +158,25 @@ impl ElasticArm {
             || self.stiffening.iter().any(|each| each.share != 0.0)
     }
 
-    /// How large a wave in a joint's gear is (rad).
-    pub fn amplitude_rad(&self, joint: usize, wave: GearWave) -> f64 {
+    /// How large a wave in a joint's gear is (rad), to be changed.
+    pub(super) fn amplitude_rad(&mut self, joint: usize, wave: GearWave) -> &mut f64 {
         let mut waves = self.gear_waves.iter();
-        let found = waves.find(|each| (each.joint, each.wave) == (joint, wave));
-        found.map_or(0.0, |each| each.amplitude_rad)
-    }
-
-    /// Makes a wave in a joint's gear so large (rad).
-    pub fn set_amplitude(&mut self, joint: usize, wave: GearWave, amplitude_rad: f64) {
-        let mut waves = self.gear_waves.iter_mut();
-        match waves.find(|each| (each.joint, each.wave) == (joint, wave)) {
-            Some(found) => found.amplitude_rad = amplitude_rad,
-            None => self.gear_waves.push(WaveError {
+        let known = waves.position(|each| (each.joint, each.wave) == (joint, wave));
+        let place = known.unwrap_or_else(|| {
+            self.gear_waves.push(WaveError {
                 joint,
                 wave,
-                amplitude_rad,
-            }),
-        }
+                amplitude_rad: 0.0,
+            });
+            self.gear_waves.len() - 1
+        });
+        &mut self.gear_waves[place].amplitude_rad
     }
 
     /// How far a joint's gear is off where the joint is commanded an angle (rad).
     pub fn transmission_error_rad(&self, joint: usize, commanded_rad: f64) -> f64 {
         (self.gear_waves.iter().filter(|each| each.joint == joint))
-            .map(|each| each.amplitude_rad * each.wave.at(commanded_rad).0)
+            .map(|each| each.amplitude_rad * each.wave.at(commanded_rad))
             .sum()
     }
 
@@ -215,7 +210,7 @@ impl ElasticArm {
     ) -> Vec<f64> {
         let mut offsets = self.zero_rad.clone();
         for each in &self.gear_waves {
-            offsets[each.joint] += each.amplitude_rad * each.wave.at(q[each.joint]).0;
+            offsets[each.joint] += each.amplitude_rad * each.wave.at(q[each.joint]);
         }
         if self.leans() {
             let leanings = self.leanings(q, tool, load, approach);

@@ -197,14 +197,13 @@ fn generators(belief: &ElasticArm, set: &ParameterSet) -> Vec<Generator> {
                 let mut generator = link(0, &-back_velocity, &-back_omega);
                 // Seen from every station alike.
                 for station in 0..belief.instrument_from_base.len() {
-                    for axis in Axis::ALL {
-                        let position = ParameterKind::BasePosition { station, axis };
-                        let rotation = ParameterKind::BaseRotation { station, axis };
-                        generator.push((position, velocity[axis.index()]));
-                        generator.push((rotation, omega[axis.index()]));
-                    }
+                    generator.extend(motion(
+                        |axis| ParameterKind::BasePosition { station, axis },
+                        |axis| ParameterKind::BaseRotation { station, axis },
+                        &velocity,
+                        &omega,
+                    ));
                 }
-                generator.retain(|(_, value)| *value != 0.0);
                 all.push(generator);
             }
         }
@@ -253,20 +252,29 @@ fn of_slide(belief: &ElasticArm, index: usize, axis: &Vector3<f64>) -> Vec<Gener
     all
 }
 
-fn link(link: usize, velocity: &Vector3<f64>, omega: &Vector3<f64>) -> Generator {
-    let mut generator = Vec::new();
-    for axis in Axis::ALL {
-        generator.push((
-            ParameterKind::LinkPosition { link, axis },
-            velocity[axis.index()],
-        ));
-        generator.push((
-            ParameterKind::LinkRotation { link, axis },
-            omega[axis.index()],
-        ));
-    }
+/// A small motion of a frame, by the parameters of its position and rotation.
+fn motion(
+    position: impl Fn(Axis) -> ParameterKind,
+    rotation: impl Fn(Axis) -> ParameterKind,
+    velocity: &Vector3<f64>,
+    omega: &Vector3<f64>,
+) -> Generator {
+    let parts = |axis: Axis| {
+        let (moved, turned) = (velocity[axis.index()], omega[axis.index()]);
+        [(position(axis), moved), (rotation(axis), turned)]
+    };
+    let mut generator: Generator = Axis::ALL.into_iter().flat_map(parts).collect();
     generator.retain(|(_, value)| *value != 0.0);
     generator
+}
+
+fn link(link: usize, velocity: &Vector3<f64>, omega: &Vector3<f64>) -> Generator {
+    motion(
+        |axis| ParameterKind::LinkPosition { link, axis },
+        |axis| ParameterKind::LinkRotation { link, axis },
+        velocity,
+        omega,
+    )
 }
 
 /// A small motion of a link, in its frame, taken back by the next link's frame and by all tools on it.
@@ -281,18 +289,17 @@ fn taken_back(
         let (velocity, omega) = seen_from(&next.previous_from_link.inverse(), velocity, omega);
         generator.extend(link(index + 1, &-velocity, &-omega));
     }
-    for (number, tool) in belief.tools.iter().enumerate() {
-        if tool.joints == index + 1 {
-            let (velocity, omega) = seen_from(&tool.link_from_tool.inverse(), velocity, omega);
-            for axis in Axis::ALL {
-                let position = ParameterKind::ToolPosition { tool: number, axis };
-                let rotation = ParameterKind::ToolRotation { tool: number, axis };
-                generator.push((position, -velocity[axis.index()]));
-                generator.push((rotation, -omega[axis.index()]));
-            }
+    for (tool, each) in belief.tools.iter().enumerate() {
+        if each.joints == index + 1 {
+            let (velocity, omega) = seen_from(&each.link_from_tool.inverse(), velocity, omega);
+            generator.extend(motion(
+                |axis| ParameterKind::ToolPosition { tool, axis },
+                |axis| ParameterKind::ToolRotation { tool, axis },
+                &-velocity,
+                &-omega,
+            ));
         }
     }
-    generator.retain(|(_, value)| *value != 0.0);
     generator
 }
 

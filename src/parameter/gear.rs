@@ -36,13 +36,12 @@ impl GearWave {
         [WavePhase::Sine, WavePhase::Cosine].map(|phase| Self { per_turn, phase })
     }
 
-    /// Its value at an angle (rad), and its slope there (1/rad).
-    pub fn at(self, angle_rad: f64) -> (f64, f64) {
-        let per_turn = f64::from(self.per_turn.get());
-        let (sine, cosine) = (per_turn * angle_rad).sin_cos();
+    /// Its value at an angle (rad).
+    pub fn at(self, angle_rad: f64) -> f64 {
+        let (sine, cosine) = (f64::from(self.per_turn.get()) * angle_rad).sin_cos();
         match self.phase {
-            WavePhase::Sine => (sine, per_turn * cosine),
-            WavePhase::Cosine => (cosine, -per_turn * sine),
+            WavePhase::Sine => sine,
+            WavePhase::Cosine => cosine,
         }
     }
 
@@ -117,7 +116,7 @@ mod tests {
         let counts = [1, 2, 40].map(|count| NonZeroU32::new(count).expect("not zero"));
         let covariance = |one: f64, other: f64| -> f64 {
             let waves = counts.iter().flat_map(|&count| GearWave::both(count));
-            let both = waves.map(|wave| wave.at(one).0 * wave.at(other).0);
+            let both = waves.map(|wave| wave.at(one) * wave.at(other));
             both.sum::<f64>() / counts.len() as f64
         };
         for angle in [-3.0, 0.0, 0.4, 2.0] {

@@ -157,32 +157,140 @@ pub enum ParameterKind {
     },
 }
 
+/// What of an arm a parameter is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Owner {
+    Joint(usize),
+    Spring(usize),
+    Link(usize),
+    Tool(usize),
+    Station(usize),
+    /// There is one alone, or none.
+    Only,
+}
+
+/// What there is to say of a kind, whatever of the arm it is of.
+struct KindRow {
+    /// Its name and its words, with @ for what it is of and % for the axis.
+    name: &'static str,
+    words: &'static str,
+    /// The unit of a value that is no logarithm.
+    unit: &'static str,
+    /// See [`ParameterKind::typical_size`].
+    size: f64,
+}
+
+const fn row(name: &'static str, words: &'static str, unit: &'static str, size: f64) -> KindRow {
+    KindRow {
+        name,
+        words,
+        unit,
+        size,
+    }
+}
+
 impl ParameterKind {
+    const fn row(self) -> KindRow {
+        match self {
+            Self::JointCompliance { .. } => {
+                row("@.compliance", "the compliance of @", "rad/(N m)", 1.0)
+            }
+            Self::JointZero { .. } => row("@.zero", "the zero of @", "rad", 1e-3),
+            Self::JointBacklash { .. } => row("@.backlash", "the backlash of @", "rad", 1e-4),
+            Self::JointStiffening { .. } => row("@.stiffening", "the stiffening of @", "1", 1e-2),
+            Self::JointWave { .. } => row("@.", "in @'s gear that comes", "rad", 1e-4),
+            Self::SpringStiffness { .. } => row("@.stiffness", "the stiffness of @", "N/m", 1.0),
+            Self::SpringRest { .. } => row("@.rest", "the rest length of @", "m", 1e-2),
+            Self::LinkPosition { .. } => row("@.%", "@'s position along %", "m", 3e-4),
+            Self::LinkRotation { .. } => row("@.r%", "@'s rotation about %", "rad", 3e-4),
+            Self::LinkMass { .. } => row("@.mass", "@'s mass", "1", 5e-2),
+            Self::LinkCentre { .. } => row("@.c%", "@'s centre of mass along %", "m", 1e-2),
+            Self::ToolPosition { .. } => row("@.%", "@'s position along %", "m", 1e-3),
+            Self::BasePosition { .. } => row("@.%", "@'s position along %", "m", 1e-2),
+            Self::ToolRotation { .. } | Self::BaseRotation { .. } => {
+                row("@.r%", "@'s rotation about %", "rad", 1e-2)
+            }
+            Self::PayloadMass => row("payload.mass", "the payload's mass", "1", 5e-2),
+            Self::PayloadCentre { .. } => {
+                row("payload.%", "the payload's centre along %", "m", 1e-2)
+            }
+            Self::LoadScale => row("load.scale", "the scale of the load", "1", 1e-2),
+            Self::LoadOffset => row("load.offset", "the offset of the load", "N", 10.0),
+            Self::TaskScale => row("task.scale", "the scale of the task's load", "1", 1e-2),
+            Self::TaskForce { .. } => row("task.f%", "the task's force along %", "N", 10.0),
+            Self::Drift { .. } => row("drift.%", "the instrument's drift along %", "m", 1e-5),
+        }
+    }
+
+    /// What it is of.
+    pub(super) const fn owner(self) -> Owner {
+        match self {
+            Self::JointCompliance { joint }
+            | Self::JointZero { joint }
+            | Self::JointBacklash { joint }
+            | Self::JointStiffening { joint }
+            | Self::JointWave { joint, .. } => Owner::Joint(joint),
+            Self::SpringStiffness { spring } | Self::SpringRest { spring } => Owner::Spring(spring),
+            Self::LinkPosition { link, .. }
+            | Self::LinkRotation { link, .. }
+            | Self::LinkMass { link }
+            | Self::LinkCentre { link, .. } => Owner::Link(link),
+            Self::ToolPosition { tool, .. } | Self::ToolRotation { tool, .. } => Owner::Tool(tool),
+            Self::BasePosition { station, .. } | Self::BaseRotation { station, .. } => {
+                Owner::Station(station)
+            }
+            _ => Owner::Only,
+        }
+    }
+
+    const fn axis(self) -> Option<Axis> {
+        match self {
+            Self::LinkPosition { axis, .. }
+            | Self::LinkRotation { axis, .. }
+            | Self::LinkCentre { axis, .. }
+            | Self::ToolPosition { axis, .. }
+            | Self::ToolRotation { axis, .. }
+            | Self::BasePosition { axis, .. }
+            | Self::BaseRotation { axis, .. }
+            | Self::PayloadCentre { axis }
+            | Self::TaskForce { axis }
+            | Self::Drift { axis } => Some(axis),
+            _ => None,
+        }
+    }
+
+    /// Where its quantity is in an arm; none of the places of frames, and of the task's force.
+    pub(super) fn place(self, arm: &mut ElasticArm) -> Option<&mut f64> {
+        Some(match self {
+            Self::JointCompliance { joint } => &mut arm.compliance_rad_per_nm[joint],
+            Self::JointZero { joint } => &mut arm.zero_rad[joint],
+            Self::JointBacklash { joint } => &mut arm.backlash[joint].half_width_rad,
+            Self::JointStiffening { joint } => &mut arm.stiffening[joint].share,
+            Self::JointWave { joint, wave } => arm.amplitude_rad(joint, wave),
+            Self::SpringStiffness { spring } => {
+                &mut arm.chain.elements.springs[spring].stiffness_n_per_m
+            }
+            Self::SpringRest { spring } => &mut arm.chain.elements.springs[spring].rest_m[0],
+            Self::LinkMass { link } => &mut arm.chain.joints[link].mass_kg,
+            Self::LinkCentre { link, axis } => {
+                &mut arm.chain.joints[link].centre_of_mass_m[axis.index()]
+            }
+            Self::PayloadMass => &mut arm.payload.as_mut()?.mass_kg,
+            Self::PayloadCentre { axis } => {
+                &mut arm.payload.as_mut()?.centre_of_mass_m[axis.index()]
+            }
+            Self::LoadScale => &mut arm.load_scale,
+            Self::LoadOffset => &mut arm.load_offset_n,
+            Self::Drift { axis } => &mut arm.drift_m[axis.index()],
+            _ => return None,
+        })
+    }
+
     /// The unit of its value; "1" for a logarithm.
     pub const fn unit(self, is_logarithmic: bool) -> &'static str {
         match self {
             Self::JointCompliance { .. } | Self::SpringStiffness { .. } if is_logarithmic => "1",
-            Self::JointCompliance { .. } => "rad/(N m)",
-            Self::SpringStiffness { .. } => "N/m",
-            Self::JointZero { .. }
-            | Self::JointBacklash { .. }
-            | Self::JointWave { .. }
-            | Self::LinkRotation { .. }
-            | Self::ToolRotation { .. }
-            | Self::BaseRotation { .. } => "rad",
-            Self::LinkPosition { .. }
-            | Self::SpringRest { .. }
-            | Self::ToolPosition { .. }
-            | Self::BasePosition { .. }
-            | Self::LinkCentre { .. }
-            | Self::PayloadCentre { .. }
-            | Self::Drift { .. } => "m",
-            Self::JointStiffening { .. }
-            | Self::LinkMass { .. }
-            | Self::PayloadMass
-            | Self::LoadScale
-            | Self::TaskScale => "1",
-            Self::LoadOffset | Self::TaskForce { .. } => "N",
+            _ => self.row().unit,
         }
     }
 
@@ -284,35 +392,37 @@ impl ParameterKind {
 
     /// Its unique name, such as `joint_3.compliance`, `link_3.x`, `tool.ry`, `base.z`.
     pub fn name(self, belief: &ElasticArm) -> String {
-        let tool = |index: usize| numbered("tool", index);
-        let joint = |index: usize| &belief.chain.joints[index].name;
-        let named = |spring: usize| &belief.chain.elements.springs[spring].name;
+        // The first of several bears the plain name.
+        let numbered = |name: &str, index: usize| match index {
+            0 => name.to_owned(),
+            index => format!("{name}_{}", index + 1),
+        };
+        let name = self.filled(self.row().name, belief, &numbered);
         match self {
-            Self::JointCompliance { joint: index } => format!("{}.compliance", joint(index)),
-            Self::JointZero { joint: index } => format!("{}.zero", joint(index)),
-            Self::JointBacklash { joint: index } => format!("{}.backlash", joint(index)),
-            Self::JointStiffening { joint: index } => format!("{}.stiffening", joint(index)),
-            Self::JointWave { joint: index, wave } => format!("{}.{}", joint(index), wave.name()),
-            Self::SpringStiffness { spring } => format!("{}.stiffness", named(spring)),
-            Self::SpringRest { spring } => format!("{}.rest", named(spring)),
-            Self::LinkPosition { link, axis } => format!("link_{}.{axis}", link + 1),
-            Self::LinkRotation { link, axis } => format!("link_{}.r{axis}", link + 1),
-            Self::LinkMass { link } => format!("link_{}.mass", link + 1),
-            Self::LinkCentre { link, axis } => format!("link_{}.c{axis}", link + 1),
-            Self::ToolPosition { tool: index, axis } => format!("{}.{axis}", tool(index)),
-            Self::ToolRotation { tool: index, axis } => format!("{}.r{axis}", tool(index)),
-            Self::BasePosition { station, axis } => format!("{}.{axis}", numbered("base", station)),
-            Self::BaseRotation { station, axis } => {
-                format!("{}.r{axis}", numbered("base", station))
-            }
-            Self::PayloadMass => "payload.mass".to_owned(),
-            Self::PayloadCentre { axis } => format!("payload.{axis}"),
-            Self::LoadScale => "load.scale".to_owned(),
-            Self::LoadOffset => "load.offset".to_owned(),
-            Self::TaskScale => "task.scale".to_owned(),
-            Self::TaskForce { axis } => format!("task.f{axis}"),
-            Self::Drift { axis } => format!("drift.{axis}"),
+            Self::JointWave { wave, .. } => name + &wave.name(),
+            _ => name,
         }
+    }
+
+    /// A text of its row about an arm, whose tools and stations are named so.
+    fn filled(
+        self,
+        text: &str,
+        belief: &ElasticArm,
+        numbered: &dyn Fn(&str, usize) -> String,
+    ) -> String {
+        let owner = match self.owner() {
+            Owner::Joint(joint) => belief.chain.joints[joint].name.clone(),
+            Owner::Spring(spring) => belief.chain.elements.springs[spring].name.clone(),
+            Owner::Link(link) => format!("link_{}", link + 1),
+            Owner::Tool(tool) => numbered("tool", tool),
+            Owner::Station(station) => numbered("base", station),
+            Owner::Only => String::new(),
+        };
+        let axis = self
+            .axis()
+            .map_or_else(String::new, |axis| axis.to_string());
+        text.replace('%', &axis).replace('@', &owner)
     }
 
     /// The typical size of its deviation from the nominal value, in its own unit: 0.3 mm and 0.3 mrad for
@@ -332,22 +442,7 @@ impl ParameterKind {
             Self::SpringStiffness { spring } if !has_prior => belief.chain.elements.springs[spring]
                 .stiffness_n_per_m
                 .abs(),
-            Self::JointCompliance { .. } | Self::SpringStiffness { .. } => 1.0,
-            Self::LinkPosition { .. } | Self::LinkRotation { .. } => 3e-4,
-            Self::JointBacklash { .. } | Self::JointWave { .. } => 1e-4,
-            Self::JointZero { .. } | Self::ToolPosition { .. } => 1e-3,
-            Self::ToolRotation { .. }
-            | Self::SpringRest { .. }
-            | Self::BasePosition { .. }
-            | Self::BaseRotation { .. }
-            | Self::LinkCentre { .. }
-            | Self::PayloadCentre { .. }
-            | Self::JointStiffening { .. }
-            | Self::LoadScale
-            | Self::TaskScale => 1e-2,
-            Self::LoadOffset | Self::TaskForce { .. } => 10.0,
-            Self::Drift { .. } => 1e-5,
-            Self::PayloadMass | Self::LinkMass { .. } => 5e-2,
+            _ => self.row().size,
         }
     }
 
@@ -395,77 +490,22 @@ impl ParameterKind {
 
     /// What it is, in words.
     pub fn words(self, belief: &ElasticArm) -> String {
-        let joint = |index: usize| &belief.chain.joints[index].name;
-        let named = |spring: usize| &belief.chain.elements.springs[spring].name;
-        let tool = |index: usize| match index {
-            0 => "the tool".to_owned(),
-            index => format!("tool {}", index + 1),
+        let numbered = |name: &str, index: usize| match (name, index) {
+            (name, 0) => format!("the {name}"),
+            ("base", station) => format!("the base at station {}", station + 1),
+            (name, index) => format!("{name} {}", index + 1),
         };
-        let base = |station: usize| match station {
-            0 => "the base".to_owned(),
-            station => format!("the base at station {}", station + 1),
-        };
+        let words = self.filled(self.row().words, belief, &numbered);
         match self {
-            Self::JointCompliance { joint: index } => format!("the compliance of {}", joint(index)),
-            Self::JointZero { joint: index } => format!("the zero of {}", joint(index)),
-            Self::JointBacklash { joint: index } => format!("the backlash of {}", joint(index)),
-            Self::JointStiffening { joint: index } => {
-                format!("the stiffening of {}", joint(index))
+            Self::JointWave { wave, .. } => {
+                let often = match wave.per_turn.get() {
+                    1 => "once".to_owned(),
+                    count => format!("{count} times"),
+                };
+                format!("the {} {words} {often} a turn", wave.phase.word())
             }
-            Self::JointWave { joint: index, wave } => format!(
-                "the {} in {}'s gear that comes {} a turn",
-                wave.phase.word(),
-                joint(index),
-                times(wave.per_turn.get())
-            ),
-            Self::SpringStiffness { spring } => format!("the stiffness of {}", named(spring)),
-            Self::SpringRest { spring } => format!("the rest length of {}", named(spring)),
-            Self::LinkPosition { link, axis } => {
-                format!("link_{}'s position along {axis}", link + 1)
-            }
-            Self::LinkRotation { link, axis } => {
-                format!("link_{}'s rotation about {axis}", link + 1)
-            }
-            Self::LinkMass { link } => format!("link_{}'s mass", link + 1),
-            Self::LinkCentre { link, axis } => {
-                format!("link_{}'s centre of mass along {axis}", link + 1)
-            }
-            Self::ToolPosition { tool: index, axis } => {
-                format!("{}'s position along {axis}", tool(index))
-            }
-            Self::ToolRotation { tool: index, axis } => {
-                format!("{}'s rotation about {axis}", tool(index))
-            }
-            Self::BasePosition { station, axis } => {
-                format!("{}'s position along {axis}", base(station))
-            }
-            Self::BaseRotation { station, axis } => {
-                format!("{}'s rotation about {axis}", base(station))
-            }
-            Self::PayloadMass => "the payload's mass".to_owned(),
-            Self::PayloadCentre { axis } => format!("the payload's centre along {axis}"),
-            Self::LoadScale => "the scale of the load".to_owned(),
-            Self::LoadOffset => "the offset of the load".to_owned(),
-            Self::TaskScale => "the scale of the task's load".to_owned(),
-            Self::TaskForce { axis } => format!("the task's force along {axis}"),
-            Self::Drift { axis } => format!("the instrument's drift along {axis}"),
+            _ => words,
         }
-    }
-}
-
-/// How often, in words.
-fn times(count: u32) -> String {
-    match count {
-        1 => "once".to_owned(),
-        count => format!("{count} times"),
-    }
-}
-
-/// The first of several bears the plain name.
-fn numbered(name: &str, index: usize) -> String {
-    match index {
-        0 => name.to_owned(),
-        index => format!("{name}_{}", index + 1),
     }
 }
 

@@ -11,6 +11,7 @@
 //! is linear, as in the paper.
 
 #[cfg(test)]
+#[path = "tests/arms.rs"]
 pub(crate) mod arms;
 mod backlash;
 mod elastic_arm;

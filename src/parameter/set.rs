@@ -3,6 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
+use super::kind::Owner;
 use super::prior::Prior;
 use super::{ElasticArm, Parameter, ParameterKind};
 
@@ -60,6 +61,7 @@ impl ParameterSet {
         unknowns: Vec<(ParameterKind, Option<f64>)>,
     ) -> Result<Self, ParameterError> {
         let mut parameters: Vec<Parameter> = Vec::new();
+        let mut arm = belief.clone();
         for (kind, prior_deviation) in unknowns {
             check(belief, kind)?;
             let name = kind.name(belief);
@@ -71,33 +73,12 @@ impl ParameterSet {
             }
             let has_prior = prior_deviation.is_some();
             let is_logarithmic = kind.is_logarithmic(has_prior);
-            let nominal = match kind {
-                ParameterKind::JointCompliance { joint } if is_logarithmic => {
-                    if belief.compliance_rad_per_nm[joint] <= 0.0 {
-                        return Err(ParameterError::RigidWithPrior(name));
-                    }
-                    0.0
-                }
-                ParameterKind::JointCompliance { joint } => belief.compliance_rad_per_nm[joint],
-                ParameterKind::JointZero { joint } => belief.zero_rad[joint],
-                ParameterKind::JointBacklash { joint } => belief.backlash[joint].half_width_rad,
-                ParameterKind::JointStiffening { joint } => belief.stiffening[joint].share,
-                ParameterKind::JointWave { joint, wave } => belief.amplitude_rad(joint, wave),
-                ParameterKind::SpringStiffness { spring } if !is_logarithmic => {
-                    belief.chain.elements.springs[spring].stiffness_n_per_m
-                }
-                ParameterKind::SpringRest { spring } => {
-                    belief.chain.elements.springs[spring].rest_m[0]
-                }
-                ParameterKind::PayloadCentre { axis } => {
-                    (belief.payload).map_or(0.0, |payload| payload.centre_of_mass_m[axis.index()])
-                }
-                ParameterKind::LinkCentre { link, axis } => {
-                    belief.chain.joints[link].centre_of_mass_m[axis.index()]
-                }
-                ParameterKind::LoadOffset => belief.load_offset_n,
-                _ => 0.0,
-            };
+            let whole = kind.place(&mut arm).map_or(0.0, |place| *place);
+            let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
+            if is_logarithmic && is_compliance && whole <= 0.0 {
+                return Err(ParameterError::RigidWithPrior(name));
+            }
+            let nominal = if is_logarithmic { 0.0 } else { whole };
             parameters.push(Parameter {
                 kind,
                 name,
@@ -272,53 +253,17 @@ impl ParameterSet {
     pub fn apply(&self, nominal: &ElasticArm, values: &[f64]) -> ElasticArm {
         let mut belief = nominal.clone();
         for (parameter, &value) in self.parameters.iter().zip(values) {
-            let quantity = parameter.quantity(nominal, value);
-            match parameter.kind {
-                ParameterKind::JointCompliance { joint } => {
-                    belief.compliance_rad_per_nm[joint] = quantity;
-                }
-                ParameterKind::JointZero { joint } => belief.zero_rad[joint] = quantity,
-                ParameterKind::JointBacklash { joint } => {
-                    belief.backlash[joint].half_width_rad = quantity;
-                }
-                ParameterKind::JointStiffening { joint } => {
-                    belief.stiffening[joint].share = quantity;
-                }
-                ParameterKind::JointWave { joint, wave } => {
-                    belief.set_amplitude(joint, wave, quantity);
-                }
-                ParameterKind::SpringStiffness { spring } => {
-                    belief.chain.elements.springs[spring].stiffness_n_per_m = quantity;
-                }
-                ParameterKind::SpringRest { spring } => {
-                    let rest_m = &mut belief.chain.elements.springs[spring].rest_m;
-                    *rest_m = [quantity, quantity + (rest_m[1] - rest_m[0])];
-                }
-                ParameterKind::PayloadMass => {
-                    if let Some(payload) = &mut belief.payload {
-                        payload.mass_kg = quantity;
-                    }
-                }
-                ParameterKind::PayloadCentre { axis } => {
-                    if let Some(payload) = &mut belief.payload {
-                        payload.centre_of_mass_m[axis.index()] = quantity;
-                    }
-                }
-                ParameterKind::LinkMass { link } => belief.chain.joints[link].mass_kg = quantity,
-                ParameterKind::LinkCentre { link, axis } => {
-                    belief.chain.joints[link].centre_of_mass_m[axis.index()] = quantity;
-                }
-                ParameterKind::LoadScale => belief.load_scale = quantity,
-                ParameterKind::LoadOffset => belief.load_offset_n = quantity,
-                ParameterKind::Drift { axis } => belief.drift_m[axis.index()] = quantity,
-                ParameterKind::LinkPosition { .. }
-                | ParameterKind::LinkRotation { .. }
-                | ParameterKind::ToolPosition { .. }
-                | ParameterKind::ToolRotation { .. }
-                | ParameterKind::BasePosition { .. }
-                | ParameterKind::BaseRotation { .. }
-                | ParameterKind::TaskScale
-                | ParameterKind::TaskForce { .. } => {}
+            let Some(place) = parameter.kind.place(&mut belief) else {
+                continue;
+            };
+            let before = *place;
+            *place = if parameter.is_logarithmic {
+                before * value.exp()
+            } else {
+                value
+            };
+            if let ParameterKind::SpringRest { spring } = parameter.kind {
+                belief.chain.elements.springs[spring].rest_m[1] += value - before;
             }
         }
         let displacements = self.displacements(nominal, values);
@@ -343,26 +288,28 @@ impl ParameterSet {
             bases: vec![FrameChange::default(); nominal.instrument_from_base.len()],
         };
         for (parameter, &value) in self.parameters.iter().zip(values) {
-            let (frame, axis) = match parameter.kind {
-                ParameterKind::LinkPosition { link, axis }
-                | ParameterKind::LinkRotation { link, axis } => (&mut all.links[link], axis),
-                ParameterKind::ToolPosition { tool, axis }
-                | ParameterKind::ToolRotation { tool, axis } => (&mut all.tools[tool], axis),
-                ParameterKind::BasePosition { station, axis }
-                | ParameterKind::BaseRotation { station, axis } => (&mut all.bases[station], axis),
+            let place = match parameter.kind {
+                ParameterKind::LinkPosition { link, axis } => {
+                    &mut all.links[link].position_m[axis.index()]
+                }
+                ParameterKind::LinkRotation { link, axis } => {
+                    &mut all.links[link].rotation_rad[axis.index()]
+                }
+                ParameterKind::ToolPosition { tool, axis } => {
+                    &mut all.tools[tool].position_m[axis.index()]
+                }
+                ParameterKind::ToolRotation { tool, axis } => {
+                    &mut all.tools[tool].rotation_rad[axis.index()]
+                }
+                ParameterKind::BasePosition { station, axis } => {
+                    &mut all.bases[station].position_m[axis.index()]
+                }
+                ParameterKind::BaseRotation { station, axis } => {
+                    &mut all.bases[station].rotation_rad[axis.index()]
+                }
                 _ => continue,
             };
-            let is_rotation = matches!(
-                parameter.kind,
-                ParameterKind::LinkRotation { .. }
-                    | ParameterKind::ToolRotation { .. }
-                    | ParameterKind::BaseRotation { .. }
-            );
-            if is_rotation {
-                frame.rotation_rad[axis.index()] = value;
-            } else {
-                frame.position_m[axis.index()] = value;
-            }
+            *place = value;
         }
         all
     }
@@ -402,49 +349,26 @@ impl FrameChange {
 
 fn check(belief: &ElasticArm, kind: ParameterKind) -> Result<(), ParameterError> {
     let (joints, tools) = (belief.chain.len(), belief.tools.len());
-    let missing = |what| Err(ParameterError::Missing(what, joints, tools));
+    let (what, index, count) = match kind.owner() {
+        Owner::Joint(joint) => ("the joint", joint, joints),
+        Owner::Spring(spring) => ("the spring", spring, belief.chain.elements.springs.len()),
+        Owner::Link(link) => ("the link", link, joints),
+        Owner::Tool(tool) => ("the tool", tool, tools),
+        Owner::Station(station) => ("the station", station, belief.instrument_from_base.len()),
+        Owner::Only => ("", 0, 1),
+    };
+    if index >= count {
+        return Err(ParameterError::Missing(what, joints, tools));
+    }
     match kind {
-        ParameterKind::JointCompliance { joint }
-        | ParameterKind::JointZero { joint }
-        | ParameterKind::JointBacklash { joint }
-        | ParameterKind::JointStiffening { joint }
-        | ParameterKind::JointWave { joint, .. }
-            if joint >= joints =>
-        {
-            missing("the joint")
-        }
         ParameterKind::JointWave { joint, .. } if belief.chain.joints[joint].drive.slides => {
             let name = &belief.chain.joints[joint].name;
             Err(ParameterError::NoTurns(name.clone()))
-        }
-        ParameterKind::SpringStiffness { spring } | ParameterKind::SpringRest { spring }
-            if spring >= belief.chain.elements.springs.len() =>
-        {
-            missing("the spring")
-        }
-        ParameterKind::LinkPosition { link, .. }
-        | ParameterKind::LinkRotation { link, .. }
-        | ParameterKind::LinkMass { link }
-        | ParameterKind::LinkCentre { link, .. }
-            if link >= joints =>
-        {
-            missing("the link")
         }
         ParameterKind::LinkMass { link } | ParameterKind::LinkCentre { link, .. }
             if belief.chain.joints[link].mass_kg <= 0.0 =>
         {
             Err(ParameterError::NoMass(link + 1))
-        }
-        ParameterKind::ToolPosition { tool, .. } | ParameterKind::ToolRotation { tool, .. }
-            if tool >= tools =>
-        {
-            missing("the tool")
-        }
-        ParameterKind::BasePosition { station, .. }
-        | ParameterKind::BaseRotation { station, .. }
-            if station >= belief.instrument_from_base.len() =>
-        {
-            missing("the station")
         }
         ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. }
             if belief.payload.is_none_or(|payload| payload.mass_kg <= 0.0) =>

@@ -26,13 +26,10 @@ impl Stiffening {
         at_nm: None,
     };
 
-    /// How far a joint of this compliance (rad/(N m)) gives under a torque (N m) besides its spring for a share of one (rad), and
-    /// how that follows the torque (rad/(N m)).
-    pub fn gives(&self, compliance_rad_per_nm: f64, torque_nm: f64) -> (f64, f64) {
-        let Some(at_nm) = self.at_nm else {
-            return (0.0, 0.0);
-        };
-        let slope = -compliance_rad_per_nm * (torque_nm / at_nm).powi(2);
-        (slope * torque_nm, 3.0 * slope)
+    /// How far a joint of this compliance (rad/(N m)) gives under a torque (N m) besides its spring for a share of one (rad).
+    pub fn gives(&self, compliance_rad_per_nm: f64, torque_nm: f64) -> f64 {
+        self.at_nm.map_or(0.0, |at_nm| {
+            -compliance_rad_per_nm * (torque_nm / at_nm).powi(2) * torque_nm
+        })
     }
 }

@@ -1,6 +1,6 @@
 //! The Fisher information of a plan, and the accuracy that follows from it.
 
-use nalgebra::{DMatrix, Matrix3xX, Matrix6xX};
+use nalgebra::{DMatrix, Matrix3xX};
 
 use super::{Experiment, Plan};
 use crate::observation::{BareArm, DeflectionPrecision, PlannedReadings};
@@ -58,23 +58,18 @@ impl<'a> ExperimentModel<'a> {
     /// standard deviation of rotations. Where more is uncertain there are columns for that, and rows are
     /// weighted: `sigma_m` L^-1 J with the reading's covariance L L^T.
     pub fn observation_matrix(&self, experiment: &Experiment) -> DMatrix<f64> {
-        if let Some(extended) = self.uncertain {
-            let model = extended.readings_of_all(self.precision());
-            return self.rows_of(model, experiment);
+        self.rows_of(self.readings(), experiment)
+    }
+
+    /// The readings that are planned, with derivatives by all unknowns in their units.
+    fn readings(&self) -> PlannedReadings<'a> {
+        match self.uncertain {
+            Some(extended) => extended.readings_of_all(self.precision()),
+            None => {
+                let sizes = vec![1.0; self.parameters.len()];
+                PlannedReadings::of_compliances(self.arm, self.parameters, &sizes, self.precision())
+            }
         }
-        let size = self.parameters.len();
-        let (joints, sizes, precision) = (self.parameters, vec![1.0; size], self.precision());
-        let mut model = PlannedReadings::of_compliances(self.arm, joints, &sizes, precision);
-        let mut observed = Matrix6xX::zeros(size);
-        model.move_to(experiment.configuration_rad.as_slice());
-        model.derivatives(&experiment.load, &mut observed);
-        let mut rows = DMatrix::zeros(self.rows(), size);
-        rows.rows_mut(0, 3).copy_from(&observed.fixed_rows::<3>(0));
-        if let Some(sigma_rad) = self.rotation_sigma_rad {
-            let rotation = observed.fixed_rows::<3>(3) * (self.sigma_m / sigma_rad);
-            rows.rows_mut(3, 3).copy_from(&rotation);
-        }
-        rows
     }
 
     /// How precisely experiments are read.
@@ -86,12 +81,15 @@ impl<'a> ExperimentModel<'a> {
         }
     }
 
+    fn is_shared(&self) -> bool {
+        (self.uncertain).is_some_and(Extended::is_shared_by_configuration)
+    }
+
     /// The observation matrices of all experiments of a plan, in its order: as [`Self::observation_matrix`], those of one
     /// configuration whitened together where they share something, so that the sum of r A^T A is what they tell.
     pub fn observation_matrices(&self, plan: &Plan) -> Vec<DMatrix<f64>> {
         let all: Vec<&Experiment> = plan.experiments.iter().collect();
-        let is_shared = (self.uncertain).is_some_and(Extended::is_shared_by_configuration);
-        if !is_shared {
+        if !self.is_shared() {
             return self.observation_matrices_of(&all);
         }
         let mut matrices = vec![DMatrix::zeros(0, 0); all.len()];
@@ -107,15 +105,13 @@ impl<'a> ExperimentModel<'a> {
 
     /// The same of experiments of one configuration.
     pub fn observation_matrices_of(&self, experiments: &[&Experiment]) -> Vec<DMatrix<f64>> {
-        let extended = (self.uncertain).filter(|each| each.is_shared_by_configuration());
-        match extended.filter(|_| experiments.len() > 1) {
-            Some(extended) => {
-                self.rows_together(extended.readings_of_all(self.precision()), experiments)
-            }
-            None => (experiments.iter())
-                .map(|experiment| self.observation_matrix(experiment))
-                .collect(),
+        if self.is_shared() && experiments.len() > 1 {
+            return self.rows_together(self.readings(), experiments);
         }
+        let experiments = experiments.iter();
+        experiments
+            .map(|experiment| self.observation_matrix(experiment))
+            .collect()
     }
 
     /// As [`Self::rows_of`], for the experiments of one configuration, whitened together.

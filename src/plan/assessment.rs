@@ -45,15 +45,17 @@ pub struct Assessment {
 }
 
 /// How well a plan determines something that is to be found besides compliances.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct FurtherError {
     /// Its name.
     pub name: String,
     /// What it is, in words.
+    #[serde(skip)]
     pub words: String,
     /// The unit of its value; "1" for a logarithm.
     pub unit: &'static str,
     /// The standard error in that unit; `None` where the plan does not determine it.
+    #[serde(rename = "std")]
     pub standard_error: Option<f64>,
 }
 

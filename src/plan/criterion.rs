@@ -244,27 +244,18 @@ impl CriterionFunction {
         let (low, high) = (values.imin(), values.imax());
         // The cost, and its derivatives with respect to the eigenvalues.
         let mut slope = DVector::zeros(values.len());
+        // What goes with a power of the largest eigenvalue, and one of the inverse of the smallest.
+        let mut of_extremes = |a: f64, b: f64| {
+            let cost = values[high].powf(a) * values[low].powf(-b);
+            slope[high] += a * cost / values[high];
+            slope[low] -= b * cost / values[low];
+            cost
+        };
         let cost = match self.criterion {
-            Criterion::E => {
-                slope[low] = -values[low].powi(-2);
-                values[low].recip()
-            }
-            Criterion::O3 => {
-                slope[low] = -0.5 * values[low].powf(-1.5);
-                values[low].powf(-0.5)
-            }
-            Criterion::O2 => {
-                let cost = (values[high] / values[low]).sqrt();
-                slope[high] = 0.5 * cost / values[high];
-                slope[low] = -0.5 * cost / values[low];
-                cost
-            }
-            Criterion::O4 => {
-                let cost = values[high].sqrt() / values[low];
-                slope[high] = 0.5 * cost / values[high];
-                slope[low] = -cost / values[low];
-                cost
-            }
+            Criterion::E => of_extremes(0.0, 1.0),
+            Criterion::O3 => of_extremes(0.0, 0.5),
+            Criterion::O2 => of_extremes(0.5, 0.5),
+            Criterion::O4 => of_extremes(0.5, 1.0),
             Criterion::O5 => {
                 slope = values.map(|value| -0.5 * value.powf(-1.5));
                 values.iter().map(|value| value.powf(-0.5)).sum()

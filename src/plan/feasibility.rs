@@ -18,7 +18,7 @@ const ROUNDING: f64 = 1e-9;
 pub(super) const COLLISION: &str = "collision clearance";
 
 /// One thing that makes an experiment impossible.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Violation {
     /// The experiment's number in the plan, from 1; none where the plan as a whole is impossible.
     pub experiment: Option<usize>,
@@ -31,6 +31,7 @@ pub struct Violation {
     /// The unit of both.
     pub unit: &'static str,
     /// What is found and what is allowed, where that is no single number.
+    #[serde(skip)]
     pub words: Option<String>,
 }
 

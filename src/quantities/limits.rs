@@ -20,10 +20,6 @@ pub const MOST_CANDIDATES: usize = 50_000;
 pub const MOST_NAMED: usize = 1000;
 /// Obstacles beside the model: collisions are judged with each.
 pub const MOST_OBSTACLES: usize = 500;
-/// Elements of a model, replicas counted: MuJoCo's compiler takes their square in time.
-pub const MOST_ELEMENTS: f64 = 10_000.0;
-/// Files that a model is made of.
-pub const MOST_PARTS: usize = 1000;
 /// Joints of a robot.
 pub const MOST_JOINTS: usize = 100;
 /// Forbidden configurations and loads of a list.

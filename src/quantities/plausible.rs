@@ -49,6 +49,8 @@ pub const CLEARANCE: Kind = Kind::zero_or_positive("mm", 1e-6, 1e5);
 pub const ANGLE: Kind = Kind::any("deg", 1e5);
 /// An upper bound of the size of an angle (deg).
 pub const ANGLE_LIMIT: Kind = Kind::zero_or_positive("deg", 1e-9, 1e5);
+/// How far a reflector may turn away from the instrument, between its z axis and the way to it (deg).
+pub const INCIDENCE: Kind = Kind::positive("deg", 1e-9, 180.0);
 /// The width of a range of angles (deg).
 pub const ANGLE_WIDTH: Kind = Kind::positive("deg", 1e-9, 1e5);
 /// A coordinate of a small rotation (mrad).
@@ -162,6 +164,11 @@ impl Kind {
         } else {
             Err(format!("found {}; {}", shown(value), self.allowed()))
         }
+    }
+
+    /// The value of a text, if it is allowed; otherwise what is.
+    pub fn parse(&self, text: &str) -> Result<f64, String> {
+        self.check(text.parse().map_err(|_| self.allowed())?)
     }
 
     /// What is allowed, in words.

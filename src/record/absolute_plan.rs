@@ -5,13 +5,13 @@ use serde::Serialize;
 use super::candidates::CandidatesMessage;
 use super::messages::CommonSourcesMessage;
 use crate::experiment::Candidate;
-use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy};
+use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::{UncertaintyBudget, search::PlanBound};
 use crate::robot::{Commands, Load};
 use crate::task::{AccuracyKind, Task};
 
 /// What is read in a plan, and where.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PlannedReadingMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -26,7 +26,7 @@ pub struct PlannedReadingMessage {
 }
 
 /// How well an unknown is known afterwards.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PredictedUnknownMessage {
     /// Its name.
     pub name: String,
@@ -39,7 +39,7 @@ pub struct PredictedUnknownMessage {
 }
 
 /// How accurate the tool is at a test pose.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PredictedPoseMessage {
     /// Its name.
     pub name: String,
@@ -47,17 +47,8 @@ pub struct PredictedPoseMessage {
     pub rho0_mm: Option<f64>,
 }
 
-/// How candidates were drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
-pub struct DrawnMessage {
-    /// So many configurations at random from the scenario's region, and then others near those that were chosen.
-    pub configurations: u32,
-    /// Under this seed.
-    pub seed: u64,
-}
-
 /// The predicted accuracy of a plan of absolute readings.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AbsolutePlanMessage {
     /// What must be accurate: `absolute`, where the loaded tool is.
     pub accuracy: &'static str,
@@ -90,7 +81,7 @@ pub struct AbsolutePlanMessage {
     /// What it was chosen from, or what it was read as.
     pub candidates: CandidatesMessage,
     /// How the candidates were drawn; null where they are a file's.
-    pub drawn: Option<DrawnMessage>,
+    pub drawn: Option<DrawnWanted>,
     /// What the prediction takes for certain although it is not, in words.
     pub assumed_exact: Vec<String>,
 }

@@ -7,7 +7,7 @@ use super::study::{HistogramMessage, StudyPlanMessage};
 use crate::study::{Conditions, absolute::AbsoluteTrials, account::Account};
 
 /// Robots that were drawn, read as the plan says, identified and looked at.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AbsoluteTrialsMessage {
     /// How many robots were drawn.
     pub robots: u64,
@@ -69,8 +69,7 @@ pub fn as_study(trials: &AbsoluteTrials, account: &Account, readings: u32) -> St
         "virtual robots",
         &conditions,
         0,
-        &trials.tally,
-        Some(&trials.summary),
+        (&trials.tally, None),
         (Some(account), trials.quantile95_m),
     )
 }

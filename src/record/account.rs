@@ -1,15 +1,12 @@
 //! The predicted accuracy of a plan and the contributions to its errors in the simulated truth, in tallies and results.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-use crate::quantities::plausible::shown;
 use crate::study::account::{Account, AccountPart};
-use crate::study::tally_check::{Wrong, within, wrong};
 use crate::study::{summary::Measured, verdict::Kept};
-use crate::text::wrong_name;
 
 /// The contribution of a source to the errors of the simulated truth.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ContributionMessage {
     /// Its name: "noise", "earlier identification", "true robot", or that of an uncertainty.
     pub source: String,
@@ -17,30 +14,6 @@ pub struct ContributionMessage {
     pub hidden: bool,
     /// The contribution `u_i` (um), to first order.
     pub contribution_um: f64,
-}
-
-impl Account {
-    /// Whether there can be such an account.
-    pub fn check(&self) -> Result<(), Wrong> {
-        within("parts", self.parts.len(), [1, 1000])?;
-        size("predicted_m", self.predicted_m)?;
-        for (index, part) in self.parts.iter().enumerate() {
-            if let Some(problem) = wrong_name(&part.name) {
-                return wrong(format!("parts[{index}].name"), problem);
-            }
-            size(&format!("parts[{index}].rms_m"), part.rms_m)?;
-        }
-        if let Some(common) = &self.common {
-            within("common.names", common.names.len(), [1, 1000])?;
-            for (index, name) in common.names.iter().enumerate() {
-                if let Some(problem) = wrong_name(name) {
-                    return wrong(format!("common.names[{index}]"), problem);
-                }
-            }
-            size("common.rho0_m", common.rho0_m)?;
-        }
-        Ok(())
-    }
 }
 
 impl From<&AccountPart> for ContributionMessage {
@@ -51,17 +24,6 @@ impl From<&AccountPart> for ContributionMessage {
             contribution_um: part.rms_m * 1e6,
         }
     }
-}
-
-/// A size (m).
-pub(super) fn size(key: &str, value_m: f64) -> Result<(), Wrong> {
-    if value_m >= 0.0 {
-        return Ok(());
-    }
-    wrong(
-        key,
-        format!("found {}; a number from zero on, in metres", shown(value_m)),
-    )
 }
 
 /// What an observed rms distance (m) says of the prediction, in words.
@@ -142,11 +104,5 @@ mod tests {
         let text = serde_json::to_string(&account()).expect("JSON");
         let read: Account = serde_json::from_str(&text).expect("an account");
         assert_eq!(read, account());
-        assert!(read.check().is_ok());
-        let damaged = Account {
-            predicted_m: -1e-6,
-            ..read
-        };
-        assert!(damaged.check().is_err());
     }
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::plan::search::{Candidates, LeftOutCandidates};
 
 /// What a plan was chosen from.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CandidatesMessage {
     /// How many there were, each row of the file under each load.
     pub offered: usize,

@@ -1,17 +1,14 @@
 //! The records of what a designed plan is shown beside.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::messages::{ExperimentMessage, plan_messages};
 use super::study::StudyPlanMessage;
-use crate::plan::search::{Basis, Bound, BudgetPoint, CriterionPlan};
+use crate::plan::search::{BudgetPoint, CriterionPlan};
 use crate::robot::Commands;
-use crate::scenario::Scenario;
-use crate::study::Conditions;
-use crate::study::evidence::{Distances, Evidence};
 
 /// What a designed plan is shown beside, and what its bound rests on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EvidenceMessage {
     /// The number of local searches that the lower bound rests on.
     pub bound_searches: usize,
@@ -26,14 +23,13 @@ pub struct EvidenceMessage {
     /// The best accuracy that was found for other numbers of measurements.
     pub accuracy: Vec<AccuracyMessage>,
     /// The designed plan, repeated as a whole.
-    #[serde(default)]
     pub repeated: Vec<AccuracyMessage>,
     /// The lower bound of `rho0_mm` for 1, 2, 3, ... measurements (mm); null where there is none.
     pub lower_bounds_rho0_mm: Vec<Option<f64>>,
 }
 
 /// The best plan for a criterion, judged at the test poses.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CriterionPlanMessage {
     /// The criteria that the plan is best for.
     pub criteria: Vec<String>,
@@ -42,14 +38,14 @@ pub struct CriterionPlanMessage {
     /// How many searches ended in a plan as good for these criteria.
     pub searches_agreeing: Option<usize>,
     /// Why there is no plan, where there is none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub problem: Option<String>,
     /// The plan.
     pub plan: Vec<ExperimentMessage>,
 }
 
 /// The best accuracy that was found for a number of measurements.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AccuracyMessage {
     /// The number of measurements.
     pub experiments: u32,
@@ -61,47 +57,9 @@ pub struct AccuracyMessage {
     pub lower_bound_rho0_mm: Option<f64>,
 }
 
-impl EvidenceMessage {
-    /// The record of a plan's evidence.
-    pub fn new(scenario: &Scenario, bound: &Bound, evidence: &Evidence) -> Self {
-        let commands = scenario.task.belief.commands();
-        let (searches, agreeing) = match bound.basis() {
-            Basis::Searches(certificate) => (certificate.searches, certificate.agreeing),
-            Basis::Candidates(_) | Basis::Nothing(_) => (0, 0),
-        };
-        Self {
-            bound_searches: searches,
-            bound_searches_agreeing: agreeing,
-            trials: evidence.trials,
-            study: (evidence.distances.iter())
-                .map(|each| distances_message(scenario, each))
-                .collect(),
-            criteria_compared: (evidence.criteria.iter())
-                .map(|best| CriterionPlanMessage::new(&commands, best))
-                .collect(),
-            accuracy: evidence.accuracy.iter().map(Into::into).collect(),
-            repeated: evidence.repeated.iter().map(Into::into).collect(),
-            lower_bounds_rho0_mm: (evidence.lower_bounds_m.iter())
-                .map(|bound_m| bound_m.map(|bound_m| bound_m * 1e3))
-                .collect(),
-        }
-    }
-}
-
-/// The record of one plan's runs.
-pub fn distances_message(scenario: &Scenario, distances: &Distances) -> StudyPlanMessage {
-    StudyPlanMessage::new(
-        &distances.name,
-        &Conditions::plain(&scenario.task, distances.experiments),
-        scenario.task.belief.parameters.len(),
-        &distances.tally,
-        distances.summary.as_ref(),
-        (None, None),
-    )
-}
-
 impl CriterionPlanMessage {
-    fn new(commands: &Commands, best: &CriterionPlan) -> Self {
+    /// The record of a criterion's best plan.
+    pub fn new(commands: &Commands, best: &CriterionPlan) -> Self {
         Self {
             criteria: (best.criteria.iter())
                 .map(|each| each.name().to_owned())

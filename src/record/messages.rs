@@ -15,13 +15,16 @@ use crate::files::{FileError, hexadecimal, schema::RESULTS_VERSION, sha256_of};
 use crate::identification::{Identification, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
-use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, UncertaintyBudget};
+use crate::plan::{
+    Assessment, CommonSources, Criterion, Experiment, FurtherError, Plan, UncertaintyBudget,
+    Violation,
+};
 use crate::quantities::units;
 use crate::record::{platform::platform, residuals::ResidualMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Fingerprint, Method};
-use crate::testbed::RunTruth;
+use crate::task::{AccuracyKind, Method};
+use crate::testbed::{RunTruth, SampledValue};
 use crate::{COMMIT, VERSION};
 
 /// What a JSON file holds and in which form, so that another version can tell.
@@ -101,7 +104,7 @@ impl ProvenanceMessage {
 }
 
 /// One configuration and load of a plan.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ExperimentMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -131,7 +134,7 @@ pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage>
 }
 
 /// One experiment's outcome.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct MeasurementMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -140,13 +143,13 @@ pub struct MeasurementMessage {
     /// Loaded minus unloaded position of the tool in the world frame (mm).
     pub deflection_mm: [f64; 3],
     /// Standard deviations of the deflection, where this measurement has its own (mm).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub deflection_std_mm: Option<[f64; 3]>,
     /// The tool's rotation as a rotation vector in the world frame, where it is measured (mrad).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub rotation_mrad: Option<[f64; 3]>,
     /// Standard deviations of the rotation (mrad).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub rotation_std_mrad: Option<[f64; 3]>,
 }
 
@@ -166,10 +169,10 @@ impl MeasurementMessage {
 }
 
 /// What was identified, and how well; the arrays go by `parameters`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct IdentificationMessage {
     /// `linear` or `nonlinear`.
-    pub method: String,
+    pub method: Method,
     /// The names of the identified joints.
     pub parameters: Vec<String>,
     /// The compliances (rad/(N m)); null where the measurements do not determine one.
@@ -180,26 +183,23 @@ pub struct IdentificationMessage {
     pub compliance_ci95_rad_per_nm: Vec<Option<[f64; 2]>>,
     /// The values that compensation applies (rad/(N m)): the estimates; where only combinations are
     /// determined, values that give these and are nominal in all other directions; else nominal values.
-    #[serde(default)]
     pub compliance_applied_rad_per_nm: Vec<f64>,
     /// What is not determined: orthonormal combinations of the compliances, each divided by its typical
     /// size.
-    #[serde(default)]
     pub undetermined_directions: Vec<Vec<f64>>,
     /// The typical sizes of the compliances (rad/(N m)).
-    #[serde(default)]
     pub compliance_typical_rad_per_nm: Vec<f64>,
     /// Their covariance (rad^2/(N m)^2), of what is determined; zero for those of which nothing is.
     pub covariance_rad2_per_n2m2: Vec<Vec<f64>>,
     /// What else the scenario lists as uncertain and the whole plan shares, and what the measurements say of it.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub uncertain: Vec<UncertainMessage>,
     /// What is not determined of the compliances and of these together: orthonormal combinations, each divided by its
     /// typical size.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub undetermined_of_all: Vec<Vec<f64>>,
     /// The covariance of the compliances and of these together, in their units.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub covariance_of_all: Vec<Vec<f64>>,
     /// The standard deviation of a deflection's coordinate that the uncertainties rest on (mm).
     pub sigma_mm: f64,
@@ -208,10 +208,8 @@ pub struct IdentificationMessage {
     /// The probability of residuals at least this large if model and sigma are right.
     pub consistency: Option<f64>,
     /// The probability of residuals at least this small if model and sigma are right.
-    #[serde(default)]
     pub consistency_lower: Option<f64>,
     /// What must be looked at.
-    #[serde(default)]
     pub conditions: Vec<Condition>,
     /// The number of independent combinations of compliances that the measurements determine.
     pub rank: usize,
@@ -234,7 +232,7 @@ impl From<&Identification> for IdentificationMessage {
         );
         let estimates = || identification.parameters.iter().map(|each| each.estimate);
         Self {
-            method: method_name(identification.method).to_owned(),
+            method: identification.method,
             parameters: (identification.parameters.iter())
                 .map(|parameter| parameter.name.clone())
                 .collect(),
@@ -281,7 +279,7 @@ fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
 }
 
 /// What measurements say of something that is uncertain besides the identified compliances.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct UncertainMessage {
     /// Its name, such as "load.scale" or "joint_1.compliance".
     pub name: String,
@@ -307,31 +305,11 @@ impl From<&UncertainEstimate> for UncertainMessage {
     }
 }
 
-/// What an identification rests on, so that it is not taken for another robot's.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct FingerprintMessage {
-    /// SHA-256 of the robot's kinematics: its joints' names, axes and places.
-    pub robot_sha256: String,
-    /// SHA-256 of all that is believed: the kinematics, masses, gravity, compliances and which of them are
-    /// identified, the calibration tool, and the instrument's standard deviations.
-    pub belief_sha256: String,
-}
-
-impl From<Fingerprint> for FingerprintMessage {
-    fn from(fingerprint: Fingerprint) -> Self {
-        Self {
-            robot_sha256: fingerprint.robot_sha256,
-            belief_sha256: fingerprint.belief_sha256,
-        }
-    }
-}
-
 /// The predicted accuracy of a plan; the arrays go by `parameters`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AssessmentMessage {
     /// What must be accurate: `relative`, how far the load moves the tool.
-    #[serde(default = "relative")]
-    pub accuracy: String,
+    pub accuracy: &'static str,
     /// The number of measurements.
     pub experiments: u32,
     /// The names of the identified joints.
@@ -340,19 +318,17 @@ pub struct AssessmentMessage {
     /// needs a compliance that the plan does not determine.
     pub rho0_mm: Option<f64>,
     /// The distance (mm) that 95 % of all draws of what is uncertain stay below; null where there is no `rho0_mm`.
-    #[serde(default)]
     pub quantile95_mm: Option<f64>,
     /// What `rho0_mm` is made of; null where there is none.
-    #[serde(default)]
     pub uncertainty_budget: Option<UncertaintyBudget>,
     /// The error sources in common with the campaign of `robot.prior`; null where there are none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub common_sources: Option<CommonSourcesMessage>,
     /// The standard errors of the compliances (rad/(N m)); null where one is not determined.
     pub compliance_std_rad_per_nm: Vec<Option<f64>>,
     /// The standard errors of what is to be found besides compliances.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub further_std: Vec<FurtherMessage>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub further_std: Vec<FurtherError>,
     /// The criteria of Table 1 by name, in relative units; `test_pose` in mm.
     pub criteria: BTreeMap<String, Option<f64>>,
     /// No plan of the class that the bound speaks about has a smaller `rho0_mm` for as many
@@ -360,47 +336,29 @@ pub struct AssessmentMessage {
     pub lower_bound_rho0_mm: Option<f64>,
     /// What the bound by the criterion that was asked for rests on (that of `lower_bound_rho0_mm`, unless it is another):
     /// "proved", or "evidence" of many searches; null where there is no bound.
-    #[serde(default)]
-    pub bound_kind: Option<String>,
+    pub bound_kind: Option<&'static str>,
     /// No plan of the class is better by the criterion that was asked for: for `test_pose` none has a smaller `rho0_mm`, for
     /// others a value as in `criteria`; null where there is no bound.
-    #[serde(default)]
     pub criterion_bound: Option<f64>,
     /// The same: what is proved; null where nothing is.
-    #[serde(default)]
     pub proved_criterion_bound: Option<f64>,
     /// How near the plan comes to `criterion_bound`: 1 for the best that there can be.
-    #[serde(default)]
     pub criterion_efficiency: Option<f64>,
     /// No plan of the class has a smaller `rho0_mm` for as many measurements: what is proved; null where nothing
     /// is.
-    #[serde(default)]
     pub proved_lower_bound_rho0_mm: Option<f64>,
     /// How near the proof is, by the criterion that was asked for; null where there is none.
-    #[serde(default)]
-    pub proof: Option<ProofMessage>,
+    pub proof: Option<PlanProof>,
     /// `lower_bound_rho0_mm` over `rho0_mm`.
     pub efficiency: Option<f64>,
     /// Why there is no bound by the criterion that was asked for; null where there is one.
-    #[serde(default)]
     pub no_bound_reason: Option<String>,
     /// What makes the plan impossible.
     pub violations: Vec<ViolationMessage>,
 }
 
-/// How well a plan determines something that is to be found besides compliances.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct FurtherMessage {
-    /// Its name, as in `robot.parameters`.
-    pub name: String,
-    /// The unit of its value; "1" for a logarithm.
-    pub unit: String,
-    /// Its standard error in that unit; null where the plan does not determine it.
-    pub std: Option<f64>,
-}
-
 /// Error sources whose value is the same in the campaign of `robot.prior` and in this one.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct CommonSourcesMessage {
     /// Their names.
     pub names: Vec<String>,
@@ -417,47 +375,14 @@ impl From<CommonSources> for CommonSourcesMessage {
     }
 }
 
-/// How near a proof of a bound is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct ProofMessage {
-    /// How far the proved bound of the largest directional derivative is above the largest found, as a share.
-    pub gap: f64,
-    /// The number of boxes that the proof took.
-    pub boxes: u64,
-    /// The names of the uncertainties that the proof takes for certain, which can only make the bound less near.
-    #[serde(default)]
-    pub left_out: Vec<String>,
-}
-
-impl From<&PlanProof> for ProofMessage {
-    fn from(proof: &PlanProof) -> Self {
-        Self {
-            gap: proof.gap,
-            boxes: proof.boxes,
-            left_out: proof.left_out.clone(),
-        }
-    }
-}
-
-/// One bound that an experiment of a plan does not keep, or a load that is not allowed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+/// What makes a plan impossible.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ViolationMessage {
-    /// The experiment's number, from 1; null where the plan as a whole is impossible.
-    pub experiment: Option<usize>,
-    /// What is wrong.
-    pub what: String,
-    /// The value found; null where it is no single number, as for a load.
-    pub found: Option<f64>,
-    /// The bound.
-    pub bound: Option<f64>,
-    /// The unit of both.
-    pub unit: String,
+    /// What it is.
+    #[serde(flatten)]
+    pub violation: Violation,
     /// The same in words.
     pub text: String,
-}
-
-fn relative() -> String {
-    AccuracyKind::Relative.name().to_owned()
 }
 
 impl AssessmentMessage {
@@ -480,7 +405,7 @@ impl AssessmentMessage {
         let proof = bound.and_then(|bound| bound.proof.as_ref());
         let in_unit = |value: f64| criterion.map_or(value, |criterion| value * unit(criterion));
         Self {
-            accuracy: relative(),
+            accuracy: AccuracyKind::Relative.name(),
             experiments: assessment.experiments,
             parameters: scenario.task.belief.parameter_names(),
             rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
@@ -488,32 +413,22 @@ impl AssessmentMessage {
             uncertainty_budget: assessment.uncertainty_budget.clone(),
             common_sources: (assessment.common_sources.clone()).map(CommonSourcesMessage::from),
             compliance_std_rad_per_nm: assessment.standard_errors.clone(),
-            further_std: (assessment.further.iter())
-                .map(|each| FurtherMessage {
-                    name: each.name.clone(),
-                    unit: each.unit.to_owned(),
-                    std: each.standard_error,
-                })
-                .collect(),
+            further_std: assessment.further.clone(),
             criteria: assessment.criteria.iter().map(millimetres).collect(),
             lower_bound_rho0_mm: assessment.bound_m().map(|value| value * 1e3),
-            bound_kind: bound.map(|bound| bound.kind.name().to_owned()),
+            bound_kind: bound.map(|bound| bound.kind.name()),
             criterion_bound: bound.map(|bound| in_unit(bound.best)),
             proved_criterion_bound: proof.map(|proof| in_unit(proof.best)),
             criterion_efficiency: assessment.criterion_efficiency(),
             proved_lower_bound_rho0_mm: rho0_proof.map(|proof| proof.best * 1e3),
-            proof: proof.map(ProofMessage::from),
+            proof: proof.cloned(),
             efficiency: assessment.efficiency(),
             no_bound_reason: asked_for
                 .and_then(|bound| bound.as_ref().err())
                 .map(ToString::to_string),
             violations: (assessment.violations.iter())
                 .map(|violation| ViolationMessage {
-                    experiment: violation.experiment,
-                    what: violation.what.clone(),
-                    found: Some(violation.found).filter(|value| value.is_finite()),
-                    bound: Some(violation.bound).filter(|value| value.is_finite()),
-                    unit: violation.unit.to_owned(),
+                    violation: violation.clone(),
                     text: violation.to_string(),
                 })
                 .collect(),
@@ -522,7 +437,7 @@ impl AssessmentMessage {
 }
 
 /// What compensation achieves at a test pose.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct TestPoseMessage {
     /// The test pose's name.
     pub name: String,
@@ -531,7 +446,7 @@ pub struct TestPoseMessage {
     /// The joint angles to command (deg), and lengths (mm) of joints that slide.
     pub q_commanded_deg: Vec<f64>,
     /// The direction in the world frame along which alone distances count, where there is one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub direction: Option<[f64; 3]>,
     /// The loaded tool's distance from where it is wanted, without compensation (mm); of it what counts.
     pub uncompensated_mm: f64,
@@ -563,27 +478,16 @@ impl TestPoseMessage {
 }
 
 /// The simulated truth of a run on the virtual robot.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct TruthMessage {
     /// The run's number.
     pub run: u64,
     /// The compliances of the identified joints (rad/(N m)).
     pub compliance_rad_per_nm: Vec<f64>,
     /// All that the run samples once; compliances as the logarithm of their ratio to the virtual robot's.
-    pub sampled: Vec<SampledMessage>,
+    pub sampled: Vec<SampledValue>,
     /// How far the load moved the tool in each measurement (mm, world frame), without the instrument's errors.
     pub deflections_mm: Vec<[f64; 3]>,
-}
-
-/// Something that a run samples once.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct SampledMessage {
-    /// Its name, such as "load.scale".
-    pub name: String,
-    /// The unit of the value; "1" for the logarithm of a ratio to what is nominal.
-    pub unit: String,
-    /// The value in this run.
-    pub value: f64,
 }
 
 impl TruthMessage {
@@ -593,20 +497,14 @@ impl TruthMessage {
         Self {
             run: truth.run,
             compliance_rad_per_nm: joints.into_iter().map(compliance).collect(),
-            sampled: (truth.sampled.iter())
-                .map(|each| SampledMessage {
-                    name: each.name.clone(),
-                    unit: each.unit.to_owned(),
-                    value: each.value,
-                })
-                .collect(),
+            sampled: truth.sampled.clone(),
             deflections_mm: truth.deflections_m.iter().map(thousandfold).collect(),
         }
     }
 }
 
 /// One calibration from plan to compensated test poses.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CalibrationMessage {
     /// The plan's name.
     pub name: String,
@@ -615,12 +513,10 @@ pub struct CalibrationMessage {
     /// Its measurements.
     pub measurements: Vec<MeasurementMessage>,
     /// The simulated truth of the run.
-    #[serde(default)]
     pub truth: TruthMessage,
     /// What was identified from the measurements.
     pub identification: IdentificationMessage,
     /// Each measurement's residual, standardised.
-    #[serde(default)]
     pub residuals: Vec<ResidualMessage>,
     /// What that achieves at each test pose.
     pub test_poses: Vec<TestPoseMessage>,
@@ -668,11 +564,4 @@ pub(crate) fn residuals_mm(residuals_m: &[f64]) -> Vec<[f64; 3]> {
         .iter()
         .map(|residual: &[f64; 3]| residual.map(|value| value * 1e3))
         .collect()
-}
-
-fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Linear => "linear",
-        Method::Nonlinear => "nonlinear",
-    }
 }

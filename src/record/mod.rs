@@ -22,7 +22,6 @@ pub mod account;
 pub mod campaign;
 pub mod candidates;
 pub mod evidence;
-mod header_check;
 pub mod inconsistencies;
 pub mod json;
 pub mod messages;

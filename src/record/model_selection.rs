@@ -1,6 +1,6 @@
 //! A selection of models, as a record.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::absolute::RejectedMessage;
 use crate::identification::{
@@ -8,7 +8,7 @@ use crate::identification::{
 };
 
 /// Models with more and more parameters.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModelSelectionMessage {
     /// From frames alone upwards.
     pub nested_models: Vec<NestedModelMessage>,
@@ -25,12 +25,11 @@ pub struct ModelSelectionMessage {
     /// What is recommended, and why.
     pub sentences: Vec<String>,
     /// The readings that were left out of all nested models, since they lie far out of the highest.
-    #[serde(default)]
     pub rejected: Vec<RejectedMessage>,
 }
 
 /// A group of parameters that makes no nested model.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SkippedNestedModelMessage {
     /// The group.
     pub added: String,
@@ -39,7 +38,7 @@ pub struct SkippedNestedModelMessage {
 }
 
 /// A model of the model selection.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NestedModelMessage {
     /// What it has more than the one below.
     pub added: String,
@@ -64,7 +63,7 @@ pub struct NestedModelMessage {
 }
 
 /// What a nested model leaves of blocks that it was not fitted to.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CrossValidationMessage {
     /// Distances from the predicted positions (mm).
     pub distance_mm: Option<DistanceStatistics>,

@@ -1,6 +1,8 @@
 //! Selections of readings and their residual errors, as a record.
 
-use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use serde::Serialize;
 
 use crate::identification::DistanceStatistics;
 use crate::study::selection::{Chosen, Selection, SelectionOfSize, spread_of};
@@ -9,7 +11,7 @@ use crate::study::selection::{Chosen, Selection, SelectionOfSize, spread_of};
 pub type SpreadMessage = [f64; 3];
 
 /// What came of choices of readings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SelectionMessage {
     /// How many readings there are.
     pub readings: usize,
@@ -30,7 +32,7 @@ pub struct SelectionMessage {
 }
 
 /// A joint error function, as the planner's model has it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JointFunctionMessage {
     /// The joint's name.
     pub joint: String,
@@ -41,7 +43,7 @@ pub struct JointFunctionMessage {
 }
 
 /// What came of choices of one size.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SelectionSizeMessage {
     /// How many readings were chosen.
     pub size: u32,
@@ -52,7 +54,7 @@ pub struct SelectionSizeMessage {
 }
 
 /// A planned choice.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct PlannedChoiceMessage {
     /// The criterion; `test_pose` stands for absolute accuracy over all readings, `test_pose_with_joint_errors` for the same with joint error
     /// functions.
@@ -77,32 +79,38 @@ pub struct PlannedChoiceMessage {
     pub problem: Option<String>,
 }
 
-/// Random choices: each number is of one choice, told by its spread.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+/// Random choices.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RandomChoicesMessage {
     /// How many.
     pub draws: usize,
     /// Of them without a fit.
     pub failed: usize,
-    /// What independent errors leave (mm).
-    pub rho0_mm: Option<SpreadMessage>,
-    /// The predicted rms distances at all other readings (mm).
-    pub predicted_rms_mm: Option<SpreadMessage>,
-    /// Of the distances at all other readings (mm), the means.
-    pub mean_mm: Option<SpreadMessage>,
-    /// The rms.
-    pub rms_mm: Option<SpreadMessage>,
-    /// What 95 % stay below.
-    pub quantile95_mm: Option<SpreadMessage>,
-    /// The largest.
-    pub largest_mm: Option<SpreadMessage>,
-    /// The rms distances from the robot that all readings are fitted to (mm).
-    pub from_all_mm: Option<SpreadMessage>,
-    /// The same from the true robot without discrepancy, over all times that it was read.
-    pub without_discrepancy_from_true_mm: Option<SpreadMessage>,
+    /// The spreads of numbers of one choice each (mm), by name as in [`SPREADS`].
+    #[serde(flatten)]
+    pub spreads: BTreeMap<&'static str, Option<SpreadMessage>>,
     /// The mean of each choice (mm), for the picture.
     pub means_mm: Vec<f64>,
 }
+
+/// A number of a choice (m).
+type OfChoice = fn(&Chosen) -> Option<f64>;
+
+/// What independent errors leave; the predicted rms distance at all other readings; of the distances at all other readings the mean,
+/// the rms, what 95 % stay below, and the largest; the rms distance from the robot that all readings are fitted to; and the same
+/// from the true robot without discrepancy, over all times that it was read.
+pub const SPREADS: [(&str, OfChoice); 8] = [
+    ("rho0_mm", |chosen| chosen.predicted_m),
+    ("predicted_rms_mm", |chosen| chosen.predicted_distance_m),
+    ("mean_mm", |chosen| Some(chosen.judged?.distance.mean)),
+    ("rms_mm", |chosen| Some(chosen.judged?.distance.rms)),
+    ("quantile95_mm", |chosen| {
+        Some(chosen.judged?.distance.quantile95)
+    }),
+    ("largest_mm", |chosen| Some(chosen.judged?.distance.largest)),
+    ("from_all_mm", |chosen| Some(chosen.judged?.from_all_m)),
+    ("without_discrepancy_from_true_mm", without_discrepancy_m),
+];
 
 impl SelectionMessage {
     /// The record.
@@ -113,9 +121,7 @@ impl SelectionMessage {
         let precision = &set.prior().precision;
         Self {
             readings: all.left.len(),
-            unknowns: set
-                .parameters()
-                .iter()
+            unknowns: (set.parameters().iter())
                 .map(|each| each.name.clone())
                 .collect(),
             known_before: (0..set.len())
@@ -138,24 +144,25 @@ impl SelectionMessage {
     }
 }
 
-/// Over all times that the robot without discrepancy was read, rms (mm).
-fn without_discrepancy_mm(chosen: &Chosen) -> Option<f64> {
+/// Over all times that the robot without discrepancy was read, rms.
+fn without_discrepancy_m(chosen: &Chosen) -> Option<f64> {
     let squares: Vec<f64> = (chosen.without_discrepancy.iter())
         .map(|judged| judged.from_all_m.powi(2))
         .collect();
-    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() * 1e3)
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
 impl SelectionSizeMessage {
     fn new(of_size: &SelectionOfSize) -> Self {
         let random = RandomChoicesMessage::new(&of_size.random);
         let planned = (of_size.planned.iter())
-            .map(|(criterion, chosen)| {
-                let criterion = (*criterion).to_owned();
-                match chosen {
-                    Ok(chosen) => PlannedChoiceMessage::new(criterion, chosen, &random.means_mm),
-                    Err(problem) => PlannedChoiceMessage::none(criterion, problem),
-                }
+            .map(|(criterion, chosen)| match chosen {
+                Ok(chosen) => PlannedChoiceMessage::new(criterion, chosen, &random.means_mm),
+                Err(problem) => PlannedChoiceMessage {
+                    criterion: (*criterion).to_owned(),
+                    problem: Some(problem.clone()),
+                    ..PlannedChoiceMessage::default()
+                },
             })
             .collect();
         Self {
@@ -167,64 +174,43 @@ impl SelectionSizeMessage {
 }
 
 impl PlannedChoiceMessage {
-    fn new(criterion: String, chosen: &Chosen, means_mm: &[f64]) -> Self {
+    fn new(criterion: &str, chosen: &Chosen, means_mm: &[f64]) -> Self {
         let mean_mm = chosen.judged.map(|judged| judged.distance.mean * 1e3);
         let better = mean_mm.filter(|_| !means_mm.is_empty()).map(|mean_mm| {
             let worse = means_mm.iter().filter(|other| **other > mean_mm).count();
             worse as f64 / means_mm.len() as f64
         });
+        let millimetres = |value: Option<f64>| value.map(|value| value * 1e3);
         Self {
-            criterion,
+            criterion: criterion.to_owned(),
             readings: chosen.readings.iter().map(|reading| reading + 1).collect(),
-            rho0_mm: chosen.predicted_m.map(|value| value * 1e3),
-            predicted_rms_mm: chosen.predicted_distance_m.map(|value| value * 1e3),
-            lower_bound_rho0_mm: chosen.bound_m.map(|value| value * 1e3),
-            distance_mm: (chosen.judged.as_ref())
-                .map(|judged| DistanceStatistics::in_thousandths(&judged.distance)),
-            from_all_mm: chosen.judged.map(|judged| judged.from_all_m * 1e3),
+            rho0_mm: millimetres(chosen.predicted_m),
+            predicted_rms_mm: millimetres(chosen.predicted_distance_m),
+            lower_bound_rho0_mm: millimetres(chosen.bound_m),
+            distance_mm: (chosen.judged).map(|judged| judged.distance.in_thousandths()),
+            from_all_mm: millimetres(chosen.judged.map(|judged| judged.from_all_m)),
             better_than_random: better,
-            without_discrepancy_from_true_mm: without_discrepancy_mm(chosen),
+            without_discrepancy_from_true_mm: millimetres(without_discrepancy_m(chosen)),
             problem: (chosen.judged.is_none()).then(|| "there is no fit".to_owned()),
-        }
-    }
-
-    fn none(criterion: String, problem: &str) -> Self {
-        Self {
-            criterion,
-            problem: Some(problem.to_owned()),
-            ..Self::default()
         }
     }
 }
 
 impl RandomChoicesMessage {
     fn new(random: &[Chosen]) -> Self {
-        let judged = || random.iter().filter_map(|chosen| chosen.judged);
-        let spread = |of: &dyn Fn(&DistanceStatistics) -> f64| {
-            spread_of(judged().map(|judged| of(&judged.distance) * 1e3).collect())
+        let millimetres = |of: OfChoice| -> Vec<f64> {
+            let values = random.iter().filter_map(of);
+            values.map(|value| value * 1e3).collect()
         };
+        let [_, _, (_, mean), ..] = SPREADS;
+        let means_mm = millimetres(mean);
         Self {
             draws: random.len(),
-            failed: random.len() - judged().count(),
-            rho0_mm: spread_of(
-                (random.iter())
-                    .filter_map(|chosen| Some(chosen.predicted_m? * 1e3))
-                    .collect(),
-            ),
-            predicted_rms_mm: spread_of(
-                (random.iter())
-                    .filter_map(|chosen| Some(chosen.predicted_distance_m? * 1e3))
-                    .collect(),
-            ),
-            mean_mm: spread(&|distance| distance.mean),
-            rms_mm: spread(&|distance| distance.rms),
-            quantile95_mm: spread(&|distance| distance.quantile95),
-            largest_mm: spread(&|distance| distance.largest),
-            from_all_mm: spread_of(judged().map(|judged| judged.from_all_m * 1e3).collect()),
-            without_discrepancy_from_true_mm: spread_of(
-                random.iter().filter_map(without_discrepancy_mm).collect(),
-            ),
-            means_mm: judged().map(|judged| judged.distance.mean * 1e3).collect(),
+            failed: random.len() - means_mm.len(),
+            spreads: (SPREADS.into_iter())
+                .map(|(name, of)| (name, spread_of(millimetres(of))))
+                .collect(),
+            means_mm,
         }
     }
 }

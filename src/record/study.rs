@@ -1,8 +1,6 @@
 //! The records of a Monte Carlo study, with the unit of every number in its key.
 
-use std::fmt::Write;
-
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::account::{ContributionMessage, verdict};
 use super::messages::CommonSourcesMessage;
@@ -13,7 +11,7 @@ use crate::study::verdict::{MonteCarloOutcome, numerical_tolerance};
 use crate::study::{Conditions, account::Account};
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct StudyPlanMessage {
     /// The plan's name.
     pub name: String,
@@ -42,24 +40,24 @@ pub struct StudyPlanMessage {
     /// The rms distance that eq. 20 predicts (mm).
     pub predicted_rms_mm: Option<f64>,
     /// What the belief predicts for the rms (mm), where the scenario lists uncertainties.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub combined_rms_mm: Option<f64>,
     /// The distance that the belief predicts 95 % of the runs to stay below (mm); nothing where every run has a plan of its
     /// own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub predicted_quantile95_mm: Option<f64>,
     /// The contributions to the errors of the simulated truth, to first order; their squares add up to the square of what is to be
     /// expected.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub contributions: Vec<ContributionMessage>,
     /// The error sources in common with the campaign of `robot.prior`, which the runs take as independent; null where there are none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub common_sources: Option<CommonSourcesMessage>,
     /// Whether the prediction holds, in words.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<String>,
     /// The comparison of the predicted expanded uncertainty with that of the runs (JCGM 101, clause 8).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub validation: Option<ValidationMessage>,
     /// The distances that 5, 50, 95 and 99 % of the runs do not exceed (mm).
     pub quantiles_mm: Option<[f64; 4]>,
@@ -75,7 +73,7 @@ pub struct StudyPlanMessage {
     /// Its deviation in standard deviations.
     pub nees_z: Option<f64>,
     /// The share of the 95 % intervals of compliances that hold the true one; there is none by the linear model.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub coverage95: Option<f64>,
     /// The mean distance over that of the first random plan.
     pub mean_ratio_to_random: Option<f64>,
@@ -84,7 +82,7 @@ pub struct StudyPlanMessage {
 }
 
 /// A predicted expanded uncertainty U beside that of a Monte Carlo study (JCGM 101, clause 8).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ValidationMessage {
     /// The predicted radius that holds 95 % (um).
     pub predicted_um: f64,
@@ -95,7 +93,7 @@ pub struct ValidationMessage {
     /// The numerical tolerance of the predicted standard uncertainty with two significant digits (um).
     pub numerical_tolerance_um: f64,
     /// `validated`, `not validated`, or `undecided` by so few runs.
-    pub outcome: String,
+    pub outcome: &'static str,
 }
 
 impl ValidationMessage {
@@ -108,13 +106,13 @@ impl ValidationMessage {
             monte_carlo_um: observed_m.value * 1e6,
             monte_carlo_std_um: observed_m.standard_error * 1e6,
             numerical_tolerance_um: tolerance_m * 1e6,
-            outcome: outcome.name().to_owned(),
+            outcome: outcome.name(),
         }
     }
 }
 
 /// A histogram of distances; bins grow with the distance, 8 an octave.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct HistogramMessage {
     /// The edges of the bins (mm), one more than there are bins.
     pub edges_mm: Vec<f64>,
@@ -134,15 +132,18 @@ impl HistogramMessage {
 }
 
 impl StudyPlanMessage {
-    /// The record of a plan's tally, whose distances are in units of the conditions' sigma.
+    /// The record of a plan's tally, whose distances are in units of the conditions' sigma, beside that of the plan that it is compared
+    /// with.
     pub fn new(
         name: &str,
         conditions: &Conditions,
         parameters: usize,
-        tally: &Tally,
-        summary: Option<&Summary>,
+        (tally, reference): (&Tally, Option<&Tally>),
         (account, predicted_quantile95_m): (Option<&Account>, Option<f64>),
     ) -> Self {
+        let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
+        let summary = Summary::new(tally, conditions.sigma_m, reference);
+        let summary = summary.as_ref();
         let of =
             |value: &dyn Fn(&Summary) -> f64| summary.map(value).filter(|value| value.is_finite());
         let ratio = summary.and_then(|summary| summary.ratio_to_random);
@@ -203,46 +204,35 @@ pub fn study_csv(plans: &[StudyPlanMessage]) -> String {
          q05_mm,q50_mm,q95_mm,q99_mm,z,nees,nees_z,mean_ratio_to_random\n",
     );
     for plan in plans {
-        let [low, high] = split(plan.mean_ci95_mm);
-        let [q05, q50, q95, q99] = split(plan.quantiles_mm);
+        let one = |value: Option<f64>| vec![value];
         let numbers = [
-            plan.mean_mm,
-            low,
-            high,
-            plan.rms_mm,
-            plan.predicted_rms_mm,
-            q05,
-            q50,
-            q95,
-            q99,
-            plan.z,
-            plan.nees,
-            plan.nees_z,
-            plan.mean_ratio_to_random,
+            one(plan.mean_mm),
+            split(plan.mean_ci95_mm),
+            one(plan.rms_mm),
+            one(plan.predicted_rms_mm),
+            split(plan.quantiles_mm),
+            one(plan.z),
+            one(plan.nees),
+            one(plan.nees_z),
+            one(plan.mean_ratio_to_random),
         ];
-        text += &format!(
-            "{},{},{},{},{},{}",
+        let numbers = numbers.concat().into_iter();
+        let numbers = numbers.map(|each| each.map_or_else(String::new, |each| each.to_string()));
+        let (name, m, sigma, load) = (
             word_field(&plan.name),
             plan.experiments,
             plan.sigma_mm,
             plan.load_scale,
-            plan.runs,
-            plan.failed
         );
-        for number in numbers {
-            text.push(',');
-            if let Some(number) = number {
-                // Writing to a string cannot fail.
-                let _ = write!(text, "{number}");
-            }
-        }
-        text.push('\n');
+        let cells = numbers.collect::<Vec<_>>().join(",");
+        let (runs, failed) = (plan.runs, plan.failed);
+        text += &format!("{name},{m},{sigma},{load},{runs},{failed},{cells}\n");
     }
     text
 }
 
-fn split<const N: usize>(values: Option<[f64; N]>) -> [Option<f64>; N] {
-    values.map_or([None; N], |values| values.map(Some))
+fn split<const N: usize>(values: Option<[f64; N]>) -> Vec<Option<f64>> {
+    values.map_or([None; N], |values| values.map(Some)).to_vec()
 }
 
 fn reasons(tally: &Tally) -> Vec<(String, u64)> {

@@ -1,8 +1,8 @@
 //! Tallies as files: shards of a study to join, and interrupted studies to go on from.
 //!
-//! Shard i of n has the blocks i - 1, i - 1 + n, ... in this order. The integers of the sums are
-//! decimal strings, since JSON's numbers are floats to many readers.
+//! Shard i of n has the blocks i - 1, i - 1 + n, ... in this order. A checksum tells whether a file is as it was written.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -11,17 +11,17 @@ use sha2::{Digest, Sha256};
 
 use super::messages::ProvenanceMessage;
 use crate::codes::ErrorCode;
+use crate::experiment::Candidate;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::files::{output::write_whole, schema::check_version, typed::from_json};
 use crate::gate::Gate;
 use crate::identification::ParameterGroup;
-use crate::plan::{Experiment, Plan, absolute::PredictedAccuracy, posterior, quantile95_m};
-use crate::robot::Load;
+use crate::plan::{absolute::PredictedAccuracy, posterior, quantile95_m};
 use crate::scenario::Scenario;
 use crate::study::absolute::{AbsoluteEntry, AbsoluteRunner, BLOCK_RUNS};
-use crate::study::tally::{BINS, Failure, SUMS, Tally};
-use crate::study::{Conditions, Entry, Level, Setting, runner};
-use crate::study::{account::Account, tally_check::within};
+use crate::study::account::Account;
+use crate::study::runner::{self, RunsInBlocks};
+use crate::study::{Conditions, Entry, Level, Setting, tally::Tally};
 
 /// What a study's numbers depend on; tallies of different headers do not add.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -38,9 +38,6 @@ pub struct Header {
     pub absolute: Option<AbsoluteStudyHeader>,
     /// The names of the compliances.
     pub parameters: Vec<String>,
-    /// The number of all unknowns, where more than these compliances is uncertain.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unknowns: Option<usize>,
     /// The plans.
     pub plans: Vec<PlanHeader>,
     /// The number n of shards.
@@ -68,12 +65,9 @@ pub struct AbsoluteStudyHeader {
 pub struct PlanHeader {
     /// Its name.
     pub name: String,
-    /// The number M of measurements in each run.
-    pub experiments: u32,
-    /// The instrument's standard deviation (m).
-    pub sigma_m: f64,
-    /// How many times the loads are those of the scenario and the plan.
-    pub load_scale: f64,
+    /// The conditions of its runs.
+    #[serde(flatten)]
+    pub conditions: Conditions,
     /// The plan that it is compared with, as an index.
     pub reference: Option<usize>,
     /// SHA-256 of the plan; null where every run has its own.
@@ -85,17 +79,6 @@ pub struct PlanHeader {
     /// The distance (m) that it predicts 95 % of the runs to stay below; nothing where every run has a plan of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_quantile95_m: Option<f64>,
-}
-
-impl PlanHeader {
-    /// The conditions of its runs.
-    pub const fn conditions(&self) -> Conditions {
-        Conditions {
-            sigma_m: self.sigma_m,
-            experiments: self.experiments,
-            load_scale: self.load_scale,
-        }
-    }
 }
 
 impl Header {
@@ -112,9 +95,7 @@ impl Header {
             let conditions = &settings[entry.setting].conditions;
             PlanHeader {
                 name: entry.name.clone(),
-                experiments: conditions.experiments,
-                sigma_m: conditions.sigma_m,
-                load_scale: conditions.load_scale,
+                conditions: *conditions,
                 reference,
                 sha256: entry.kind.plan().map(fingerprint),
                 account: (entry.kind.plan())
@@ -137,7 +118,6 @@ impl Header {
             level,
             absolute: None,
             parameters: scenario.task.belief.parameter_names(),
-            unknowns: (scenario.task.belief.uncertain.as_ref()).map(|all| all.set().len()),
             plans: (entries.iter().zip(runner::references(entries)))
                 .map(plan)
                 .collect(),
@@ -153,17 +133,14 @@ impl Header {
         [trials, shards]: [u64; 2],
         (entries, runner): (&[AbsoluteEntry<'_>], &AbsoluteRunner<'_>),
     ) -> Self {
-        let conditions = Conditions::plain(&scenario.task, 0);
         let header = Self::new(scenario, &[], Level::Robot, trials, shards, &[]);
         let plan = |((entry, prediction), reference): ((&AbsoluteEntry<'_>, _), _)| {
             let prediction: &PredictedAccuracy = prediction;
             PlanHeader {
                 name: entry.name.clone(),
-                experiments: prediction.readings,
-                sigma_m: conditions.sigma_m,
-                load_scale: conditions.load_scale,
+                conditions: Conditions::plain(&scenario.task, prediction.readings),
                 reference,
-                sha256: Some(fingerprint_of_readings(entry)),
+                sha256: Some(fingerprint(&rows(entry))),
                 account: Account::of_absolute(&scenario.task, &scenario.truth, entry, prediction),
                 predicted_quantile95_m: prediction.quantile95_m.map(to_ten_digits),
             }
@@ -186,35 +163,17 @@ impl Header {
         }
     }
 
-    /// What is determined in a run at most.
-    const fn most_freedom(&self, unknowns: usize) -> u64 {
-        match &self.absolute {
-            Some(absolute) => 3 * absolute.test_poses as u64,
-            None => unknowns as u64,
-        }
-    }
-
-    /// How many 95 % intervals, or regions, a run has at most.
-    const fn most_intervals(&self) -> u64 {
-        match &self.absolute {
-            Some(absolute) => absolute.test_poses as u64,
-            None => self.parameters.len() as u64,
-        }
-    }
-
-    /// The number of all unknowns.
-    pub fn unknowns(&self) -> usize {
-        self.unknowns.unwrap_or(self.parameters.len())
-    }
-
     /// The plans and how much each measures, for people.
     pub fn title(&self) -> String {
-        let mut conditions: Vec<_> = self.plans.iter().map(PlanHeader::conditions).collect();
+        let mut conditions: Vec<_> = self.plans.iter().map(|plan| plan.conditions).collect();
         conditions.dedup();
         let plans = self.plans.len();
         match (&conditions[..], self.plans.first()) {
             ([_], Some(plan)) => {
-                format!("{plans} plans with {} measurements each", plan.experiments)
+                format!(
+                    "{plans} plans with {} measurements each",
+                    plan.conditions.experiments
+                )
             }
             _ => format!("{plans} plans under {} conditions", conditions.len()),
         }
@@ -224,7 +183,7 @@ impl Header {
     pub fn labels(&self) -> Vec<String> {
         let label = |plan: &PlanHeader| {
             let same = |other: &&PlanHeader| other.name == plan.name;
-            match (self.plans.iter().filter(same).count(), plan.conditions()) {
+            match (self.plans.iter().filter(same).count(), plan.conditions) {
                 (2.., conditions) => format!(
                     "{}, {} measurements, sigma {:.4} mm, load {}",
                     plan.name,
@@ -267,45 +226,22 @@ fn to_ten_digits(value: f64) -> f64 {
     format!("{value:.9e}").parse().unwrap_or(value)
 }
 
-fn fingerprint(plan: &Plan) -> String {
-    let mut hash = Sha256::new();
-    for experiment in &plan.experiments {
-        for angle in experiment.configuration_rad.iter() {
-            hash.update(angle.to_le_bytes());
-        }
-        for component in experiment.load.wrench().iter() {
-            hash.update(component.to_le_bytes());
-        }
-        hash.update(experiment.repeats.to_le_bytes());
-    }
-    hexadecimal(&hash.finalize())
+/// What a change of any digit changes.
+fn fingerprint(of: &impl std::fmt::Debug) -> String {
+    hexadecimal(&Sha256::digest(format!("{of:?}")))
 }
 
-/// The same of a plan of absolute readings.
-fn fingerprint_of_readings(entry: &AbsoluteEntry<'_>) -> String {
-    let experiments = entry.plan.iter().map(|&(place, repeats)| {
-        let row = &entry.planning.candidates[place];
-        Experiment {
-            configuration_rad: row.configuration_rad.clone(),
-            load: row.load.unwrap_or(Load::NONE),
-            repeats,
-            approach: None,
-        }
-    });
-    let mut words = fingerprint(&Plan {
-        experiments: experiments.collect(),
-    });
-    for &(place, _) in &entry.plan {
-        let row = &entry.planning.candidates[place];
-        words += &format!("{:?}", (&row.target, &row.station, &row.approach));
-    }
-    hexadecimal(&Sha256::digest(words))
+/// The rows of a plan of absolute readings, and how often each is read.
+fn rows<'a>(entry: &'a AbsoluteEntry<'_>) -> Vec<(&'a Candidate, u32)> {
+    let row = |&(place, repeats): &(usize, u32)| (&entry.planning.candidates[place], repeats);
+    entry.plan.iter().map(row).collect()
 }
 
 /// A part of a study: the first blocks of one shard.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TallyFile {
     /// The study.
+    #[serde(rename = "study")]
     pub header: Header,
     /// The shard's number, from 1.
     pub shard: u64,
@@ -316,39 +252,17 @@ pub struct TallyFile {
 }
 
 /// The file as it is written.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct WrittenTallyFile {
+#[derive(Serialize)]
+struct WrittenTallyFile<'a> {
     /// The version of this format.
     elastocal_tally: u32,
-    study: Header,
-    shard: u64,
-    blocks_done: u64,
-    tallies: Vec<StoredTally>,
+    /// SHA-256 of the rest.
+    sha256: String,
+    #[serde(flatten)]
+    part: &'a TallyFile,
 }
 
-/// What tallies of all versions say.
-#[derive(Deserialize)]
-struct Version {
-    elastocal_tally: Value,
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct StoredTally {
-    runs: u64,
-    freedom: u64,
-    /// 95 % intervals of compliances, and how many of them hold the true one.
-    intervals: [u64; 2],
-    pairs: u64,
-    failed: Vec<u64>,
-    /// Fixed-point integers.
-    sums: Vec<String>,
-    /// The bins that are not empty: index and count.
-    histogram: Vec<(usize, u64)>,
-}
-
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 impl TallyFile {
     /// A shard of which nothing is done.
@@ -366,16 +280,21 @@ impl TallyFile {
         self.blocks_done == self.header.blocks_of(self.shard)
     }
 
+    /// What a change of any key changes.
+    fn sha256(&self) -> serde_json::Result<String> {
+        Ok(hexadecimal(&Sha256::digest(serde_json::to_vec(self)?)))
+    }
+
     /// Writes the file, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
-        let stored = WrittenTallyFile {
-            elastocal_tally: FORMAT,
-            study: self.header.clone(),
-            shard: self.shard,
-            blocks_done: self.blocks_done,
-            tallies: self.tallies.iter().map(store).collect(),
+        let text = || {
+            serde_json::to_string(&WrittenTallyFile {
+                elastocal_tally: FORMAT,
+                sha256: self.sha256()?,
+                part: self,
+            })
         };
-        let text = serde_json::to_string(&stored).map_err(|error| {
+        let text = text().map_err(|error: serde_json::Error| {
             FileError::new(path, format!("cannot be written: {error}")).code(ErrorCode::NotWritable)
         })?;
         write_whole(path, (text + "\n").as_bytes())
@@ -384,7 +303,7 @@ impl TallyFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// It is not a tally, or what it says cannot be.
+    /// It is not a tally, or was changed since it was written.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         Self::read_tally(path).map_err(|wrong| wrong.or_code(ErrorCode::Tally))
     }
@@ -399,23 +318,27 @@ impl TallyFile {
         };
         // Another version may have other keys.
         let key = "elastocal_tally";
-        let Version { elastocal_tally } = from_json(path, &text).map_err(no_tally)?;
+        let json: BTreeMap<String, Value> = from_json(path, &text).map_err(no_tally)?;
+        let Some(version) = json.get(key) else {
+            return Err(no_tally(FileError::new(
+                path,
+                format!("missing field `{key}`"),
+            )));
+        };
         let readable = FORMAT.into()..=FORMAT.into();
-        check_version(path, key, &elastocal_tally, readable, "elastocal study")?;
-        let stored: WrittenTallyFile = from_json(path, &text).map_err(no_tally)?;
-        let file = stored.restore().map_err(|(key, problem)| {
-            FileError::new(path, problem)
-                .at(key)
-                .hint("the tally is damaged: delete it and make its part of the study again")
-        })?;
+        check_version(path, key, version, readable, "elastocal study")?;
+        let file: Self = from_json(path, &text).map_err(no_tally)?;
         // It names the folder for the results.
         let name = &file.header.provenance.scenario;
-        if is_plain_name(name) {
-            Ok(file)
-        } else {
+        if !is_plain_name(name) {
             let problem = format!("found {name:?}; it must be the plain name of a file");
-            Err(FileError::new(path, problem).at("study.scenario"))
+            return Err(FileError::new(path, problem).at("study.scenario"));
         }
+        if json.get("sha256").and_then(Value::as_str) != file.sha256().ok().as_deref() {
+            let hint = "the tally is damaged: delete it and make its part of the study again";
+            return Err(FileError::new(path, "is not as it was written").hint(hint));
+        }
+        Ok(file)
     }
 
     /// Reads the file of the same shard of the same study to go on from; nothing is done yet where
@@ -494,107 +417,4 @@ pub fn join<P: AsRef<Path>>(paths: &[P]) -> Result<Option<(Header, Vec<Tally>)>,
         return Err(wrong_tally(path.as_ref(), problem));
     }
     Ok(joined)
-}
-
-fn store(tally: &Tally) -> StoredTally {
-    StoredTally {
-        runs: tally.runs,
-        freedom: tally.freedom,
-        intervals: tally.intervals,
-        pairs: tally.pairs,
-        failed: tally.failed.to_vec(),
-        sums: tally.sums.iter().map(ToString::to_string).collect(),
-        histogram: (tally.bins.iter().copied().enumerate())
-            .filter(|(_, count)| *count > 0)
-            .collect(),
-    }
-}
-
-impl WrittenTallyFile {
-    /// What is written, if it can be.
-    fn restore(self) -> Result<TallyFile, (String, String)> {
-        if self.elastocal_tally != FORMAT {
-            let problem = format!(
-                "found {}; this elastocal ({}) reads {FORMAT}",
-                self.elastocal_tally,
-                crate::VERSION
-            );
-            return Err(("elastocal_tally".to_owned(), problem));
-        }
-        let header = self.study;
-        header.check()?;
-        within("shard", self.shard, [1, header.shards])?;
-        let blocks = header.blocks_of(self.shard);
-        within("blocks_done", self.blocks_done, [0, blocks])?;
-        let (found, plans) = (self.tallies.len(), header.plans.len());
-        if found != plans {
-            let problem = format!("found {found}; there are {plans} plans");
-            return Err(("tallies".to_owned(), problem));
-        }
-        let tallies: Vec<Tally> = (self.tallies.iter().enumerate())
-            .map(|(index, stored)| {
-                restore(stored)
-                    .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))
-            })
-            .collect::<Result<_, _>>()?;
-        let runs = header.runs_of(self.shard, self.blocks_done);
-        for (index, (tally, plan)) in tallies.iter().zip(&header.plans).enumerate() {
-            let reference = plan.reference.and_then(|other| tallies.get(other));
-            tally
-                .check(runs, reference)
-                .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))?;
-            // Each run determines so many combinations at most.
-            let most = (tally.runs).saturating_mul(header.most_freedom(header.unknowns()));
-            within(
-                &format!("tallies[{index}].freedom"),
-                tally.freedom,
-                [0, most],
-            )?;
-            let [all, holding] = tally.intervals;
-            let most = tally.runs.saturating_mul(header.most_intervals());
-            within(&format!("tallies[{index}].intervals[0]"), all, [0, most])?;
-            within(&format!("tallies[{index}].intervals[1]"), holding, [0, all])?;
-        }
-        Ok(TallyFile {
-            header,
-            shard: self.shard,
-            blocks_done: self.blocks_done,
-            tallies,
-        })
-    }
-}
-
-fn restore(stored: &StoredTally) -> Result<Tally, (&'static str, String)> {
-    let (found, reasons) = (stored.failed.len(), Failure::ALL.len());
-    let failed = (stored.failed.as_slice().try_into()).map_err(|_| {
-        (
-            "failed",
-            format!("found {found} numbers; {reasons} are allowed"),
-        )
-    })?;
-    let sums: Option<Vec<i128>> = stored.sums.iter().map(|text| text.parse().ok()).collect();
-    let sums = (sums.and_then(|sums| sums.try_into().ok()))
-        .ok_or_else(|| ("sums", format!("{SUMS} whole numbers as text are allowed")))?;
-    let mut bins = vec![0; BINS];
-    for &(index, count) in &stored.histogram {
-        match bins.get_mut(index) {
-            Some(bin) if *bin == 0 && count > 0 => *bin = count,
-            _ => {
-                let problem = format!(
-                    "found {count} in bin {index}; each of the bins 0 to {} may come once with what it counts",
-                    BINS - 1
-                );
-                return Err(("histogram", problem));
-            }
-        }
-    }
-    Ok(Tally {
-        runs: stored.runs,
-        freedom: stored.freedom,
-        intervals: stored.intervals,
-        pairs: stored.pairs,
-        failed,
-        sums,
-        bins,
-    })
 }

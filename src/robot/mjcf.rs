@@ -4,7 +4,8 @@ use nalgebra::{Isometry3, Unit, UnitQuaternion, Vector3};
 
 use super::chain::{Drive, Joint, SerialChain, Tool};
 use super::elements::{Elements, JointSpring, Offset, Place, Spring};
-use crate::mujoco::{Model, ModelError};
+use crate::files::FileError;
+use crate::mujoco::Model;
 
 /// Where each body of the model is fixed: the number of joints between it and the world, and its
 /// frame in that of the link that carries it.
@@ -18,14 +19,13 @@ impl SerialChain {
     /// must move the next.
     ///
     /// # Errors
-    /// [`ModelError::NotSerial`] if the joints are not hinges and slides in one series,
-    /// [`ModelError::Statics`] if the model has an element that can move the arm's rest and that the chain
-    /// does not know.
-    pub fn from_model(model: &Model) -> Result<Self, ModelError> {
+    /// The joints are not hinges and slides in one series, or the model has an element that can move the arm's rest and that
+    /// the chain does not know.
+    pub fn from_model(model: &Model) -> Result<Self, FileError> {
         let mut joints = Vec::new();
         let mounts = mounts(model, &mut joints)?;
         if joints.is_empty() {
-            return Err(not_serial(model, "it has no joint".to_owned()));
+            return Err(model.not_serial("it has no joint"));
         }
         model.check_statics()?;
         let mut first_moment = vec![Vector3::zeros(); joints.len()];
@@ -50,7 +50,7 @@ impl SerialChain {
             elements: elements(model, &mounts),
         };
         if chain.commanded().next().is_none() {
-            return Err(not_serial(model, "no joint is actuated".to_owned()));
+            return Err(model.not_serial("no joint is actuated"));
         }
         Ok(chain)
     }
@@ -59,7 +59,7 @@ impl SerialChain {
     ///
     /// # Errors
     /// The model has no site of that name, the arm is not serial, or no joint moves the site.
-    pub fn tool(model: &Model, site: &str) -> Result<Tool, ModelError> {
+    pub fn tool(model: &Model, site: &str) -> Result<Tool, FileError> {
         let (body, body_from_site) = model.site_body(model.site(site)?);
         Self::frame(model, site, body, body_from_site)
     }
@@ -68,7 +68,7 @@ impl SerialChain {
     ///
     /// # Errors
     /// The arm is not serial, or no joint moves the body.
-    pub fn on_body(model: &Model, body: usize) -> Result<Tool, ModelError> {
+    pub fn on_body(model: &Model, body: usize) -> Result<Tool, FileError> {
         Self::frame(model, &model.body_name(body), body, Isometry3::identity())
     }
 
@@ -78,14 +78,11 @@ impl SerialChain {
         name: &str,
         body: usize,
         body_from_frame: Isometry3<f64>,
-    ) -> Result<Tool, ModelError> {
+    ) -> Result<Tool, FileError> {
         let mounts = mounts(model, &mut Vec::new())?;
         let mount = &mounts[body];
         if mount.joints == 0 {
-            return Err(not_serial(
-                model,
-                format!("no joint moves the site {name:?}"),
-            ));
+            return Err(model.not_serial(format!("no joint moves the site {name:?}")));
         }
         Ok(Tool {
             name: name.to_owned(),
@@ -97,7 +94,7 @@ impl SerialChain {
 
 /// Walks the bodies from the world outwards, appends the joints that it meets, and says where each
 /// body is mounted.
-fn mounts(model: &Model, joints: &mut Vec<Joint>) -> Result<Vec<Mount>, ModelError> {
+fn mounts(model: &Model, joints: &mut Vec<Joint>) -> Result<Vec<Mount>, FileError> {
     let mut mounts: Vec<Mount> = vec![Mount {
         joints: 0,
         link_from_body: Isometry3::identity(),
@@ -121,14 +118,14 @@ fn mounts(model: &Model, joints: &mut Vec<Joint>) -> Result<Vec<Mount>, ModelErr
             }
             if !slides && !model.is_hinge(joint) {
                 let reason = format!("joint {name:?} is neither a hinge nor a slide");
-                return Err(not_serial(model, reason));
+                return Err(model.not_serial(reason));
             }
             if mount.joints != joints.len() {
                 let reason = format!(
                     "joint {name:?} branches off before {:?}; a scenario locks side branches (robot.locked_deg, robot.locked_mm)",
                     joints.last().map_or("", |last| last.name.as_str())
                 );
-                return Err(not_serial(model, reason));
+                return Err(model.not_serial(reason));
             }
             let body_from_link = if slides {
                 (anchor - axis.into_inner() * reference).into()
@@ -211,11 +208,4 @@ fn elements(model: &Model, mounts: &[Mount]) -> Elements {
         });
     }
     elements
-}
-
-fn not_serial(model: &Model, reason: String) -> ModelError {
-    ModelError::NotSerial {
-        path: model.path().to_owned(),
-        reason,
-    }
 }

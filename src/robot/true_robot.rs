@@ -1,7 +1,8 @@
 //! The virtual robot's physics: a model that need not be the belief's.
 
 use super::SerialChain;
-use crate::mujoco::{Model, ModelError, TorqueLaw};
+use crate::files::FileError;
+use crate::mujoco::{Model, TorqueLaw};
 
 /// A robot as it is: MuJoCo's model, with the joints that the belief knows.
 #[derive(Debug, Clone)]
@@ -50,11 +51,7 @@ impl TrueRobot {
     /// # Errors
     /// The model has something that no static equilibrium tells, lacks a joint that is commanded, or does
     /// not hold one at its command by one position actuator.
-    pub fn of_model(
-        model: Model,
-        known: &[KnownJoint],
-        reason: String,
-    ) -> Result<Self, ModelError> {
+    pub fn of_model(model: Model, known: &[KnownJoint], reason: String) -> Result<Self, FileError> {
         Self::with_joints(model, known, Err(reason))
     }
 
@@ -63,7 +60,7 @@ impl TrueRobot {
         model: Model,
         known: &[KnownJoint],
         chain: SerialChain,
-    ) -> Result<Self, ModelError> {
+    ) -> Result<Self, FileError> {
         let commanded = chain.commanded().map(|joint| &chain.joints[joint].name);
         let is_known = |name: &&String| {
             known
@@ -89,7 +86,7 @@ impl TrueRobot {
         model: Model,
         known: &[KnownJoint],
         chain: Result<SerialChain, String>,
-    ) -> Result<Self, ModelError> {
+    ) -> Result<Self, FileError> {
         model.check_rest()?;
         let joints = (known.iter())
             .map(|joint| {
@@ -100,7 +97,7 @@ impl TrueRobot {
                 model.check_commanded(joint)?;
                 Ok(Some(joint))
             })
-            .collect::<Result<Vec<Option<usize>>, ModelError>>()?;
+            .collect::<Result<Vec<Option<usize>>, FileError>>()?;
         let compliance = |joint: &Option<usize>| {
             joint
                 .and_then(|joint| model.joint_compliance(joint))

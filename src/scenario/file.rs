@@ -260,38 +260,24 @@ pub(super) struct ForbiddenTable {
     pub within_deg: f64,
 }
 
-/// The shapes of obstacles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum ObstacleKind {
-    Box,
-    Sphere,
-    Cylinder,
-    Capsule,
-}
-
-impl ObstacleKind {
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Box => "box",
-            Self::Sphere => "sphere",
-            Self::Cylinder => "cylinder",
-            Self::Capsule => "capsule",
-        }
-    }
-}
-
 /// One of `[[obstacle]]`.
 #[derive(Debug, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(super) struct ObstacleTable {
     pub name: String,
-    pub kind: ObstacleKind,
-    pub size_mm: Option<Vec<f64>>,
-    pub radius_mm: Option<f64>,
-    pub length_mm: Option<f64>,
     pub position_mm: Vec<f64>,
     pub rpy_deg: Option<Vec<f64>>,
+    #[serde(flatten)]
+    pub shape: ShapeTable,
+}
+
+/// The shapes of obstacles.
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum ShapeTable {
+    Box { size_mm: Vec<f64> },
+    Sphere { radius_mm: f64 },
+    Cylinder { radius_mm: f64, length_mm: f64 },
+    Capsule { radius_mm: f64, length_mm: f64 },
 }
 
 /// One of `[[station]]`.
@@ -306,8 +292,11 @@ pub(super) struct StationTable {
 }
 
 /// What is uncertain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema, strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub(super) enum UncertaintyKind {
     Compliance,
     JointZero,
@@ -319,10 +308,6 @@ pub(super) enum UncertaintyKind {
     SpringRest,
     /// Of the calibration tool alone: the machining tool stays.
     ToolPosition,
-    /// Of the calibration tool alone: the machining tool stays.
-    ToolRotation,
-    /// Of the instrument's frame: the robot stays.
-    BasePosition,
     /// Of the instrument's frame: the robot does not tilt under gravity.
     BaseRotation,
     LoadScale,
@@ -341,33 +326,8 @@ pub(super) enum UncertaintyKind {
 }
 
 impl UncertaintyKind {
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Compliance => "compliance",
-            Self::JointZero => "joint_zero",
-            Self::LinkPosition => "link_position",
-            Self::LinkRotation => "link_rotation",
-            Self::LinkMass => "link_mass",
-            Self::LinkCentre => "link_centre",
-            Self::SpringStiffness => "spring_stiffness",
-            Self::SpringRest => "spring_rest",
-            Self::ToolPosition => "tool_position",
-            Self::ToolRotation => "tool_rotation",
-            Self::BasePosition => "base_position",
-            Self::BaseRotation => "base_rotation",
-            Self::LoadScale => "load_scale",
-            Self::LoadOffset => "load_offset",
-            Self::TaskForce => "task_force",
-            Self::LoadDirection => "load_direction",
-            Self::LoadPoint => "load_point",
-            Self::JointRepeatability => "joint_repeatability",
-            Self::Backlash => "backlash",
-            Self::Stiffening => "stiffening",
-            Self::TrackerRange => "tracker_range",
-            Self::Drift => "drift",
-            Self::TransmissionError => "transmission_error",
-            Self::Discrepancy => "discrepancy",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// The keys that its size may have.
@@ -382,12 +342,9 @@ impl UncertaintyKind {
             | Self::LinkCentre
             | Self::SpringRest
             | Self::ToolPosition
-            | Self::BasePosition
             | Self::LoadPoint
             | Self::Discrepancy => &["std_mm"],
-            Self::LinkRotation | Self::ToolRotation | Self::BaseRotation | Self::LoadDirection => {
-                &["std_mrad"]
-            }
+            Self::LinkRotation | Self::BaseRotation | Self::LoadDirection => &["std_mrad"],
             Self::JointZero | Self::TransmissionError => &["std_mrad", "std_mm"],
             Self::JointRepeatability => &["std_mrad", "std_mm", "rp_mm"],
             Self::Backlash => &["std_arcsec", "std_mm"],
@@ -443,8 +400,6 @@ pub(super) struct UncertaintyTable {
     pub coverage_factor: Option<f64>,
     pub level: Option<SourceLevel>,
     pub rp_mm: Option<f64>,
-    pub q_deg: Option<Vec<f64>>,
-    pub site: Option<String>,
     pub harmonics: Option<Vec<i64>>,
     pub correlation_deg: Option<f64>,
     pub turned_over_at_nm: Option<f64>,
@@ -569,4 +524,15 @@ pub(super) enum StudyPlanTable {
     RandomEach {
         name: String,
     },
+}
+
+impl StudyPlanTable {
+    pub const fn name(&self) -> &String {
+        match self {
+            Self::File { name, .. }
+            | Self::Optimal { name, .. }
+            | Self::Random { name }
+            | Self::RandomEach { name } => name,
+        }
+    }
 }

@@ -4,7 +4,6 @@
 //! compiled, every site exists, every number is finite and in SI units), or one error that names
 //! the file, the key, what was found and what is allowed.
 
-mod certificate;
 mod check;
 mod file;
 mod permissible;

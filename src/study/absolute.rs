@@ -6,29 +6,30 @@
 //! instrument's frames are anywhere. The one fit sees readings with the covariance that they were planned with, and what it then says of
 //! the loaded tool's place is compared with where the virtual robot has it.
 
-use std::ops::Range;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Matrix6xX, Rotation3, SymmetricEigen, Vector3};
+use nalgebra::{
+    Isometry3, Matrix3, Matrix6, Matrix6xX, Point3, Rotation3, SymmetricEigen, Vector3,
+};
 use thiserror::Error;
 
 use super::StudyError;
-use super::runner::{RunBlocks, RunsInBlocks};
+use super::runner::RunsInBlocks;
 use super::summary::Summary;
-use super::tally::{Batch, BlockSums, Failure, Tally};
+use super::tally::{Batch, Failure, Tally};
 use super::verdict::Kept;
 use super::virtual_readings::{ReadPlan, TargetReading, VirtualReadingError};
+use crate::files::FileError;
 use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use crate::measurement::AbsoluteReading;
-use crate::mujoco::ModelError;
 use crate::numeric::random::normal::LANES;
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup, SharedErrors};
 use crate::parameter::{ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty};
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RepeatedReading};
 use crate::task::Task;
-use crate::testbed::{ReadRobots, Truth, compliances_of_run};
+use crate::testbed::{TrueRobots, Truth};
 
 /// What nothing is known of is drawn with this share of its typical size ...
 const SHARE_OF_SIZE: f64 = 0.3;
@@ -55,7 +56,7 @@ pub struct AbsoluteEntry<'a> {
 pub enum TrialError {
     /// The virtual robot lacks something.
     #[error(transparent)]
-    Model(#[from] ModelError),
+    Model(#[from] FileError),
     /// Nothing tells where the machining tool is.
     #[error("no reading of the plan is of {0}, whose place is predicted: it is assumed exact")]
     Unread(String),
@@ -187,106 +188,154 @@ impl<'a> AbsoluteRunner<'a> {
         }
     }
 
-    /// For each plan, the one that it is compared with: the first random one.
-    pub fn references(&self) -> Vec<Option<usize>> {
-        let random = self.tried.iter().position(|each| each.entry.is_random);
-        vec![random; self.tried.len()]
-    }
-
-    /// A block's runs in their order.
-    fn block(
-        &self,
-        robots: &mut [ReadRobots],
-        first: u64,
-        runs: u64,
-    ) -> Result<Vec<Tally>, StudyError> {
-        let count = usize::try_from(runs).unwrap_or(LANES);
-        let mut batches = Vec::with_capacity(self.tried.len());
-        for (tried, robots) in self.tried.iter().zip(robots) {
-            let mut batch = Batch::default();
-            for (lane, run) in (first..).take(count).enumerate() {
-                if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                    return Err(StudyError::Stopped);
-                }
-                self.run_of(tried, robots, run, (&mut batch, lane));
-            }
-            batch.clean(count);
-            batches.push(batch);
-        }
-        let references = self.references();
-        let tallies = batches.iter().zip(references).map(|(batch, reference)| {
-            let (mut tally, mut sums) = (Tally::default(), BlockSums::default());
-            let reference = reference.map(|other| &batches[other]);
-            tally.add(&mut sums, batch, reference, count);
-            tally.close(&mut sums);
-            tally
-        });
-        Ok(tallies.collect())
-    }
-
-    /// One run of one plan.
-    fn run_of(
+    /// One run of one plan: draws, reads, identifies, and looks.
+    fn see(
         &self,
         tried: &JudgedPlan<'_>,
-        robots: &mut ReadRobots,
+        robots: &mut TrueRobots,
         run: u64,
         (batch, lane): (&mut Batch, usize),
-    ) {
-        let variance_m2 = self.task.belief.instrument.sigma_m.powi(2);
-        let trial = Trial {
-            task: self.task,
-            groups: self.groups,
-            seed: self.seed,
-            tried,
-            run,
+    ) -> Result<(), Unseen> {
+        let task = self.task;
+        let belief = &task.belief;
+        let no_reading = unseen(Failure::Measurement);
+        (robots.become_run_of(&tried.truth, tried.read.len(), self.seed, run))
+            .map_err(|error| no_reading(&error))?;
+        let frames = tried.read.frames([self.seed, run]);
+        let read = self.read(tried, robots, &frames, run);
+        let read = read.map_err(|error| no_reading(&error))?;
+        let no_fit = unseen(Failure::Identification);
+        let case = AbsoluteCase::new(belief, &read).map_err(|error| no_fit(&error))?;
+        let mut case = case.sharing(tried.sharing(&frames));
+        let fit = case
+            .fit(self.groups, ReadingWeights::AsNeeded)
+            .map_err(|error| no_fit(&error))?;
+        let frame = tried.prediction.station;
+        let own = &tried.entry.planning.stations()[frame];
+        let station = case.stations.iter().position(|name| name == own);
+        let machining = &belief.machining_tool.name;
+        let target = case.targets.iter().position(|target| target == machining);
+        let (Some(station), Some(target)) = (station, target) else {
+            let reason = "no reading that counts is there".to_owned();
+            return Err((Failure::Undetermined, reason));
         };
-        match trial.see(robots) {
-            Ok(seen) => {
-                batch.square[lane] = seen.square_m2 / variance_m2;
-                batch.nees[lane] = seen.nees;
-                batch.freedom[lane] = tried.regions.iter().map(|region| region.freedom).sum();
-                batch.intervals[lane] = seen.regions;
-                batch.expected[lane] = tried.predicted_m.powi(2) / variance_m2;
-                let variance_m4 = tried.prediction.square_variance_m4.unwrap_or(0.0);
-                batch.variance[lane] = variance_m4 / variance_m2.powi(2);
-            }
-            Err((failure, reason)) => {
-                batch.failed[lane] = Some(failure);
-                self.note(run, reason);
-            }
+        let mut arm = fit.arm;
+        // What scales the loads of the readings is not the task's.
+        (arm.load_scale, arm.load_offset_n) = (1.0, 0.0);
+        let nothing = ParameterSet::empty();
+        let mut model = ObservationModel::new(&nothing, &arm, &[]);
+        let mut ignored = Matrix6xX::zeros(0);
+        let variance_m2 = belief.instrument.sigma_m.powi(2);
+        let mut square_m2 = 0.0;
+        let no_rest = unseen(Failure::TestPose);
+        for (pose, region) in task.test_poses.iter().zip(&tried.regions) {
+            let setup = Setup {
+                commanded_rad: pose.configuration_rad.clone(),
+                load: pose.load,
+                target,
+                station,
+                approach: None,
+            };
+            let said = model
+                .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
+                .map_err(|error| no_rest(&error))?;
+            let is_at = robots
+                .machining_tool_at_work(&pose.configuration_rad, pose)
+                .map_err(|error| no_rest(&error))?;
+            let frame = &frames[frame];
+            let off = (frame * Point3::from(is_at)).coords - said.position_m;
+            let counted = pose.counted(&(frame.rotation.inverse() * off));
+            square_m2 += pose.weight * counted.norm_squared();
+            let (nees, is_inside) = region.look(&counted);
+            batch.nees[lane] += nees;
+            batch.freedom[lane] += region.freedom;
+            batch.intervals[lane][0] += 1;
+            batch.intervals[lane][1] += u32::from(is_inside);
         }
+        batch.square[lane] = square_m2 / variance_m2;
+        batch.expected[lane] = tried.predicted_m.powi(2) / variance_m2;
+        let variance_m4 = tried.prediction.square_variance_m4.unwrap_or(0.0);
+        batch.variance[lane] = variance_m4 / variance_m2.powi(2);
+        Ok(())
+    }
+
+    /// What the instrument says: of each reading that visits repeat alike, the mean.
+    fn read(
+        &self,
+        tried: &JudgedPlan<'_>,
+        robots: &mut TrueRobots,
+        frames: &[Isometry3<f64>],
+        run: u64,
+    ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
+        let planning = &tried.entry.planning;
+        let is_pose = self.task.belief.instrument.rotation_sigma_rad.is_some();
+        let of_one = |(each, shown): (RepeatedReading, Vec<TargetReading>)| {
+            let sum_m: Vector3<f64> = shown.iter().map(|shown| shown.position_m).sum();
+            let turns: Vec<Rotation3<f64>> = shown.iter().map(|shown| shown.rotation).collect();
+            let covariance = planning.own_covariance(each.place, each.times);
+            let covariance = turned(&covariance, &frames[planning.station_of(each.place)]);
+            let mean = (
+                sum_m / f64::from(each.times),
+                is_pose.then(|| mean_turn(&turns)),
+            );
+            tried.read.reading(each.place, mean, covariance)
+        };
+        let read = (tried.read).read(self.task, robots, frames, [self.seed, run])?;
+        Ok(read.into_iter().map(of_one).collect())
     }
 }
 
+/// Why nothing is seen, in words too.
+type Unseen = (Failure, String);
+
+fn unseen(failure: Failure) -> impl Fn(&dyn std::error::Error) -> Unseen {
+    move |error| (failure, error.to_string())
+}
+
 impl RunsInBlocks for AbsoluteRunner<'_> {
+    type Workspace<'a>
+        = Vec<TrueRobots>
+    where
+        Self: 'a;
+
     fn block_runs(&self) -> u64 {
         BLOCK_RUNS
     }
 
-    fn run(
-        &self,
-        trials: u64,
-        blocks: Range<u64>,
-        step: u64,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Vec<Tally>, StudyError> {
-        let blocks = RunBlocks {
-            block_runs: BLOCK_RUNS,
-            trials,
-            numbers: blocks,
-            step,
-        };
-        let new_robots = || {
-            let robots = self.tried.iter().map(|each| each.robots(self.task));
-            let robots = robots.collect::<Result<Vec<_>, _>>();
-            robots.map_err(|error| StudyError::Model(error.to_string()))
-        };
-        blocks.run(
-            self.tried.len(),
-            new_robots,
-            |robots, first, runs| self.block(robots, first, runs),
-            progress,
-        )
+    /// The first random one.
+    fn references(&self) -> Vec<Option<usize>> {
+        let random = self.tried.iter().position(|each| each.entry.is_random);
+        vec![random; self.tried.len()]
+    }
+
+    fn stop(&self) -> Option<&AtomicBool> {
+        self.stop
+    }
+
+    fn workspace(&self) -> Result<Self::Workspace<'_>, StudyError> {
+        let robots = self.tried.iter().map(|each| each.robots(self.task));
+        Ok(robots.collect::<Result<_, _>>()?)
+    }
+
+    fn draw<'a>(&'a self, _: &mut Self::Workspace<'a>, _: u64) {}
+
+    fn make<'a>(
+        &'a self,
+        robots: &mut Self::Workspace<'a>,
+        plan: usize,
+        (first, count): (u64, usize),
+        batch: &mut Batch,
+    ) -> Result<(), StudyError> {
+        *batch = Batch::default();
+        for (lane, run) in (first..).take(count).enumerate() {
+            self.proceed()?;
+            let seen = self.see(&self.tried[plan], &mut robots[plan], run, (batch, lane));
+            if let Err((failure, reason)) = seen {
+                batch.failed[lane] = Some(failure);
+                self.note(run, reason);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -320,8 +369,8 @@ impl<'a> JudgedPlan<'a> {
         })
     }
 
-    fn robots(&self, task: &Task) -> Result<ReadRobots, ModelError> {
-        ReadRobots::new(&task.belief, &self.truth, self.read.targets())
+    fn robots(&self, task: &Task) -> Result<TrueRobots, FileError> {
+        TrueRobots::of_readings(&task.belief, &self.truth, self.read.targets())
     }
 }
 
@@ -408,127 +457,6 @@ fn uncertainties(truth: &Truth, planning: &AbsolutePlanning<'_>) -> Vec<Uncertai
         });
     }
     all
-}
-
-/// One robot.
-struct Trial<'a> {
-    task: &'a Task,
-    groups: &'a [ParameterGroup],
-    seed: u64,
-    tried: &'a JudgedPlan<'a>,
-    run: u64,
-}
-
-/// What is left of one robot.
-struct SeenPlaces {
-    /// The weighted mean square (m^2) over the test poses.
-    square_m2: f64,
-    /// The normalised square, over them.
-    nees: f64,
-    /// How many regions of 95 % there are, and in how many of them the tool is.
-    regions: [u32; 2],
-}
-
-/// Why nothing is, in words too.
-type Unseen = (Failure, String);
-
-fn unseen(failure: Failure) -> impl Fn(&dyn std::error::Error) -> Unseen {
-    move |error| (failure, error.to_string())
-}
-
-impl Trial<'_> {
-    /// Draws, reads, identifies, and looks.
-    fn see(&self, robots: &mut ReadRobots) -> Result<SeenPlaces, Unseen> {
-        let Self {
-            task, tried, seed, ..
-        } = *self;
-        let run = [seed, self.run];
-        let compliance = compliances_of_run(&tried.truth, seed, self.run);
-        (robots.become_run_of(&compliance, tried.read.len(), run))
-            .map_err(|error| unseen(Failure::Measurement)(&error))?;
-        let stations = tried.entry.planning.stations();
-        let frames = tried.read.frames(run);
-        let read =
-            (self.read(robots, &frames)).map_err(|error| unseen(Failure::Measurement)(&error))?;
-        let belief = &task.belief;
-        let no_fit = unseen(Failure::Identification);
-        let case = AbsoluteCase::new(belief, &read).map_err(|error| no_fit(&error))?;
-        let mut case = case.sharing(tried.sharing(&frames));
-        let fit = case
-            .fit(self.groups, ReadingWeights::AsNeeded)
-            .map_err(|error| no_fit(&error))?;
-        let frame = tried.prediction.station;
-        let lost = || {
-            let reason = "no reading that counts is there".to_owned();
-            (Failure::Undetermined, reason)
-        };
-        let station = case
-            .stations
-            .iter()
-            .position(|name| *name == stations[frame]);
-        let machining = &belief.machining_tool.name;
-        let target = case.targets.iter().position(|target| target == machining);
-        let (station, target) = (station.ok_or_else(lost)?, target.ok_or_else(lost)?);
-        let mut arm = fit.arm;
-        // What scales the loads of the readings is not the task's.
-        (arm.load_scale, arm.load_offset_n) = (1.0, 0.0);
-        let nothing = ParameterSet::empty();
-        let mut model = ObservationModel::new(&nothing, &arm, &[]);
-        let mut ignored = Matrix6xX::zeros(0);
-        let mut seen = SeenPlaces {
-            square_m2: 0.0,
-            nees: 0.0,
-            regions: [0; 2],
-        };
-        let no_rest = unseen(Failure::TestPose);
-        for (pose, region) in task.test_poses.iter().zip(&tried.regions) {
-            let setup = Setup {
-                commanded_rad: pose.configuration_rad.clone(),
-                load: pose.load,
-                target,
-                station,
-                approach: None,
-            };
-            let said = model
-                .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
-                .map_err(|error| no_rest(&error))?;
-            let is_at = robots.at_test_pose(pose).map_err(|error| no_rest(&error))?;
-            let frame = &frames[frame];
-            let off = (frame * nalgebra::Point3::from(is_at)).coords - said.position_m;
-            let counted = pose.counted(&(frame.rotation.inverse() * off));
-            seen.square_m2 += pose.weight * counted.norm_squared();
-            let (nees, is_inside) = region.look(&counted);
-            seen.nees += nees;
-            seen.regions[0] += 1;
-            seen.regions[1] += u32::from(is_inside);
-        }
-        Ok(seen)
-    }
-
-    /// What the instrument says: of each reading that visits repeat alike, the mean.
-    fn read(
-        &self,
-        robots: &mut ReadRobots,
-        frames: &[Isometry3<f64>],
-    ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
-        let (task, plan) = (self.task, &self.tried.read);
-        let planning = &self.tried.entry.planning;
-        let is_pose = task.belief.instrument.rotation_sigma_rad.is_some();
-        let of_one = |(each, shown): (RepeatedReading, Vec<TargetReading>)| {
-            let mean_m = shown
-                .iter()
-                .map(|shown| shown.position_m)
-                .sum::<Vector3<f64>>()
-                / f64::from(each.times);
-            let turns: Vec<Rotation3<f64>> = shown.iter().map(|shown| shown.rotation).collect();
-            let covariance = planning.own_covariance(each.place, each.times);
-            let covariance = turned(&covariance, &frames[planning.station_of(each.place)]);
-            let rotation = is_pose.then(|| mean_turn(&turns));
-            plan.reading(each.place, (mean_m, rotation), covariance)
-        };
-        let read = plan.read(task, robots, frames, [self.seed, self.run])?;
-        Ok(read.into_iter().map(of_one).collect())
-    }
 }
 
 impl JudgedPlan<'_> {

@@ -36,6 +36,16 @@ pub struct AccountPart {
     pub rms_m: f64,
 }
 
+impl AccountPart {
+    fn new(name: &str, is_hidden: bool, rms_m: f64) -> Self {
+        Self {
+            name: name.to_owned(),
+            is_hidden,
+            rms_m,
+        }
+    }
+}
+
 /// What is predicted, and what is to be expected in truth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Account {
@@ -68,16 +78,10 @@ impl Account {
             .filter(|each| each.is_hidden || task.belief.uncertain.is_none())
             .collect();
         let left_m = planning.left_by_hidden(task, (plan, prediction), &hidden);
-        let believed = believed.into_iter().map(|each| AccountPart {
-            name: each.source,
-            is_hidden: false,
-            rms_m: each.contribution_um * 1e-6,
-        });
-        let hidden = hidden.iter().zip(left_m).map(|(each, rms_m)| AccountPart {
-            name: each.name.clone(),
-            is_hidden: true,
-            rms_m,
-        });
+        let believed = (believed.iter())
+            .map(|each| AccountPart::new(&each.source, false, each.contribution_um * 1e-6));
+        let hidden = hidden.iter().zip(left_m);
+        let hidden = hidden.map(|(each, rms_m)| AccountPart::new(&each.name, true, rms_m));
         let mut parts: Vec<AccountPart> = believed.chain(hidden).collect();
         // How much a robot of another kind leaves is not computed.
         let nominal = &task.belief.nominal;
@@ -93,11 +97,7 @@ impl Account {
             || !truth.robot.torque_laws.is_empty()
             || truth.robot.model.path() != nominal.model.path();
         if is_another {
-            parts.push(AccountPart {
-                name: "true robot".to_owned(),
-                is_hidden: true,
-                rms_m: 0.0,
-            });
+            parts.push(AccountPart::new("true robot", true, 0.0));
         }
         Some(Self {
             predicted_m: prediction.rho0_m()?,
@@ -154,10 +154,8 @@ impl Account {
             }
         }
 
-        let part = |name: &str, is_hidden, square: f64| AccountPart {
-            name: name.to_owned(),
-            is_hidden,
-            rms_m: square.max(0.0).sqrt(),
+        let part = |name: &str, is_hidden, square: f64| {
+            AccountPart::new(name, is_hidden, square.max(0.0).sqrt())
         };
         let mut parts = vec![part(NOISE, false, noise)];
         if let Some(prior) = &belief.prior {
@@ -209,17 +207,5 @@ impl Account {
             parts,
             common: CommonSources::of_deflections(task, &posterior, predicted_m),
         })
-    }
-}
-
-impl Deviations<'_> {
-    /// A standard deviation of a parameter in the unit of its column: compliances that are identified are linear.
-    fn in_units(&self, kind: ParameterKind, deviation: f64) -> f64 {
-        let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
-        if self.is_logarithmic(kind) || (self.place(kind).is_none() && !is_compliance) {
-            deviation
-        } else {
-            deviation * self.whole(kind)
-        }
     }
 }

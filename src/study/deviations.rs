@@ -1,14 +1,13 @@
 //! The deviations of a run's simulated truth from the planner's model, and their effect in the linear model.
 
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::{Cholesky, DMatrix, Vector6};
 
-use super::torque_laws::beyond_springs;
 use crate::compensation::{test_pose_matrix, uncompensated_rows, weighted_rows};
 use crate::numeric::random::normal::LANES;
 use crate::observation::{CovarianceTogether, PlannedReadings};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source, Unloaded};
 use crate::plan::{Experiment, ExperimentModel, hung};
-use crate::robot::TrueRobot;
+use crate::robot::{Kinematics, Load, TrueRobot};
 use crate::task::{Belief, Task, TestPose};
 use crate::testbed::{Circumstances, Truth};
 
@@ -52,8 +51,6 @@ pub struct Deviations<'a> {
     arm: ElasticArm,
     /// The foreign parameters, where they are more than compliances or more than noise is believed in.
     set: Option<ParameterSet>,
-    /// No parameters.
-    empty: ParameterSet,
     /// Their joints.
     joints: Vec<usize>,
     /// What is new in each reading, as it is believed and as it is.
@@ -101,7 +98,6 @@ impl<'a> Deviations<'a> {
             }),
             sources: truth.uncertainties.iter().filter_map(reading).collect(),
             belief,
-            empty: ParameterSet::empty(),
             arm,
             set,
             joints,
@@ -109,13 +105,8 @@ impl<'a> Deviations<'a> {
     }
 
     /// How many parameters differ.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.foreign.len() + self.tied.len()
-    }
-
-    /// Whether nothing differs.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// How many of them the belief's vector does not have; they come first.
@@ -173,13 +164,28 @@ impl<'a> Deviations<'a> {
         model: &ExperimentModel<'_>,
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
-        let Some(set) = self.set.as_ref().filter(|_| experiments.len() > 1) else {
-            let each = experiments.iter();
-            return each
-                .map(|experiment| self.observation_matrix(model, experiment))
-                .collect();
+        let rows = match (&self.set, experiments) {
+            (Some(set), [only]) => {
+                vec![model.rows_of(self.readings_of(set, 0, &self.believed), only)]
+            }
+            (Some(set), _) => {
+                model.rows_together(self.readings_of(set, 0, &self.believed), experiments)
+            }
+            (None, [only]) => {
+                let compliances = ExperimentModel {
+                    parameters: &self.joints,
+                    uncertain: None,
+                    ..model.clone()
+                };
+                vec![compliances.observation_matrix(only)]
+            }
+            (None, _) => {
+                let each = experiments.iter();
+                return each
+                    .flat_map(|only| self.observation_matrices(model, &[*only]))
+                    .collect();
+            }
         };
-        let rows = model.rows_together(self.readings_of(set, 0, &self.believed), experiments);
         let Some(robot) = &self.unlike_springs else {
             return rows;
         };
@@ -188,69 +194,14 @@ impl<'a> Deviations<'a> {
         for (place, experiment) in experiments.iter().enumerate() {
             let q = experiment.configuration_rad.as_slice();
             let own = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
-            let own = DMatrix::from_column_slice(6, 1, own.as_slice());
-            seen.rows_mut(height * place, height)
-                .copy_from(&own.rows(0, height));
+            (seen.rows_mut(height * place, height)).copy_from(&own.rows(0, height));
         }
         (self.together(&self.believed, experiments)).whiten(&hung(experiments), &mut seen);
         seen *= self.belief.instrument.sigma_m;
-        (rows.into_iter().enumerate())
-            .map(|(place, rows)| {
-                let last = rows.ncols();
-                let mut rows = rows.insert_column(last, 0.0);
-                rows.column_mut(last)
-                    .copy_from(&seen.rows(height * place, height).column(0));
-                rows
-            })
+        let laws = (0..).map(|place| seen.rows(height * place, height).into_owned());
+        (rows.into_iter().zip(laws))
+            .map(|(rows, laws)| beside(rows, &laws))
             .collect()
-    }
-
-    fn observation_matrix(
-        &self,
-        model: &ExperimentModel<'_>,
-        experiment: &Experiment,
-    ) -> DMatrix<f64> {
-        let rows = match &self.set {
-            Some(set) => model.rows_of(self.readings_of(set, 0, &self.believed), experiment),
-            None => ExperimentModel {
-                parameters: &self.joints,
-                uncertain: None,
-                ..model.clone()
-            }
-            .observation_matrix(experiment),
-        };
-        self.with_laws(rows, |robot| {
-            let q = experiment.configuration_rad.as_slice();
-            let seen = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
-            let seen = DMatrix::from_column_slice(6, 1, seen.as_slice());
-            let factor = Cholesky::new(self.covariances(&[experiment]).believed);
-            let mut seen = seen.rows(0, model.rows()).into_owned();
-            // It is positive definite: the instrument's noise is in it.
-            let whitened =
-                factor.is_some_and(|factor| factor.l_dirty().solve_lower_triangular_mut(&mut seen));
-            if whitened {
-                seen * self.belief.instrument.sigma_m
-            } else {
-                seen
-            }
-        })
-    }
-
-    /// The columns with that of the torque laws after them, where there are some.
-    fn with_laws(
-        &self,
-        columns: DMatrix<f64>,
-        of_laws: impl FnOnce(&TrueRobot) -> DMatrix<f64>,
-    ) -> DMatrix<f64> {
-        let Some(robot) = &self.unlike_springs else {
-            return columns;
-        };
-        let place = columns.ncols();
-        let mut columns = columns.insert_column(place, 0.0);
-        columns
-            .column_mut(place)
-            .copy_from(&of_laws(robot).column(0));
-        columns
     }
 
     /// The rows of all test poses for what is foreign, each times the root of its weight, stacked.
@@ -270,27 +221,19 @@ impl<'a> Deviations<'a> {
                 uncompensated_rows(model, pose)
             }
         };
-        self.with_laws(rows, |robot| {
-            let q = pose.configuration_rad.as_slice();
-            let left = beyond_springs(&self.arm, robot, target, q, &pose.load);
-            let left = left.fixed_rows::<3>(0);
-            pose.counted_rows(DMatrix::from_column_slice(
-                3,
-                1,
-                left.clone_owned().as_slice(),
-            ))
-        })
+        let Some(robot) = &self.unlike_springs else {
+            return rows;
+        };
+        let q = pose.configuration_rad.as_slice();
+        let left = beyond_springs(&self.arm, robot, target, q, &pose.load);
+        let left = DMatrix::from_column_slice(3, 1, &left.as_slice()[..3]);
+        beside(rows, &pose.counted_rows(left))
     }
 
     /// The place of the torque laws among what is foreign.
     pub fn torque_laws(&self) -> Option<usize> {
         let is_it = |deviation: &Deviation| *deviation == Deviation::TorqueLaws;
         self.foreign.iter().position(is_it)
-    }
-
-    /// What a belief is compared with.
-    pub const fn belief(&self) -> &Belief {
-        self.belief
     }
 
     /// The place of a parameter in the belief's vector, if it has it.
@@ -311,15 +254,20 @@ impl<'a> Deviations<'a> {
     }
 
     /// Whether a parameter is known, or foreign, in its logarithm.
-    pub fn is_logarithmic(&self, kind: ParameterKind) -> bool {
+    fn is_logarithmic(&self, kind: ParameterKind) -> bool {
         let extended = self.belief.uncertain.as_ref();
         let known = extended.zip(self.place(kind));
         known.is_some_and(|(extended, place)| extended.set().parameters()[place].is_logarithmic)
     }
 
-    /// What a share of a parameter is a share of, in its unit.
-    pub fn whole(&self, kind: ParameterKind) -> f64 {
-        kind.whole(&self.arm)
+    /// A standard deviation of a parameter in the unit of its column: compliances that are identified are linear.
+    pub fn in_units(&self, kind: ParameterKind, deviation: f64) -> f64 {
+        let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
+        if self.is_logarithmic(kind) || (self.place(kind).is_none() && !is_compliance) {
+            deviation
+        } else {
+            deviation * kind.whole(&self.arm)
+        }
     }
 
     /// A difference that was drawn, in the unit of the parameter's column: that of a stiffness is its logarithm's.
@@ -328,7 +276,7 @@ impl<'a> Deviations<'a> {
             ParameterKind::SpringStiffness { .. }
                 if self.place(kind).is_some() && !self.is_logarithmic(kind) =>
             {
-                self.whole(kind) * drawn.exp_m1()
+                kind.whole(&self.arm) * drawn.exp_m1()
             }
             _ => drawn,
         }
@@ -358,7 +306,8 @@ impl<'a> Deviations<'a> {
         sources: &[ReadingSource],
         experiments: &[&Experiment],
     ) -> CovarianceTogether {
-        let mut model = self.readings_of(&self.empty, 0, sources);
+        let nothing = ParameterSet::empty();
+        let mut model = self.readings_of(&nothing, 0, sources);
         model.move_to(experiments[0].configuration_rad.as_slice());
         model.covariance_together(&hung(experiments))
     }
@@ -399,6 +348,14 @@ impl<'a> Deviations<'a> {
         let precision = self.belief.instrument.precision();
         PlannedReadings::new(&self.arm, target, set, &sizes, precision, sources)
     }
+}
+
+/// Columns with another after them.
+fn beside(columns: DMatrix<f64>, last: &DMatrix<f64>) -> DMatrix<f64> {
+    let place = columns.ncols();
+    let mut columns = columns.insert_column(place, 0.0);
+    columns.column_mut(place).copy_from(&last.column(0));
+    columns
 }
 
 /// Every block of a matrix for experiments of one configuration, times a factor of the repeats of both.
@@ -493,4 +450,29 @@ fn tied(belief: &Belief, truth: &Truth) -> Vec<(usize, Deviation)> {
         .filter(is_known)
         .filter_map(|index| Some((index, deviation(index)?)))
         .collect()
+}
+
+/// By how much (m, rad) the deflection of an arm at one of its tools differs from that of springs, where some joints of the true
+/// robot have a law of their own. In the torques of the weight and of the load, at the commanded angles.
+fn beyond_springs(
+    arm: &ElasticArm,
+    robot: &TrueRobot,
+    target: usize,
+    q: &[f64],
+    load: &Load,
+) -> Vector6<f64> {
+    let chain = arm.loaded_chain();
+    let at_tool = chain.at(&arm.tools[target]);
+    let state = at_tool.state(q);
+    let gravity = at_tool.gravity_m_s2();
+    let mut seen = Vector6::zeros();
+    for &(joint, law) in &robot.torque_laws {
+        let compliance = robot.compliance_rad_per_nm[joint];
+        let weight = compliance * state.gravity_torque(joint, &gravity);
+        let loaded = compliance * state.load_torque(joint, load);
+        let gives = law.deflection(weight + loaded) - law.deflection(weight) - loaded;
+        let (moved, turned) = (state.position_column(joint), state.rotation_column(joint));
+        seen += Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z) * gives;
+    }
+    seen
 }

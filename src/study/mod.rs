@@ -1,6 +1,5 @@
 //! Monte Carlo studies: how good are plans over many runs?
 //!
-//! - `counts`: counts as numbers.
 //! - `settings`: what a study is made of.
 //! - [`model_level`]: a run of the paper's linear model, a few small products of matrices.
 //! - [`robot_level`]: a run of the whole loop on the virtual robot in MuJoCo.
@@ -11,13 +10,10 @@
 //! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and validated on all others.
 //! - [`absolute`]: robots that are read as a plan of absolute readings says, identified and looked at.
 //! - [`virtual_readings`]: what an instrument writes down of such a plan in a run.
-//! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 
 pub mod absolute;
 pub mod account;
-mod counts;
 pub mod deviations;
-pub mod evidence;
 pub mod model_level;
 pub mod robot_level;
 pub mod runner;
@@ -25,14 +21,12 @@ pub mod selection;
 mod settings;
 pub mod summary;
 pub mod tally;
-pub(crate) mod tally_check;
-mod torque_laws;
 pub mod verdict;
 pub mod virtual_readings;
 
 use thiserror::Error;
 
-use crate::mujoco::ModelError;
+use crate::files::FileError;
 use crate::plan::Plan;
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -126,8 +120,8 @@ pub enum StudyError {
     Stopped,
 }
 
-impl From<ModelError> for StudyError {
-    fn from(error: ModelError) -> Self {
+impl From<FileError> for StudyError {
+    fn from(error: FileError) -> Self {
         Self::Model(error.to_string())
     }
 }

@@ -70,7 +70,6 @@ impl<'a> LinearModel<'a> {
     pub fn new(task: &'a Task, truth: &Truth) -> Self {
         let belief = &task.belief;
         let deviations = Deviations::new(belief, truth);
-        let information = belief.prior_information();
         let sizes = belief.sizes();
         let sigma_m = belief.instrument.sigma_m;
         Self {
@@ -78,12 +77,7 @@ impl<'a> LinearModel<'a> {
             test_poses: weighted_rows(&task.test_poses, sizes.len(), &|pose| {
                 test_pose_rows(belief, pose)
             }),
-            prior: match (&belief.uncertain, &belief.prior) {
-                (Some(extended), _) => Some(&extended.set().prior().precision * sigma_m.powi(2)),
-                (None, Some(prior)) => Some(&prior.precision * sigma_m.powi(2)),
-                (None, None) => None,
-            }
-            .filter(|_| information.amax() > 0.0),
+            prior: Some(belief.precision() * sigma_m.powi(2)).filter(|each| each.amax() > 0.0),
             typical: sizes,
             test_poses_foreign: deviations.test_poses(task),
             deviations,
@@ -120,7 +114,7 @@ impl<'a> LinearModel<'a> {
         let padded = size.next_multiple_of(3);
         let mut whitener = vec![ThreeRows::new(); padded / 3];
         let foreign = self.deviations.foreign();
-        let mut biases = DMatrix::zeros(size, self.deviations.len());
+        let mut biases = DMatrix::zeros(size, self.deviations.count());
         // The covariance of the whitened noise, where the belief takes it to be another.
         let mut coloured: Option<DMatrix<f64>> = None;
         // The noise of all deflections comes before that of all rotations.

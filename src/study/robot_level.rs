@@ -3,12 +3,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::files::FileError;
 use crate::identification::Identification;
 
 use super::tally::Failure;
 use crate::calibration::{identify_as_planned, see};
 use crate::compensation::{compensate_identified, test_pose_rows};
-use crate::mujoco::ModelError;
 use crate::numeric::random::normal::LANES;
 use crate::plan::Plan;
 use crate::task::Task;
@@ -41,7 +41,7 @@ impl<'a> RobotRuns<'a> {
     ///
     /// # Errors
     /// The true robot's model lacks a tool, or something that is uncertain.
-    pub fn new(task: &'a Task, truth: &Truth) -> Result<Self, ModelError> {
+    pub fn new(task: &'a Task, truth: &Truth) -> Result<Self, FileError> {
         let belief = &task.belief;
         Ok(Self {
             task,
@@ -68,7 +68,7 @@ impl<'a> RobotRuns<'a> {
         true_rad_per_nm: &[[f64; LANES]],
         laboratory: &[[f64; LANES]],
         lane: usize,
-    ) -> Result<(), ModelError> {
+    ) -> Result<(), FileError> {
         for (mine, lanes) in self.compliance_rad_per_nm.iter_mut().zip(true_rad_per_nm) {
             *mine = lanes[lane];
         }

@@ -15,13 +15,95 @@ use crate::plan::search::{Problem, RandomPlans};
 use crate::plan::{Criterion, Plan};
 use crate::testbed::{TrueCompliances, numbers};
 
-/// What makes the runs of a study in blocks, all plans of each.
-pub trait RunsInBlocks {
-    /// The number of runs of a block.
+/// What makes the runs of a study, all plans of each, in blocks.
+pub trait RunsInBlocks: Sync {
+    /// What one thread needs.
+    type Workspace<'a>
+    where
+        Self: 'a;
+
+    /// The number of runs of a block, the unit of work.
     fn block_runs(&self) -> u64;
 
-    /// Makes the runs of every `step`-th block of a range and tallies each plan; after every block,
-    /// `progress` is told how many runs it had.
+    /// For each plan, the one that it is compared with.
+    fn references(&self) -> Vec<Option<usize>>;
+
+    /// The flag that stops it.
+    fn stop(&self) -> Option<&AtomicBool>;
+
+    /// What a thread begins with.
+    ///
+    /// # Errors
+    /// The virtual robot's model lacks something.
+    fn workspace(&self) -> Result<Self::Workspace<'_>, StudyError>;
+
+    /// Draws what all plans share in up to [`LANES`] runs from `first` on.
+    fn draw<'a>(&'a self, workspace: &mut Self::Workspace<'a>, first: u64);
+
+    /// Makes runs of one plan, from a first one on, so many of them.
+    ///
+    /// # Errors
+    /// It was asked to stop.
+    fn make<'a>(
+        &'a self,
+        workspace: &mut Self::Workspace<'a>,
+        plan: usize,
+        runs: (u64, usize),
+        batch: &mut Batch,
+    ) -> Result<(), StudyError>;
+
+    /// The number of blocks of so many runs.
+    fn blocks(&self, trials: u64) -> u64 {
+        trials.div_ceil(self.block_runs())
+    }
+
+    /// Whether to go on.
+    ///
+    /// # Errors
+    /// It was asked to stop.
+    fn proceed(&self) -> Result<(), StudyError> {
+        match self.stop() {
+            Some(stop) if stop.load(Ordering::Relaxed) => Err(StudyError::Stopped),
+            _ => Ok(()),
+        }
+    }
+
+    /// Consecutive runs in a fixed order, a batch at a time.
+    ///
+    /// # Errors
+    /// It was asked to stop.
+    fn block<'a>(
+        &'a self,
+        workspace: &mut Self::Workspace<'a>,
+        first: u64,
+        runs: u64,
+    ) -> Result<Vec<Tally>, StudyError> {
+        let references = self.references();
+        let mut tallies = vec![Tally::default(); references.len()];
+        let mut sums = vec![BlockSums::default(); references.len()];
+        let mut batches = vec![Batch::default(); references.len()];
+        let end = first + runs;
+        for first in (first..end).step_by(LANES) {
+            let count = usize::try_from(end - first).map_or(LANES, |left| left.min(LANES));
+            self.draw(workspace, first);
+            for (plan, batch) in batches.iter_mut().enumerate() {
+                self.proceed()?;
+                self.make(workspace, plan, (first, count), batch)?;
+                batch.clean(count);
+            }
+            for (plan, (tally, sums)) in tallies.iter_mut().zip(&mut sums).enumerate() {
+                let reference = references[plan].map(|other| &batches[other]);
+                tally.add(sums, &batches[plan], reference, count);
+            }
+        }
+        for (tally, sums) in tallies.iter_mut().zip(&mut sums) {
+            tally.close(sums);
+        }
+        Ok(tallies)
+    }
+
+    /// Makes the runs of every `step`-th block of a range side by side, each from its first run on, and tallies each plan; after
+    /// every block, `progress` is told how many runs it had.
     ///
     /// # Errors
     /// The virtual robot's model lacks something, or it was asked to stop.
@@ -31,45 +113,25 @@ pub trait RunsInBlocks {
         blocks: Range<u64>,
         step: u64,
         progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Vec<Tally>, StudyError>;
-
-    /// The number of blocks of so many runs.
-    fn blocks(&self, trials: u64) -> u64 {
-        trials.div_ceil(self.block_runs())
-    }
-}
-
-/// Which blocks are run, of so many runs each.
-pub(super) struct RunBlocks {
-    pub block_runs: u64,
-    pub trials: u64,
-    pub numbers: Range<u64>,
-    pub step: u64,
-}
-
-impl RunBlocks {
-    /// Runs them side by side, each in a workspace of its thread, from its first run on, and merges the tallies of so many plans.
-    pub(super) fn run<Workspace>(
-        self,
-        plans: usize,
-        workspace: impl Fn() -> Result<Workspace, StudyError> + Send + Sync,
-        block: impl Fn(&mut Workspace, u64, u64) -> Result<Vec<Tally>, StudyError> + Send + Sync,
-        progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Vec<Tally>, StudyError> {
-        let step = self.step.max(1);
-        let count = (self.numbers.end.saturating_sub(self.numbers.start)).div_ceil(step);
+        let step = step.max(1);
+        let count = (blocks.end.saturating_sub(blocks.start)).div_ceil(step);
+        let nothing = || vec![Tally::default(); self.references().len()];
         (0..count)
             .into_par_iter()
-            .map(|index| self.numbers.start + index * step)
-            .map_init(workspace, |workspace, number| {
-                let workspace = workspace.as_mut().map_err(|error| error.clone())?;
-                let first = number * self.block_runs;
-                let runs = self.block_runs.min(self.trials.saturating_sub(first));
-                let tallies = block(workspace, first, runs)?;
-                progress(runs);
-                Ok(tallies)
-            })
-            .try_reduce(|| vec![Tally::default(); plans], merge)
+            .map(|index| blocks.start + index * step)
+            .map_init(
+                || self.workspace(),
+                |workspace, number| {
+                    let workspace = workspace.as_mut().map_err(|error| error.clone())?;
+                    let first = number * self.block_runs();
+                    let runs = self.block_runs().min(trials.saturating_sub(first));
+                    let tallies = self.block(workspace, first, runs)?;
+                    progress(runs);
+                    Ok(tallies)
+                },
+            )
+            .try_reduce(nothing, merge)
     }
 }
 
@@ -82,8 +144,6 @@ pub struct Runner<'a> {
     parts: Vec<Part<'a>>,
     /// The model of each plan that is the same in all runs.
     plans: Vec<Option<PlanModel>>,
-    /// For each plan, the one that it is compared with.
-    references: Vec<Option<usize>>,
     stop: Option<&'a AtomicBool>,
 }
 
@@ -96,15 +156,13 @@ struct Part<'a> {
 }
 
 /// What one thread needs.
-struct ThreadWorkspace<'a> {
+pub struct ThreadWorkspace<'a> {
     normals: Vec<[f64; LANES]>,
     /// What the laboratory takes besides.
     laboratory: Vec<[f64; LANES]>,
     truth: TrueCompliances<'a>,
     /// One for each setting.
     parts: Vec<PartWorkspace<'a>>,
-    batches: Vec<Batch>,
-    sums: Vec<BlockSums>,
 }
 
 /// What one thread needs for one setting.
@@ -150,7 +208,6 @@ impl<'a> Runner<'a> {
             entries,
             parts,
             plans,
-            references: references(entries),
             stop: None,
         })
     }
@@ -163,11 +220,60 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn workspace(&self) -> Result<ThreadWorkspace<'_>, StudyError> {
+    /// Draws the true compliances of some runs.
+    fn draw_truth(&self, workspace: &mut ThreadWorkspace<'_>, first: u64) {
+        let truth = workspace.truth.draw(first);
+        for (part, mine) in self.parts.iter().zip(&mut workspace.parts) {
+            mine.unknown = part.model.deviations().values(truth, &workspace.laboratory);
+        }
+    }
+
+    /// A run with a random plan of its own.
+    fn random_run(
+        &self,
+        workspace: &mut ThreadWorkspace<'_>,
+        setting: usize,
+        batch: &mut Batch,
+        lane: usize,
+        run: u64,
+    ) -> Result<(), Failure> {
+        let part = &self.parts[setting];
+        let experiments = part.setting.conditions.experiments;
+        let drawn = workspace.parts[setting]
+            .random
+            .draw(experiments, self.seed, run);
+        let plan = drawn.map_err(|_| Failure::NoPlan)?;
+        let unknown = &workspace.parts[setting].unknown;
+        let all = (part.model.plan(&plan)?).run(&workspace.normals, unknown);
+        take_lane(batch, &all, lane);
+        robot_run(workspace, setting, &plan, batch, lane);
+        Ok(())
+    }
+}
+
+impl RunsInBlocks for Runner<'_> {
+    type Workspace<'a>
+        = ThreadWorkspace<'a>
+    where
+        Self: 'a;
+
+    fn block_runs(&self) -> u64 {
+        block_runs(self.level)
+    }
+
+    fn references(&self) -> Vec<Option<usize>> {
+        references(self.entries)
+    }
+
+    fn stop(&self) -> Option<&AtomicBool> {
+        self.stop
+    }
+
+    fn workspace(&self) -> Result<Self::Workspace<'_>, StudyError> {
         let parts: Vec<PartWorkspace<'_>> = (self.parts.iter())
             .map(|part| {
                 Ok(PartWorkspace {
-                    random: RandomPlans::new(&part.problem, self.seed),
+                    random: RandomPlans::new(&part.problem),
                     robot: match self.level {
                         Level::Model => None,
                         Level::Robot => {
@@ -197,132 +303,47 @@ impl<'a> Runner<'a> {
             normals: vec![[0.0; LANES]; numbers.unwrap_or(0)],
             truth: TrueCompliances::new(self.parts[0].setting.truth, self.seed),
             parts,
-            batches: vec![Batch::default(); self.entries.len()],
-            sums: vec![BlockSums::default(); self.entries.len()],
         };
         self.draw_truth(&mut workspace, 0);
         Ok(workspace)
     }
 
-    /// Consecutive runs in a fixed order, a batch at a time.
-    fn block(
-        &self,
-        workspace: &mut ThreadWorkspace<'_>,
-        first: u64,
-        runs: u64,
-    ) -> Result<Vec<Tally>, StudyError> {
-        let mut tallies = vec![Tally::default(); self.entries.len()];
-        let end = first + runs;
-        for first in (first..end).step_by(LANES) {
-            let count = usize::try_from(end - first).map_or(LANES, |left| left.min(LANES));
-            fill_normals(Stream::Noise, self.seed, first, &mut workspace.normals);
-            fill_normals(
-                Stream::Circumstances,
-                self.seed,
-                first,
-                &mut workspace.laboratory,
-            );
-            if workspace.truth.varies() || !workspace.laboratory.is_empty() {
-                self.draw_truth(workspace, first);
-            }
-            for index in 0..self.entries.len() {
-                if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                    return Err(StudyError::Stopped);
-                }
-                self.batch(workspace, index, first, count);
-                workspace.batches[index].clean(count);
-            }
-            for (index, (tally, sums)) in tallies.iter_mut().zip(&mut workspace.sums).enumerate() {
-                let reference = self.references[index].map(|other| &workspace.batches[other]);
-                tally.add(sums, &workspace.batches[index], reference, count);
-            }
-        }
-        for (tally, sums) in tallies.iter_mut().zip(&mut workspace.sums) {
-            tally.close(sums);
-        }
-        Ok(tallies)
-    }
-
-    /// Draws the true compliances of some runs.
-    fn draw_truth(&self, workspace: &mut ThreadWorkspace<'_>, first: u64) {
-        let truth = workspace.truth.draw(first);
-        for (part, mine) in self.parts.iter().zip(&mut workspace.parts) {
-            mine.unknown = part.model.deviations().values(truth, &workspace.laboratory);
+    fn draw<'a>(&'a self, workspace: &mut Self::Workspace<'a>, first: u64) {
+        let (noise, laboratory) = (&mut workspace.normals, &mut workspace.laboratory);
+        fill_normals(Stream::Noise, self.seed, first, noise);
+        fill_normals(Stream::Circumstances, self.seed, first, laboratory);
+        if workspace.truth.varies() || !workspace.laboratory.is_empty() {
+            self.draw_truth(workspace, first);
         }
     }
 
-    /// Makes an entry's next runs.
-    fn batch(&self, workspace: &mut ThreadWorkspace<'_>, index: usize, first: u64, count: usize) {
-        let entry = &self.entries[index];
-        let (Some(model), Some(plan)) = (&self.plans[index], entry.kind.plan()) else {
-            let mut batch = Batch::default();
-            for (lane, run) in (first..).take(count).enumerate() {
-                let made = self.random_run(workspace, entry.setting, &mut batch, lane, run);
-                if let Err(failure) = made {
-                    batch.failed[lane] = Some(failure);
-                }
-            }
-            workspace.batches[index] = batch;
-            return;
-        };
-        let mine = &workspace.parts[entry.setting];
-        let batch = &mut workspace.batches[index];
-        model.run_into(batch, &workspace.normals, &mine.unknown);
-        if mine.robot.is_none() {
-            return;
-        }
-        let mut batch = std::mem::take(batch);
-        for lane in 0..count {
-            robot_run(workspace, entry.setting, plan, &mut batch, lane);
-        }
-        workspace.batches[index] = batch;
-    }
-
-    /// A run with a random plan of its own.
-    fn random_run(
-        &self,
-        workspace: &mut ThreadWorkspace<'_>,
-        setting: usize,
+    fn make<'a>(
+        &'a self,
+        workspace: &mut Self::Workspace<'a>,
+        plan: usize,
+        (first, count): (u64, usize),
         batch: &mut Batch,
-        lane: usize,
-        run: u64,
-    ) -> Result<(), Failure> {
-        let part = &self.parts[setting];
-        let experiments = part.setting.conditions.experiments;
-        let drawn = workspace.parts[setting].random.draw(experiments, run);
-        let plan = drawn.map_err(|_| Failure::NoPlan)?;
-        let unknown = &workspace.parts[setting].unknown;
-        let all = (part.model.plan(&plan)?).run(&workspace.normals, unknown);
-        take_lane(batch, &all, lane);
-        robot_run(workspace, setting, &plan, batch, lane);
+    ) -> Result<(), StudyError> {
+        let entry = &self.entries[plan];
+        let mine = &workspace.parts[entry.setting];
+        let is_seen = mine.robot.is_some();
+        let fixed = self.plans[plan].as_ref().zip(entry.kind.plan());
+        match fixed {
+            Some((model, _)) => model.run_into(batch, &workspace.normals, &mine.unknown),
+            None => *batch = Batch::default(),
+        }
+        if fixed.is_some() && !is_seen {
+            return Ok(());
+        }
+        for (lane, run) in (first..).take(count).enumerate() {
+            if let Some((_, plan)) = fixed {
+                robot_run(workspace, entry.setting, plan, batch, lane);
+            } else {
+                let made = self.random_run(workspace, entry.setting, batch, lane, run);
+                batch.failed[lane] = made.err().or(batch.failed[lane]);
+            }
+        }
         Ok(())
-    }
-}
-
-impl RunsInBlocks for Runner<'_> {
-    fn block_runs(&self) -> u64 {
-        block_runs(self.level)
-    }
-
-    fn run(
-        &self,
-        trials: u64,
-        blocks: Range<u64>,
-        step: u64,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Vec<Tally>, StudyError> {
-        let blocks = RunBlocks {
-            block_runs: self.block_runs(),
-            trials,
-            numbers: blocks,
-            step,
-        };
-        blocks.run(
-            self.entries.len(),
-            || self.workspace(),
-            |workspace, first, runs| self.block(workspace, first, runs),
-            progress,
-        )
     }
 }
 

@@ -18,9 +18,7 @@ use crate::identification::{
 use crate::measurement::AbsoluteReading;
 use crate::numeric::low_rank::LowRankList;
 use crate::numeric::random::{generator, streams};
-use crate::plan::search::{
-    CandidateInformation, ExchangesTry, FiniteEffort, FiniteProblem, Watch, best_choice,
-};
+use crate::plan::search::{CandidateInformation, FiniteEffort, FiniteProblem, Watch, best_choice};
 use crate::plan::{Criterion, CriterionFunction};
 use crate::task::Belief;
 
@@ -145,12 +143,8 @@ pub fn select<'a>(
         })
         .collect::<Result<Vec<_>, _>>()
         .unwrap_or_default();
-    let mut told = CandidateInformation::new(parts.set().len());
-    for information in parts.told() {
-        told.push(&information);
-    }
     let chooser = Chooser {
-        told,
+        told: CandidateInformation::of_all(parts.set().len(), &parts.told()),
         before: parts.known_before(),
         positions: in_fewest_columns(parts.positions()),
         read: SimulatedReadings {
@@ -231,17 +225,13 @@ impl Chooser<'_> {
             configurations: size,
             searches: SEARCHES,
             seed: self.wanted.seed,
-            exchanges: ExchangesTry::Promising,
-        };
-        let watch = Watch {
-            stop,
-            progress: &|_, _, _| {},
+            is_thorough: false,
         };
         let mut found: Vec<_> = CHOICES
             .into_par_iter()
             .map(|criterion| {
                 let problem = self.problem(criterion);
-                let found = problem.search(effort, watch);
+                let found = problem.search(effort, Watch::quiet(stop));
                 tell();
                 (problem, found)
             })
@@ -249,10 +239,10 @@ impl Chooser<'_> {
         let designs = found.iter().filter_map(|(_, found)| found.as_ref().ok());
         let mut offered: Vec<_> = designs.map(|design| design.plan.clone()).collect();
         // All that may help is tried from what was found in the end: that takes longer.
-        let mut exchanges = ExchangesTry::Promising;
+        let mut is_thorough = false;
         while !stop.load(Ordering::Relaxed) {
             let effort = FiniteEffort {
-                exchanges,
+                is_thorough,
                 ..effort
             };
             let better: Vec<_> = found
@@ -260,10 +250,7 @@ impl Chooser<'_> {
                 .map(|(problem, found)| {
                     let design = found.as_mut().ok()?;
                     let own = [design.plan.clone()];
-                    let from = match exchanges {
-                        ExchangesTry::Promising => offered.as_slice(),
-                        ExchangesTry::AllThatMayHelp => &own,
-                    };
+                    let from = if is_thorough { &own[..] } else { &offered };
                     let (plan, cost) = problem.bettered(from, effort, design.cost)?;
                     design.plan.clone_from(&plan);
                     design.cost = cost;
@@ -271,11 +258,10 @@ impl Chooser<'_> {
                 })
                 .collect();
             offered = better.into_iter().flatten().collect();
-            exchanges = match (exchanges, offered.is_empty()) {
-                (_, false) => ExchangesTry::Promising,
-                (ExchangesTry::Promising, true) => ExchangesTry::AllThatMayHelp,
-                (ExchangesTry::AllThatMayHelp, true) => break,
-            };
+            if is_thorough && offered.is_empty() {
+                break;
+            }
+            is_thorough = offered.is_empty();
         }
         found
             .into_par_iter()

@@ -42,7 +42,7 @@ pub struct StudySettings {
 }
 
 /// Conditions of a study, which a sweep varies.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Conditions {
     /// The standard deviation of each coordinate of a deflection (m).
     pub sigma_m: f64,

@@ -1,7 +1,6 @@
 //! What a tally says: means with intervals, quantiles, and checks against what was predicted.
 
-use super::counts::count_to_f64;
-use super::tally::{Sum, Tally};
+use super::tally::{Sum, Tally, count_to_f64};
 
 /// The half width of a 95 % interval in standard errors.
 pub(crate) const TWO_SIDED_95: f64 = 1.959_963_984_540_054;

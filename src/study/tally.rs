@@ -5,7 +5,9 @@
 //! exact, commutative and associative: the number of threads, the order of blocks, sharding and
 //! interruption change no bit. A tally's size does not depend on the number of runs.
 
-use super::counts::{count_to_f64, integer_to_f64};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 use crate::numeric::random::normal::LANES;
 
 /// Why a run failed.
@@ -54,7 +56,7 @@ impl Failure {
 /// Distances beyond this (in sigma) are failures.
 pub const LARGEST: f64 = 16384.0;
 /// Normalised estimation errors squared beyond this count as this.
-pub(super) const LARGEST_NEES: f64 = 1_048_576.0;
+const LARGEST_NEES: f64 = 1_048_576.0;
 
 /// What is summed over runs, with u the distance in sigma.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,7 +84,7 @@ pub const SUMS: usize = 8;
 
 /// Binary places of each sum's integer. With u < 2^14 and 2^40 runs, none exceeds 2^127; the
 /// rounding of u and u^2, once a block, is below that of the block's sum in floating point.
-pub(super) const PLACES: [i32; SUMS] = [70, 56, 28, 56, 56, 28, 62, 44];
+const PLACES: [i32; SUMS] = [70, 56, 28, 56, 56, 28, 62, 44];
 
 /// Bins of the histogram in each octave of the distance.
 const BINS_PER_OCTAVE: usize = 64;
@@ -136,7 +138,8 @@ impl Batch {
 pub struct BlockSums([[f64; LANES]; SUMS]);
 
 /// All that is kept of one plan's runs.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Tally {
     /// Runs that did not fail.
     pub runs: u64,
@@ -148,10 +151,41 @@ pub struct Tally {
     pub pairs: u64,
     /// Failed runs by reason, see [`Failure::ALL`].
     pub failed: [u64; Failure::ALL.len()],
-    /// The sums as integers, by [`Sum`].
+    /// The sums as integers, by [`Sum`]; decimal strings in files, since JSON's numbers are floats to many readers.
+    #[serde(serialize_with = "as_texts", deserialize_with = "from_texts")]
     pub sums: [i128; SUMS],
-    /// The histogram of the distance.
+    /// The histogram of the distance; in files the bins that are not empty, index and count.
+    #[serde(
+        rename = "histogram",
+        serialize_with = "as_filled",
+        deserialize_with = "from_filled"
+    )]
     pub bins: Vec<u64>,
+}
+
+fn as_texts<S: Serializer>(sums: &[i128; SUMS], serializer: S) -> Result<S::Ok, S::Error> {
+    sums.map(|sum| sum.to_string()).serialize(serializer)
+}
+
+fn from_texts<'de, D: Deserializer<'de>>(from: D) -> Result<[i128; SUMS], D::Error> {
+    let mut sums = [0; SUMS];
+    for (sum, text) in sums.iter_mut().zip(<[String; SUMS]>::deserialize(from)?) {
+        *sum = text.parse().map_err(D::Error::custom)?;
+    }
+    Ok(sums)
+}
+
+fn as_filled<S: Serializer>(bins: &[u64], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(bins.iter().enumerate().filter(|(_, count)| **count > 0))
+}
+
+fn from_filled<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u64>, D::Error> {
+    let mut bins = vec![0; BINS];
+    for (index, count) in Vec::<(usize, u64)>::deserialize(from)? {
+        let bin = bins.get_mut(index);
+        *bin.ok_or_else(|| D::Error::custom(format!("there is no bin {index}")))? = count;
+    }
+    Ok(bins)
 }
 
 impl Default for Tally {
@@ -309,6 +343,16 @@ impl Tally {
     }
 }
 
+#[expect(clippy::cast_precision_loss, reason = "a mean needs 53 bits")]
+fn integer_to_f64(value: i128) -> f64 {
+    value as f64
+}
+
+#[expect(clippy::cast_precision_loss, reason = "far below 2^52 runs")]
+pub(super) fn count_to_f64(count: u64) -> f64 {
+    count as f64
+}
+
 #[expect(
     clippy::cast_possible_truncation,
     reason = "bounded far below 2^127, and whole"
@@ -332,7 +376,7 @@ fn bin_of(distance: f64) -> usize {
         .min(BINS - 1)
 }
 
-pub(super) fn lower_edge(bin: usize) -> f64 {
+fn lower_edge(bin: usize) -> f64 {
     f64::from_bits((lowest() + bin as u64) << SHIFT)
 }
 

@@ -11,15 +11,15 @@ use rand_distr::{Distribution, StandardNormal};
 use thiserror::Error;
 
 use crate::experiment::{Candidate, Experiment};
+use crate::files::FileError;
 use crate::measurement::AbsoluteReading;
-use crate::mujoco::ModelError;
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::{FRAMES, Stream, frames_of_trial};
 use crate::numeric::random::{draws, generator};
 use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Task, station_named};
-use crate::testbed::{ReadRobots, ReadingNumbers, SeenFrom, Truth, compliances_of_run};
+use crate::testbed::{ReadingNumbers, SeenFrom, TrueRobots, Truth};
 
 /// The instrument is within such a cube about the robot (m).
 const AWAY_M: f64 = 3.0;
@@ -31,7 +31,7 @@ const OF_DEFLECTION: f64 = std::f64::consts::FRAC_1_SQRT_2;
 pub enum VirtualReadingError {
     /// The virtual robot lacks something.
     #[error(transparent)]
-    Model(#[from] ModelError),
+    Model(#[from] FileError),
     /// It does not rest.
     #[error("line {line}: {error}")]
     Rest {
@@ -123,7 +123,7 @@ impl<'a> ReadPlan<'a> {
     pub fn read(
         &self,
         task: &Task,
-        robots: &mut ReadRobots,
+        robots: &mut TrueRobots,
         frames: &[Isometry3<f64>],
         [seed, run]: [u64; 2],
     ) -> Result<Vec<(RepeatedReading, Vec<TargetReading>)>, VirtualReadingError> {
@@ -239,9 +239,8 @@ pub fn virtual_readings(
 ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
     let whole = planning.whole();
     let plan = ReadPlan::new(task, planning, &whole);
-    let mut robots = ReadRobots::new(&task.belief, truth, plan.targets())?;
-    let compliance = compliances_of_run(truth, seed, run);
-    robots.become_run_of(&compliance, plan.len(), [seed, run])?;
+    let mut robots = TrueRobots::of_readings(&task.belief, truth, plan.targets())?;
+    robots.become_run_of(truth, plan.len(), seed, run)?;
     let frames = plan.frames([seed, run]);
     let instrument = &task.belief.instrument;
     let [m, rad] = [

@@ -1,6 +1,6 @@
 //! What an identification rests on, as hashes: so that its results are not taken for another robot's.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::Belief;
@@ -10,7 +10,7 @@ use crate::robot::{SerialChain, Tool};
 
 /// What an identification rests on. Neither test poses nor loads, plans, surroundings or a description
 /// belong to that.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fingerprint {
     /// SHA-256, in hexadecimal, of the robot's kinematics: its joints' names, axes and places.
     pub robot_sha256: String,

@@ -2,8 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::rest::{RestError, RestSolver};
-use crate::mujoco::{GivingWay, Model, ModelChange, ModelError, State, TorqueLaw};
+use super::rest::RestSolver;
+use super::virtual_robot::Rest;
+use crate::files::FileError;
+use crate::mujoco::{GivingWay, Model, ModelChange, State, TorqueLaw};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot};
 
 /// A robot with closed loops is driven to its commands in steps no longer than this (rad, m), so that
@@ -34,7 +36,7 @@ pub(super) struct MujocoRest {
 }
 
 impl MujocoRest {
-    pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
+    pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, FileError> {
         let model = robot.model.without_contacts_and_limits();
         let known = robot.joints.iter().enumerate();
         let (present, joints): (Vec<usize>, Vec<usize>) = known
@@ -62,36 +64,12 @@ impl MujocoRest {
         Ok(rest)
     }
 
-    pub fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
-        // The joints are held: `new` has seen that.
-        let _ = self.become_compliant(compliance_rad_per_nm);
-    }
-
-    /// Lets joints hold by laws of their own, by the belief's numbers of them; those that it has.
-    pub fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
-        let own = |&(index, law): &(usize, TorqueLaw)| {
-            let place = self.present.iter().position(|&each| each == index)?;
-            Some((self.joints[place], law))
-        };
-        let own: Vec<(usize, TorqueLaw)> = laws.iter().filter_map(own).collect();
-        self.state.set_torque_laws(&own);
-        self.driven = None;
-    }
-
-    /// Makes the robot another than the model says.
-    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
-        let model = robot.model.without_contacts_and_limits();
-        self.model = model.with_changes(&robot.joints, changes)?;
-        let compliance = std::mem::take(&mut self.compliance);
-        self.become_compliant(&compliance)
-    }
-
     /// What belongs to the joints that it has, of something that belongs to the belief's.
     fn of_present(&self, values: &[f64]) -> Vec<f64> {
         self.present.iter().map(|&index| values[index]).collect()
     }
 
-    fn become_compliant(&mut self, compliance_rad_per_nm: &[f64]) -> Result<(), ModelError> {
+    fn become_compliant(&mut self, compliance_rad_per_nm: &[f64]) -> Result<(), FileError> {
         self.compliance = compliance_rad_per_nm.to_vec();
         let compliance_rad_per_nm = self.of_present(compliance_rad_per_nm);
         let is_own = |(&joint, value): (&usize, &f64)| {
@@ -118,46 +96,8 @@ impl MujocoRest {
         Ok(())
     }
 
-    /// Lets the robot come to rest.
-    pub fn rest(
-        &mut self,
-        commanded: &[f64],
-        load: &Load,
-    ) -> Result<Equilibrium, EquilibriumError> {
-        let commanded = &self.of_present(commanded);
-        let found = if self.model.has_equalities() {
-            self.drive(commanded).and_then(|unloaded| {
-                if *load == Load::NONE {
-                    return Ok(unloaded);
-                }
-                self.solver.rest(&mut self.state, self.site, load)
-            })
-        } else {
-            let mut coordinates = self.model.start_coordinates();
-            for (&coordinate, &value) in self.coordinates.iter().zip(commanded) {
-                coordinates[coordinate] = value;
-            }
-            self.state.set_coordinates(&coordinates);
-            self.state.command_joints(&self.joints, commanded);
-            self.solver.rest(&mut self.state, self.site, load)
-        };
-        // The last thing that was evaluated may be a shifted robot.
-        self.state.update_kinematics();
-        // A rest within a dead band is one if weight or load holds the joint there.
-        let is_loose =
-            |degree: usize, stiffness: f64| self.solver.stiffness(degree) < LOOSE_SHARE * stiffness;
-        if let Some(joint) = self.state.in_dead_band(is_loose) {
-            let joint = self.model.joint_name(joint);
-            return Err(EquilibriumError::Anywhere { joint });
-        }
-        found.map_err(|error| match error {
-            RestError::Equilibrium(error) => error,
-            RestError::Model(error) => EquilibriumError::NoForces(error.to_string()),
-        })
-    }
-
     /// Drives the unloaded robot from where the file draws it to its commands.
-    fn drive(&mut self, commanded: &[f64]) -> Result<Equilibrium, RestError> {
+    fn drive(&mut self, commanded: &[f64]) -> Result<Equilibrium, EquilibriumError> {
         self.state.command_joints(&self.joints, commanded);
         if let Some((known, coordinates)) = &self.driven
             && known == commanded
@@ -188,7 +128,7 @@ impl MujocoRest {
             found = Some(self.solver.rest(&mut self.state, self.site, &Load::NONE)?);
         }
         self.driven = Some((commanded.to_vec(), self.state.coordinates().0.to_vec()));
-        found.ok_or(RestError::Equilibrium(EquilibriumError::Unstable))
+        found.ok_or(EquilibriumError::Unstable)
     }
 
     /// Puts the rigid joints where they are commanded.
@@ -204,27 +144,78 @@ impl MujocoRest {
         }
         self.state.set_coordinates(&coordinates);
     }
+}
 
-    /// How far the model's equality constraints give way at the last rest, under its load.
-    pub fn giving_way(&mut self, load: &Load) -> Vec<GivingWay> {
+impl Rest for MujocoRest {
+    fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
+        // The joints are held: `new` has seen that.
+        let _ = self.become_compliant(compliance_rad_per_nm);
+    }
+
+    fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
+        let own = |&(index, law): &(usize, TorqueLaw)| {
+            let place = self.present.iter().position(|&each| each == index)?;
+            Some((self.joints[place], law))
+        };
+        let own: Vec<(usize, TorqueLaw)> = laws.iter().filter_map(own).collect();
+        self.state.set_torque_laws(&own);
+        self.driven = None;
+    }
+
+    fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError> {
+        let model = robot.model.without_contacts_and_limits();
+        self.model = model.with_changes(&robot.joints, changes)?;
+        let compliance = std::mem::take(&mut self.compliance);
+        self.become_compliant(&compliance)
+    }
+
+    fn rest(&mut self, commanded: &[f64], load: &Load) -> Result<Equilibrium, EquilibriumError> {
+        let commanded = &self.of_present(commanded);
+        let found = if self.model.has_equalities() {
+            self.drive(commanded).and_then(|unloaded| {
+                if *load == Load::NONE {
+                    return Ok(unloaded);
+                }
+                self.solver.rest(&mut self.state, self.site, load)
+            })
+        } else {
+            let mut coordinates = self.model.start_coordinates();
+            for (&coordinate, &value) in self.coordinates.iter().zip(commanded) {
+                coordinates[coordinate] = value;
+            }
+            self.state.set_coordinates(&coordinates);
+            self.state.command_joints(&self.joints, commanded);
+            self.solver.rest(&mut self.state, self.site, load)
+        };
+        // The last thing that was evaluated may be a shifted robot.
+        self.state.update_kinematics();
+        // A rest within a dead band is one if weight or load holds the joint there.
+        let is_loose =
+            |degree: usize, stiffness: f64| self.solver.stiffness(degree) < LOOSE_SHARE * stiffness;
+        if let Some(joint) = self.state.in_dead_band(is_loose) {
+            let joint = self.model.joint_name(joint);
+            return Err(EquilibriumError::Anywhere { joint });
+        }
+        found
+    }
+
+    fn giving_way(&mut self, load: &Load) -> Vec<GivingWay> {
         let mut ignored = vec![0.0; self.model.degrees_of_freedom()];
         let (force, torque) = (&load.force_n, &load.torque_nm);
         let applied = (self.state).imbalance(self.site, force, torque, &mut ignored);
         applied.map_or_else(|_| Vec::new(), |()| self.state.giving_way())
     }
 
-    /// The angles of the joints.
-    pub fn joint_angles(&self) -> Vec<f64> {
+    fn joint_angles(&self) -> Vec<f64> {
         let all = self.state.coordinates().0;
         self.coordinates.iter().map(|&at| all[at]).collect()
     }
 
-    /// The tool's position (m) and axes.
-    pub fn tool(&self) -> (Vector3<f64>, Matrix3<f64>) {
+    fn tool(&self) -> (Vector3<f64>, Matrix3<f64>) {
         self.state.site(self.site)
     }
 
-    pub const fn state(&self) -> &State {
+    fn state(&self) -> &State {
         &self.state
     }
 }

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use crate::mujoco::{Model, ModelChange, ModelError, State};
+use crate::files::FileError;
+use crate::mujoco::{Model, ModelChange, State};
 use crate::robot::{Elements, KinematicState, Kinematics, SerialChain, TrueRobot};
 
 /// The kinematics of the robot as MuJoCo computes them.
@@ -58,7 +59,7 @@ impl MujocoArm {
     }
 
     /// Makes the robot another than the model says.
-    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
+    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError> {
         let mut model = self.spare.take().unwrap_or_else(|| self.nominal.clone());
         model.become_changed(&self.nominal, &robot.joints, changes)?;
         if !self.elements.springs.is_empty() {

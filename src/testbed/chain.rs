@@ -1,10 +1,14 @@
 //! The rest of a chain, by the elastic law of its joints; it may have passive joints that the belief does
 //! not know.
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::arm::MujocoArm;
-use crate::mujoco::{ModelChange, ModelError, State, TorqueLaw};
+use super::virtual_robot::Rest;
+use crate::files::FileError;
+use crate::mujoco::{GivingWay, ModelChange, State, TorqueLaw};
 use crate::robot::{
-    Equilibrium, EquilibriumError, EquilibriumSolver, KinematicState, Load, SerialChain, TrueRobot,
+    Equilibrium, EquilibriumError, EquilibriumSolver, Load, SerialChain, TrueRobot,
 };
 
 /// Joints that are no springs are where their law has them if that no longer changes by more (rad, m).
@@ -52,8 +56,10 @@ impl ChainRest {
         rest.set_torque_laws(&robot.torque_laws);
         rest
     }
+}
 
-    pub fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
+impl Rest for ChainRest {
+    fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
         for (known, &value) in self.known.iter().zip(compliance_rad_per_nm) {
             if let Some((index, _)) = *known {
                 self.compliance[index] = value;
@@ -61,23 +67,16 @@ impl ChainRest {
         }
     }
 
-    /// Lets joints hold by laws of their own, by the belief's numbers of them.
-    pub fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
+    fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
         let known = |&(joint, law): &(usize, TorqueLaw)| Some((self.known[joint]?.0, law));
         self.laws = laws.iter().filter_map(known).collect();
     }
 
-    /// Makes the robot another than the model says.
-    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
+    fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError> {
         self.arm.change(robot, changes)
     }
 
-    /// Lets the robot come to rest.
-    pub fn rest(
-        &mut self,
-        commanded: &[f64],
-        load: &Load,
-    ) -> Result<Equilibrium, EquilibriumError> {
+    fn rest(&mut self, commanded: &[f64], load: &Load) -> Result<Equilibrium, EquilibriumError> {
         for (known, &value) in self.known.iter().zip(commanded) {
             // Where a passive joint is relaxed, the truth knows better.
             if let Some((index, true)) = *known {
@@ -90,6 +89,26 @@ impl ChainRest {
         self.rest_by_laws(load)
     }
 
+    fn tool(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        let state = self.solver.state();
+        (state.tool_position, state.tool_rotation)
+    }
+
+    fn joint_angles(&self) -> Vec<f64> {
+        let known = self.known.iter().flatten();
+        known.map(|&(index, _)| self.solver.q()[index]).collect()
+    }
+
+    fn state(&self) -> &State {
+        self.arm.state()
+    }
+
+    fn giving_way(&mut self, _: &Load) -> Vec<GivingWay> {
+        Vec::new()
+    }
+}
+
+impl ChainRest {
     /// Lets the robot come to rest where joints hold by laws: as one of springs whose commands are moved by what the laws add
     /// to the springs' deflections.
     fn rest_by_laws(&mut self, load: &Load) -> Result<Equilibrium, EquilibriumError> {
@@ -116,20 +135,5 @@ impl ChainRest {
             }
         }
         Err(EquilibriumError::Unstable)
-    }
-
-    /// The geometry at rest.
-    pub const fn geometry(&self) -> &KinematicState {
-        self.solver.state()
-    }
-
-    /// The coordinates of the belief's joints that it has.
-    pub fn joint_angles(&self) -> Vec<f64> {
-        let known = self.known.iter().flatten();
-        known.map(|&(index, _)| self.solver.q()[index]).collect()
-    }
-
-    pub const fn state(&self) -> &State {
-        self.arm.state()
     }
 }

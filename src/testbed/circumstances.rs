@@ -6,7 +6,7 @@
 use nalgebra::{DVector, Isometry3, Rotation3, Vector3};
 
 use crate::experiment::{Experiment, Plan};
-use crate::measurement::{Measurement, RotationMeasurement};
+use crate::measurement::Measurement;
 use crate::mujoco::{ModelChange, TorqueLaw};
 use crate::numeric::random::normal::LANES;
 use crate::parameter::{
@@ -16,6 +16,7 @@ use crate::parameter::{
 use crate::robot::{Approach, Load};
 use crate::task::Instrument;
 
+use super::instrument::measurement;
 use super::truth::SampledValue;
 use super::virtual_robot::{Displacement, MeasurementError, VirtualRobot};
 
@@ -257,48 +258,37 @@ impl Circumstances {
         lane: usize,
     ) -> Result<Vec<Measurement>, MeasurementError> {
         let read = |visit: Visit<'_>| {
-            let (experiment, displacement) = (visit.experiment, visit.displacement(robot)?);
-            let (deflection_m, rotation_rad) = self.read(visit, &displacement);
-            Ok(Measurement {
-                configuration_rad: experiment.configuration_rad.clone(),
-                load: experiment.load,
-                deflection_m,
-                sigma_m: None,
-                rotation: instrument
-                    .rotation_sigma_rad
-                    .map(|sigma| RotationMeasurement {
-                        vector_rad: rotation_rad,
-                        sigma_rad: Vector3::repeat(sigma),
-                    }),
-                approach: experiment.approach.clone(),
-            })
+            let moved = visit.displacement(robot)?;
+            let shown = self.read(&visit, &moved);
+            Ok(measurement(visit.experiment, instrument, shown))
         };
-        (self.visits(plan, normals, lane)).map(read).collect()
+        let visits = self.visits(plan, normals, lane).into_iter();
+        visits.map(read).collect()
     }
 
     /// What each reading of a plan comes about by, in its order. `normals` are those of [`Self::draw`].
     pub fn visits<'a>(
-        &'a self,
+        &self,
         plan: &'a Plan,
         normals: &[[f64; LANES]],
         lane: usize,
-    ) -> impl Iterator<Item = Visit<'a>> + use<'a> {
-        let normals: Vec<f64> = normals[self.shared.len()..]
-            .iter()
-            .map(|lanes| lanes[lane])
-            .collect();
-        let size = self.numbers_of_reading();
+    ) -> Vec<Visit<'a>> {
         // What one configuration shares is drawn with the first of its measurements.
         let firsts = self.first_of_configuration(plan);
-        let numbered = plan.experiments.iter().enumerate();
-        let readings = numbered.flat_map(|(index, experiment)| {
-            (0..experiment.repeats).map(move |_| (index, experiment))
-        });
-        (readings.enumerate()).map(move |(own, (index, experiment))| {
-            let of_reading = |number: usize| &normals[number * size..(number + 1) * size];
-            let numbers = [of_reading(own), of_reading(firsts[index])];
-            self.visit(index + 1, experiment, numbers)
-        })
+        let mut visits = Vec::with_capacity(plan.measurements() as usize);
+        for (index, experiment) in plan.experiments.iter().enumerate() {
+            for _ in 0..experiment.repeats {
+                // A deflection is a visit of its own.
+                let own = visits.len();
+                let numbers = ReadingNumbers {
+                    reading: own,
+                    visit: own,
+                    configuration: firsts[index],
+                };
+                visits.push(self.visit(index + 1, experiment, (normals, lane), numbers));
+            }
+        }
+        visits
     }
 
     /// The number of the first measurement in the configuration of each experiment.
@@ -327,7 +317,8 @@ impl Circumstances {
         &self,
         number: usize,
         experiment: &'a Experiment,
-        [own, shared]: [&[f64]; 2],
+        normals: (&[[f64; LANES]], usize),
+        numbers: ReadingNumbers,
     ) -> Visit<'a> {
         let (q, approach) = (&experiment.configuration_rad, experiment.approach.as_ref());
         let mut unloaded = self.commanded(q, &Load::NONE, false, approach);
@@ -338,15 +329,11 @@ impl Circumstances {
         } else {
             unloaded.map(|_| 0.0)
         };
-        // A deflection is a visit of its own.
-        let normal = |level: SourceLevel, place: usize| match level {
-            SourceLevel::Reading | SourceLevel::Visit => own[place],
-            _ => shared[place],
-        };
-        let noise = self.noise(&mut load, 1.0, normal, |cause, joint, by_rad| match cause {
+        let turn = |cause, joint: usize, by_rad| match cause {
             OffBy::Return => returned[joint] += by_rad,
             OffBy::Gear => unloaded[joint] += by_rad,
-        });
+        };
+        let noise = self.noise(&mut load, 1.0, normals, numbers, turn);
         let loaded = &unloaded + returned;
         Visit {
             number,
@@ -358,10 +345,10 @@ impl Circumstances {
     }
 
     /// What the instrument shows of a displacement, without its own noise: of position (m) and rotation (rad).
-    fn read(&self, visit: Visit<'_>, displacement: &Displacement) -> (Vector3<f64>, Vector3<f64>) {
+    fn read(&self, visit: &Visit<'_>, displacement: &Displacement) -> (Vector3<f64>, Vector3<f64>) {
         let mut moved = displacement.position_m + visit.noise.discrepancy_m;
-        for (range, normals) in visit.noise.by_distance {
-            moved += range.drawn(&normals, &(displacement.at_m - range.from_m));
+        for (range, normals) in &visit.noise.by_distance {
+            moved += range.drawn(normals, &(displacement.at_m - range.from_m));
         }
         let base: &Isometry3<f64> = &self.here.instrument_from_base[0];
         (
@@ -413,7 +400,7 @@ pub struct ReadingNumbers {
 
 /// What differs when a target is read by itself, not twice for a deflection.
 #[derive(Debug, Clone)]
-pub(super) struct Disturbed {
+pub(super) struct SingleReading {
     /// What the joints are commanded (rad).
     pub commanded_rad: DVector<f64>,
     /// What hangs on the calibration tool.
@@ -443,13 +430,35 @@ enum OffBy {
 impl Circumstances {
     /// A reading of a target by itself. Of what is told of deflections, joints that return and the instrument's range, it has half
     /// the variance.
-    pub(super) fn disturbed(
+    pub(super) fn reading(
         &self,
         experiment: &Experiment,
         normals: &[[f64; LANES]],
         lane: usize,
         numbers: ReadingNumbers,
-    ) -> Disturbed {
+    ) -> SingleReading {
+        let (q, approach) = (&experiment.configuration_rad, experiment.approach.as_ref());
+        let mut load = self.here.acting(&experiment.load);
+        let mut commanded_rad = self.commanded(q, &load, false, approach);
+        let turn = |_, joint: usize, by_rad| commanded_rad[joint] += by_rad;
+        let noise = self.noise(&mut load, OF_ONE_READING, (normals, lane), numbers, turn);
+        SingleReading {
+            commanded_rad,
+            load,
+            noise,
+        }
+    }
+
+    /// What is new in a reading, its visit or its configuration, of whose numbers it takes its own: what acts is moved, and so are
+    /// the joints. What is told of deflections counts by `of_deflection`.
+    fn noise(
+        &self,
+        load: &mut Load,
+        of_deflection: f64,
+        (normals, lane): (&[[f64; LANES]], usize),
+        numbers: ReadingNumbers,
+        mut turn: impl FnMut(OffBy, usize, f64),
+    ) -> ReadingNoise {
         let size = self.numbers_of_reading();
         let number = |level: SourceLevel, place: usize| {
             let reading = match level {
@@ -459,28 +468,6 @@ impl Circumstances {
             };
             normals[self.shared.len() + reading * size + place][lane]
         };
-        let (q, approach) = (&experiment.configuration_rad, experiment.approach.as_ref());
-        let mut load = self.here.acting(&experiment.load);
-        let mut commanded_rad = self.commanded(q, &load, false, approach);
-        let noise = self.noise(&mut load, OF_ONE_READING, number, |_, joint, by_rad| {
-            commanded_rad[joint] += by_rad;
-        });
-        Disturbed {
-            commanded_rad,
-            load,
-            noise,
-        }
-    }
-
-    /// What is new in a reading, its visit or its configuration: what acts is moved, and so are the joints. What is told of deflections counts by
-    /// `of_deflection`; numbers are those of the level at which a source takes a new value, by their place.
-    fn noise(
-        &self,
-        load: &mut Load,
-        of_deflection: f64,
-        number: impl Fn(SourceLevel, usize) -> f64,
-        mut turn: impl FnMut(OffBy, usize, f64),
-    ) -> ReadingNoise {
         let mut discrepancy_m = Vector3::zeros();
         let mut by_distance = Vec::new();
         let mut place = 0;

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::circumstances::OF_ONE_READING;
 use super::virtual_robot::{MeasurementError, VirtualRobot};
-use crate::experiment::Plan;
+use crate::experiment::{Experiment, Plan};
 use crate::measurement::{Measurement, RotationMeasurement, by_configuration};
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
@@ -40,26 +40,35 @@ impl VirtualRobot {
     ) -> Result<Vec<Measurement>, MeasurementError> {
         let mut measurements = Vec::new();
         for (index, experiment) in plan.experiments.iter().enumerate() {
-            let displacement = self.displacement(index + 1, experiment)?;
-            let measurement = Measurement {
-                configuration_rad: experiment.configuration_rad.clone(),
-                load: experiment.load,
-                deflection_m: displacement.position_m,
-                sigma_m: None,
-                rotation: instrument
-                    .rotation_sigma_rad
-                    .map(|sigma| RotationMeasurement {
-                        vector_rad: displacement.rotation_rad,
-                        sigma_rad: Vector3::repeat(sigma),
-                    }),
-                approach: experiment.approach.clone(),
-            };
+            let moved = self.displacement(index + 1, experiment)?;
+            let shown = (moved.position_m, moved.rotation_rad);
+            let measurement = measurement(experiment, instrument, shown);
             measurements.extend(std::iter::repeat_n(
                 measurement,
                 experiment.repeats as usize,
             ));
         }
         Ok(measurements)
+    }
+}
+
+/// A measurement of an experiment that shows this displacement (m) and rotation (rad).
+pub(super) fn measurement(
+    experiment: &Experiment,
+    instrument: &Instrument,
+    (deflection_m, vector_rad): (Vector3<f64>, Vector3<f64>),
+) -> Measurement {
+    let sigma = instrument.rotation_sigma_rad;
+    Measurement {
+        configuration_rad: experiment.configuration_rad.clone(),
+        load: experiment.load,
+        deflection_m,
+        sigma_m: None,
+        rotation: sigma.map(|sigma| RotationMeasurement {
+            vector_rad,
+            sigma_rad: Vector3::repeat(sigma),
+        }),
+        approach: experiment.approach.clone(),
     }
 }
 

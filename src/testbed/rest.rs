@@ -7,7 +7,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::mujoco::{ModelError, State};
+use crate::mujoco::State;
 use crate::robot::{Equilibrium, EquilibriumError, Load};
 
 /// The last step of a converged solution is no larger than this (rad, m).
@@ -25,21 +25,6 @@ const SLOW: f64 = 0.05;
 /// A joint without any stiffness is one with less than this share of what its mass would have at one
 /// radian per second.
 const WEIGHTLESS: f64 = 1e-9;
-
-/// Why a model does not rest.
-#[derive(Debug)]
-pub(super) enum RestError {
-    /// There is no stable equilibrium.
-    Equilibrium(EquilibriumError),
-    /// MuJoCo cannot apply the load.
-    Model(ModelError),
-}
-
-impl From<ModelError> for RestError {
-    fn from(error: ModelError) -> Self {
-        Self::Model(error)
-    }
-}
 
 /// Finds the rest of a simulation; keeps its workspace.
 #[derive(Debug, Clone)]
@@ -81,7 +66,7 @@ impl RestSolver {
         state: &mut State,
         site: usize,
         load: &Load,
-    ) -> Result<Equilibrium, RestError> {
+    ) -> Result<Equilibrium, EquilibriumError> {
         let mut left_over = self.imbalance(state, site, load)?;
         self.stiffen(state, site, load, &left_over)?;
         let mut is_fresh = true;
@@ -143,7 +128,7 @@ impl RestSolver {
                 last = f64::INFINITY;
             }
         }
-        Err(RestError::Equilibrium(self.not_at_rest(state, iterations)))
+        Err(self.not_at_rest(state, iterations))
     }
 
     /// What holds a degree of freedom at the last rest by itself (N m/rad, N/m); endless for one that does not move.
@@ -158,8 +143,8 @@ impl RestSolver {
         state: &mut State,
         site: usize,
         load: &Load,
-    ) -> Result<DVector<f64>, ModelError> {
-        state.imbalance(site, &load.force_n, &load.torque_nm, &mut self.left_over)?;
+    ) -> Result<DVector<f64>, EquilibriumError> {
+        imbalance(state, site, load, &mut self.left_over)?;
         let free = self.free.iter().map(|&degree| self.left_over[degree]);
         Ok(DVector::from_iterator(self.free.len(), free))
     }
@@ -179,13 +164,13 @@ impl RestSolver {
         site: usize,
         load: &Load,
         left_over: &DVector<f64>,
-    ) -> Result<(), ModelError> {
+    ) -> Result<(), EquilibriumError> {
         self.coordinates.copy_from_slice(state.coordinates().0);
         for (column, &degree) in self.free.iter().enumerate() {
             self.displacement.fill(0.0);
             self.displacement[degree] = SHIFT;
             state.displace(&self.displacement);
-            state.imbalance(site, &load.force_n, &load.torque_nm, &mut self.shifted)?;
+            imbalance(state, site, load, &mut self.shifted)?;
             state.set_coordinates(&self.coordinates);
             for (row, &other) in self.free.iter().enumerate() {
                 self.stiffness[(row, column)] = (left_over[row] - self.shifted[other]) / SHIFT;
@@ -244,7 +229,7 @@ impl RestSolver {
         left_over: &DVector<f64>,
         iterations: usize,
         last_step_rad: f64,
-    ) -> Result<Equilibrium, RestError> {
+    ) -> Result<Equilibrium, EquilibriumError> {
         self.stiffen(state, site, load, left_over)?;
         // The stiffness that decides on stability is that of the rest itself.
         match definite(&self.stiffness) {
@@ -252,7 +237,7 @@ impl RestSolver {
                 iterations,
                 last_step_rad,
             }),
-            None => Err(RestError::Equilibrium(EquilibriumError::Unstable)),
+            None => Err(EquilibriumError::Unstable),
         }
     }
 
@@ -287,4 +272,15 @@ fn definite(stiffness: &DMatrix<f64>) -> Option<()> {
         0.5 * (stiffness[(row, column)] + stiffness[(column, row)]) / (size[row] * size[column])
     });
     Cholesky::new(relative).map(drop)
+}
+
+/// The forces that are left over in all degrees of freedom.
+fn imbalance(
+    state: &mut State,
+    site: usize,
+    load: &Load,
+    left_over: &mut [f64],
+) -> Result<(), EquilibriumError> {
+    (state.imbalance(site, &load.force_n, &load.torque_nm, left_over))
+        .map_err(|error| EquilibriumError::NoForces(error.to_string()))
 }

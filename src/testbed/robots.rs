@@ -1,32 +1,47 @@
-//! The virtual robot with each of its tools, in a run's laboratory.
+//! The virtual robot of one run after another, in the run's laboratory, with all targets that are read.
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Matrix3, Vector3};
 
-use super::circumstances::{Circumstances, Visit};
+use super::circumstances::{Circumstances, ReadingNumbers, Visit};
 use super::true_compliances::compliances_of_run;
 use super::truth::{RunTruth, Truth};
 use super::virtual_robot::{MeasurementError, VirtualRobot};
-use crate::experiment::Plan;
+use crate::experiment::{Experiment, Plan};
+use crate::files::FileError;
 use crate::measurement::Measurement;
-use crate::mujoco::ModelError;
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
-use crate::parameter::ParameterKind;
-use crate::robot::{EquilibriumError, Load, Tool, TrueRobot};
+use crate::parameter::{ParameterKind, Unloaded};
+use crate::robot::{EquilibriumError, Load, TrueRobot};
 use crate::task::{Belief, Instrument, TestPose};
 
-/// How often a load is turned with the tool: it turns by milliradians as it bends the arm, and each time leaves a thousandth of what
-/// is left.
+/// How often what depends on where the loaded tool rests is found anew: it moves by millimetres and turns by milliradians, and each
+/// time leaves a thousandth of what is left.
 const TURNS: usize = 3;
+/// The place of the body that carries the calibration tool, at which loads act,
+const MEASURING: usize = 0;
+/// and of that which carries the machining tool, also where they are one.
+const MACHINING: usize = 1;
+
+/// A target, and from where it is read.
+#[derive(Debug, Clone, Copy)]
+pub struct SeenFrom<'a> {
+    /// The site of the model that is read.
+    pub target: &'a str,
+    /// Where the instrument stands (m, world frame), where somebody says.
+    pub station_m: Option<Vector3<f64>>,
+}
 
 /// The virtual robot of one run after another.
 #[derive(Debug)]
 pub struct TrueRobots {
     robot: TrueRobot,
-    measuring: VirtualRobot,
-    machining: VirtualRobot,
+    /// With the calibration tool, the machining tool, and what else is read.
+    bodies: Vec<(String, VirtualRobot)>,
     laboratory: Circumstances,
     compliance_rad_per_nm: Vec<f64>,
+    /// The normal numbers of the run that it was made last.
+    normals: Vec<[f64; LANES]>,
     /// Whether the last run's differed from the model.
     is_changed: bool,
 }
@@ -36,28 +51,51 @@ impl TrueRobots {
     ///
     /// # Errors
     /// Its model lacks a tool, or something of which the scenario says that it is uncertain.
-    pub fn new(belief: &Belief, truth: &Truth) -> Result<Self, ModelError> {
+    pub fn new(belief: &Belief, truth: &Truth) -> Result<Self, FileError> {
+        Self::with_targets(belief, truth, belief.instrument.unloaded, [])
+    }
+
+    /// The same for readings of targets by themselves.
+    ///
+    /// # Errors
+    /// Its model lacks a target, or something of which the scenario says that it is uncertain.
+    pub fn of_readings<'a>(
+        belief: &'a Belief,
+        truth: &Truth,
+        targets: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Self, FileError> {
+        Self::with_targets(belief, truth, Unloaded::Own, targets)
+    }
+
+    fn with_targets<'a>(
+        belief: &'a Belief,
+        truth: &Truth,
+        unloaded: Unloaded,
+        targets: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Self, FileError> {
         let robot = &truth.robot;
         let laboratory = Circumstances::new(belief.arm(), &truth.uncertainties);
-        let laboratory = laboratory.map_err(|error| ModelError::NotSerial {
-            path: robot.model.path().to_owned(),
-            reason: error.to_string(),
-        })?;
-        let laboratory = laboratory.resting_on(belief.instrument.unloaded);
-        let of_tool = |tool: &Tool| VirtualRobot::new(robot, &tool.name);
+        let laboratory = laboratory.map_err(|error| robot.model.not_serial(error))?;
+        let own = [&belief.calibration_tool, &belief.machining_tool].map(|tool| &*tool.name);
+        let mut bodies: Vec<(String, VirtualRobot)> = Vec::new();
+        for name in own.into_iter().chain(targets) {
+            if bodies.len() < own.len() || !bodies.iter().any(|(known, _)| known == name) {
+                bodies.push((name.to_owned(), VirtualRobot::new(robot, name)?));
+            }
+        }
         Ok(Self {
-            measuring: of_tool(&belief.calibration_tool)?,
-            machining: of_tool(&belief.machining_tool)?,
+            bodies,
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
             robot: robot.clone(),
-            laboratory,
+            laboratory: laboratory.resting_on(unloaded),
+            normals: Vec::new(),
             is_changed: false,
         })
     }
 
     /// How many normal numbers a run takes besides the instrument's noise.
-    pub fn numbers(&self, measurements: usize) -> usize {
-        self.laboratory.numbers(measurements)
+    pub fn numbers(&self, readings: usize) -> usize {
+        self.laboratory.numbers(readings)
     }
 
     /// Makes a run's robot: with these compliances (rad/(N m)), and what else its laboratory differs in.
@@ -69,7 +107,7 @@ impl TrueRobots {
         compliance_rad_per_nm: &[f64],
         normals: &[[f64; LANES]],
         lane: usize,
-    ) -> Result<(), ModelError> {
+    ) -> Result<(), FileError> {
         self.compliance_rad_per_nm
             .copy_from_slice(compliance_rad_per_nm);
         if !self.laboratory.is_certain() {
@@ -79,23 +117,27 @@ impl TrueRobots {
             }
             let changes = self.laboratory.model_changes();
             if self.is_changed || !changes.is_empty() {
-                self.measuring.change(&self.robot, &changes)?;
-                self.machining.change(&self.robot, &changes)?;
+                for (_, body) in &mut self.bodies {
+                    body.change(&self.robot, &changes)?;
+                }
                 self.is_changed = !changes.is_empty();
             }
         }
-        self.measuring.set_compliance(&self.compliance_rad_per_nm);
-        self.machining.set_compliance(&self.compliance_rad_per_nm);
-        if self.laboratory.draws_laws() {
+        let laws = self.laboratory.draws_laws().then(|| {
             let mut laws = self.laboratory.torque_laws(&self.compliance_rad_per_nm);
             laws.extend(&self.robot.torque_laws);
-            self.measuring.set_torque_laws(&laws);
-            self.machining.set_torque_laws(&laws);
+            laws
+        });
+        for (_, body) in &mut self.bodies {
+            body.set_compliance(&self.compliance_rad_per_nm);
+            if let Some(laws) = &laws {
+                body.set_torque_laws(laws);
+            }
         }
         Ok(())
     }
 
-    /// Makes the robot that of run `run` under a seed, and returns the normal numbers for so many measurements in its
+    /// Makes the robot that of run `run` under a seed, and returns the normal numbers for so many readings in its
     /// laboratory.
     ///
     /// # Errors
@@ -103,13 +145,14 @@ impl TrueRobots {
     pub fn become_run_of(
         &mut self,
         truth: &Truth,
-        measurements: usize,
+        readings: usize,
         seed: u64,
         run: u64,
-    ) -> Result<Vec<[f64; LANES]>, ModelError> {
-        let mut normals = vec![[0.0; LANES]; self.numbers(measurements)];
+    ) -> Result<Vec<[f64; LANES]>, FileError> {
+        let mut normals = vec![[0.0; LANES]; self.numbers(readings)];
         fill_normals(Stream::Circumstances, seed, run, &mut normals);
         self.become_run(&compliances_of_run(truth, seed, run), &normals, 0)?;
+        self.normals.clone_from(&normals);
         Ok(normals)
     }
 
@@ -123,34 +166,36 @@ impl TrueRobots {
         normals: &[[f64; LANES]],
         run: u64,
     ) -> Result<RunTruth, MeasurementError> {
-        let visits = self.laboratory.visits(plan, normals, 0);
+        let (visits, measuring) = self.visits(plan, normals);
         let deflection = |visit: Visit<'_>| {
-            let moved = visit.displacement(&mut self.measuring)?;
+            let moved = visit.displacement(measuring)?;
             Ok(moved.position_m + visit.discrepancy_m())
         };
-        let deflections_m = visits.map(deflection).collect::<Result<_, _>>()?;
         Ok(RunTruth {
             run,
+            deflections_m: visits
+                .into_iter()
+                .map(deflection)
+                .collect::<Result<_, _>>()?,
             compliance_rad_per_nm: self.compliance_rad_per_nm.clone(),
             sampled: self.laboratory.sampled(),
-            deflections_m,
         })
     }
 
     /// What each reading of a plan comes about by in this run, in the plan's order, with the robot that carries the
     /// calibration tool.
     pub fn visits<'a>(
-        &'a mut self,
+        &mut self,
         plan: &'a Plan,
         normals: &[[f64; LANES]],
-    ) -> (Vec<Visit<'a>>, &'a mut VirtualRobot) {
-        let visits = self.laboratory.visits(plan, normals, 0).collect();
-        (visits, &mut self.measuring)
+    ) -> (Vec<Visit<'a>>, &mut VirtualRobot) {
+        let visits = self.laboratory.visits(plan, normals, 0);
+        (visits, &mut self.bodies[MEASURING].1)
     }
 
     /// The robot that carries the machining tool, as it came to rest last.
-    pub const fn machining(&self) -> &VirtualRobot {
-        &self.machining
+    pub fn machining(&self) -> &VirtualRobot {
+        &self.bodies[MACHINING].1
     }
 
     /// The compliance of every joint in this run (rad/(N m)).
@@ -191,10 +236,48 @@ impl TrueRobots {
         normals: &[[f64; LANES]],
         lane: usize,
     ) -> Result<Vec<Measurement>, MeasurementError> {
+        let measuring = &mut self.bodies[MEASURING].1;
         if self.laboratory.is_certain() {
-            return self.measuring.measure_noise_free(plan, instrument);
+            return measuring.measure_noise_free(plan, instrument);
         }
-        (self.laboratory).measure(&mut self.measuring, plan, instrument, normals, lane)
+        (self.laboratory).measure(measuring, plan, instrument, normals, lane)
+    }
+
+    /// Where a target is (m, world frame) and its axes, as they are read without the instrument's own noise in the run that
+    /// [`Self::become_run_of`] named last. The experiment's load hangs on the calibration tool.
+    ///
+    /// # Errors
+    /// There is no stable equilibrium.
+    pub fn read(
+        &mut self,
+        experiment: &Experiment,
+        seen: SeenFrom<'_>,
+        numbers: ReadingNumbers,
+    ) -> Result<(Vector3<f64>, Matrix3<f64>), EquilibriumError> {
+        let reading = (self.laboratory).reading(experiment, &self.normals, 0, numbers);
+        let (commanded, load) = (&reading.commanded_rad, reading.load);
+        let place = self.bodies.iter().position(|(name, _)| name == seen.target);
+        let place = place.unwrap_or(MEASURING);
+        let (carried_m, ..) = self.bodies[MEASURING].1.rest(commanded, &load)?;
+        // The load at the target that does what the load at the calibration tool does.
+        let mut transferred = load;
+        let body = &mut self.bodies[place].1;
+        let mut rest = body.rest(commanded, &transferred)?;
+        if place > 0 && load != Load::NONE {
+            for _ in 0..TURNS {
+                let lever = carried_m - rest.0;
+                transferred.torque_nm = load.torque_nm + lever.cross(&load.force_n);
+                rest = body.rest(commanded, &transferred)?;
+            }
+        }
+        let (at_m, axes, _) = rest;
+        let off_by_distance: Vector3<f64> = (reading.noise.by_distance.into_iter())
+            .map(|(range, normals)| {
+                let apart_m = at_m - seen.station_m.unwrap_or(range.from_m);
+                range.drawn(&normals, &apart_m)
+            })
+            .sum();
+        Ok((at_m + reading.noise.discrepancy_m + off_by_distance, axes))
     }
 
     /// Where the machining tool rests (m) if a controller commands these angles (rad), under what acts in this run where
@@ -206,12 +289,11 @@ impl TrueRobots {
         &mut self,
         commanded_rad: &DVector<f64>,
         pose: &TestPose,
-    ) -> Result<nalgebra::Vector3<f64>, EquilibriumError> {
+    ) -> Result<Vector3<f64>, EquilibriumError> {
         let said = self.laboratory.acting_at_test_pose(&pose.load);
         let mut load = said;
         for nominal in pose.load_axes.iter().cycle().take(TURNS) {
-            let commanded = (self.laboratory).commanded(commanded_rad, &load, true, None);
-            let (_, axes, _) = self.machining.rest(&commanded, &load)?;
+            let (_, axes) = self.machining_rest(commanded_rad, &load)?;
             let turned = axes * nominal.transpose();
             load = Load {
                 force_n: turned * said.force_n,
@@ -229,9 +311,17 @@ impl TrueRobots {
         &mut self,
         commanded_rad: &DVector<f64>,
         load: &Load,
-    ) -> Result<nalgebra::Vector3<f64>, EquilibriumError> {
+    ) -> Result<Vector3<f64>, EquilibriumError> {
+        Ok(self.machining_rest(commanded_rad, load)?.0)
+    }
+
+    fn machining_rest(
+        &mut self,
+        commanded_rad: &DVector<f64>,
+        load: &Load,
+    ) -> Result<(Vector3<f64>, Matrix3<f64>), EquilibriumError> {
         let commanded = (self.laboratory).commanded(commanded_rad, load, true, None);
-        let (position, _, _) = self.machining.rest(&commanded, load)?;
-        Ok(position)
+        let (position, axes, _) = self.bodies[MACHINING].1.rest(&commanded, load)?;
+        Ok((position, axes))
     }
 }

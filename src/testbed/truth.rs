@@ -43,7 +43,7 @@ pub struct RunTruth {
 }
 
 /// Something that a run samples once.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct SampledValue {
     /// Its name, as that of an unknown.
     pub name: String,

@@ -7,7 +7,8 @@ use thiserror::Error;
 use super::any_model::MujocoRest;
 use super::chain::ChainRest;
 use crate::experiment::Experiment;
-use crate::mujoco::{GivingWay, ModelChange, ModelError, State, TorqueLaw};
+use crate::files::FileError;
+use crate::mujoco::{GivingWay, ModelChange, State, TorqueLaw};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot, rotation_vector};
 
 /// The tool's motion from the unloaded to the loaded equilibrium, in the world frame.
@@ -35,20 +36,31 @@ pub struct MeasurementError {
     pub source: EquilibriumError,
 }
 
+/// How equilibria are found, with the last of them.
+pub(super) trait Rest: std::fmt::Debug + Send + Sync {
+    /// Replaces the compliances of the belief's joints (rad/(N m)).
+    fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]);
+    /// Lets joints hold by laws of their own, by the belief's numbers of them; those that it has.
+    fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]);
+    /// Makes the robot another than the model says.
+    fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError>;
+    /// Lets the robot come to rest at the commands of the belief's joints (rad, m).
+    fn rest(&mut self, commanded: &[f64], load: &Load) -> Result<Equilibrium, EquilibriumError>;
+    /// The tool's position (m) and axes.
+    fn tool(&self) -> (Vector3<f64>, Matrix3<f64>);
+    /// The coordinates of the belief's joints that it has (rad, m).
+    fn joint_angles(&self) -> Vec<f64>;
+    /// MuJoCo's simulation.
+    fn state(&self) -> &State;
+    /// How far the model's equality constraints give way under its load.
+    fn giving_way(&mut self, load: &Load) -> Vec<GivingWay>;
+}
+
 /// A compliant robot in MuJoCo with one tool mounted.
 #[derive(Debug)]
 pub struct VirtualRobot {
-    body: RestMethod,
+    body: Box<dyn Rest>,
     compliance_rad_per_nm: Vec<f64>,
-}
-
-/// How its equilibria are found.
-#[derive(Debug)]
-enum RestMethod {
-    /// A chain: by the elastic law of its joints.
-    Chain(Box<ChainRest>),
-    /// Any model: where MuJoCo's acceleration vanishes.
-    Any(Box<MujocoRest>),
 }
 
 impl VirtualRobot {
@@ -56,24 +68,20 @@ impl VirtualRobot {
     ///
     /// # Errors
     /// The model has no such site.
-    pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
+    pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, FileError> {
         let site_id = robot.model.site(site)?;
-        let body = match &robot.chain {
+        let has_dead_band = robot
+            .torque_laws
+            .iter()
+            .any(|(_, law)| law.dead_band != 0.0);
+        match &robot.chain {
             // Within a dead band nothing but the balance of all forces says where a joint stands.
-            Ok(chain)
-                if robot
-                    .torque_laws
-                    .iter()
-                    .all(|(_, law)| law.dead_band == 0.0) =>
-            {
-                RestMethod::Chain(Box::new(ChainRest::new(robot, chain, site_id)))
-            }
-            _ => return Self::of_any_model(robot, site),
-        };
-        Ok(Self {
-            body,
-            compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
-        })
+            Ok(chain) if !has_dead_band => Ok(Self {
+                body: Box::new(ChainRest::new(robot, chain, site_id)),
+                compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
+            }),
+            _ => Self::of_any_model(robot, site),
+        }
     }
 
     /// The same robot, whose rest is sought where MuJoCo's acceleration vanishes even where the elastic law
@@ -81,43 +89,33 @@ impl VirtualRobot {
     ///
     /// # Errors
     /// The model has no such site.
-    pub fn of_any_model(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
+    pub fn of_any_model(robot: &TrueRobot, site: &str) -> Result<Self, FileError> {
         Ok(Self {
-            body: RestMethod::Any(Box::new(MujocoRest::new(robot, site)?)),
+            body: Box::new(MujocoRest::new(robot, site)?),
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
         })
     }
 
     /// Replaces the joints' compliances (rad/(N m)).
     pub fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
-        if self.compliance_rad_per_nm == compliance_rad_per_nm {
-            return;
-        }
-        self.compliance_rad_per_nm
-            .copy_from_slice(compliance_rad_per_nm);
-        match &mut self.body {
-            RestMethod::Chain(rest) => rest.set_compliance(compliance_rad_per_nm),
-            RestMethod::Any(rest) => rest.set_compliance(compliance_rad_per_nm),
+        if self.compliance_rad_per_nm != compliance_rad_per_nm {
+            self.compliance_rad_per_nm
+                .copy_from_slice(compliance_rad_per_nm);
+            self.body.set_compliance(compliance_rad_per_nm);
         }
     }
 
     /// Lets joints hold by laws of their own, by the belief's numbers of them.
     pub fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
-        match &mut self.body {
-            RestMethod::Chain(rest) => rest.set_torque_laws(laws),
-            RestMethod::Any(rest) => rest.set_torque_laws(laws),
-        }
+        self.body.set_torque_laws(laws);
     }
 
     /// Makes the robot a run's, which differs from the model in this alone.
     ///
     /// # Errors
     /// A site is missing.
-    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
-        match &mut self.body {
-            RestMethod::Chain(rest) => rest.change(robot, changes),
-            RestMethod::Any(rest) => rest.change(robot, changes),
-        }
+    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError> {
+        self.body.change(robot, changes)
     }
 
     /// The static equilibrium at the commanded angles (rad) under a load: position (m) and axes of
@@ -130,50 +128,24 @@ impl VirtualRobot {
         commanded_rad: &DVector<f64>,
         load: &Load,
     ) -> Result<(Vector3<f64>, Matrix3<f64>, Equilibrium), EquilibriumError> {
-        match &mut self.body {
-            RestMethod::Chain(rest) => {
-                let equilibrium = rest.rest(commanded_rad.as_slice(), load)?;
-                let state = rest.geometry();
-                Ok((state.tool_position, state.tool_rotation, equilibrium))
-            }
-            RestMethod::Any(rest) => {
-                let equilibrium = rest.rest(commanded_rad.as_slice(), load)?;
-                let (position, rotation) = rest.tool();
-                Ok((position, rotation, equilibrium))
-            }
-        }
+        let equilibrium = self.body.rest(commanded_rad.as_slice(), load)?;
+        let (position, rotation) = self.body.tool();
+        Ok((position, rotation, equilibrium))
     }
 
     /// The angles of the belief's joints at the last equilibrium (rad).
     pub fn joint_angles(&self) -> Vec<f64> {
-        match &self.body {
-            RestMethod::Chain(rest) => rest.joint_angles(),
-            RestMethod::Any(rest) => rest.joint_angles(),
-        }
-    }
-
-    /// MuJoCo's coordinates of all joints at the last equilibrium (rad, m).
-    pub fn coordinates(&self) -> &[f64] {
-        match &self.body {
-            RestMethod::Chain(rest) => rest.state().coordinates().0,
-            RestMethod::Any(_) => self.simulation().coordinates().0,
-        }
+        self.body.joint_angles()
     }
 
     /// MuJoCo's simulation as it stands at the last equilibrium.
     pub fn simulation(&self) -> &State {
-        match &self.body {
-            RestMethod::Chain(rest) => rest.state(),
-            RestMethod::Any(rest) => rest.state(),
-        }
+        self.body.state()
     }
 
     /// How far the model's equality constraints give way at the last equilibrium, found under this load.
     pub fn giving_way(&mut self, load: &Load) -> Vec<GivingWay> {
-        match &mut self.body {
-            RestMethod::Chain(_) => Vec::new(),
-            RestMethod::Any(rest) => rest.giving_way(load),
-        }
+        self.body.giving_way(load)
     }
 
     /// The tool's displacement from the unloaded to the loaded equilibrium: the virtual measurement

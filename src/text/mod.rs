@@ -32,24 +32,8 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     }
 }
 
-/// Keys, words and options of older files and scripts, and what they are called now.
-const RENAMED: [(&str, &str); 5] = [
-    ("state", "visit"),
-    ("joint_return", "joint_repeatability"),
-    ("gear_error", "transmission_error"),
-    ("misfit", "discrepancy"),
-    ("--ladder", "--model-selection"),
-];
-
-/// What an older word is called now.
-pub fn renamed(found: &str) -> Option<&'static str> {
-    let mut pairs = RENAMED.iter();
-    pairs.find(|(old, _)| *old == found).map(|(_, new)| *new)
-}
-
 /// Of the words that there are, the one that was likely meant.
 pub fn nearest<'a>(found: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    let found = renamed(found).unwrap_or(found);
     let found = found.to_lowercase();
     let likeness = |word: &str| strsim::jaro_winkler(&found, &word.to_lowercase());
     let best = known.max_by(|one, other| likeness(one).total_cmp(&likeness(other)))?;

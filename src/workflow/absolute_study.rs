@@ -104,7 +104,6 @@ pub fn entries<'a, 'w>(
         let (planning, plan) = match source {
             StudySource::File { readings, .. } => {
                 let planning = AbsolutePlanning::of_plan(task, wanted.groups, readings)?;
-                planning.check_whole()?;
                 let plan = planning.whole();
                 (planning, plan)
             }

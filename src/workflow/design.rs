@@ -3,11 +3,11 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use crate::plan::Criterion;
 use crate::plan::search::{
     ApproximateDesign, Bound, Candidates, ExactDesign, Problem, SearchError, Watch,
     approximate_design, exact_design,
 };
+use crate::plan::{Assessment, Criterion};
 use crate::task::Task;
 
 /// Which plan is wanted.
@@ -21,18 +21,6 @@ pub struct Wanted {
     pub configurations: Option<u32>,
 }
 
-impl Designed {
-    /// The bound by the criterion that was wanted.
-    pub fn wanted_bound(&self) -> &Bound {
-        (self.by_criterion.as_ref()).map_or(&self.bound, |(_, bound)| bound)
-    }
-
-    /// The approximate design that it follows from.
-    pub fn wanted_approximate(&self) -> &ApproximateDesign {
-        (self.by_criterion.as_ref()).map_or(&self.approximate, |(design, _)| design)
-    }
-}
-
 impl Wanted {
     /// What a task wants: a plan for its test poses.
     pub const fn by(task: &Task) -> Self {
@@ -41,6 +29,12 @@ impl Wanted {
             experiments: task.design.experiments,
             configurations: task.design.configurations,
         }
+    }
+
+    /// The numbers of measurements and of different configurations.
+    pub fn sizes(&self) -> [u32; 2] {
+        let configurations = self.configurations.unwrap_or(self.experiments);
+        [self.experiments, configurations]
     }
 }
 
@@ -58,84 +52,72 @@ pub struct Onlooker<'a> {
 /// A designed plan with what was found on the way.
 #[derive(Debug)]
 pub struct Designed {
-    /// The approximate design for the test poses.
-    pub approximate: ApproximateDesign,
-    /// The bound of `rho_0` that follows from it.
-    pub bound: Bound,
-    /// Where the plan is wanted by another criterion, the approximate design for that, and the bound of its values.
-    pub by_criterion: Option<(ApproximateDesign, Bound)>,
     /// The plan.
     pub exact: ExactDesign,
-    /// How long it took (s).
-    pub elapsed_s: f64,
-    /// Whether the search was cut short.
-    pub is_cut_short: bool,
-}
-
-/// Designs a plan under a seed, as long as it is not asked to stop.
-pub fn design(
-    task: &Task,
-    seed: u64,
-    wanted: Wanted,
-    onlooker: Onlooker<'_>,
-) -> Result<Designed, SearchError> {
-    let start = Instant::now();
-    let mut for_test_poses = Problem::new(task, Criterion::TestPose);
-    for_test_poses.stop = Some(onlooker.stop);
-    let approximate = approximate_design(&for_test_poses, seed)?;
-    let mut bound = Bound::new(task, &approximate);
-    let by_criterion = if wanted.criterion == Criterion::TestPose {
-        bound = (onlooker.prove)(bound, &approximate);
-        None
-    } else {
-        let mut problem = Problem::new(task, wanted.criterion);
-        problem.stop = Some(onlooker.stop);
-        let design = approximate_design(&problem, seed)?;
-        let bound = (onlooker.prove)(Bound::by(task, wanted.criterion, &design), &design);
-        Some((problem, design, bound))
-    };
-    let (problem, near) = match &by_criterion {
-        Some((problem, design, _)) => (problem, design),
-        None => (&for_test_poses, &approximate),
-    };
-    let progress = |done: usize, all: usize, cost: f64| {
-        (onlooker.progress)(&bound, done, all, cost);
-    };
-    let watch = Watch {
-        stop: onlooker.stop,
-        progress: &progress,
-    };
-    let exact = exact_design(
-        problem,
-        near,
-        wanted.experiments,
-        wanted.configurations.unwrap_or(wanted.experiments),
-        seed,
-        watch,
-    )?;
-    Ok(Designed {
-        approximate,
-        exact,
-        elapsed_s: start.elapsed().as_secs_f64(),
-        is_cut_short: onlooker.stop.load(Ordering::Relaxed),
-        bound,
-        by_criterion: by_criterion.map(|(_, design, bound)| (design, bound)),
-    })
-}
-
-/// A plan of candidates with what was found on the way.
-#[derive(Debug)]
-pub struct DesignedAmong {
-    /// The plan.
-    pub exact: ExactDesign,
-    /// What `rho_0` no plan of the candidates is below.
+    /// What `rho_0` no plan is below.
     pub bound: Bound,
-    /// Where the plan is wanted by another criterion, what no plan of them is better than by that.
+    /// Where the plan is wanted by another criterion, what no plan is better than by that.
     pub by_criterion: Option<Bound>,
     /// How long it took (s).
     pub elapsed_s: f64,
     /// Whether the search was cut short.
     pub is_cut_short: bool,
+}
+
+impl Designed {
+    /// The bound by the criterion that was wanted.
+    pub fn wanted_bound(&self) -> &Bound {
+        self.by_criterion.as_ref().unwrap_or(&self.bound)
+    }
+
+    /// The plan judged against a task, beside its bounds.
+    pub fn assessment(&self, task: &Task) -> Assessment {
+        let assessment = Assessment::new(task, &self.exact.plan, Some(&self.bound));
+        match &self.by_criterion {
+            Some(bound) => assessment.beside(bound, &self.exact.plan),
+            None => assessment,
+        }
+    }
+}
+
+/// Designs a plan under a seed, as long as it is not asked to stop; with the approximate design by the criterion that is wanted.
+pub fn design(
+    task: &Task,
+    seed: u64,
+    wanted: Wanted,
+    onlooker: Onlooker<'_>,
+) -> Result<(Designed, ApproximateDesign), SearchError> {
+    let start = Instant::now();
+    let approximate = |criterion: Criterion| {
+        let mut problem = Problem::new(task, criterion);
+        problem.stop = Some(onlooker.stop);
+        let design = approximate_design(&problem, seed)?;
+        Ok((problem, design))
+    };
+    let (mut problem, mut design) = approximate(Criterion::TestPose)?;
+    let mut bound = Bound::new(task, &design);
+    let mut by_criterion = None;
+    if wanted.criterion == Criterion::TestPose {
+        bound = (onlooker.prove)(bound, &design);
+    } else {
+        (problem, design) = approximate(wanted.criterion)?;
+        let bound = Bound::by(task, wanted.criterion, &design);
+        by_criterion = Some((onlooker.prove)(bound, &design));
+    }
+    let watch = Watch {
+        stop: onlooker.stop,
+        progress: &|done, all, cost| (onlooker.progress)(&bound, done, all, cost),
+    };
+    let [measurements, configurations] = wanted.sizes();
+    let exact = exact_design(&problem, &design, measurements, configurations, seed, watch)?;
+    let designed = Designed {
+        exact,
+        elapsed_s: start.elapsed().as_secs_f64(),
+        is_cut_short: onlooker.stop.load(Ordering::Relaxed),
+        bound,
+        by_criterion,
+    };
+    Ok((designed, design))
 }
 
 /// Designs a plan of candidates under a seed, as long as it is not asked to stop.
@@ -145,20 +127,16 @@ pub fn design_among(
     seed: u64,
     wanted: Wanted,
     watch: Watch<'_>,
-) -> Result<DesignedAmong, SearchError> {
+) -> Result<Designed, SearchError> {
     let start = Instant::now();
-    let sizes = [
-        wanted.experiments,
-        wanted.configurations.unwrap_or(wanted.experiments),
-    ];
-    let (exact, bound) = candidates.design(task, wanted.criterion, sizes, seed, watch)?;
-    let (bound, by_criterion) = if wanted.criterion == Criterion::TestPose {
-        (bound, None)
-    } else {
+    let (exact, mut bound) =
+        candidates.design(task, wanted.criterion, wanted.sizes(), seed, watch)?;
+    let mut by_criterion = None;
+    if wanted.criterion != Criterion::TestPose {
         let rho0 = candidates.bound(task, Criterion::TestPose, &exact.plan);
-        (rho0, Some(bound))
-    };
-    Ok(DesignedAmong {
+        by_criterion = Some(std::mem::replace(&mut bound, rho0));
+    }
+    Ok(Designed {
         exact,
         bound,
         by_criterion,

@@ -11,7 +11,7 @@ use serde_json::json;
 use super::calibrated::CalibratedRobot;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::mujoco::{KEPT, Model, ModelCalibration, ModelError, WrittenModel};
+use crate::mujoco::{KEPT, Model, ModelCalibration, WrittenModel};
 use crate::parameter::ElasticArm;
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::{EquilibriumSolver, Load, SerialChain, Tool, rotation_vector};
@@ -100,19 +100,18 @@ pub fn export(
     calibration.additions = scenario.mounted.clone();
     keep(&mut calibration, robot, provenance);
     let model = &scenario.task.belief.nominal.model;
-    let failed = |error: &ModelError| {
+    let failed = |error: FileError| {
         let wrong = FileError::new(&scenario.path, error.to_string()).at("robot.model");
-        let wrong = wrong.code(error.code());
-        match error.hint() {
-            Some(hint) => wrong.hint(hint),
-            None => wrong,
+        FileError {
+            hint: error.hint,
+            ..wrong.code(error.code)
         }
     };
     let write = |folder: &Path| match format {
         ModelFormat::Mjcf => model.calibrated_mjcf(&calibration, folder),
         ModelFormat::Urdf => model.calibrated_urdf(&calibration, folder),
     };
-    let differences = differences(scenario, arm, format, &write).map_err(|error| failed(&error))?;
+    let differences = differences(scenario, arm, format, &write).map_err(failed)?;
     if !(differences.place_m.max(differences.rotation_rad) <= SAME
         && differences.deflection_m.unwrap_or(0.0) <= SAME)
     {
@@ -130,7 +129,7 @@ pub fn export(
     let WrittenModel {
         text,
         not_expressed,
-    } = write(folder).map_err(|error| failed(&error))?;
+    } = write(folder).map_err(failed)?;
     Ok(ExportedModel {
         text,
         not_expressed: robot.apart.iter().cloned().chain(not_expressed).collect(),
@@ -262,12 +261,11 @@ fn differences(
     scenario: &Scenario,
     arm: &ElasticArm,
     format: ModelFormat,
-    write: &dyn Fn(&Path) -> Result<WrittenModel, ModelError>,
-) -> Result<Differences, ModelError> {
+    write: &dyn Fn(&Path) -> Result<WrittenModel, FileError>,
+) -> Result<Differences, FileError> {
     let own = &scenario.task.belief.nominal.model;
-    let failed = |error: std::io::Error| ModelError::Read {
-        path: own.path().to_owned(),
-        source: error,
+    let failed = |error: std::io::Error| {
+        FileError::new(own.path(), format!("cannot be written again: {error}"))
     };
     let folder = tempfile::tempdir().map_err(failed)?;
     let ending = match format {
@@ -295,10 +293,10 @@ fn differences(
         let again = match format {
             ModelFormat::Mjcf => SerialChain::tool(&model, &tool.name)?,
             ModelFormat::Urdf => {
-                let mut bodies = (1..model.bodies()).rev();
-                let link = bodies.find(|&body| model.body_name(body) == tool.name);
-                // A site that is in the model alone is no link of a description that is one.
-                let Some(link) = link else { continue };
+                // A site that is in the model alone is no link of a description.
+                let Some(link) = model.body(&tool.name) else {
+                    continue;
+                };
                 SerialChain::on_body(&model, link)?
             }
         };

@@ -12,7 +12,7 @@ use crate::identification::{
 use crate::measurement::Measurement;
 use crate::record::absolute::RejectedMessage;
 use crate::record::json::{merge, results};
-use crate::record::messages::{FingerprintMessage, IdentificationMessage, ProvenanceMessage};
+use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
 use crate::record::patterns::PatternsMessage;
 use crate::record::repeats::RepeatsMessage;
 use crate::record::residuals::ResidualsMessage;
@@ -167,7 +167,7 @@ impl Identified {
         let rejected: Vec<RejectedMessage> = self.rejected.iter().map(Into::into).collect();
         let keys = json!({
             "sigma_from_residuals": sigma_from_residuals,
-            "identified_with": FingerprintMessage::from(scenario.task.belief.fingerprint()),
+            "identified_with": scenario.task.belief.fingerprint(),
             // Null where it is no text, which JSON could not hold.
             "scenario_file": scenario.path.to_str(),
         });

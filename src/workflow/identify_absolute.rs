@@ -12,7 +12,7 @@ use crate::measurement::AbsoluteReading;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::inconsistencies::InconsistenciesMessage;
 use crate::record::json::{merge, results};
-use crate::record::messages::{FingerprintMessage, ProvenanceMessage};
+use crate::record::messages::ProvenanceMessage;
 use crate::record::patterns::PatternsMessage;
 use crate::record::repeats::RepeatsMessage;
 use crate::scenario::Scenario;
@@ -185,7 +185,7 @@ impl<'a> IdentifiedRobot<'a> {
         let keys = json!({
             "kind": "absolute",
             "groups": groups,
-            "identified_with": FingerprintMessage::from(scenario.task.belief.fingerprint()),
+            "identified_with": scenario.task.belief.fingerprint(),
             "scenario_file": scenario.path.to_str(),
         });
         let mut json = results("identify", provenance, keys);

@@ -2,6 +2,7 @@
 //!
 //! - [`init`]: a first scenario for a model.
 //! - [`design`]: a plan with its bound.
+//! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 //! - [`run`]: the designed plan beside others, through the whole loop.
 //! - [`study`]: the plans of a study, and what its runs come to.
 //! - [`absolute_study`]: the plans of a study of absolute readings.
@@ -15,6 +16,7 @@
 pub mod absolute_study;
 pub mod calibrated;
 pub mod design;
+pub mod evidence;
 pub mod export;
 pub mod identify;
 pub mod identify_absolute;

@@ -6,19 +6,20 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::design::Designed;
+use super::evidence::{EvidenceError, gather};
 use crate::calibration::{Calibration, CalibrationError, calibrate, pose_conditions};
 use crate::codes::Condition;
 use crate::experiment::{Plan, read_plan};
 use crate::files::FileError;
 use crate::plan::Assessment;
 use crate::plan::search::{
-    Bound, RepeatsNeeded, SearchError, Watch, median_random_plan, random_plan, repeats_needed,
+    ApproximateDesign, Bound, RepeatsNeeded, SearchError, Watch, median_random_plan, random_plan,
+    repeats_needed,
 };
 use crate::record::evidence::EvidenceMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
-use crate::study::evidence::{EvidenceError, gather};
 use crate::understanding::implausible;
 
 /// So many random plans stand for what a laboratory without a plan would do.
@@ -101,7 +102,7 @@ pub struct RunOutcome {
 /// The designed plan fails, a plan file cannot be read, or there is nothing to compare with.
 pub fn run(
     scenario: &Scenario,
-    designed: &Designed,
+    (designed, approximate): (&Designed, &ApproximateDesign),
     stop: &AtomicBool,
     stage: &dyn Fn(&RunStage<'_>),
 ) -> Result<RunOutcome, RunError> {
@@ -126,10 +127,6 @@ pub fn run(
     let random_repeats = (random.as_ref())
         .zip(tried[0].assessment.rho0_m)
         .and_then(|((_, plan), rho0_m)| repeats_needed(task, plan, rho0_m));
-    let watch = Watch {
-        stop,
-        progress: &|_, _, _| {},
-    };
     // The study draws random plans of its own.
     let fixed: Vec<(String, Plan)> = (tried.iter().filter(|each| !each.is_random))
         .map(|each| {
@@ -137,14 +134,8 @@ pub fn run(
             (name.clone(), made.plan.clone())
         })
         .collect();
-    let evidence = gather(
-        task,
-        &scenario.truth,
-        (&designed.approximate, bound),
-        &fixed,
-        scenario.seed,
-        watch,
-    )?;
+    let beside = (approximate, bound);
+    let evidence = gather(scenario, beside, &fixed, Watch::quiet(stop))?;
     let main = &tried[0].calibration.1;
     let mut conditions = main.identification.conditions();
     conditions.extend(pose_conditions(&task.belief, &main.poses));
@@ -152,7 +143,7 @@ pub fn run(
     conditions.extend(tried[0].assessment.conditions.iter().cloned());
     conditions.extend(implausible(scenario));
     Ok(RunOutcome {
-        evidence: EvidenceMessage::new(scenario, bound, &evidence),
+        evidence,
         tried,
         failed,
         records,

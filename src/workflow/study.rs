@@ -11,7 +11,6 @@ use crate::record::json::{merge, results};
 use crate::record::study::StudyPlanMessage;
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::scenario::Scenario;
-use crate::study::summary::Summary;
 use crate::study::tally::Tally;
 use crate::study::{Conditions, Entry, EntryKind, Setting, StudyPlan, StudySource, repeated};
 use crate::task::{AccuracyKind, Task};
@@ -132,17 +131,12 @@ pub fn foreign_loads(scenario: &Scenario) -> impl Iterator<Item = Condition> {
 pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Vec<StudyPlanMessage> {
     let parameters = header.parameters.len();
     let message = |(plan, tally): (&PlanHeader, &Tally)| {
-        let conditions = plan.conditions();
         let reference = plan.reference.and_then(|other| tallies.get(other));
-        let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
-        let summary = Summary::new(tally, conditions.sigma_m, reference);
-        let (name, summary) = (&plan.name, summary.as_ref());
         let mut message = StudyPlanMessage::new(
-            name,
-            &conditions,
+            &plan.name,
+            &plan.conditions,
             parameters,
-            tally,
-            summary,
+            (tally, reference),
             (plan.account.as_ref(), plan.predicted_quantile95_m),
         );
         if header.absolute.is_some() {

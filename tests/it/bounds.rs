@@ -78,8 +78,12 @@ fn no_plan_is_better_than_its_bound() {
         let mut plans = Vec::new();
         for scenario in [&scenario, &class] {
             let problem = Problem::new(&scenario.task, Criterion::TestPose);
-            let mut random_plans = RandomPlans::new(&problem, scenario.seed);
-            let draw = |run| random_plans.draw(4, run).expect("there is a plan");
+            let mut random_plans = RandomPlans::new(&problem);
+            let draw = |run| {
+                random_plans
+                    .draw(4, scenario.seed, run)
+                    .expect("there is a plan")
+            };
             plans.extend((0..20).map(draw));
             let design = approximate_design(&problem, 1).expect("there is a design");
             // As near to the approximate design as whole measurements come.

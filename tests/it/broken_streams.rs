@@ -81,21 +81,3 @@ fn a_full_stdout_is_an_error() {
         assert!(outcome.stderr.contains(says), "{outcome:#?}");
     }
 }
-
-/// The standard library opens `/dev/null` where there is no stdout: what was computed would be lost without a word.
-#[test]
-fn a_closed_stdout_is_an_error() {
-    let (workplace, measure) = command();
-    for arguments in [&*measure, "schema", "--help", "--version"] {
-        let outcome = workplace.shell(&format!("elastocal {arguments} >&-"));
-        let outcome = outcome.ends_with(1);
-        assert!(
-            outcome
-                .stderr
-                .contains("error E0901: stdout cannot be written: it is closed")
-        );
-        workplace
-            .shell(&format!("elastocal {arguments} >/dev/null"))
-            .ends_with(0);
-    }
-}

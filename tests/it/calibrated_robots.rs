@@ -1,11 +1,10 @@
 //! A robot from absolute readings, further on: as a model, and compensated with, at test poses and for absolute targets.
 
 use std::fmt::Write as _;
-use std::process::Command;
 
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::{AbsoluteReading, absolute_table};
-use elastocal::mujoco::{Model, State};
+use elastocal::mujoco::Model;
 use elastocal::numeric::random::generator;
 use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet};
@@ -192,73 +191,6 @@ fn the_robot_of_absolute_readings_becomes_a_model() {
         .fold(String::new(), |text, line| text + line + "\n");
     place.write("again.toml", again);
     place.run("check again.toml --quiet").ends_with(0);
-}
-
-/// MuJoCo and Pinocchio read the same geometry from the description.
-#[test]
-fn the_robot_of_absolute_readings_becomes_a_description() {
-    let (place, truth) = laboratory(1);
-    let json = place.json("export --identified i.json --model-out c.urdf");
-    assert!(
-        json["place_difference_mm"].as_f64().expect("a number") < 1e-6,
-        "{json}"
-    );
-    assert!(
-        json["not_expressed"].to_string().contains("stiffness"),
-        "{json}"
-    );
-    let model = Model::load(&place.path("c.urdf")).expect("a model");
-    let link = (1..model.bodies())
-        .find(|&body| model.body_name(body) == "reflector")
-        .expect("a link");
-    let station = station_of(&place, 0);
-    let mut rigid = truth.clone();
-    rigid.compliance_rad_per_nm.fill(0.0);
-    let mut state = State::new(&model);
-    let mut random = generator(33, 0);
-    let all: Vec<DVector<f64>> = (0..20).map(|_| configuration(&mut random, 6)).collect();
-    let mut places = Vec::new();
-    for q in &all {
-        state.move_to(q.as_slice());
-        let place = state.body_pose(link).translation.vector;
-        let found = station * nalgebra::Point3::from(place);
-        let expected = seen(&rigid, q, &Load::NONE, 0).translation.vector;
-        let off_m = (found.coords - expected).norm();
-        assert!(off_m < 1e-6, "{off_m:e} m");
-        places.push(place);
-    }
-    let python = std::env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let has_it = Command::new(&python)
-        .args(["-c", "import pinocchio"])
-        .output();
-    if !has_it.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: no Python with Pinocchio (pip install pin, or PYTHON=...)");
-        return;
-    }
-    let rows: Vec<&[f64]> = all.iter().map(DVector::as_slice).collect();
-    place.write("q.json", serde_json::to_string(&rows).expect("JSON"));
-    place.write(
-        "look.py",
-        "import json, numpy as np, pinocchio as pin\n\
-         model = pin.buildModelFromUrdf('c.urdf'); data = model.createData()\n\
-         for line in json.load(open('q.json')):\n\
-         \x20   pin.framesForwardKinematics(model, data, np.array(line))\n\
-         \x20   print(*[repr(float(x)) for x in data.oMf[model.getFrameId('reflector', pin.FrameType.BODY)].translation])\n",
-    );
-    let output = Command::new(&python)
-        .arg("look.py")
-        .current_dir(place.path(""))
-        .output()
-        .expect("it starts");
-    let text = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(text.lines().count(), places.len(), "{output:?}");
-    for (line, ours) in text.lines().zip(&places) {
-        let theirs: Vec<f64> = (line.split(' '))
-            .map(|word| word.parse().expect("a number"))
-            .collect();
-        let off_m = (ours - Vector3::from_vec(theirs)).norm();
-        assert!(off_m < 1e-12, "{off_m:e} m");
-    }
 }
 
 /// At the compensated test pose the loaded tool of the identified robot rests where the unloaded one does.

@@ -121,7 +121,7 @@ fn gears_turn_joints_before_and_under_the_load() {
         fill_normals(Stream::Circumstances, 5, 0, &mut normals);
         let all = laboratory.visits(&plan, &normals, 0);
         // One reading under the first load and two under the second in each configuration.
-        let all = all.map(|visit| visit.commanded_rad).zip(0..);
+        let all = all.into_iter().map(|visit| visit.commanded_rad).zip(0..);
         let commanded = all.map(|(pair, number)| {
             let configuration = &plan.experiments[2 * (number / 3)].configuration_rad;
             pair.map(|commanded_rad| commanded_rad - configuration)

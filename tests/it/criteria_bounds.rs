@@ -69,9 +69,9 @@ fn no_plan_beats_the_bound_of_its_criterion() {
                     .map(|(point, weight)| point.experiment((weight * 1e5).ceil() as u32))
                     .collect(),
             };
-            let mut random_plans = RandomPlans::new(&problem, 5);
+            let mut random_plans = RandomPlans::new(&problem);
             let mut plans: Vec<Plan> = (0..30)
-                .map(|run| random_plans.draw(4, run).expect("there is a plan"))
+                .map(|run| random_plans.draw(4, 5, run).expect("there is a plan"))
                 .collect();
             plans.push(near);
             let efficiencies: Vec<f64> = (plans.iter())

@@ -4,7 +4,7 @@
 use elastocal::mujoco::Model;
 use elastocal::robot::{EquilibriumSolver, Load, SerialChain, TrueRobot};
 use elastocal::scenario::Scenario;
-use elastocal::testbed::{VirtualRobot, settle};
+use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Vector3};
 
 use crate::judge::{Question, judge};
@@ -181,9 +181,6 @@ fn locked_joints_tools_and_payloads_of_a_scenario_are_as_in_a_model() {
             let apart = (found - judged).norm();
             assert!(apart < 1e-9, "{apart:.1e} m apart");
         }
-        let settled = settle(truth, "probe", &q, &load).expect("it settles");
-        let apart = (settled.tool_position_m - judged).norm();
-        assert!(apart < 1e-9, "{apart:.1e} m apart");
     }
 }
 

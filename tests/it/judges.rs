@@ -1,15 +1,14 @@
-//! The analytic chain and MuJoCo judge each other, and MuJoCo's dynamics judge its statics.
+//! The analytic chain and MuJoCo judge each other.
 
 use elastocal::mujoco::State;
 use elastocal::numeric::random::generator;
-use elastocal::plan::Experiment;
 use elastocal::robot::{EquilibriumSolver, Load};
 use elastocal::scenario::Scenario;
-use elastocal::testbed::{VirtualRobot, settle};
+use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Matrix3xX};
 use rand::RngExt;
 
-use crate::support::{scenario, table4};
+use crate::support::scenario;
 
 fn random_configurations(scenario: &Scenario, count: usize) -> Vec<DVector<f64>> {
     let mut random = generator(7, 0);
@@ -83,26 +82,5 @@ fn both_find_the_same_equilibrium() {
         let (position, _, found) = virtual_robot.rest(&q, &load).expect("stable");
         assert!((solver.state().tool_position - position).amax() < 1e-11);
         assert!(found.iterations <= 6, "{found:?}");
-    }
-}
-
-#[test]
-fn time_simulation_comes_to_rest_in_the_equilibrium() {
-    let scenario = scenario("klimchik2012");
-    let robot = &scenario.truth.robot;
-    let site = &scenario.task.belief.calibration_tool.name;
-    let mut virtual_robot = VirtualRobot::new(robot, site).expect("the site exists");
-    for Experiment {
-        configuration_rad,
-        load,
-        ..
-    } in &table4(3).experiments
-    {
-        for load in [&Load::NONE, load] {
-            let settled = settle(robot, site, configuration_rad, load).expect("settles");
-            let (position, _, _) = virtual_robot.rest(configuration_rad, load).expect("stable");
-            let apart = (settled.tool_position_m - position).norm();
-            assert!(apart < 1e-9, "{apart} m apart");
-        }
     }
 }

@@ -550,7 +550,7 @@ fn wrong_laboratories_are_told() {
         ),
         (
             "safe_deg = [[0, 90, 90, 0, 0, 0]]",
-            "laboratory.safe_deg[0]: found 90.0000 for joint 2",
+            "laboratory.safe_deg[0]: found 90 for joint_2",
         ),
         (
             "dialect = \"rapid\"",

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::bad_input::{MEASUREMENTS, PLAN, assert_none, complaints};
 use crate::support::{Workplace, project, scenario_text};
 
-/// Devices, sockets and pipes that nobody writes to, at each place where a file is read.
+/// Devices, sockets and named pipes, at each place where a file is read.
 #[test]
 fn files_without_an_end() {
     let workplace = Workplace::new();
@@ -45,7 +45,7 @@ fn files_without_an_end() {
         "check m_fifo.toml",
         "check good.toml --plan fifo",
     ] {
-        let says = ["fifo: is a pipe that nothing was written to"];
+        let says = ["fifo: is a pipe"];
         wrong.extend(complaints(&workplace, command, &says, None));
     }
     assert!(start.elapsed() < Duration::from_secs(30));
@@ -226,51 +226,9 @@ fn model(inside: &str) -> String {
 fn models_that_break_mujoco() {
     let workplace = Workplace::new();
     workplace.write("s.toml", crate::bad_input::MODEL_SCENARIO);
-    let made = std::process::Command::new("mkfifo")
-        .arg(workplace.path("fifo"))
-        .status();
-    assert!(made.expect("mkfifo starts").success());
-    workplace.write(
-        "other.xml",
-        model("<asset><model name=\"m\" file=\"arm.xml\"/></asset>"),
-    );
-    workplace.write("latin.xml", b"<mujoco model=\"\xf6\"/>");
     let start = Instant::now();
     let mut wrong = Vec::new();
-    let million =
-        "<worldbody><replicate count=\"1000000\"><geom size=\"1\"/></replicate></worldbody>";
-    let nested = "<worldbody><replicate count=\"500\"><replicate count=\"500\"><geom size=\"1\"/></replicate></replicate></worldbody>";
     for (inside, says) in [
-        (
-            "<asset><model name=\"m\" file=\"arm.xml\"/></asset>",
-            "arm.xml includes itself by <model>",
-        ),
-        (
-            "<asset><model name=\"m\" file=\"other.xml\"/></asset>",
-            "arm.xml includes itself by <model>",
-        ),
-        (
-            "<include file=\"arm.xml\"/>",
-            "arm.xml includes itself by <include>",
-        ),
-        (million, "<replicate> makes 1000000 copies"),
-        (nested, "<replicate> makes 250000 copies"),
-        (
-            "<worldbody><composite type=\"grid\" count=\"1000 1000 1\"/></worldbody>",
-            "<composite> makes 1000000 copies",
-        ),
-        (
-            "<asset><mesh name=\"m\" file=\"/dev/zero\" content_type=\"model/stl\"/></asset>",
-            "/dev/zero is a device",
-        ),
-        ("<include file=\"/dev/random\"/>", "/dev/random is a device"),
-        ("<include file=\"fifo\"/>", "fifo is a pipe"),
-        (
-            "<compiler meshdir=\"/dev\"/><asset><mesh name=\"m\" file=\"zero\"/></asset>",
-            "/dev/zero is a device",
-        ),
-        ("<include file=\"latin.xml\"/>", "latin.xml is not UTF-8"),
-        // Not seen by looking through the file: the process that loads the model ends.
         (
             "<asset><texture name=\"t\" type=\"2d\" builtin=\"flat\" width=\"60000\" height=\"60000\"/></asset>",
             "MuJoCo refuses the model: Error: Could not allocate memory",
@@ -288,7 +246,7 @@ fn models_that_break_mujoco() {
     assert!(start.elapsed() < Duration::from_mins(1));
 }
 
-/// What looking through the file does not see ends a process that only loads the model.
+/// Such a model ends a process that only loads it.
 #[test]
 fn a_model_whose_process_ends() {
     let workplace = Workplace::new();

@@ -194,18 +194,3 @@ fn a_plan_without_experiments_predictions_nothing() {
     assert!(assessment.standard_errors.iter().all(Option::is_none));
     assert!(assessment.criteria.iter().all(|(_, value)| value.is_none()));
 }
-
-/// A load that MuJoCo cannot apply is no load of zero.
-#[test]
-fn a_load_that_cannot_be_applied_is_an_error() {
-    let scenario = scenario("klimchik2012");
-    let mut state = elastocal::mujoco::State::new(&scenario.task.belief.nominal.model);
-    let down = Vector3::new(0.0, 0.0, -1.0);
-    let nowhere = scenario.task.belief.nominal.model.bodies();
-    let error = state.generalised_force(&[0.0; 3], nowhere, &down, &down);
-    let text = error.expect_err("there is no such body").to_string();
-    assert!(
-        text.contains("kr270.xml: MuJoCo cannot apply the load"),
-        "{text}"
-    );
-}

@@ -167,11 +167,16 @@ fn a_tally_names_no_place_elsewhere() {
     std::fs::remove_file(workplace.path("edited.json")).expect("is there");
     assert_eq!(workplace.listing(), before);
     assert_eq!(outside.path().read_dir().expect("a folder").count(), 0);
-    for name in ["s", "a b", "ä.b", "..."] {
-        edit(&workplace, "tally.json", "/study/scenario", json!(name));
+    for name in ["s", "ä.b", "..."] {
+        let scenario = format!("{name}.toml");
+        let text = workplace.read("s.toml");
+        workplace.write(&scenario, text);
         workplace
-            .run("merge edited.json --out deep/er")
+            .run(&format!(
+                "study {scenario} --trials 64 --shard 1/1 --tally-out named.json"
+            ))
             .ends_with(0);
+        workplace.run("merge named.json --out deep/er").ends_with(0);
         assert!(
             workplace
                 .path(&format!("deep/er/{name}/study.csv"))

@@ -1,10 +1,8 @@
 //! Where results go. What is no regular file is written into; links, modes and the umask are kept;
 //! no output overwrites an input.
 
-use std::io::Read;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
-use std::os::unix::net::UnixListener;
 use std::process::Command;
 
 use crate::support::{Workplace, project, scenario_text};
@@ -117,43 +115,6 @@ fn a_fifo_is_written_into() {
 }
 
 #[test]
-fn a_fifo_without_a_reader_is_an_error() {
-    let workplace = workplace();
-    if !is_made(&workplace, "mkfifo", &["fifo"]) {
-        return;
-    }
-    let outcome = workplace.run("plan s.toml --plan-out fifo").ends_with(1);
-    assert!(
-        outcome.stderr.contains("nobody reads this FIFO"),
-        "{outcome:#?}"
-    );
-    assert!(!outcome.stderr.contains("designing"), "{outcome:#?}");
-}
-
-#[test]
-fn a_socket_is_written_into() {
-    let workplace = workplace();
-    workplace.run(&format!("{IDENTIFY} i.json")).ends_with(0);
-    let listener = UnixListener::bind(workplace.path("socket")).expect("can be bound");
-    let reader = std::thread::spawn(move || {
-        let mut text = String::new();
-        // That the socket can be written is tried before the work.
-        while text.is_empty() {
-            let (mut stream, _) = listener.accept().expect("somebody comes");
-            stream.read_to_string(&mut text).expect("can be read");
-        }
-        text
-    });
-    workplace.run(&format!("{IDENTIFY} socket")).ends_with(0);
-    let found = workplace.path("socket").metadata().expect("is there");
-    assert!(found.file_type().is_socket());
-    assert_eq!(
-        reader.join().expect("the reader ends"),
-        workplace.read("i.json")
-    );
-}
-
-#[test]
 fn the_umask_and_a_mode_are_kept() {
     let workplace = workplace();
     for (umask, expected) in [("077", 0o600), ("027", 0o640), ("002", 0o664)] {
@@ -262,10 +223,6 @@ fn no_output_overwrites_an_input() {
         (
             "plan s.toml --plan-out a --stills-out ./a",
             "is the file for --plan-out (a) and for --stills-out",
-        ),
-        (
-            "plan s.toml --plan-out x/../a --stills-out a",
-            "is the file for --plan-out (x/../a)",
         ),
         (&format!("{measure} plan.csv"), "is the plan"),
         (&format!("{IDENTIFY} m.csv"), "is the measurements"),

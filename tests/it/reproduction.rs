@@ -3,49 +3,45 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use elastocal::paper::{
-    Agreement, Reproduction, ReproductionError, accuracies, equation_23, reproduce, standard_errors,
+    Accuracy, Number, ReproductionError, StandardErrors, accuracies, equation_23, failures,
+    reproduce, standard_errors,
 };
 use elastocal::plan::search::Watch;
 use elastocal::study::StudyError;
 
 use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
 
-/// All that needs no search.
-fn tables() -> Reproduction {
+/// Eq. 23, Tables 5 and 6, which need no search.
+fn tables() -> (Vec<Vec<Number>>, Vec<StandardErrors>, Vec<Accuracy>) {
     let scenario = scenario("klimchik2012");
     let table_4 = [2, 3, 4, 6, 12].map(table4).to_vec();
-    Reproduction {
-        equation_23: equation_23(&scenario.task).expect("the paper's problem"),
-        table_5: standard_errors(&scenario.task, &table_4),
-        table_6: accuracies(&scenario.task, &table_4),
-        table_4,
-        designs: Vec::new(),
-        figure_7: Vec::new(),
-        trials: 0,
-    }
+    (
+        equation_23(&scenario.task).expect("the paper's problem"),
+        standard_errors(&scenario.task, &table_4),
+        accuracies(&scenario.task, &table_4, &[]),
+    )
 }
 
 /// Eq. 23, Table 5 and the rule of repeats agree; Table 6 is off by what the design page found.
 #[test]
 fn what_should_agree_agrees_and_the_rest_is_as_known() {
-    let reproduction = tables();
-    assert_eq!(reproduction.failures(), [] as [&str; 0]);
-    let agreeing = reproduction.equation_23.iter().flatten();
-    assert_eq!(agreeing.filter(|cell| cell.agrees()).count(), 15);
-    for row in &reproduction.table_5 {
-        assert!(row.agrees() && row.largest_difference() < 0.003, "{row:?}");
+    let (eq23, table5, table6) = tables();
+    assert_eq!(failures(&eq23, &table5, &table6), [] as [&str; 0]);
+    assert_eq!(eq23.iter().flatten().filter(|cell| cell.agrees).count(), 15);
+    for row in &table5 {
+        assert!(row.agrees && row.largest_difference < 0.003, "{row:?}");
     }
     let known = [(2, 8.17), (3, 6.59), (4, 5.45), (6, 4.53), (12, 3.20)];
     for (m, rho0_um) in known {
-        let row = (reproduction.table_6.iter())
-            .find(|row| (row.experiments, row.configurations) == (m, m));
-        let found = row.expect("printed").found_m * 1e6;
+        let row = (table6.iter()).find(|row| (row.experiments, row.configurations) == (m, m));
+        let found = row.and_then(|row| row.found_rho0_mm).expect("printed") * 1e3;
         assert!((found - rho0_um).abs() < 0.006, "{m}: {found}");
     }
-    for row in &reproduction.table_6 {
-        assert!((1.34..1.415).contains(&row.ratio()), "{row:?}");
+    for row in &table6 {
+        let ratio = row.ratio.expect("a number");
+        assert!((1.34..1.415).contains(&ratio), "{row:?}");
         assert_eq!(
-            row.keeps_the_rule().is_some(),
+            row.keeps_the_rule.is_some(),
             row.configurations < row.experiments
         );
     }
@@ -56,11 +52,15 @@ fn what_should_agree_agrees_and_the_rest_is_as_known() {
 fn disagreement_is_named() {
     let mut scenario = scenario("klimchik2012");
     scenario.task.test_poses[0].configuration_rad[4] += 0.02;
-    let mut reproduction = tables();
-    reproduction.equation_23 = equation_23(&scenario.task).expect("the paper's problem");
-    reproduction.table_5[1].found[4] *= 1.006;
-    reproduction.table_6[2].printed_m += 2e-9;
-    let failures = reproduction.failures();
+    let eq23 = equation_23(&scenario.task).expect("the paper's problem");
+    let (_, mut table5, mut table6) = tables();
+    let row = &table5[1];
+    let mut found = row.found_rad_per_nm.clone();
+    found[4] = found[4].map(|value| value * 1.006);
+    table5[1] = StandardErrors::new(row.experiments, &row.printed_rad_per_nm, found);
+    assert_eq!(table6[2].keeps_the_rule, Some(true));
+    table6[2].keeps_the_rule = Some(false);
+    let failures = failures(&eq23, &table5, &table6);
     assert!(
         failures[0].ends_with("of the 15 numbers of eq. 23 differ"),
         "{failures:?}"

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use elastocal::experiment::Candidate;
 use elastocal::identification::ParameterGroup;
 use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning};
-use elastocal::plan::search::{Watch, random_plan};
+use elastocal::plan::search::{CandidateError, Watch, random_plan};
 use elastocal::scenario::Scenario;
 use serde_json::Value;
 
@@ -304,8 +304,8 @@ fn wrong_stations_are_told() {
             "station[0].range_min_mm: found -1",
         ),
         (
-            text(&at("a", "range_min_mm = 5\nrange_max_mm = 5")),
-            "station[0].range_max_mm: found 5",
+            text(&at("a", "range_min_mm = 6\nrange_max_mm = 5")),
+            "station[0].range_min_mm: found 6",
         ),
         (
             text(&at("a", "incidence_max_deg = 0")),
@@ -361,7 +361,7 @@ fn rows_times_stations_have_a_limit() {
     let mut many = rows(1, None);
     many = vec![many.remove(0); 501];
     match AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Frames], &many) {
-        Err(AbsolutePlanError::TooMany { found: 50_100 }) => {}
+        Err(AbsolutePlanError::Candidates(CandidateError::TooMany { found: 50_100, .. })) => {}
         other => panic!("{:?}", other.map(|planning| planning.offered)),
     }
 }

@@ -167,7 +167,7 @@ impl Outcome {
 /// What a line of stderr says after "error" and a code that is explained; none where it is no such line.
 pub fn error_message(line: &str) -> Option<&str> {
     let (code, message) = line.strip_prefix("error ")?.split_once(": ")?;
-    let is_it = |known: &&ErrorCode| known.meaning().id == code;
+    let is_it = |known: &&ErrorCode| known.id() == code;
     ErrorCode::ALL.iter().find(is_it).map(|_| message)
 }
 

@@ -1,4 +1,4 @@
-//! Tallies that cannot be: whatever a tally's JSON says, reading it ends in a study or in an error.
+//! Tallies that are not as they were written: reading them ends in an error.
 
 use elastocal::numeric::random::generator;
 use elastocal::record::tally_file::join;
@@ -36,88 +36,42 @@ fn at<'a>(json: &'a mut Value, path: &str) -> &'a mut Value {
     json.pointer_mut(&format!("/{path}")).expect("is there")
 }
 
-/// What is put where, and what the error says.
-#[rustfmt::skip]
-fn cases(good: &Value) -> Vec<(&'static str, Value, &'static str)> {
-    let text = |path: &str| good.pointer(&format!("/{path}")).expect("is there").clone();
-    let sum = |index: usize| -> i128 {
-        let text = text(&format!("tallies/0/sums/{index}"));
-        text.as_str().expect("text").parse().expect("a number")
-    };
-    let one_bin_more = {
-        let mut bins = text("tallies/0/histogram");
-        let first = bins[0].clone();
-        bins.as_array_mut().expect("an array").push(first);
-        bins
-    };
-    let name = "\u{1b}[2J";
-    vec![
-        ("elastocal_tally", json!(4), "elastocal_tally: found 4"),
-        ("study/trials", json!(0), "study.trials: found 0; 1 to"),
-        ("study/trials", json!(u64::MAX), "study.trials: found 18446744073709551615"),
-        ("study/shards", json!(0), "study.shards: found 0"),
-        ("study/shards", json!(u64::MAX), "study.shards: found 18446744073709551615"),
-        ("study/plans", json!([]), "study.plans: found 0; 1 to"),
-        ("study/parameters", json!([]), "study.parameters: found 0"),
-        ("study/parameters/0", json!(name), "study.parameters[0]: found"),
-        ("study/scenario", json!(name), "study.scenario: found"),
-        ("study/platform", json!(name), "study.platform: found"),
-        ("study/plans/0/name", json!(name), "study.plans[0].name: found"),
-        ("study/plans/0/reference", json!(99), "study.plans[0].reference: found 99; 0 to 1"),
-        ("study/plans/0/sigma_m", json!("NaN"), "study.plans[0].sigma_m"),
-        ("study/plans/0/sigma_m", json!(1e308), "study.plans[0].sigma_m: found 1e308"),
-        ("study/plans/0/load_scale", json!(-1.0), "study.plans[0].load_scale: found -1"),
-        ("study/plans/0/experiments", json!(0), "study.plans[0].experiments: found 0"),
-        ("study/plans/1/experiments", json!(6), "reference: found 0, a plan under other"),
-        ("study/gate", json!({"rho0": {"relative": -1}}), "study.gate.rho0.relative: found -1"),
-        ("shard", json!(2), "shard: found 2; 1 to 1"),
-        ("blocks_done", json!(4), "blocks_done: found 4; 0 to 3"),
-        ("blocks_done", json!(2), "tallies[0].runs: found 5000"),
-        ("tallies", json!([]), "tallies: found 0; there are 2 plans"),
-        ("tallies/0/runs", json!(0), "tallies[0].runs: found 0"),
-        ("tallies/0/runs", json!(u64::MAX), "tallies[0].runs: found 18446744073709551615"),
-        ("tallies/0/pairs", json!(5001), "tallies[0].pairs: found 5001; 0 to 5000"),
-        ("tallies/0/failed", json!([]), "tallies[0].failed: found 0 numbers"),
-        ("tallies/0/failed/0", json!(u64::MAX), "tallies[0].runs"),
-        ("tallies/0/sums", json!(["1"]), "tallies[0].sums"),
-        ("tallies/0/sums/0", json!("-1"), "tallies[0].sums[0]: found -1"),
-        ("tallies/0/sums/0", json!("x"), "tallies[0].sums"),
-        ("tallies/0/sums/1", json!(i128::MAX.to_string()), "tallies[0].sums[1]"),
-        ("tallies/0/sums/0", json!((sum(0) * 2).to_string()), "tallies[0].sums"),
-        ("tallies/0/sums/1", json!((sum(1) / 2).to_string()), "tallies[0].sums[1]"),
-        ("tallies/0/sums/2", json!("0"), "tallies[0].sums[2]"),
-        ("tallies/0/sums/3", json!((sum(3) * 2).to_string()), "tallies[0].sums[3]"),
-        ("tallies/0/sums/7", json!("0"), "tallies[0].sums[7]"),
-        ("tallies/0/histogram", json!([]), "tallies[0].histogram: does not count 5000"),
-        ("tallies/0/histogram", one_bin_more, "tallies[0].histogram: found"),
-        ("tallies/0/histogram/0/0", json!(1_u64 << 40), "tallies[0].histogram: found"),
-        ("tallies/0/histogram/0/0", json!(-1), "tallies[0].histogram[0]"),
-    ]
-}
-
+/// One changed number, text or name anywhere, however plausible, is damage.
 #[test]
-fn impossible_tallies() {
+fn changed_tallies() {
     let workplace = Workplace::new();
     let good = tally(&workplace);
     workplace.run("merge t.json").ends_with(0);
-    let mut wrong = Vec::new();
-    for (path, value, says) in cases(&good) {
+    for (path, value, says) in [
+        ("elastocal_tally", json!(5), "elastocal_tally: found 5"),
+        ("sha256", json!("0"), "is not as it was written"),
+        ("study/trials", json!(5001), "is not as it was written"),
+        ("study/shards", json!(0), "is not as it was written"),
+        ("study/parameters/0", json!("x"), "is not as it was written"),
+        ("study/scenario", json!("../x"), "study.scenario: found"),
+        ("study/plans/0/sigma_m", json!("NaN"), "study.plans[0]"),
+        ("blocks_done", json!(2), "is not as it was written"),
+        ("tallies", json!([]), "is not as it was written"),
+        ("tallies/0/runs", json!(4999), "is not as it was written"),
+        ("tallies/0/failed", json!([]), "tallies[0].failed"),
+        ("tallies/0/sums/0", json!("1"), "is not as it was written"),
+        ("tallies/0/sums/0", json!("x"), "tallies[0].sums"),
+        (
+            "tallies/0/histogram/0/0",
+            json!(1_u64 << 40),
+            "tallies[0].histogram",
+        ),
+    ] {
         let mut bad = good.clone();
         *at(&mut bad, path) = value;
         workplace.write("bad.json", bad.to_string());
-        match join(&[workplace.path("bad.json")]) {
-            Err(error) if error.to_string().contains(says) && error.hint.is_some() => {}
-            other => wrong.push(format!("{path}: {says:?} is not in {other:?}")),
-        }
+        let error = join(&[workplace.path("bad.json")]).expect_err(path);
+        assert!(error.to_string().contains(says), "{path}: {error}");
     }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    let mut bad = good.clone();
-    *at(&mut bad, "study/plans/0/reference") = json!(99);
-    workplace.write("bad.json", bad.to_string());
     for command in ["merge bad.json", "study s.toml --quiet --resume bad.json"] {
         let outcome = workplace.run(command).ends_with(1);
         assert!(
-            outcome.stderr.contains("reference: found 99"),
+            outcome.stderr.contains("tallies[0].histogram"),
             "{outcome:#?}"
         );
     }

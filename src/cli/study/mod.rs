@@ -78,23 +78,29 @@ const ROUND_S: f64 = 0.5;
 
 impl StudyCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let common = &self.common;
-        let scenario = common.load()?;
+        let scenario = self.common.load()?;
         rests(&scenario)?;
         let is_absolute = scenario.task.design.accuracy == AccuracyKind::Absolute;
+        self.refuse_others(&scenario)?;
+        self.check_files(&scenario, is_absolute)?;
+        keeps(self.kept(None));
         if is_absolute {
-            self.refuse_where_absolute(&scenario)?;
+            self.absolute_readings(&scenario)
         } else {
-            self.absolute.refuse(&scenario)?;
+            self.deflections(&scenario)
         }
-        let folder = common.folder(&scenario);
+    }
+
+    /// Nothing is in the way of any file.
+    fn check_files(&self, scenario: &Scenario, is_absolute: bool) -> Result<(), FileError> {
+        let folder = self.common.folder(scenario);
         let file = self.rerun.as_ref().and_then(ViewerTarget::file);
         let outputs = [
             ("--tally-out", self.tally_out.as_deref()),
             ("--resume", self.resume.as_deref()),
             ("--rerun", file.map(PathBuf::as_path)),
         ];
-        let mut roles = inputs(&scenario);
+        let mut roles = inputs(scenario);
         if self.shard.is_none() {
             roles.writes_to(&folder, &results::FILES);
             roles.writes_to(&folder, &[views::STUDY_PAGE]);
@@ -104,60 +110,82 @@ impl StudyCommand {
         }
         roles.may_read("the candidates", self.absolute.path());
         check_outputs(&mut roles, &outputs)?;
-        if self.shard.is_none() {
-            make_folder(&folder)?;
+        match self.shard {
+            None => make_folder(&folder),
+            Some(_) => Ok(()),
         }
-        self.prediction(None);
-        let trials = self.trials.unwrap_or(scenario.study.trials);
-        let (shard, shards) = self.shard.unwrap_or((1, 1));
-        if is_absolute {
-            return self.absolute_readings(&scenario, &folder, [trials, shard, shards]);
-        }
-        let level = (self.level.or(scenario.study.level)).unwrap_or_default();
+    }
 
+    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Report> {
+        let level = (self.level.or(scenario.study.level)).unwrap_or_default();
         let settings = scenario.settings();
-        let entries = entries(common, &scenario, &settings)?;
+        let entries = entries(&self.common, scenario, &settings)?;
         proceed()?;
         let runner = Runner::new(&settings, scenario.seed, level, &entries)?.stopped_by(ask_work());
-        let header = Header::new(&scenario, &settings, level, trials, shards, &entries);
-        let mut part = match &self.resume {
-            Some(path) => TallyFile::resume(path, header, shard)?,
-            None => TallyFile::empty(header, shard),
-        };
-        common.say(&format!(
-            "{trials} runs of {}, {}",
-            part.header.title(),
-            describe_level(level)
-        ));
+        let [trials, shards] = self.sizes(scenario);
+        let header = Header::new(scenario, &settings, level, trials, shards, &entries);
+        let part = self.begun(header)?;
+        let (title, level) = (part.header.title(), describe_level(level));
+        (self.common).say(&format!("{trials} runs of {title}, {level}"));
         let target = self.rerun.as_ref();
-        let is_shown = self.shard.is_none() || target.is_some();
-        let mut observer = is_shown
-            .then(|| StudyObserver::new(&scenario, &settings, &part.header, &entries, target))
+        let observer = (self.shard.is_none() || target.is_some())
+            .then(|| StudyObserver::new(scenario, &settings, &part.header, &entries, target))
             .transpose()?;
+        self.finish(scenario, &runner, part, observer)
+    }
+
+    /// The numbers of runs and of shards.
+    fn sizes(&self, scenario: &Scenario) -> [u64; 2] {
+        let trials = self.trials.unwrap_or(scenario.study.trials);
+        [trials, self.shard.map_or(1, |(_, shards)| shards)]
+    }
+
+    /// What is done of a study, or of its shard.
+    fn begun(&self, header: Header) -> Result<TallyFile, FileError> {
+        let shard = self.shard.map_or(1, |(shard, _)| shard);
+        match &self.resume {
+            Some(path) => TallyFile::resume(path, header, shard),
+            None => Ok(TallyFile::empty(header, shard)),
+        }
+    }
+
+    /// Makes what is left of the runs, writes what they come to, and reports it.
+    fn finish(
+        &self,
+        scenario: &Scenario,
+        runner: &impl RunsInBlocks,
+        mut part: TallyFile,
+        mut observer: Option<StudyObserver>,
+    ) -> anyhow::Result<Report> {
         let start = Instant::now();
-        let done_before: u64 = runs_of(&part);
+        let done_before = runs_of(&part);
         let mut written = Written::default();
-        let seen = observer.as_mut().map(|observer| (observer, &runner));
-        self.run(&runner, &mut part, seen, &mut written)
-            .map_err(|error| self.unless_stopped(error, &part))?;
-        let elapsed_s = start.elapsed().as_secs_f64();
+        if let Err(error) = self.run(runner, &mut part, observer.as_mut(), &mut written) {
+            return Err(match error.downcast_ref() {
+                Some(StudyError::Stopped) => self.interrupted(&part),
+                _ => error,
+            });
+        }
+        let timing = Timing {
+            elapsed_s: start.elapsed().as_secs_f64(),
+            runs: runs_of(&part) - done_before,
+        };
         if let Some(path) = &self.tally_out {
             written.note(path, part.write(path));
         }
-        let timing = Timing {
-            elapsed_s,
-            runs: runs_of(&part) - done_before,
-        };
         let results = Results::new(&part.header, &part.tallies, Some(timing));
+        let folder = self.common.folder(scenario);
         let own_folder = self.shard.is_none().then_some(&*folder);
         if let Some(folder) = own_folder {
             write(folder, &results, &mut written)?;
         }
         if let Some(observer) = observer {
-            observer.finish(own_folder, target, &mut written);
+            observer.finish(own_folder, self.rerun.as_ref(), &mut written);
         }
         let mut report = self.reported(&results, &folder);
-        report.conditions.extend(foreign_loads(&scenario));
+        if part.header.absolute.is_none() {
+            report.conditions.extend(foreign_loads(scenario));
+        }
         report.conditions.extend(written.conditions());
         Ok(report)
     }
@@ -178,24 +206,15 @@ impl StudyCommand {
         report
     }
 
-    /// What ended the runs: what is done is kept where it was the user.
-    fn unless_stopped(&self, error: anyhow::Error, part: &TallyFile) -> anyhow::Error {
-        match error.downcast_ref() {
-            Some(StudyError::Stopped) => self.interrupted(part),
-            _ => error,
-        }
-    }
-
     /// Makes what is left of the shard's blocks, and saves and shows it from time to
     /// time.
     fn run(
         &self,
         runner: &impl RunsInBlocks,
         part: &mut TallyFile,
-        observed: Option<(&mut StudyObserver, &Runner<'_>)>,
+        mut observer: Option<&mut StudyObserver>,
         written: &mut Written,
     ) -> anyhow::Result<()> {
-        let (mut observer, seen) = observed.unzip();
         let (trials, step) = (part.header.trials, part.header.shards);
         let all = part.header.blocks_of(part.shard);
         let bar = bar(self.common.quiet, "runs");
@@ -204,9 +223,9 @@ impl StudyCommand {
         bar.set_length((all * runner.block_runs()).min(trials));
         bar.set_position(part.blocks_done * runner.block_runs());
         bar.reset_eta();
-        if let (Some(observer), Some(seen)) = (&mut observer, seen) {
+        if let Some(observer) = &mut observer {
             bar.suspend(|| match part.blocks_done {
-                0 => observer.first_runs(seen, part.shard - 1),
+                0 => observer.first_runs(runner, part.shard - 1),
                 _ => observer.observe(&part.tallies),
             })?;
         }
@@ -254,7 +273,7 @@ impl StudyCommand {
     /// Saves the tally that can be gone on from.
     fn save(&self, part: &TallyFile, path: &Path) -> Result<(), FileError> {
         part.write(path)?;
-        self.prediction(Some(part));
+        keeps(self.kept(Some(part)));
         Ok(())
     }
 
@@ -269,8 +288,8 @@ impl StudyCommand {
     }
 
     /// What is kept if the study is interrupted now.
-    fn prediction(&self, saved: Option<&TallyFile>) {
-        keeps(match (&self.resume, saved) {
+    fn kept(&self, saved: Option<&TallyFile>) -> String {
+        match (&self.resume, saved) {
             (Some(path), Some(part)) => format!(
                 "{} keeps {} runs; the same command goes on from there",
                 path.display(),
@@ -284,7 +303,7 @@ impl StudyCommand {
             (None, _) => {
                 "nothing was kept; with --resume FILE a study goes on from where it was".to_owned()
             }
-        });
+        }
     }
 }
 
@@ -299,7 +318,8 @@ pub fn entries(
             "designing the plan {name:?} of {}",
             counted(wanted.experiments.into(), "measurement")
         ));
-        design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP)
+        let designed = design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP);
+        designed.map(|(designed, _)| designed)
     };
     study::entries(scenario, settings, &designer)
 }

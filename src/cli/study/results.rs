@@ -97,13 +97,13 @@ impl Results {
     fn page(&self) -> anyhow::Result<Option<String>> {
         let plans = &self.header.plans;
         let first = &plans[0];
-        if (plans.iter()).any(|plan| plan.conditions() != first.conditions()) {
+        if (plans.iter()).any(|plan| plan.conditions != first.conditions) {
             return Ok(None);
         }
         let page = study_page(&StudyPageRecord {
             provenance: &self.header.provenance,
             trials: self.header.trials,
-            experiments: first.experiments,
+            experiments: first.conditions.experiments,
             level: describe_level(self.header.level),
             is_absolute: self.header.absolute.is_some(),
             reference: first.reference.map(|index| &*plans[index].name),
@@ -276,8 +276,7 @@ fn sentence(messages: &[StudyPlanMessage], header: &Header) -> String {
         .filter(|(index, _)| Some(*index) != reference)
         .filter_map(|(_, message)| Some((message, message.mean_mm?)))
         .min_by(|one, other| one.1.total_cmp(&other.1));
-    let is_swept =
-        (header.plans.iter()).any(|plan| plan.conditions() != header.plans[0].conditions());
+    let is_swept = (header.plans.iter()).any(|plan| plan.conditions != header.plans[0].conditions);
     let (Some((best, mean_mm)), false) = (best, is_swept) else {
         return String::new();
     };

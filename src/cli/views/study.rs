@@ -6,7 +6,7 @@ use elastocal::calibration::calibrate;
 use elastocal::plan::search::random_plan;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
-use elastocal::study::runner::{Runner, RunsInBlocks};
+use elastocal::study::runner::RunsInBlocks;
 use elastocal::study::{Entry, Setting, tally::Tally};
 use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
 use elastocal::view::rerun_file::viewer::{Messages, Viewer};
@@ -79,7 +79,7 @@ impl StudyObserver {
     }
 
     /// Makes the first runs, to be shown before the first block is done; the block makes them again.
-    pub fn first_runs(&mut self, runner: &Runner<'_>, block: u64) -> anyhow::Result<()> {
+    pub fn first_runs(&mut self, runner: &impl RunsInBlocks, block: u64) -> anyhow::Result<()> {
         for runs in self.study.first_runs() {
             let end = block * runner.block_runs() + runs;
             let tallies = runner.run(end, block..block + 1, 1, &|_| ())?;

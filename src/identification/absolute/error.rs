@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use super::super::FitError;
 use crate::codes::ErrorCode;
-use crate::mujoco::ModelError;
+use crate::files::FileError;
 use crate::parameter::ParameterError;
 use crate::robot::EquilibriumError;
 
@@ -17,7 +17,7 @@ pub enum AbsoluteError {
         /// The first reading of it.
         reading: usize,
         /// What is wrong.
-        source: ModelError,
+        source: FileError,
     },
     /// A target beyond the link that carries the load.
     #[error(

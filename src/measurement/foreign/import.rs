@@ -3,24 +3,20 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use nalgebra::{DVector, Matrix6, SymmetricEigen, Vector3};
+use nalgebra::{DVector, Matrix3, Matrix6, UnitQuaternion, Vector3};
 
-use super::mapping::{
-    ANGLE, DEVIATION, Decimal, FORCE, LENGTH, Mapping, PURE, ROTATION_DEVIATION, TEMPERATURE, TIME,
-    TORQUE,
+use super::mapping::{Convention, Mapping};
+use super::quantity::{
+    ANGLE, DEVIATION, FORCE, LENGTH, ROTATION_DEVIATION, TEMPERATURE, TIME, TORQUE,
 };
-use super::number::{ForeignNumber, ForeignRow, MeasuredNumbers, Reader};
-use super::rotation::Convention;
+use super::source::{ForeignRow, Measured, Reader, Source};
 use crate::codes::ErrorCode;
-use crate::csv::RawTable;
+use crate::csv::{Decimals, Fields};
 use crate::files::{FileError, read_text, typed::from_toml};
 use crate::measurement::{AbsoluteReading, Measurement, absolute_table, deflection_table};
 use crate::quantities::limits::MOST_JOINTS;
 use crate::robot::{Approach, Commands, Load};
 use crate::text::wrong_name;
-
-/// Correlations whose smallest eigenvalue is less than this leave some rotation without any error.
-const LEAST_EIGENVALUE: f64 = 1e-9;
 
 /// What became of a table.
 #[derive(Debug, Clone)]
@@ -37,16 +33,15 @@ pub struct ImportedTable {
 
 /// What is read of every row.
 struct ImportedColumns {
-    joints: Vec<ForeignNumber>,
-    /// The coordinates of the load that are there, from 0 to 5, and the weight.
-    load: Vec<(usize, ForeignNumber)>,
-    weight: Option<ForeignNumber>,
-    place: MeasuredNumbers,
-    is_deflection: bool,
-    rotation: Option<(Convention, MeasuredNumbers)>,
+    joints: Vec<Source>,
+    /// The coordinates of the load that are there, from 0 to 5.
+    load: Vec<(usize, Source)>,
+    place: Measured,
+    rotation: Option<(Convention, Measured)>,
+    /// Target, visit, station and approach.
     words: [Option<Result<usize, String>>; 4],
-    time: Option<ForeignNumber>,
-    temperature: Option<ForeignNumber>,
+    time: Option<Source>,
+    temperature: Option<Source>,
 }
 
 /// Reads a table through a mapping.
@@ -59,33 +54,35 @@ pub fn import(table: &Path, mapping: &Path) -> Result<ImportedTable, FileError> 
 
 fn imported(table: &Path, mapping: &Path) -> Result<ImportedTable, FileError> {
     let file: Mapping = from_toml(mapping, &read_text(mapping)?)?;
-    let raw = RawTable::read(table, file.delimiter, file.header_line, &file.skip_lines)?;
+    let (fields, ()) = Fields::read(table, |_, _| Ok(()))?;
     let mut reader = Reader {
         mapping,
         path: table,
-        table: &raw,
-        comma: file.decimal == Decimal::Comma,
+        columns: &fields.columns,
+        decimals: Decimals::new(table, &fields),
         read: BTreeSet::new(),
     };
     if file.joint.is_empty() || file.joint.len() > MOST_JOINTS {
         let problem = format!("found {}; 1 to {MOST_JOINTS} are allowed", file.joint.len());
         return Err(reader.wrong("joint", problem));
     }
-    let (plan, commands) = ImportedColumns::of(&mut reader, &file)?;
-    let text = if plan.is_deflection {
-        let all: Result<Vec<_>, _> = (raw.rows.iter())
-            .map(|row| plan.deflection(&reader, row))
-            .collect();
-        deflection_table(table, &commands, &all?)?
+    let (joints, commands) = joints(&mut reader, &file)?;
+    let columns = ImportedColumns::of(&mut reader, &file, joints)?;
+    let mut readings = Vec::new();
+    for row in &fields.rows {
+        readings.push(columns.reading(&mut reader, row)?);
+    }
+    reader.decimals.check()?;
+    let text = if file.deflection.is_some() {
+        let all: Vec<Measurement> = readings.into_iter().map(deflection).collect();
+        deflection_table(table, &commands, &all)?
     } else {
-        let all: Result<Vec<_>, _> = (raw.rows.iter())
-            .map(|row| plan.reading(&reader, row))
-            .collect();
-        absolute_table(&commands, &all?)
+        let all: Vec<AbsoluteReading> = readings.into_iter().map(|(each, _)| each).collect();
+        absolute_table(&commands, &all)
     };
-    let unread = raw.columns.iter().enumerate();
+    let unread = fields.columns.iter().enumerate();
     Ok(ImportedTable {
-        rows: raw.rows.len(),
+        rows: fields.rows.len(),
         ranges: ranges(&text),
         unread: unread
             .filter(|(index, _)| !reader.read.contains(index))
@@ -110,57 +107,75 @@ fn ranges(text: &str) -> Vec<(String, [f64; 2])> {
     named.filter(|(_, [low, high])| low <= high).collect()
 }
 
-impl ImportedColumns {
-    fn of(reader: &mut Reader<'_>, file: &Mapping) -> Result<(Self, Commands), FileError> {
-        let mut joints = Vec::new();
-        let mut slides = Vec::new();
-        for (index, joint) in file.joint.iter().enumerate() {
-            let key = format!("joint[{index}]");
-            let is_slide = LENGTH.units.iter().any(|unit| unit.0 == joint.unit);
-            let quantity = if is_slide { LENGTH } else { ANGLE };
-            if joint.sign.abs().to_bits() != 1.0_f64.to_bits() {
-                let problem = format!("found {}; 1 or -1 is allowed", joint.sign);
-                return Err(reader.wrong(&format!("{key}.sign"), problem));
-            }
-            let number = reader.number(&key, (&joint.column, &joint.unit), quantity)?;
-            joints.push(number.then(joint.sign, joint.offset));
-            slides.push(is_slide);
+fn joints(reader: &mut Reader<'_>, file: &Mapping) -> Result<(Vec<Source>, Commands), FileError> {
+    let mut joints = Vec::new();
+    let mut slides = Vec::new();
+    for (index, joint) in file.joint.iter().enumerate() {
+        let key = format!("joint[{index}]");
+        let is_slide = LENGTH.units.iter().any(|unit| unit.0 == joint.unit);
+        let quantity = if is_slide { LENGTH } else { ANGLE };
+        if joint.sign.abs().to_bits() != 1.0_f64.to_bits() {
+            let problem = format!("found {}; 1 or -1 is allowed", joint.sign);
+            return Err(reader.wrong(&format!("{key}.sign"), problem));
         }
-        let (is_deflection, key, place) = match (&file.position, &file.deflection) {
-            (Some(position), None) => (false, "position", position),
-            (None, Some(deflection)) => (true, "deflection", deflection),
+        let mut source = reader.number(&key, (&joint.column, &joint.unit), quantity)?;
+        (source.sign, source.offset) = (joint.sign, joint.offset);
+        joints.push(source);
+        slides.push(is_slide);
+    }
+    Ok((joints, slides.into_iter().collect()))
+}
+
+impl ImportedColumns {
+    fn of(reader: &mut Reader<'_>, file: &Mapping, joints: Vec<Source>) -> Result<Self, FileError> {
+        let (key, place) = match (&file.position, &file.deflection) {
+            (Some(position), None) => ("position", position),
+            (None, Some(deflection)) => ("deflection", deflection),
             _ => {
                 return Err(reader.wrong("position", "is missing").hint(
                     "give [position] for what the instrument shows, or [deflection] for loaded minus unloaded",
                 ));
             }
         };
-        let place = reader.vector(key, place, [LENGTH, DEVIATION])?;
-        let rotation = Self::rotation(reader, file)?;
-        let has_deviations = rotation.as_ref().map(|(_, (_, own))| own.is_some());
-        if has_deviations.is_some_and(|has| has != place.1.is_some()) {
-            let problem = "poses have standard deviations of both or of none: std_columns of position and rotation";
-            return Err(reader.wrong("rotation", problem));
-        }
+        let place = reader.measured((key, place), 3, [LENGTH, DEVIATION])?;
+        let rotation = match &file.rotation {
+            None => None,
+            Some(numbers) => {
+                let Some(convention) = numbers.convention else {
+                    return Err(reader.wrong("rotation.convention", "is missing"));
+                };
+                let (count, quantity) = convention.numbers();
+                let kinds = [quantity, ROTATION_DEVIATION];
+                let measured = reader.measured(("rotation", numbers), count, kinds)?;
+                if measured.1.is_some() != place.1.is_some() {
+                    let problem = "poses have standard deviations of both or of none: std_columns of position and rotation";
+                    return Err(reader.wrong("rotation", problem));
+                }
+                Some((convention, measured))
+            }
+        };
         let mut load = Vec::new();
         for (key, mapping, quantity, first) in [
             ("force", &file.force, FORCE, 0),
             ("torque", &file.torque, TORQUE, 3),
         ] {
             if let Some(mapping) = mapping {
-                let (numbers, _) = reader.vector(key, mapping, [quantity; 2])?;
+                let (numbers, _) = reader.measured((key, mapping), 3, [quantity; 2])?;
                 load.extend((first..).zip(numbers));
             }
         }
-        if file.weight.is_some() && file.force.is_some() {
-            return Err(reader.wrong("weight", "is a force downwards; give it or force, not both"));
+        if let Some(mut weight) = reader.scalar("weight", file.weight.as_ref(), FORCE)? {
+            if file.force.is_some() {
+                let problem = "is a force downwards; give it or force, not both";
+                return Err(reader.wrong("weight", problem));
+            }
+            weight.sign = -1.0;
+            load.push((2, weight));
         }
-        let plan = Self {
+        let columns = Self {
             joints,
             load,
-            weight: reader.scalar("weight", file.weight.as_ref(), FORCE)?,
             place,
-            is_deflection,
             rotation,
             words: [
                 reader.word("target", file.target.as_ref())?,
@@ -171,149 +186,118 @@ impl ImportedColumns {
             time: reader.scalar("time", file.time.as_ref(), TIME)?,
             temperature: reader.scalar("temperature", file.temperature.as_ref(), TEMPERATURE)?,
         };
-        let others = [
-            plan.time.is_some(),
-            plan.temperature.is_some(),
-            plan.rotation.is_some(),
-        ];
-        if is_deflection && (others.contains(&true) || plan.words.iter().any(Option::is_some)) {
+        let is_more = columns.rotation.is_some()
+            || columns.time.is_some()
+            || columns.temperature.is_some()
+            || columns.words.iter().any(Option::is_some);
+        if file.deflection.is_some() && is_more {
             let problem = "files of deflections have loads and standard deviations besides, no rotations, words, times or temperatures";
             return Err(reader.wrong("deflection", problem));
         }
-        Ok((plan, slides.into_iter().collect()))
+        Ok(columns)
     }
 
-    fn rotation(
+    /// What a row says, with the standard deviations of its place.
+    fn reading(
+        &self,
         reader: &mut Reader<'_>,
-        file: &Mapping,
-    ) -> Result<Option<(Convention, MeasuredNumbers)>, FileError> {
-        let Some(mapping) = &file.rotation else {
-            return Ok(None);
-        };
-        let (count, found) = (mapping.convention.numbers(), mapping.columns.len());
-        if found != count {
-            let problem = format!("found {found}; {count} are needed");
-            return Err(reader.wrong("rotation.columns", problem));
-        }
-        let quantity = if count == 3 { ANGLE } else { PURE };
-        let unit = mapping.unit.as_deref().unwrap_or_default();
-        let numbers = reader.numbers("rotation", (&mapping.columns, unit), quantity)?;
-        let deviations = (mapping.std_columns.as_ref()).map(|columns| {
-            let unit = mapping.std_unit.as_deref().unwrap_or(unit);
-            reader.numbers("rotation.std", (columns, unit), ROTATION_DEVIATION)
-        });
-        let measured = (numbers, deviations.transpose()?);
-        Ok(Some((mapping.convention.clone(), measured)))
-    }
-
-    /// The joint angles and the load of a row.
-    fn setup(
-        &self,
-        reader: &Reader<'_>,
         row: &ForeignRow,
-    ) -> Result<(DVector<f64>, Load), FileError> {
+    ) -> Result<(AbsoluteReading, Option<Vector3<f64>>), FileError> {
+        let configuration_rad = DVector::from_vec(reader.values(&self.joints, row)?);
         let mut wrench = [0.0; 6];
-        for (place, number) in &self.load {
-            wrench[*place] = reader.value(number, row)?;
-        }
-        if let Some(weight) = &self.weight {
+        for (place, source) in &self.load {
             // No weight is no minus zero.
-            wrench[2] = 0.0 - reader.value(weight, row)?;
+            wrench[*place] = 0.0 + reader.value(source, row)?;
         }
-        let angles = reader.values(&self.joints, row)?;
-        Ok((DVector::from_vec(angles), Load::from_wrench(wrench)))
-    }
-
-    /// The place of a row, and its standard deviations.
-    fn place(
-        &self,
-        reader: &Reader<'_>,
-        row: &ForeignRow,
-    ) -> Result<(Vector3<f64>, Option<Vector3<f64>>), FileError> {
-        let three = |numbers: &Vec<ForeignNumber>| {
-            (reader.values(numbers, row)).map(|values| Vector3::from_row_slice(&values))
+        let mut three = |sources: &Vec<Source>| {
+            (reader.values(sources, row)).map(|values| Vector3::from_row_slice(&values))
         };
-        let (values, deviations) = &self.place;
-        Ok((three(values)?, deviations.as_ref().map(three).transpose()?))
-    }
-
-    fn deflection(&self, reader: &Reader<'_>, row: &ForeignRow) -> Result<Measurement, FileError> {
-        let (configuration_rad, load) = self.setup(reader, row)?;
-        let (deflection_m, sigma_m) = self.place(reader, row)?;
-        Ok(Measurement {
-            configuration_rad,
-            load,
-            deflection_m,
-            sigma_m,
-            rotation: None,
-            approach: None,
-        })
-    }
-
-    fn reading(&self, reader: &Reader<'_>, row: &ForeignRow) -> Result<AbsoluteReading, FileError> {
-        let (configuration_rad, load) = self.setup(reader, row)?;
-        let (position_m, sigma_m) = self.place(reader, row)?;
+        let (place, deviations) = &self.place;
+        let (position_m, sigma_m) = (three(place)?, deviations.as_ref().map(three).transpose()?);
         let mut covariance = sigma_m.map(|sigma| {
-            let variances = sigma.map(|sigma| sigma * sigma);
             let mut all = Matrix6::identity();
-            all.fixed_view_mut::<3, 3>(0, 0)
-                .copy_from(&nalgebra::Matrix3::from_diagonal(&variances));
+            set_block(
+                &mut all,
+                0,
+                &Matrix3::from_diagonal(&sigma.component_mul(&sigma)),
+            );
             all
         });
-        let mut rotation = None;
-        if let Some((convention, (numbers, deviations))) = &self.rotation {
-            let values = reader.values(numbers, row)?;
-            let wrong = |problem: String| reader.wrong_row(row, format!("rotation: {problem}"));
-            rotation = Some(convention.rotation(&values).map_err(wrong)?);
-            if let (Some(all), Some(deviations)) = (&mut covariance, deviations) {
-                let sigma = Vector3::from_row_slice(&reader.values(deviations, row)?);
-                let own = convention.covariance(&values, &sigma).map_err(wrong)?;
-                let size = own.diagonal().map(f64::sqrt);
-                let relative = own.component_div(&(size * size.transpose()));
-                let least = SymmetricEigen::new(relative).eigenvalues.min();
-                if least.is_nan() || least < LEAST_EIGENVALUE {
-                    let problem = "the Euler angles are at their lock, where their standard deviations leave a rotation out";
-                    return Err(
-                        wrong(problem.to_owned()).hint("leave the line out with skip_lines")
-                    );
-                }
-                all.fixed_view_mut::<3, 3>(3, 3).copy_from(&own);
-            }
-        }
+        let rotation = self.rotation(reader, row, &mut covariance)?;
         let word = |place: usize| {
             (self.words[place].as_ref()).map(|word| match word {
-                Ok(column) => row.1[*column].clone(),
+                Ok(column) => row.1[*column].to_owned(),
                 Err(word) => word.clone(),
             })
         };
         let name = |place: usize| match word(place).map(|name| (wrong_name(&name), name)) {
             Some((Some(problem), _)) => Err(reader.wrong_row(row, problem)),
-            Some((None, name)) => Ok(Some(name)),
-            None => Ok(None),
+            other => Ok(other.map(|(_, name)| name)),
         };
-        let side = word(3).filter(|side| !side.is_empty()).map(|side| {
+        let approach = word(3).filter(|side| !side.is_empty()).map(|side| {
             Approach::of_word(&side, self.joints.len()).ok_or_else(|| {
                 let allowed = "+ or -, or a sign for each joint, is allowed";
                 reader.wrong_row(row, format!("approach: found {side:?}; {allowed}"))
             })
         });
-        let number = |number: &Option<ForeignNumber>| {
-            (number.as_ref())
-                .map(|number| reader.value(number, row))
+        let (target, visit, station) = (name(0)?, name(1)?, name(2)?);
+        let approach = approach.transpose()?;
+        let mut number = |source: &Option<Source>| {
+            (source.as_ref())
+                .map(|source| reader.value(source, row))
                 .transpose()
         };
-        Ok(AbsoluteReading {
+        let reading = AbsoluteReading {
             configuration_rad,
-            load,
-            target: name(0)?,
-            visit: name(1)?,
-            station: name(2)?,
+            load: Load::from_wrench(wrench),
+            target,
+            visit,
+            station,
             position_m,
             rotation,
             covariance,
-            approach: side.transpose()?,
+            approach,
             time_s: number(&self.time)?,
             temperature_c: number(&self.temperature)?,
-        })
+        };
+        Ok((reading, sigma_m))
     }
+
+    /// How the target is turned; the covariance gets that of its rotation vector.
+    fn rotation(
+        &self,
+        reader: &mut Reader<'_>,
+        row: &ForeignRow,
+        covariance: &mut Option<Matrix6<f64>>,
+    ) -> Result<Option<UnitQuaternion<f64>>, FileError> {
+        let Some((convention, (numbers, deviations))) = &self.rotation else {
+            return Ok(None);
+        };
+        let found = convention.rotation(&reader.values(numbers, row)?);
+        let (rotation, about) =
+            found.map_err(|problem| reader.wrong_row(row, format!("rotation: {problem}")))?;
+        if let (Some(all), Some(deviations)) = (covariance, deviations) {
+            let sigma = Vector3::from_row_slice(&reader.values(deviations, row)?);
+            let own = Matrix3::from_diagonal(&sigma.component_mul(&sigma));
+            let own = about * own * about.transpose();
+            // The same to the bit on both sides of the diagonal.
+            set_block(all, 3, &((own + own.transpose()) / 2.0));
+        }
+        Ok(Some(rotation))
+    }
+}
+
+fn deflection((reading, sigma_m): (AbsoluteReading, Option<Vector3<f64>>)) -> Measurement {
+    Measurement {
+        configuration_rad: reading.configuration_rad,
+        load: reading.load,
+        deflection_m: reading.position_m,
+        sigma_m,
+        rotation: None,
+        approach: None,
+    }
+}
+
+fn set_block(covariance: &mut Matrix6<f64>, first: usize, block: &Matrix3<f64>) {
+    (covariance.fixed_view_mut::<3, 3>(first, first)).copy_from(block);
 }

@@ -1,63 +1,66 @@
 //! The file that says what the columns of a foreign table are.
 
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-use super::rotation::Convention;
-use crate::csv::Separator;
-use crate::quantities::plausible::{self, Kind};
+use super::quantity::{ANGLE, ForeignQuantity, PURE};
+use crate::measurement::columns::unit_quaternion;
 
 /// A mapping as it is written; see `docs/files.md`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Mapping {
-    /// What separates the fields; what the header has if not given.
-    #[serde(default)]
-    pub delimiter: Separator,
-    #[serde(default)]
-    pub decimal: Decimal,
-    /// The line of the columns' names, from 1; 0 where there is none, and columns are named by their numbers.
-    pub header_line: Option<usize>,
-    /// Lines that are none of the table's.
-    #[serde(default)]
-    pub skip_lines: Vec<usize>,
     /// The commanded joints in the order of the model.
     pub joint: Vec<JointMapping>,
     /// Where the target is, in the instrument's frame.
-    pub position: Option<VectorMapping>,
+    pub position: Option<Numbers>,
     /// How it is turned there.
-    pub rotation: Option<RotationMapping>,
+    pub rotation: Option<Numbers>,
     /// Loaded minus unloaded position, in the world frame, in place of position and rotation.
-    pub deflection: Option<VectorMapping>,
+    pub deflection: Option<Numbers>,
     /// The load at the calibration tool, in the world frame.
-    pub force: Option<VectorMapping>,
-    pub torque: Option<VectorMapping>,
+    pub force: Option<Numbers>,
+    pub torque: Option<Numbers>,
     /// The size of a weight there.
-    pub weight: Option<ScalarMapping>,
+    pub weight: Option<Numbers>,
     pub target: Option<Word>,
     pub station: Option<Word>,
     pub visit: Option<Word>,
     pub approach: Option<Word>,
-    pub time: Option<ScalarMapping>,
-    pub temperature: Option<ScalarMapping>,
+    pub time: Option<Numbers>,
+    pub temperature: Option<Numbers>,
 }
 
-/// The decimal sign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub(super) enum Decimal {
-    #[default]
-    #[serde(rename = ".")]
-    Point,
-    #[serde(rename = ",")]
-    Comma,
+/// Numbers of one unit, and their standard deviations.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Numbers {
+    #[serde(alias = "column")]
+    pub columns: Names,
+    #[serde(default)]
+    pub unit: String,
+    pub std_columns: Option<Names>,
+    /// That of the values if not given.
+    pub std_unit: Option<String>,
+    /// Of rotations.
+    pub convention: Option<Convention>,
 }
 
-/// Where a number comes from.
+/// The names of columns.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
-pub(super) enum NumberSource {
-    Column(String),
-    /// The same in every row.
-    Value(f64),
+pub(super) enum Names {
+    One(String),
+    More(Vec<String>),
+}
+
+impl Names {
+    pub fn all(&self) -> &[String] {
+        match self {
+            Self::One(name) => std::slice::from_ref(name),
+            Self::More(names) => names,
+        }
+    }
 }
 
 /// Where a word comes from.
@@ -73,7 +76,7 @@ pub(super) enum Word {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct JointMapping {
-    pub column: NumberSource,
+    pub column: String,
     pub unit: String,
     #[serde(default = "one")]
     pub sign: f64,
@@ -86,127 +89,64 @@ const fn one() -> f64 {
     1.0
 }
 
-/// Three numbers, and their standard deviations.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct VectorMapping {
-    pub columns: [NumberSource; 3],
-    pub unit: String,
-    pub std_columns: Option<[NumberSource; 3]>,
-    /// That of the values if not given.
-    pub std_unit: Option<String>,
+/// How a table writes rotations, of the target's axes in the instrument's frame.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(try_from = "String")]
+pub(super) enum Convention {
+    /// Angles about axes, 0 to 2, one after the other, which turn with the target.
+    Euler([usize; 3]),
+    /// The real part first.
+    Quaternion,
+    /// The axis times the angle.
+    RotationVector,
 }
 
-/// A rotation: the target's axes in the instrument's frame.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RotationMapping {
-    pub convention: Convention,
-    pub columns: Vec<NumberSource>,
-    /// Of angles.
-    pub unit: Option<String>,
-    pub std_columns: Option<[NumberSource; 3]>,
-    /// That of the values if not given.
-    pub std_unit: Option<String>,
+impl TryFrom<String> for Convention {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let axes = text.strip_prefix("intrinsic ").unwrap_or_default();
+        let axes: Vec<Option<usize>> = axes.chars().map(|axis| "xyz".find(axis)).collect();
+        match (text.as_str(), axes.as_slice()) {
+            ("rotation_vector", _) => Ok(Self::RotationVector),
+            ("quaternion wxyz", _) => Ok(Self::Quaternion),
+            (_, &[Some(a), Some(b), Some(c)]) if a != b && b != c => Ok(Self::Euler([a, b, c])),
+            _ => Err(format!(
+                "found {text:?}; \"intrinsic\" and three axes, no axis twice in a row, such as \"intrinsic xyz\", \"quaternion wxyz\" \
+                 or \"rotation_vector\" is allowed"
+            )),
+        }
+    }
 }
 
-/// One number.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ScalarMapping {
-    pub column: NumberSource,
-    pub unit: String,
+impl Convention {
+    /// How many numbers a rotation has, and of what.
+    pub const fn numbers(self) -> (usize, ForeignQuantity) {
+        match self {
+            Self::Euler(_) | Self::RotationVector => (3, ANGLE),
+            Self::Quaternion => (4, PURE),
+        }
+    }
+
+    /// The target's axes in the instrument's frame, of numbers (rad where they are angles); and about which axes of that frame
+    /// its standard deviations turn: those of Euler angles about the axes of the angles, others about the frame's own.
+    pub fn rotation(self, values: &[f64]) -> Result<(UnitQuaternion<f64>, Matrix3<f64>), String> {
+        let mut about = Matrix3::identity();
+        let turn = match self {
+            Self::Euler(axes) => {
+                let mut turn = UnitQuaternion::identity();
+                for (place, (&axis, &angle)) in axes.iter().zip(values).enumerate() {
+                    let axis = Vector3::ith_axis(axis);
+                    about.set_column(place, &(turn * axis.into_inner()));
+                    turn *= UnitQuaternion::from_axis_angle(&axis, angle);
+                }
+                turn
+            }
+            Self::RotationVector => {
+                UnitQuaternion::from_scaled_axis(Vector3::from_row_slice(values))
+            }
+            Self::Quaternion => unit_quaternion([values[0], values[1], values[2], values[3]])?,
+        };
+        Ok((turn, about))
+    }
 }
-
-/// A unit: its name, factor and divisor to the unit that comes first, and what is added then.
-pub(super) type Unit = (&'static str, f64, f64, f64);
-
-/// What is measured: its units, what makes the first one SI, and what it can be, in so many times the SI unit.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ForeignQuantity {
-    pub units: &'static [Unit],
-    pub si: f64,
-    pub kind: &'static Kind,
-    pub shown: f64,
-}
-
-/// The weight of a kilogram (N): the standard acceleration of gravity.
-const WEIGHT_N_PER_KG: f64 = 9.806_65;
-const DEGREE_RAD: f64 = std::f64::consts::PI / 180.0;
-
-pub(super) const ANGLE: ForeignQuantity = ForeignQuantity {
-    units: &[
-        ("rad", 1.0, 1.0, 0.0),
-        ("deg", DEGREE_RAD, 1.0, 0.0),
-        ("mrad", 1e-3, 1.0, 0.0),
-        ("urad", 1.0, 1e6, 0.0),
-        ("arcmin", DEGREE_RAD, 60.0, 0.0),
-        ("arcsec", DEGREE_RAD, 3600.0, 0.0),
-    ],
-    si: 1.0,
-    kind: &plausible::ANGLE,
-    shown: 1.0 / DEGREE_RAD,
-};
-// In thousandths of what files have: what is short in a table is short in the file that is written.
-pub(super) const LENGTH: ForeignQuantity = ForeignQuantity {
-    units: &[
-        ("mm", 1.0, 1.0, 0.0),
-        ("m", 1e3, 1.0, 0.0),
-        ("um", 1.0, 1e3, 0.0),
-        ("cm", 10.0, 1.0, 0.0),
-        ("in", 25.4, 1.0, 0.0),
-    ],
-    si: 1e-3,
-    kind: &plausible::POSITION,
-    shown: 1e3,
-};
-pub(super) const DEVIATION: ForeignQuantity = ForeignQuantity {
-    kind: &plausible::DEVIATION,
-    ..LENGTH
-};
-pub(super) const ROTATION_DEVIATION: ForeignQuantity = ForeignQuantity {
-    kind: &plausible::ROTATION_DEVIATION,
-    shown: 1e3,
-    ..ANGLE
-};
-/// What has no unit, as the numbers of quaternions and matrices.
-pub(super) const PURE: ForeignQuantity = ForeignQuantity {
-    units: &[("", 1.0, 1.0, 0.0)],
-    si: 1.0,
-    kind: &plausible::COUNT,
-    shown: 1.0,
-};
-pub(super) const FORCE: ForeignQuantity = ForeignQuantity {
-    units: &[
-        ("N", 1.0, 1.0, 0.0),
-        ("kN", 1e3, 1.0, 0.0),
-        ("daN", 10.0, 1.0, 0.0),
-        ("kg", WEIGHT_N_PER_KG, 1.0, 0.0),
-        ("lbf", 0.453_592_37 * WEIGHT_N_PER_KG, 1.0, 0.0),
-    ],
-    kind: &plausible::FORCE,
-    ..PURE
-};
-pub(super) const TORQUE: ForeignQuantity = ForeignQuantity {
-    units: &[
-        ("Nm", 1.0, 1.0, 0.0),
-        ("Nmm", 1.0, 1e3, 0.0),
-        ("kNm", 1e3, 1.0, 0.0),
-    ],
-    kind: &plausible::TORQUE,
-    ..PURE
-};
-pub(super) const TIME: ForeignQuantity = ForeignQuantity {
-    units: &[
-        ("s", 1.0, 1.0, 0.0),
-        ("ms", 1.0, 1e3, 0.0),
-        ("min", 60.0, 1.0, 0.0),
-        ("h", 3600.0, 1.0, 0.0),
-    ],
-    ..PURE
-};
-pub(super) const TEMPERATURE: ForeignQuantity = ForeignQuantity {
-    units: &[("C", 1.0, 1.0, 0.0), ("K", 1.0, 1.0, -273.15)],
-    kind: &plausible::TEMPERATURE,
-    ..PURE
-};

@@ -2,7 +2,7 @@
 
 mod import;
 mod mapping;
-mod number;
-mod rotation;
+mod quantity;
+mod source;
 
 pub use import::{ImportedTable, import};

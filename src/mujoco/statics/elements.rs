@@ -1,88 +1,127 @@
 //! Springs, friction, constraints, wind and what else pulls at an arm beside its actuators.
 
-use mujoco_rs::prelude::{MjModel, MjtJoint};
+use mujoco_rs::prelude::MjtJoint;
 use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtEnableBit, MjtEq, MjtObjBase, MjtWrap};
 
 use super::super::Model;
-use super::{RefusedElement, TendonSpring, disabled, element};
+use crate::files::FileError;
+use crate::mujoco::servo::disabled;
 
 /// What to do about most of them.
 const REMOVE: &str = "remove it; what the model leaves out, the virtual robot leaves out, too";
 
+/// A spring along a spatial tendon through sites.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct TendonSpring {
+    /// The tendon's name.
+    pub name: String,
+    /// Its stiffness (N/m).
+    pub stiffness_n_per_m: f64,
+    /// The range of lengths at which it is relaxed (m).
+    pub rest_m: [f64; 2],
+    /// The sites that it goes through.
+    pub sites: Vec<usize>,
+}
+
 /// Whether constraints of this kind act.
-fn constrains(model: &MjModel, bit: MjtDisableBit) -> bool {
-    !disabled(model, MjtDisableBit::mjDSBL_CONSTRAINT) && !disabled(model, bit)
+fn constrains(robot: &Model, bit: MjtDisableBit) -> bool {
+    !disabled(&robot.inner, MjtDisableBit::mjDSBL_CONSTRAINT) && !disabled(&robot.inner, bit)
 }
 
-/// A spring in a joint whose force is not linear.
-pub(super) fn joint_springs(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    let (stiffness, higher) = (model.jnt_stiffness(), model.jnt_stiffnesspoly());
-    let joint = (0..stiffness.len()).find(|&joint| stiffens(0.0, &higher[joint]))?;
-    let acts = !disabled(model, MjtDisableBit::mjDSBL_SPRING);
-    acts.then(|| {
-        let element = element(model, MjtObjBase::mjOBJ_JOINT, "joint", joint);
-        let found = list(stiffness[joint], &higher[joint]);
-        let problem = format!(
-            "stiffness=\"{found}\" is a spring whose force is not linear; the statics know linear ones"
-        );
-        RefusedElement::new(element, problem, "give it one stiffness")
-    })
-}
-
-/// A spring in a tendon that is not linear, or that does not run straight from site to site.
-pub(super) fn tendon_springs(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    stiff_tendons(model).find_map(|tendon| {
-        let higher = &model.tendon_stiffnesspoly()[tendon];
-        let found = list(model.tendon_stiffness()[tendon], higher);
-        let what = if stiffens(0.0, higher) {
-            "whose force is not linear"
-        } else if sites_of(model, tendon).is_none() {
-            "that does not run straight from site to site"
-        } else {
-            return None;
+impl Model {
+    /// An element as a person finds it in the file: its tag and its name, or its number from 0.
+    pub(in crate::mujoco) fn element(&self, tag: &str, id: usize) -> String {
+        let kind = match tag {
+            "joint" => MjtObjBase::mjOBJ_JOINT,
+            "actuator" => MjtObjBase::mjOBJ_ACTUATOR,
+            "tendon" => MjtObjBase::mjOBJ_TENDON,
+            "body" => MjtObjBase::mjOBJ_BODY,
+            "flex" => MjtObjBase::mjOBJ_FLEX,
+            _ => MjtObjBase::mjOBJ_EQUALITY,
         };
-        let problem = format!(
-            "stiffness=\"{found}\" is a spring {what}; the statics know linear springs through sites"
+        let name = self.inner.id_to_name(kind, id);
+        name.map_or_else(|| format!("{tag} {id}"), |name| format!("{tag} {name:?}"))
+    }
+
+    /// The tendons with springs that act.
+    fn stiff_tendons(&self) -> impl Iterator<Item = usize> {
+        let (stiffness, higher) = (
+            self.inner.tendon_stiffness(),
+            self.inner.tendon_stiffnesspoly(),
         );
-        Some(RefusedElement::new(tendon_element(model, tendon), problem, REMOVE))
-    })
-}
+        let acts = !disabled(&self.inner, MjtDisableBit::mjDSBL_SPRING);
+        (0..stiffness.len())
+            .filter(move |&tendon| acts && stiffens(stiffness[tendon], &higher[tendon]))
+    }
 
-/// The tendons with springs that act.
-fn stiff_tendons(model: &MjModel) -> impl Iterator<Item = usize> + '_ {
-    let (stiffness, higher) = (model.tendon_stiffness(), model.tendon_stiffnesspoly());
-    let acts = !disabled(model, MjtDisableBit::mjDSBL_SPRING);
-    (0..stiffness.len()).filter(move |&tendon| acts && stiffens(stiffness[tendon], &higher[tendon]))
-}
-
-/// The sites that a tendon goes through; none where it has anything else on its way.
-fn sites_of(model: &MjModel, tendon: usize) -> Option<Vec<usize>> {
-    let first = model.tendon_adr()[tendon].unsigned_abs() as usize;
-    let count = model.tendon_num()[tendon].unsigned_abs() as usize;
-    (first..first + count)
-        .map(|each| {
+    /// The sites that a tendon goes through; none where it has anything else on its way.
+    fn sites_of_tendon(&self, tendon: usize) -> Option<Vec<usize>> {
+        let model = &self.inner;
+        let first = model.tendon_adr()[tendon].unsigned_abs() as usize;
+        let count = model.tendon_num()[tendon].unsigned_abs() as usize;
+        let site = |each: usize| {
             (model.wrap_type()[each] == MjtWrap::mjWRAP_SITE)
                 .then(|| model.wrap_objid()[each].unsigned_abs() as usize)
-        })
-        .collect()
-}
+        };
+        (first..first + count).map(site).collect()
+    }
 
-/// The springs that the chain knows.
-pub(super) fn springs_between_sites(robot: &Model) -> Vec<TendonSpring> {
-    let model = &*robot.inner;
-    stiff_tendons(model)
-        .filter_map(|tendon| {
-            let name = model.id_to_name(MjtObjBase::mjOBJ_TENDON, tendon);
+    /// The springs of tendons that the chain knows.
+    pub(crate) fn tendon_springs(&self) -> Vec<TendonSpring> {
+        let spring = |tendon| {
             Some(TendonSpring {
-                name: name.map_or_else(|| format!("tendon {tendon}"), str::to_owned),
-                stiffness_n_per_m: model.tendon_stiffness()[tendon],
-                rest_m: model.tendon_lengthspring()[tendon],
-                sites: sites_of(model, tendon)?,
+                name: self.name(MjtObjBase::mjOBJ_TENDON, "tendon", tendon),
+                stiffness_n_per_m: self.inner.tendon_stiffness()[tendon],
+                rest_m: self.inner.tendon_lengthspring()[tendon],
+                sites: self.sites_of_tendon(tendon)?,
             })
-        })
-        .collect()
+        };
+        self.stiff_tendons().filter_map(spring).collect()
+    }
+
+    /// The equality constraints that act.
+    pub(in crate::mujoco) fn equalities(&self) -> impl Iterator<Item = usize> + use<> {
+        let acts = constrains(self, MjtDisableBit::mjDSBL_EQUALITY);
+        let active: Vec<bool> = self.inner.eq_active0().to_vec();
+        (0..active.len()).filter(move |&equality| acts && active[equality])
+    }
+
+    /// Whether the model has equality constraints that act.
+    pub fn has_equalities(&self) -> bool {
+        self.equalities().next().is_some()
+    }
+
+    /// An equality constraint as a person finds it in the file.
+    pub(in crate::mujoco) fn equality_element(&self, equality: usize) -> String {
+        let kind = match self.inner.eq_type()[equality] {
+            MjtEq::mjEQ_CONNECT => "connect",
+            MjtEq::mjEQ_WELD => "weld",
+            MjtEq::mjEQ_JOINT => "joint",
+            MjtEq::mjEQ_TENDON => "tendon",
+            _ => "constraint",
+        };
+        self.element(&format!("equality/{kind}"), equality)
+    }
+
+    /// What multiplies the sine of half the angle in a weld's residual (m); none for other constraints, and
+    /// where a weld leaves the orientation free.
+    pub(in crate::mujoco) fn weld_scale(&self, equality: usize) -> Option<f64> {
+        // Where MuJoCo has the attribute torquescale.
+        let scale = self.inner.eq_data()[equality][10];
+        (self.inner.eq_type()[equality] == MjtEq::mjEQ_WELD && scale > 0.0).then_some(scale)
+    }
+
+    /// Whether the residual of an equality constraint is an angle (true) or a length (false); none where it is neither.
+    pub(in crate::mujoco) fn couples_angles(&self, equality: usize) -> Option<bool> {
+        match self.inner.eq_type()[equality] {
+            MjtEq::mjEQ_CONNECT | MjtEq::mjEQ_WELD | MjtEq::mjEQ_TENDON => Some(false),
+            MjtEq::mjEQ_JOINT => {
+                let joint = self.inner.eq_obj1id()[equality].unsigned_abs() as usize;
+                Some(self.inner.jnt_type()[joint] == MjtJoint::mjJNT_HINGE)
+            }
+            _ => None,
+        }
+    }
 }
 
 fn stiffens(linear: f64, higher: &[f64]) -> bool {
@@ -91,167 +130,129 @@ fn stiffens(linear: f64, higher: &[f64]) -> bool {
 
 /// Numbers as the attribute has them; the higher ones only where they are given.
 fn list(linear: f64, higher: &[f64]) -> String {
-    let mut text = linear.to_string();
-    if higher.iter().any(|&each| each != 0.0) {
-        for each in higher {
-            text += &format!(" {each}");
-        }
-    }
-    text
+    let higher = if stiffens(0.0, higher) { higher } else { &[] };
+    let all = std::iter::once(&linear).chain(higher);
+    all.map(f64::to_string).collect::<Vec<_>>().join(" ")
 }
 
-fn tendon_element(model: &MjModel, tendon: usize) -> String {
-    element(model, MjtObjBase::mjOBJ_TENDON, "tendon", tendon)
+/// A spring in a joint whose force is not linear.
+pub(super) fn joint_springs(robot: &Model) -> Option<FileError> {
+    let higher = robot.inner.jnt_stiffnesspoly();
+    let joint = higher.iter().position(|higher| stiffens(0.0, higher))?;
+    (!disabled(&robot.inner, MjtDisableBit::mjDSBL_SPRING)).then(|| {
+        let found = list(robot.inner.jnt_stiffness()[joint], &higher[joint]);
+        let problem = format!(
+            "stiffness=\"{found}\" is a spring whose force is not linear; the statics know linear ones"
+        );
+        robot.not_static(robot.element("joint", joint), problem, "give it one stiffness")
+    })
+}
+
+/// A spring in a tendon that is not linear, or that does not run straight from site to site.
+pub(super) fn tendon_springs(robot: &Model) -> Option<FileError> {
+    robot.stiff_tendons().find_map(|tendon| {
+        let higher = &robot.inner.tendon_stiffnesspoly()[tendon];
+        let found = list(robot.inner.tendon_stiffness()[tendon], higher);
+        let what = if stiffens(0.0, higher) {
+            "whose force is not linear"
+        } else if robot.sites_of_tendon(tendon).is_none() {
+            "that does not run straight from site to site"
+        } else {
+            return None;
+        };
+        let problem = format!(
+            "stiffness=\"{found}\" is a spring {what}; the statics know linear springs through sites"
+        );
+        Some(robot.not_static(robot.element("tendon", tendon), problem, REMOVE))
+    })
 }
 
 /// A tendon that can become taut.
-pub(super) fn tendon_limits(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    let tendon = model.tendon_limited().iter().position(|&limited| limited)?;
-    constrains(model, MjtDisableBit::mjDSBL_LIMIT).then(|| {
-        let [low, high] = model.tendon_range()[tendon];
+pub(super) fn tendon_limits(robot: &Model) -> Option<FileError> {
+    let limited = robot.inner.tendon_limited();
+    let tendon = limited.iter().position(|&limited| limited)?;
+    constrains(robot, MjtDisableBit::mjDSBL_LIMIT).then(|| {
+        let [low, high] = robot.inner.tendon_range()[tendon];
         let problem = format!("range=\"{low} {high}\" holds the arm where it becomes taut");
-        RefusedElement::new(tendon_element(model, tendon), problem, REMOVE)
+        robot.not_static(robot.element("tendon", tendon), problem, REMOVE)
     })
 }
 
-/// Dry friction lets an arm rest in many places.
-pub(super) fn joint_friction(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    let friction = model.dof_frictionloss();
-    let dof = friction.iter().position(|&loss| loss != 0.0)?;
-    constrains(model, MjtDisableBit::mjDSBL_FRICTIONLOSS).then(|| {
-        let joint = model.dof_jntid()[dof].unsigned_abs() as usize;
-        let element = element(model, MjtObjBase::mjOBJ_JOINT, "joint", joint);
-        let problem = format!(
-            "frictionloss=\"{}\" lets it stick away from its equilibrium",
-            friction[dof]
-        );
-        RefusedElement::new(element, problem, "set it to 0; damping may stay")
+/// Dry friction, in joints or tendons, lets an arm rest in many places.
+pub(super) fn friction(robot: &Model) -> Option<FileError> {
+    let loss = |all: &[f64]| all.iter().copied().enumerate().find(|each| each.1 != 0.0);
+    let (element, what, loss, hint) =
+        if let Some((degree, found)) = loss(robot.inner.dof_frictionloss()) {
+            let element = robot.element("joint", robot.joint_of_degree(degree));
+            (element, "it", found, "set it to 0; damping may stay")
+        } else {
+            let (tendon, found) = loss(robot.inner.tendon_frictionloss())?;
+            (robot.element("tendon", tendon), "the arm", found, REMOVE)
+        };
+    constrains(robot, MjtDisableBit::mjDSBL_FRICTIONLOSS).then(|| {
+        let problem =
+            format!("frictionloss=\"{loss}\" lets {what} stick away from its equilibrium");
+        robot.not_static(element, problem, hint)
     })
-}
-
-/// The same of tendons.
-pub(super) fn tendon_friction(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    let friction = model.tendon_frictionloss();
-    let tendon = friction.iter().position(|&loss| loss != 0.0)?;
-    constrains(model, MjtDisableBit::mjDSBL_FRICTIONLOSS).then(|| {
-        let problem = format!(
-            "frictionloss=\"{}\" lets the arm stick away from its equilibrium",
-            friction[tendon]
-        );
-        RefusedElement::new(tendon_element(model, tendon), problem, REMOVE)
-    })
-}
-
-/// The equality constraints that act.
-pub(super) fn acting_equalities(model: &MjModel) -> impl Iterator<Item = usize> + use<> {
-    let acts = constrains(model, MjtDisableBit::mjDSBL_EQUALITY);
-    let active: Vec<bool> = model.eq_active0().to_vec();
-    (0..active.len()).filter(move |&equality| acts && active[equality])
-}
-
-/// An equality constraint as a person finds it in the file.
-pub(super) fn equality_element(model: &MjModel, equality: usize) -> String {
-    let kind = match model.eq_type()[equality] {
-        MjtEq::mjEQ_CONNECT => "connect",
-        MjtEq::mjEQ_WELD => "weld",
-        MjtEq::mjEQ_JOINT => "joint",
-        MjtEq::mjEQ_TENDON => "tendon",
-        _ => "constraint",
-    };
-    let tag = format!("equality/{kind}");
-    element(model, MjtObjBase::mjOBJ_EQUALITY, &tag, equality)
-}
-
-/// What multiplies the sine of half the angle in a weld's residual (m).
-pub(super) fn weld_scale(model: &MjModel, equality: usize) -> Option<f64> {
-    // Where MuJoCo has the attribute torquescale.
-    let scale = model.eq_data()[equality][10];
-    (model.eq_type()[equality] == MjtEq::mjEQ_WELD && scale > 0.0).then_some(scale)
-}
-
-/// Whether the residual of an equality constraint is an angle (true) or a length (false).
-pub(super) fn couples_angles(model: &MjModel, equality: usize) -> Option<bool> {
-    match model.eq_type()[equality] {
-        MjtEq::mjEQ_CONNECT | MjtEq::mjEQ_WELD | MjtEq::mjEQ_TENDON => Some(false),
-        MjtEq::mjEQ_JOINT => {
-            let joint = model.eq_obj1id()[equality].unsigned_abs() as usize;
-            Some(model.jnt_type()[joint] == MjtJoint::mjJNT_HINGE)
-        }
-        _ => None,
-    }
 }
 
 /// Joints that are coupled, bodies that are tied to each other.
-pub(super) fn equalities(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    let equality = acting_equalities(model).next()?;
-    Some(RefusedElement::new(
-        equality_element(model, equality),
+pub(super) fn equalities(robot: &Model) -> Option<FileError> {
+    let equality = robot.equalities().next()?;
+    Some(robot.not_static(
+        robot.equality_element(equality),
         "ties joints or bodies to each other; the statics know a free serial chain only",
         "remove it, or give it active=\"false\"",
     ))
 }
 
 /// A body whose weight is compensated by more than itself, or less than nothing.
-pub(super) fn buoyancy(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    let compensation = model.body_gravcomp();
+pub(super) fn buoyancy(robot: &Model) -> Option<FileError> {
+    let compensation = robot.inner.body_gravcomp();
     let body = (compensation.iter()).position(|share| !(0.0..=1.0).contains(share))?;
-    let problem = format!("gravcomp=\"{}\"; 0 to 1 is allowed", compensation[body]);
-    Some(RefusedElement::new(
-        element(model, MjtObjBase::mjOBJ_BODY, "body", body),
-        problem,
+    Some(robot.not_static(
+        robot.element("body", body),
+        format!("gravcomp=\"{}\"; 0 to 1 is allowed", compensation[body]),
         "a part of its own weight is all that can be taken off a body",
     ))
 }
 
 /// Wind pulls at a robot at rest, where there is a medium.
-pub(super) fn wind(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    let option = model.opt();
+pub(super) fn wind(robot: &Model) -> Option<FileError> {
+    let option = robot.inner.opt();
+    let [x, y, z] = option.wind;
     let blows = option.wind.iter().any(|&speed| speed != 0.0)
         && (option.density > 0.0 || option.viscosity > 0.0);
     blows.then(|| {
-        let [x, y, z] = option.wind;
         let problem = format!("wind=\"{x} {y} {z}\" with density or viscosity pulls at the robot");
-        RefusedElement::new("option".to_owned(), problem, "remove the wind")
+        robot.not_static("option", problem, "remove the wind")
     })
 }
 
-/// A simulation that may fall asleep before it rests.
-pub(super) fn sleep(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    (model.opt().enableflags & MjtEnableBit::mjENBL_SLEEP as i32 != 0).then(|| {
-        RefusedElement::new(
-            "option/flag".to_owned(),
-            "sleep=\"enable\" stops the robot before it has come to rest",
-            "remove the flag",
-        )
-    })
+/// Flags by which every joint is let go, or the robot falls asleep before it rests.
+pub(super) fn flags(robot: &Model) -> Option<FileError> {
+    let problem = if disabled(&robot.inner, MjtDisableBit::mjDSBL_ACTUATION) {
+        "actuation=\"disable\" lets go of every joint"
+    } else if robot.inner.opt().enableflags & MjtEnableBit::mjENBL_SLEEP as i32 != 0 {
+        "sleep=\"enable\" stops the robot before it has come to rest"
+    } else {
+        return None;
+    };
+    Some(robot.not_static("option/flag", problem, "remove the flag"))
 }
 
 /// Bodies that bend by themselves.
-pub(super) fn flexes(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    (model.ffi().nflex > 0).then(|| {
-        RefusedElement::new(
-            element(model, MjtObjBase::mjOBJ_FLEX, "flex", 0),
-            "is a deformable body; the statics know rigid links only",
-            REMOVE,
-        )
+pub(super) fn flexes(robot: &Model) -> Option<FileError> {
+    (robot.inner.ffi().nflex > 0).then(|| {
+        let problem = "is a deformable body; the statics know rigid links only";
+        robot.not_static(robot.element("flex", 0), problem, REMOVE)
     })
 }
 
 /// Plugins that pull at bodies.
-pub(super) fn plugins(robot: &Model) -> Option<RefusedElement> {
-    let model = &*robot.inner;
-    let body = model.body_plugin().iter().position(|&plugin| plugin >= 0)?;
-    Some(RefusedElement::new(
-        element(model, MjtObjBase::mjOBJ_BODY, "body", body),
-        "has a plugin; its force is not known",
-        REMOVE,
-    ))
+pub(super) fn plugins(robot: &Model) -> Option<FileError> {
+    let plugins = robot.inner.body_plugin();
+    let body = plugins.iter().position(|&plugin| plugin >= 0)?;
+    let problem = "has a plugin; its force is not known";
+    Some(robot.not_static(robot.element("body", body), problem, REMOVE))
 }

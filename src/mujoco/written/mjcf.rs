@@ -10,10 +10,11 @@ use mujoco_rs::wrappers::mj_editing::{
     MjtLimited, PositionConfig, SpecElement, SpecItem, SpecObject,
 };
 use mujoco_rs::wrappers::mj_model::MjtTrn;
+use nalgebra::Isometry3;
 
-use super::paths::{folder_of, way};
-use super::{ModelCalibration, RIGID, WrittenModel};
-use crate::mujoco::{KEPT, Model, ModelChange, ModelError, idle::IDLE};
+use super::{ModelCalibration, RIGID, WrittenModel, folder_of, way};
+use crate::files::FileError;
+use crate::mujoco::{KEPT, Model, ModelChange, idle::IDLE, loading::specification};
 
 /// So many digits give a number back.
 const DIGITS: i32 = 17;
@@ -23,113 +24,140 @@ pub(super) fn written(
     model: &Model,
     calibration: &ModelCalibration,
     folder: &Path,
-) -> Result<WrittenModel, ModelError> {
-    let path = model.path();
-    let failed = |error: MjEditError| model.not_written(error.to_string());
-    let plain = Model::load(path)?;
-    let (mut spec, mut not_expressed) = plain.specification()?;
-    if model.ignores_actuators() {
-        idle(&mut spec);
-        if plain.actuators() > 0 {
-            not_expressed.push(format!(
-                "the file's actuators do not count: they stand in group {IDLE}, which is switched off"
-            ));
-        }
-    }
-    plain.mount(&mut spec, &calibration.additions)?;
-    let joints = model.chain_joints();
-    let acting = if model.ignores_actuators() {
-        plain.without_actuators()
-    } else {
-        plain
-    };
-    let loose: Vec<usize> = (joints.iter().zip(&calibration.compliance))
-        .filter(|(joint, compliance)| acting.joint_compliance(**joint) != Some(**compliance))
-        .filter(|(joint, _)| {
-            acting.position(**joint).is_none() && acting.joint_spring(**joint).is_none()
-        })
-        .map(|(joint, _)| *joint)
-        .collect();
-    for &joint in &loose {
-        let name = acting.joint_name(joint);
-        hold(&mut spec, &name).map_err(|problem| model.not_written(problem))?;
-    }
-    if !loose.is_empty() && drop_controls(&mut spec) {
-        not_expressed.push(
-            "the controls of keyframes, which have no numbers for the new actuators".to_owned(),
-        );
-    }
-    keep(&mut spec, &calibration.texts).map_err(failed)?;
-    let whole = Model::new(spec.compile().map_err(failed)?, path)?;
-    let whole = if model.ignores_actuators() {
-        Model {
-            without_actuators: true,
-            ..whole
-        }
-    } else {
-        whole
-    };
-    let calibrated = calibrated(&whole, &joints, calibration, &mut not_expressed)?;
+) -> Result<WrittenModel, FileError> {
+    let Calibrated {
+        mut spec,
+        model: calibrated,
+        not_expressed,
+    } = Calibrated::new(model, calibration)?;
     spec.compiler_mut().set_saveinertial(true);
-    assets(&mut spec, path, folder);
+    assets(&mut spec, model.path(), folder);
+    let text = text(&mut spec, &calibrated.inner);
     Ok(WrittenModel {
-        text: text(&mut spec, &calibrated).map_err(failed)?,
+        text: text.map_err(|error| model.not_written(error.to_string()))?,
         not_expressed,
     })
 }
 
-/// The model with the numbers of the calibration.
-fn calibrated(
+/// What a model's file says with what a scenario mounts and what was identified.
+pub(super) struct Calibrated {
+    spec: MjSpec,
+    /// The model with the numbers of the calibration.
+    pub model: Model,
+    not_expressed: Vec<String>,
+}
+
+impl Calibrated {
+    pub fn new(model: &Model, calibration: &ModelCalibration) -> Result<Self, FileError> {
+        let path = model.path();
+        let failed = |error: MjEditError| model.not_written(error.to_string());
+        let is_idle = model.ignores_actuators();
+        let acting = |own: Model| {
+            if is_idle {
+                own.without_actuators()
+            } else {
+                own
+            }
+        };
+        let plain = Model::load(path)?;
+        let (mut spec, mut not_expressed) = specification(path)?;
+        if is_idle {
+            idle(&mut spec);
+            if plain.actuators() > 0 {
+                not_expressed.push(format!(
+                    "the file's actuators do not count: they stand in group {IDLE}, which is switched off"
+                ));
+            }
+        }
+        plain.mount(&mut spec, &calibration.additions)?;
+        let joints = model.chain_joints();
+        let plain = acting(plain);
+        let mut is_any_loose = false;
+        for (&joint, compliance) in joints.iter().zip(&calibration.compliance) {
+            let is_held = plain.is_actuated(joint) || plain.joint_spring(joint).is_some();
+            if !is_held && plain.joint_compliance(joint) != Some(*compliance) {
+                is_any_loose = true;
+                let held = hold(&mut spec, &plain.joint_name(joint));
+                held.map_err(|problem| model.not_written(problem))?;
+            }
+        }
+        if is_any_loose && drop_controls(&mut spec) {
+            not_expressed.push(
+                "the controls of keyframes, which have no numbers for the new actuators".to_owned(),
+            );
+        }
+        keep(&mut spec, &calibration.texts).map_err(failed)?;
+        let whole = Model::new(spec.compile().map_err(failed)?, path)?;
+        let whole = Model {
+            without_actuators: is_idle,
+            ..whole
+        };
+        let stiff = stiff(&whole, &joints, calibration, &mut not_expressed)?;
+        let chain: Vec<Option<usize>> = joints.iter().copied().map(Some).collect();
+        let changed = whole.with_changes(&chain, &changes(calibration))?;
+        let changed = changed.with_joint_compliance(&joints, &stiff)?;
+        let mut numbers = (*changed.inner).clone();
+        for (&joint, zero) in joints.iter().zip(&calibration.zero) {
+            if whole.is_actuated(joint) && whole.joint_spring(joint).is_some() {
+                // The spring beside the drive feels the joint's own angle.
+                numbers.qpos_spring_mut()[whole.coordinate_of_joint(joint)] -= zero;
+            }
+        }
+        for (name, stiffness, rest) in &calibration.springs {
+            let tendon = whole.tendon(name)?;
+            numbers.tendon_stiffness_mut()[tendon] = *stiffness;
+            numbers.tendon_lengthspring_mut()[tendon] = *rest;
+        }
+        Ok(Self {
+            spec,
+            model: whole.changed(numbers),
+            not_expressed,
+        })
+    }
+}
+
+/// What of geometry and masses is different.
+fn changes(calibration: &ModelCalibration) -> Vec<ModelChange> {
+    let links = calibration.links.iter().enumerate();
+    let sites = calibration.sites.iter();
+    let masses = calibration.mass_factor.iter().enumerate();
+    let centres = calibration.centre_shift_m.iter().enumerate();
+    let moved = links.filter(|(_, by)| **by != Isometry3::identity());
+    (moved.map(|(link, by)| ModelChange::Link(link, *by)))
+        .chain(sites.map(|(name, by)| ModelChange::Site(name.clone(), *by)))
+        .chain(masses.map(|(link, factor)| ModelChange::Mass(link, *factor)))
+        .chain(centres.map(|(link, shift)| ModelChange::Centre(link, *shift)))
+        .collect()
+}
+
+/// The compliances that joints are to have; zero stays as it is.
+fn stiff(
     model: &Model,
     joints: &[usize],
     calibration: &ModelCalibration,
     not_expressed: &mut Vec<String>,
-) -> Result<MjModel, ModelError> {
-    let links = calibration.links.iter().enumerate();
-    let masses = calibration.mass_factor.iter().enumerate();
-    let centres = calibration.centre_shift_m.iter().enumerate();
-    let sites = calibration.sites.iter();
-    let changes: Vec<ModelChange> = (links.map(|(link, by)| ModelChange::Link(link, *by)))
-        .chain(sites.map(|(name, by)| ModelChange::Site(name.clone(), *by)))
-        .chain(masses.map(|(link, factor)| ModelChange::Mass(link, *factor)))
-        .chain(centres.map(|(link, shift)| ModelChange::Centre(link, *shift)))
-        .collect();
-    let chain: Vec<Option<usize>> = joints.iter().copied().map(Some).collect();
+) -> Result<Vec<f64>, FileError> {
     let mut stiff = Vec::with_capacity(joints.len());
     for (&joint, &wanted) in joints.iter().zip(&calibration.compliance) {
-        let name = model.joint_name(joint);
+        let (name, own) = (model.joint_name(joint), model.joint_compliance(joint));
         if wanted < 0.0 {
             return Err(model.not_written(format!(
                 "the compliance of {name} is negative: no spring has that"
             )));
         }
-        let is_rigid = wanted == 0.0 && model.joint_compliance(joint) != Some(0.0);
+        let is_rigid = wanted == 0.0 && own != Some(0.0);
         if is_rigid {
             not_expressed.push(format!(
                 "{name} is held to be rigid: it has a stiffness of {RIGID:e}"
             ));
         }
-        stiff.push(match model.joint_compliance(joint) {
-            // Zero stays as it is.
+        stiff.push(match own {
             Some(own) if own.to_bits() == wanted.to_bits() => 0.0,
             _ if is_rigid => RIGID.recip(),
             _ => wanted,
         });
     }
-    let changed = (model.with_changes(&chain, &changes)?).with_joint_compliance(joints, &stiff)?;
-    let mut numbers = (*changed.inner).clone();
-    for (&joint, zero) in joints.iter().zip(&calibration.zero) {
-        if model.position(joint).is_some() && model.joint_spring(joint).is_some() {
-            // The spring beside the drive feels the joint's own angle.
-            numbers.qpos_spring_mut()[model.coordinate_of_joint(joint)] -= zero;
-        }
-    }
-    for (name, stiffness, rest) in &calibration.springs {
-        let tendon = model.tendon(name)?;
-        numbers.tendon_stiffness_mut()[tendon] = *stiffness;
-        numbers.tendon_lengthspring_mut()[tendon] = *rest;
-    }
-    Ok(numbers)
+    Ok(stiff)
 }
 
 /// No actuator counts, and no dry friction and limited force of a joint.

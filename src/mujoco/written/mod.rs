@@ -2,18 +2,16 @@
 //!
 //! MuJoCo writes MJCF itself. Of a URDF only the numbers that were identified change; all else stays as it is written.
 
-mod edits;
 mod mjcf;
-mod mounted;
-mod paths;
-mod pose;
 mod urdf;
 
 use std::path::{Path, PathBuf};
 
+use crate::codes::ErrorCode;
+use crate::files::FileError;
 use nalgebra::{Isometry3, Vector3};
 
-use super::{Additions, Model, ModelError};
+use super::{Additions, Model};
 
 /// What a written model says that the file does not. Joints are counted as in the chain of the model, without
 /// those that are locked.
@@ -61,11 +59,11 @@ impl Model {
         &self,
         calibration: &ModelCalibration,
         folder: &Path,
-    ) -> Result<WrittenModel, ModelError> {
+    ) -> Result<WrittenModel, FileError> {
         mjcf::written(self, calibration, folder)
     }
 
-    /// The same as URDF.
+    /// The same as URDF, of a model that is one.
     ///
     /// # Errors
     /// Something of it cannot be changed in the file, by name.
@@ -73,7 +71,7 @@ impl Model {
         &self,
         calibration: &ModelCalibration,
         folder: &Path,
-    ) -> Result<WrittenModel, ModelError> {
+    ) -> Result<WrittenModel, FileError> {
         urdf::written(self, calibration, folder)
     }
 
@@ -84,10 +82,32 @@ impl Model {
             .collect()
     }
 
-    fn not_written(&self, problem: impl Into<String>) -> ModelError {
-        ModelError::NotWritten {
-            path: PathBuf::from(self.path()),
-            problem: problem.into(),
-        }
+    /// The error for a file that cannot be written again with other numbers.
+    fn not_written(&self, problem: impl Into<String>) -> FileError {
+        let problem = problem.into();
+        let problem = format!("cannot be written with what was identified: {problem}");
+        FileError::new(self.path(), problem).code(ErrorCode::ModelNotWritten)
     }
+}
+
+/// How a file is named from a folder: relative to it where both hang on the same root.
+fn way(folder: &Path, file: &Path) -> PathBuf {
+    let absolute = |path: &Path| {
+        let is_here = path.as_os_str().is_empty();
+        let path = if is_here { Path::new(".") } else { path };
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        path.canonicalize().unwrap_or(path)
+    };
+    let (folder, file) = (absolute(folder), absolute(file));
+    let same = (folder.components().zip(file.components()))
+        .take_while(|(one, other)| one == other)
+        .count();
+    let mut way: PathBuf = folder.components().skip(same).map(|_| "..").collect();
+    way.extend(file.components().skip(same));
+    way
+}
+
+/// The folder of a file.
+fn folder_of(path: &Path) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).to_owned()
 }

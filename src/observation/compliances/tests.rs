@@ -4,8 +4,11 @@ use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
 
 use super::ComplianceRows;
 use crate::observation::first_order::tests::{arms, load};
-use crate::observation::observed::tests::{DEFLECTIONS, ROTATIONS, configuration, with_a_spring};
-use crate::observation::{BareArm, DeflectionPrecision, ObservedRows};
+use crate::observation::observed::ObservedRows;
+use crate::observation::observed::tests::{
+    DEFLECTIONS, ROTATIONS, configuration, differences, with_a_spring,
+};
+use crate::observation::{BareArm, DeflectionPrecision};
 use crate::parameter::arms::Numbers;
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::{Elements, Load};
@@ -78,16 +81,15 @@ fn compare(
         let product = whitened.columns(block * count, count) * &weights;
         factor.columns_mut(block * count, count).copy_from(&product);
     }
-    let [mut found, mut expected] = [0, 1].map(|_| vec![0.0; count]);
+    let mut found = vec![0.0; count];
     closed.pull_back(&state, load, &factor, &mut found);
-    observed.pull_back(load, &factor, &mut expected);
+    let (expected, of_force) = differences(&mut observed, q, load, &factor);
     agree("by joints", &found, &expected, room.max(1e-5));
     let found = closed.force_gradient(&state, &factor);
-    let expected = observed.force_gradient(load, &factor);
     agree(
         "by the force",
         found.as_slice(),
-        expected.as_slice(),
+        of_force.as_slice(),
         room.max(1e-5),
     );
 }

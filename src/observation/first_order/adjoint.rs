@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
-use super::{Column, FirstOrder, Lever, WavyJoint, by_shift, by_turn};
+use super::{Column, FirstOrder, Lever, by_shift, by_turn};
 use crate::parameter::{ReadingSource, TransmissionError, along};
 use crate::robot::Load;
 
@@ -35,26 +35,12 @@ impl FirstOrder<'_> {
             lever.of_position = Vector3::zeros();
             lever.of_rotation = Vector3::zeros();
         }
-        for each in &mut self.off_springs {
-            each.forget();
-        }
-        for each in &mut self.wavy_joints {
-            (each.of_values, each.of_slopes) = (Vector3::zeros(), Vector3::zeros());
-        }
         let mut of_force = self.adjoint_of_derivatives(load, &(whitener.transpose() * factor));
         let mut of_tool = Vector3::zeros();
         for source in 0..self.sources.len() {
             of_force += self.adjoint_of_covariance(source, load, &of_covariance, &mut of_tool);
         }
         self.sweep(&of_tool, gradient);
-        for each in &self.off_springs {
-            each.add_to(gradient, &self.turning, &self.weight_turning);
-        }
-        for each in &self.wavy_joints {
-            if let Some(slope) = gradient.get_mut(each.joint) {
-                *slope += each.of_angle;
-            }
-        }
         of_force
     }
 
@@ -78,21 +64,17 @@ impl FirstOrder<'_> {
                     self.levers[place].of_position += position;
                     self.levers[place].of_rotation += rotation;
                 }
-                Column::OffSpring(place) => of_force += self.adjoint_of_off_spring(place, load, &b),
-                Column::Wave(wave) => {
-                    let wave = &self.waves[wave];
-                    let owner = &mut self.wavy_joints[wave.owner];
-                    owner.of_values += b * wave.value;
-                    owner.of_slopes += b * wave.slope;
-                }
                 Column::LoadScale => of_deflection += b,
                 Column::LoadOffset => of_unit += b,
                 Column::Turned(axis) => of_deflection += b.cross(&axis),
-                Column::TaskScale | Column::TaskForce(_) | Column::Seen(_) | Column::Silent => {}
+                // The first two have no gradient here, see [`FirstOrder::has_gradient`]; the others do not change.
+                Column::OffSpring(_)
+                | Column::Wave(_)
+                | Column::TaskScale
+                | Column::TaskForce(_)
+                | Column::Seen(_)
+                | Column::Silent => {}
             }
-        }
-        for owner in 0..self.wavy_joints.len() {
-            of_force += self.adjoint_of_waves(owner, load);
         }
         let along = Load {
             force_n: unit,
@@ -109,47 +91,8 @@ impl FirstOrder<'_> {
         of_force
     }
 
-    /// Adds the adjoints for b . (the column of a joint that stands off its spring), and returns that of the force.
-    fn adjoint_of_off_spring(
-        &mut self,
-        place: usize,
-        load: &Load,
-        b: &Vector3<f64>,
-    ) -> Vector3<f64> {
-        let joint = self.off_springs[place].joint;
-        let lever = self.joints[joint];
-        let shape = self.off_springs[place].under(lever.torque(load));
-        let along = b.dot(&lever.position);
-        let of_loaded = along + b.dot(&self.of_motion(joint, &lever, load));
-        let turned = b * shape.loaded;
-        let (force, position, rotation) = self.adjoint_of_motion(joint, &lever, load, &turned);
-        let of_load = self.off_springs[place].weigh(&shape, of_loaded, -along);
-        let own = &mut self.joints[joint];
-        own.of_position += position + b * shape.crossed() + load.force_n * of_load;
-        own.of_rotation += rotation + load.torque_nm * of_load;
-        force + lever.position * of_load
-    }
-
-    /// Adds the adjoints for all columns of the waves in a joint's gear, and returns that of the force.
-    fn adjoint_of_waves(&mut self, owner: usize, load: &Load) -> Vector3<f64> {
-        let WavyJoint {
-            joint,
-            of_values,
-            of_slopes,
-            ..
-        } = self.wavy_joints[owner];
-        let lever = self.joints[joint];
-        let of_angle = of_slopes.dot(&self.of_motion(joint, &lever, load));
-        self.wavy_joints[owner].of_angle = of_angle;
-        let (force, position, rotation) = self.adjoint_of_motion(joint, &lever, load, &of_values);
-        let own = &mut self.joints[joint];
-        own.of_position += position;
-        own.of_rotation += rotation;
-        force
-    }
-
-    /// The same for b . (what a motion with a lever changes of the deflection); besides the adjoint of the force those of the
-    /// lever.
+    /// Adds the adjoints for b . (what a motion with a lever changes of the deflection), and returns that of the force and those of
+    /// the lever.
     fn adjoint_of_motion(
         &mut self,
         from: usize,

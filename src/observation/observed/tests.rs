@@ -9,7 +9,7 @@ use super::{DeflectionPrecision, ObservedRows};
 use crate::observation::first_order::tests::{
     all_arms, arms, every_source, everything, load, stand,
 };
-use crate::observation::{FirstOrder, ObservationModel, ReadingKind, Setup};
+use crate::observation::{FirstOrder, ObservationModel, PlannedReadings, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, random_elastic};
 use crate::parameter::{ElasticArm, GearWave, ParameterKind, ParameterSet, Unloaded};
 use crate::robot::{EquilibriumSolver, Load, Place, Spring};
@@ -29,6 +29,43 @@ pub(in crate::observation) fn configuration(numbers: &mut Numbers, arm: &Elastic
     (0..arm.chain.len())
         .map(|_| numbers.between(-1.0, 1.0))
         .collect()
+}
+
+/// How the sum of a factor times the whitened rows follows joints and the force, by differences.
+pub(in crate::observation) fn differences(
+    observed: &mut ObservedRows<'_>,
+    q: &[f64],
+    load: &Load,
+    factor: &Matrix3xX<f64>,
+) -> (Vec<f64>, Vector3<f64>) {
+    let mut rows = Matrix3xX::zeros(factor.ncols());
+    let mut slope = |changed: &dyn Fn(f64) -> (Vec<f64>, Load), shift: f64| {
+        let mut at = |shift: f64| {
+            let (q, load) = changed(shift);
+            observed.move_to(&q);
+            observed.observe(&load, &mut rows);
+            factor.dot(&rows)
+        };
+        (at(shift) - at(-shift)) / (2.0 * shift)
+    };
+    let by_joint = |joint: usize| {
+        let moved = |shift: f64| {
+            let mut q = q.to_vec();
+            q[joint] += shift;
+            (q, *load)
+        };
+        slope(&moved, 1e-5)
+    };
+    let by_joints = (0..q.len()).map(by_joint).collect();
+    let by_force = Vector3::from_fn(|axis, _| {
+        let changed = |shift: f64| {
+            let mut load = *load;
+            load.force_n[axis] += shift;
+            (q.to_vec(), load)
+        };
+        slope(&changed, 1e-3 * load.force_n.norm().max(1.0))
+    });
+    (by_joints, by_force)
 }
 
 /// A compensator between the base and a link, and parameters that it has a part in.
@@ -105,17 +142,44 @@ fn deflections_are_those_of_the_closed_form() {
         closed.observe(&load, &mut expected);
         observed.observe(&load, &mut found);
         assert!((&found - &expected).norm() < 1e-8 * expected.norm());
+    }
+}
+
+/// Gradients in closed form are those of differences, which the others are.
+#[test]
+fn closed_gradients_are_those_of_differences() {
+    let numbers = &mut Numbers(45);
+    for arm in arms(numbers) {
+        if arm.chain.elements.has_springs() {
+            continue;
+        }
+        let set = everything(&arm);
+        let is_closed = |index: &usize| {
+            let kind = set.parameters()[*index].kind;
+            let is_wave = matches!(kind, ParameterKind::JointWave { .. });
+            !is_wave && !matches!(kind, ParameterKind::JointStiffening { .. })
+        };
+        let set = set.subset(&(0..set.len()).filter(is_closed).collect::<Vec<_>>());
+        let sizes = vec![0.7; set.len()];
+        let sources = every_source(numbers, &arm);
+        let mut planned = PlannedReadings::new(&arm, 0, &set, &sizes, DEFLECTIONS, &sources);
+        let mut whole = ObservedRows::new(&arm, 0, &set, &sizes, DEFLECTIONS, &sources);
+        let q = configuration(numbers, &arm);
+        let load = load(numbers, true);
+        planned.move_to(&q);
+        let mut rows = Matrix3xX::zeros(set.len());
+        planned.observe(&load, &mut rows);
         let symmetric = DMatrix::from_fn(set.len(), set.len(), |row, column| {
             ((row + 2 * column) % 5 + (2 * row + column) % 5) as f64 / 10.0
         });
-        let factor = &expected * symmetric;
-        let (mut expected, mut found) = (vec![0.0; q.len()], vec![0.0; q.len()]);
-        let of_force = closed.pull_back(&load, &factor, &mut expected);
-        observed.pull_back(&load, &factor, &mut found);
-        let [expected, found] = [expected, found].map(DVector::from_vec);
-        let error = (&found - &expected).norm() / expected.norm();
+        let factor = &rows * symmetric;
+        let mut found = vec![0.0; q.len()];
+        planned.pull_back(&load, &factor, &mut found);
+        let (expected, of_force) = differences(&mut whole, &q, &load, &factor);
+        let [found, expected] = [found, expected].map(DVector::from_vec);
+        let error = (found - &expected).norm() / expected.norm();
         assert!(error < 1e-4, "{error}");
-        let error = (observed.force_gradient(&load, &factor) - of_force).norm() / of_force.norm();
+        let error = (planned.force_gradient(&load, &factor) - of_force).norm() / of_force.norm();
         assert!(error < 1e-4, "{error}");
     }
 }

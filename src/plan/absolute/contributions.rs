@@ -7,14 +7,16 @@
 use nalgebra::{Cholesky, DMatrix, Matrix6, Matrix6xX, MatrixXx6};
 
 use super::readable::disturbed;
-use super::{AbsolutePlanning, PredictedAccuracy, RepeatedReading, in_units, place_rows, stacked};
+use super::{
+    AbsolutePlanning, PlaceRows, PredictedAccuracy, RepeatedReading, in_units, place_rows, stacked,
+};
 use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_rows};
 use crate::parameter::{
     ParameterKind, ParameterSet, ReadingSource, Source, SourceLevel, Uncertainty,
 };
 use crate::plan::uncertainty_budget::{Input, common};
 use crate::plan::{BudgetSource, CommonSources, UncertaintyBudget};
-use crate::task::{Extended, Task, station_named};
+use crate::task::{Extended, Task};
 
 /// What is known before without a name in the scenario, as of a payload that nobody weighed.
 const BEFORE: &str = "known before";
@@ -86,20 +88,17 @@ impl AbsolutePlanning<'_> {
         }
         let mean = &self.set.prior().mean;
         let weigh = |group: Vec<RepeatedReading>| {
-            let setups: Vec<(&Setup, ReadingKind)> =
-                group.iter().map(|each| self.setup(each.place)).collect();
+            let setups = group.iter().map(|each| self.setup(each.place));
+            let setups: Vec<(&Setup, ReadingKind)> = setups.collect();
             let derivatives = planned_rows(&self.set, &self.case.arm, mean, &setups);
-            let columns: Vec<MatrixXx6<f64>> = derivatives
-                .iter()
-                .map(|rows| &gain * rows.transpose())
-                .collect();
+            let columns = derivatives.iter().map(|rows| &gain * rows.transpose());
+            let columns: Vec<MatrixXx6<f64>> = columns.collect();
             let precision = self.precision(&group);
             let weight = |place: usize| -> MatrixXx6<f64> {
-                (columns.iter().enumerate())
-                    .map(|(other, column)| {
-                        column * precision.fixed_view::<6, 6>(6 * other, 6 * place)
-                    })
-                    .sum()
+                let parts = columns.iter().enumerate().map(|(other, column)| {
+                    column * precision.fixed_view::<6, 6>(6 * other, 6 * place)
+                });
+                parts.sum()
             };
             let weights: Vec<MatrixXx6<f64>> = (0..group.len()).map(weight).collect();
             group.into_iter().zip(weights).collect()
@@ -143,15 +142,8 @@ impl AbsolutePlanning<'_> {
     /// What a source of errors leaves (m^2).
     fn left_by_source(&self, weighed: &WeighedReadings, source: &ReadingSource) -> f64 {
         weighed.left_by(|place| {
-            let candidate = &self.candidates[place];
-            let station = station_named(self.stations, candidate.station.as_deref());
-            disturbed(
-                &self.case,
-                station,
-                candidate,
-                self.setup(place).0,
-                [source],
-            )
+            let (candidate, setup) = (&self.candidates[place], self.setup(place).0);
+            disturbed(&self.case, self.stations, candidate, setup, [source])
         })
     }
 
@@ -179,10 +171,18 @@ impl AbsolutePlanning<'_> {
                 named.push(BudgetSource::of_readings(name, source, extended, square));
             }
             let of_task = self.of_task(extended);
+            // What one of the vector leaves; frames are found from readings, whatever is known of them before.
+            let left_by_known = |&place: &usize| {
+                let kind = extended.set().parameters()[place].kind;
+                let own = self.set.index_of(kind).filter(|_| !kind.is_mounted());
+                own.map_or(0.0, |own| {
+                    let size = self.set.parameters()[own].scale;
+                    let precision = extended.own_precision(place) * size * size;
+                    weighed.gain.column(own).norm_squared() * precision
+                })
+            };
             for (name, places) in extended.shared() {
-                let known: f64 = (places.iter())
-                    .map(|&place| self.left_by_known(extended, place, &weighed))
-                    .sum();
+                let known: f64 = places.iter().map(left_by_known).sum();
                 before -= known;
                 let task = of_task.iter().filter(|(place, _)| places.contains(place));
                 let square = known + task.map(|(_, square)| square).sum::<f64>();
@@ -213,19 +213,6 @@ impl AbsolutePlanning<'_> {
         input.filter(|_| plan.iter().all(is_position))
     }
 
-    /// What one of the vector leaves of which an uncertainty tells (m^2).
-    fn left_by_known(&self, extended: &Extended, place: usize, weighed: &WeighedReadings) -> f64 {
-        let kind = extended.set().parameters()[place].kind;
-        // Frames are found from readings, whatever is known of them before.
-        let own = self.set.index_of(kind).filter(|_| !kind.is_mounted());
-        let Some(own) = own else {
-            return 0.0;
-        };
-        let size = self.set.parameters()[own].scale;
-        let precision = extended.own_precision(place) * size * size;
-        weighed.gain.column(own).norm_squared() * precision
-    }
-
     /// The error sources in common with the campaign of the earlier identification, and the prediction with them.
     pub fn common_sources(
         &self,
@@ -245,13 +232,16 @@ impl AbsolutePlanning<'_> {
     fn of_task(&self, extended: &Extended) -> Vec<(usize, f64)> {
         let parameters = extended.set().parameters();
         let places = (0..parameters.len()).filter(|&place| is_of_task(parameters[place].kind));
-        let square = |column: usize| {
-            let of_pose = (self.poses.iter())
-                .map(|pose| pose.weight * pose.by_task.column(column).norm_squared());
-            of_pose.sum::<f64>()
+        let square = |pose: &PlaceRows, column: usize| {
+            pose.weight * pose.by_task.column(column).norm_squared()
         };
         (places.enumerate())
-            .map(|(column, place)| (place, square(column)))
+            .map(|(column, place)| {
+                (
+                    place,
+                    self.poses.iter().map(|pose| square(pose, column)).sum(),
+                )
+            })
             .collect()
     }
 
@@ -269,12 +259,14 @@ impl AbsolutePlanning<'_> {
         let weighed = self.weighed(plan, prediction);
         let square = |uncertainty: &&Uncertainty| match &uncertainty.source {
             Source::Reading(source) => self.left_by_source(&weighed, source),
-            Source::Plan(parameters) => self
-                .left_by_parameters((task, prediction), &weighed, parameters)
-                .unwrap_or(0.0),
+            Source::Plan(parameters) => {
+                let left = self.left_by_parameters((task, prediction), &weighed, parameters);
+                left.unwrap_or(0.0)
+            }
         };
-        (hidden.iter())
-            .map(|uncertainty| square(uncertainty).max(0.0).sqrt())
+        hidden
+            .iter()
+            .map(|each| square(each).max(0.0).sqrt())
             .collect()
     }
 

@@ -3,6 +3,8 @@
 //!
 //! What comes of it is evidence, and no proof: the region has more configurations than are looked at.
 
+use std::sync::atomic::Ordering;
+
 use nalgebra::DVector;
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
@@ -13,7 +15,8 @@ use crate::experiment::Candidate;
 use crate::identification::ParameterGroup;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::{RANDOM_READINGS, drawn_candidates};
-use crate::plan::search::{BoundKind, Watch, random_experiments};
+use crate::plan::Criterion;
+use crate::plan::search::{BoundKind, CandidatePlan, Problem, RandomPlans, Watch};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::Task;
@@ -30,11 +33,11 @@ const NEAR: usize = 12;
 const RANDOM_PLANS: usize = 200;
 
 /// How configurations are drawn.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 pub struct DrawnWanted {
-    /// So many configurations at first.
+    /// So many configurations at random from the scenario's region, and then others near those that were chosen.
     pub configurations: u32,
-    /// Under a seed.
+    /// Under this seed.
     pub seed: u64,
 }
 
@@ -56,15 +59,14 @@ impl<'a> AbsolutePlanning<'a> {
     ///
     /// # Errors
     /// None of those that are drawn does.
-    pub fn random(&self, readings: u32, seed: u64) -> Result<Vec<(usize, u32)>, AbsolutePlanError> {
+    pub fn random(&self, readings: u32, seed: u64) -> Result<CandidatePlan, AbsolutePlanError> {
         let mut random = generator(seed, RANDOM_READINGS);
         let machining = &self.case.belief.machining_tool.name;
         for _ in 0..RANDOM_PLANS {
             let station = random.random_range(0..self.case.stations.len().max(1));
-            let setup = |place: usize| &self.case.observations[place].setup;
             let mut places = self.places();
-            places.retain(|&place| setup(place).station == station);
-            let mut plan: Vec<(usize, u32)> = Vec::new();
+            places.retain(|&place| self.station_of(place) == station);
+            let mut plan = CandidatePlan::new();
             let mut drawn = 0;
             while drawn < readings && !places.is_empty() {
                 let place = places[random.random_range(0..places.len())];
@@ -79,16 +81,18 @@ impl<'a> AbsolutePlanning<'a> {
                 }
                 drawn += 1;
             }
-            let reads =
-                |&(place, _): &(usize, u32)| self.case.targets[setup(place).target] == *machining;
+            let reads = |&(place, _): &(usize, u32)| {
+                self.case.targets[self.case.observations[place].setup.target] == *machining
+            };
             if drawn == readings && plan.iter().any(reads) && self.prediction(&plan).left.is_ok() {
                 return Ok(plan);
             }
         }
-        Err(AbsolutePlanError::NoRandom {
-            readings,
-            tries: RANDOM_PLANS,
-        })
+        let problem = format!(
+            "of {RANDOM_PLANS} sampled plans of {readings} readings, none determines the tool's place at the test poses"
+        );
+        let hint = "give more readings (study.experiments)";
+        Err(AbsolutePlanError::other(problem, Some(hint)))
     }
 
     /// The best plan that is found of so many readings, of so many different candidates, which are drawn: each configuration without
@@ -106,48 +110,35 @@ impl<'a> AbsolutePlanning<'a> {
         let mut rows = drawn(task, wanted)?;
         let planning = Self::new(task, groups, &rows)?;
         let rounds = STEPS.len() + 1;
-        let stop = watch.stop;
-        let in_round = |round: usize| {
-            move |done: usize, all: usize, cost: f64| {
-                (watch.progress)(round * all + done, rounds * all, cost);
-            }
+        let search = |planning: &Self, round: usize| {
+            let here = Watch {
+                stop: watch.stop,
+                progress: &|done, all, cost| {
+                    (watch.progress)(round * all + done, rounds * all, cost);
+                },
+            };
+            let found = planning.design_by(SEARCHES, sizes, wanted.seed, here)?;
+            let chosen = found
+                .plan
+                .iter()
+                .map(|&(place, _)| planning.candidates[place].clone());
+            let chosen: Vec<Candidate> = chosen.collect();
+            let rho0_m = planning.prediction(&found.plan).rho0_m();
+            Ok::<_, AbsolutePlanError>((found, chosen, rho0_m))
         };
-        let mut found = planning.design_by(
-            SEARCHES,
-            sizes,
-            wanted.seed,
-            Watch {
-                stop,
-                progress: &in_round(0),
-            },
-        )?;
-        let mut best: Vec<Candidate> = (found.plan.iter())
-            .map(|&(place, _)| planning.candidates[place].clone())
-            .collect();
-        let mut least = planning.prediction(&found.plan).rho0_m();
+        let (mut found, mut best, mut least) = search(&planning, 0)?;
         for (round, step) in STEPS.iter().enumerate() {
-            if stop.load(std::sync::atomic::Ordering::Relaxed) {
+            if watch.stop.load(Ordering::Relaxed) {
                 break;
             }
-            let near = near(task, &best, *step, [wanted.seed, round as u64 + 1]);
-            let Ok(local) = Self::new(task, groups, &near) else {
+            let round = round + 1;
+            let near = near(task, &best, *step, [wanted.seed, round as u64]);
+            let searched = Self::new(task, groups, &near).and_then(|local| search(&local, round));
+            let Ok((searched, chosen, rho0_m)) = searched else {
                 continue;
             };
-            let progress = in_round(round + 1);
-            let here = Watch {
-                stop,
-                progress: &progress,
-            };
-            let Ok(searched) = local.design_by(SEARCHES, sizes, wanted.seed, here) else {
-                continue;
-            };
-            let rho0_m = local.prediction(&searched.plan).rho0_m();
             if rho0_m.is_some_and(|rho0_m| least.is_none_or(|least| rho0_m < least)) {
-                least = rho0_m;
-                best = (searched.plan.iter())
-                    .map(|&(place, _)| local.candidates[place].clone())
-                    .collect();
-                found = searched;
+                (found, best, least) = (searched, chosen, rho0_m);
             }
         }
         let offered = rows.len();
@@ -174,8 +165,13 @@ fn drawn(task: &Task, wanted: DrawnWanted) -> Result<Vec<Candidate>, AbsolutePla
     let mut anywhere = task.clone();
     anywhere.region.line_of_sight &= task.stations.is_empty();
     let stream = drawn_candidates(0);
-    let experiments = random_experiments(&anywhere, wanted.configurations, wanted.seed, stream)
-        .map_err(|error| AbsolutePlanError::Drawn(error.to_string()))?;
+    let problem = Problem::new(&anywhere, Criterion::TestPose);
+    let experiments = RandomPlans::new(&problem)
+        .draw_of(wanted.configurations, wanted.seed, stream)
+        .map_err(|error| {
+            AbsolutePlanError::other(format!("no candidates could be sampled: {error}"), None)
+        })?
+        .experiments;
     let belief = &task.belief;
     let carried = belief.calibration_tool.joints;
     let mut targets = vec![&belief.calibration_tool, &belief.machining_tool];

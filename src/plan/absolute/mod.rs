@@ -14,35 +14,35 @@ mod predicted_accuracy;
 mod readable;
 mod together;
 
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::{DMatrix, DVector, Matrix3xX};
 use rayon::prelude::*;
 
 use super::Criterion;
 use super::search::{
-    BoundKind, CandidateInformation, ExchangesTry, FiniteBound, FiniteDesign, FiniteEffort,
-    FiniteError, FiniteProblem, LeftOutCandidates, PlanBound, PlanProof, SharingCandidates,
-    TogetherBounds, Watch,
+    CandidateError, CandidateInformation, CandidatePlan, FiniteBound, FiniteDesign, FiniteEffort,
+    FiniteProblem, LeftOutCandidates, PlanBound, SharingCandidates, TogetherBounds, Watch,
 };
 use crate::compensation::KnownArm;
 use crate::experiment::Candidate;
-use crate::identification::{AbsoluteCase, ParameterGroup};
+use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{PlannedReading, ReadingErrors, ReadingKind, Setup, planned_positions};
-use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
+use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, relative_precision};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
-use crate::task::{Station, Task};
+use crate::task::{Extended, Station, Task};
 
 pub use drawn::DrawnWanted;
 pub use error::AbsolutePlanError;
 pub use predicted_accuracy::PredictedAccuracy;
 
 use contributions::is_of_task;
+use error::some_of;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
-use readable::{check_stations, errors_of, from_stations, possible, reading_of};
+use readable::{check_stations, disturbed, from_stations, possible, reading_of};
 use together::Neighbours;
 pub use together::RepeatedReading;
 
@@ -81,7 +81,7 @@ pub struct AbsolutePlanning<'a> {
 #[derive(Debug, Clone)]
 pub struct AbsolutePlan {
     /// The candidates by their places, and how often each is read.
-    pub plan: Vec<(usize, u32)>,
+    pub plan: CandidatePlan,
     /// What no plan of as many readings is below.
     pub bound: Option<PlanBound>,
     /// How many searches there were, and how many ended within 0.1 %.
@@ -110,21 +110,32 @@ impl<'a> AbsolutePlanning<'a> {
         rows: &[Candidate],
     ) -> Result<Self, AbsolutePlanError> {
         if !task.design.mandatory.experiments.is_empty() {
-            return Err(AbsolutePlanError::Mandatory);
+            let problem =
+                "design.mandatory: plans of absolute readings have no mandatory experiments";
+            let hint = "leave it out, and name readings that there are to be among the candidates of `evaluate`";
+            return Err(AbsolutePlanError::other(problem, Some(hint)));
         }
         let rows = from_stations(task, rows)?;
         let offered = rows.len();
         let (candidates, left_out) = possible(task, &rows)?;
         let is_pose = task.belief.instrument.rotation_sigma_rad.is_some();
-        let readings: Vec<AbsoluteReading> = (candidates.iter())
-            .map(|candidate| reading_of(candidate, is_pose))
-            .collect();
+        let readings = candidates
+            .iter()
+            .map(|candidate| reading_of(candidate, is_pose));
+        let readings: Vec<AbsoluteReading> = readings.collect();
         let lines: Vec<usize> = candidates.iter().map(|candidate| candidate.line).collect();
-        let mut case = AbsoluteCase::placed(&task.belief, &readings)
-            .map_err(|error| AbsolutePlanError::of_lines(error, &lines))?;
-        let errors = (candidates.iter().zip(&case.observations))
-            .map(|(candidate, observation)| {
-                errors_of(&case, &task.stations, candidate, &observation.setup)
+        let of_lines = |error: AbsoluteError| AbsolutePlanError::of_lines(error, &lines);
+        let mut case = AbsoluteCase::placed(&task.belief, &readings).map_err(of_lines)?;
+        let sources = task.belief.uncertain.iter().flat_map(Extended::sources);
+        let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();
+        let setups = case
+            .observations
+            .iter()
+            .map(|observation| &observation.setup);
+        let errors = (candidates.iter().zip(setups))
+            .map(|(candidate, setup)| {
+                let sources = sources.iter().copied();
+                disturbed(&case, &task.stations, candidate, setup, sources)
             })
             .collect();
         let machining = &task.belief.machining_tool;
@@ -134,21 +145,14 @@ impl<'a> AbsolutePlanning<'a> {
             case.arm.tools.push(machining.clone());
             case.arm.tools.len() - 1
         });
-        let asked: Vec<PlannedReading> = (0..case.stations.len())
-            .map(|station| PlannedReading {
-                setup: Setup {
-                    commanded_rad: case.observations[0].setup.commanded_rad.clone(),
-                    load: Load::NONE,
-                    target,
-                    station,
-                    approach: None,
-                },
-                kind: ReadingKind::Position,
-                whitener: case.observations[0].whitener,
-            })
-            .collect();
-        let set = (case.unknowns_beside(groups, &asked))
-            .map_err(|error| AbsolutePlanError::of_lines(error, &lines))?;
+        let first = &case.observations[0];
+        let asked = (0..case.stations.len()).map(|station| PlannedReading {
+            setup: setup_of(&first.setup.commanded_rad, Load::NONE, [target, station]),
+            kind: ReadingKind::Position,
+            whitener: first.whitener,
+        });
+        let asked: Vec<PlannedReading> = asked.collect();
+        let set = case.unknowns_beside(groups, &asked).map_err(of_lines)?;
         Ok(Self {
             poses: place_rows(task, &case, &set, target),
             stations: &task.stations,
@@ -164,18 +168,25 @@ impl<'a> AbsolutePlanning<'a> {
         })
     }
 
-    /// The same of the readings of one plan, each of which says from which of several stations it is.
+    /// The same of the readings of one plan, each of which says from which of several stations it is, and is possible.
     pub fn of_plan(
         task: &'a Task,
         groups: &[ParameterGroup],
         rows: &[Candidate],
     ) -> Result<Self, AbsolutePlanError> {
         check_stations(task, rows)?;
-        Self::new(task, groups, rows)
+        let planning = Self::new(task, groups, rows)?;
+        if planning.left_out.is_empty() {
+            return Ok(planning);
+        }
+        let reasons = planning.left_out.iter().map(ToString::to_string);
+        let reasons = reasons.collect::<Vec<String>>().join("; ");
+        let problem = format!("readings that are not possible: {reasons}");
+        Err(AbsolutePlanError::other(problem, None))
     }
 
     /// All candidates as one plan, each as often as its file says, or once.
-    pub fn whole(&self) -> Vec<(usize, u32)> {
+    pub fn whole(&self) -> CandidatePlan {
         (self.candidates.iter().enumerate())
             .map(|(place, each)| (place, each.most.unwrap_or(1)))
             .collect()
@@ -186,18 +197,6 @@ impl<'a> AbsolutePlanning<'a> {
         (plan.iter())
             .map(|&(place, times)| (&self.candidates[place], times))
             .collect()
-    }
-
-    /// Refuses a plan of which some readings are not possible.
-    ///
-    /// # Errors
-    /// Which they are, and why.
-    pub fn check_whole(&self) -> Result<(), AbsolutePlanError> {
-        if self.left_out.is_empty() {
-            return Ok(());
-        }
-        let reasons: Vec<String> = self.left_out.iter().map(ToString::to_string).collect();
-        Err(AbsolutePlanError::NotPossible(reasons.join("; ")))
     }
 
     /// What is unknown.
@@ -256,18 +255,12 @@ impl<'a> AbsolutePlanning<'a> {
             ));
         }
         if let Some(extended) = &self.case.belief.uncertain {
-            let is_drift = |place: &usize| {
-                matches!(
-                    extended.set().parameters()[*place].kind,
-                    ParameterKind::Drift { .. }
-                )
-            };
+            let parameters = extended.set().parameters();
+            let is_drift =
+                |&place: &usize| matches!(parameters[place].kind, ParameterKind::Drift { .. });
             let drifts = extended.shared().iter();
-            words.extend(
-                drifts
-                    .filter(|(_, places)| places.iter().any(is_drift))
-                    .map(|(name, _)| format!("{name}, which is of deflections")),
-            );
+            let drifts = drifts.filter(|(_, places)| places.iter().any(is_drift));
+            words.extend(drifts.map(|(name, _)| format!("{name}, which is of deflections")));
         }
         words
     }
@@ -281,9 +274,8 @@ impl<'a> AbsolutePlanning<'a> {
     /// Some candidates, of which so many are to be measured, by what they tell of what they can tell at all.
     fn shown(&self, places: Vec<usize>, measurements: u32) -> Result<Shown, AbsolutePlanError> {
         let told_of = |places: &[usize]| {
-            let alone: Vec<Vec<(usize, u32)>> =
-                places.iter().map(|&place| vec![(place, 1)]).collect();
-            self.told_of(&alone)
+            let alone = places.iter().map(|&place| vec![(place, 1)]);
+            self.told_of(&alone.collect::<Vec<CandidatePlan>>())
         };
         let mut all = DMatrix::zeros(self.set.len(), self.set.len());
         for some in places.chunks(TOGETHER) {
@@ -300,14 +292,12 @@ impl<'a> AbsolutePlanning<'a> {
         let rows: Vec<DMatrix<f64>> = (0..self.case.stations.len())
             .map(|station| stacked(&self.poses, station))
             .collect();
-        let missing: Vec<Vec<usize>> = rows
-            .iter()
-            .map(|rows| {
-                let own = in_units(rows.clone(), &scales);
-                let variance = (&own * &likely * own.transpose()).trace();
-                estimable.missing(rows, variance.max(0.0).sqrt())
-            })
-            .collect();
+        let missing_of = |rows: &DMatrix<f64>| {
+            let own = in_units(rows.clone(), &scales);
+            let variance = (&own * &likely * own.transpose()).trace();
+            estimable.missing(rows, variance.max(0.0).sqrt())
+        };
+        let missing: Vec<Vec<usize>> = rows.iter().map(missing_of).collect();
         if let Some(fewest) = missing.iter().min_by_key(|missing| missing.len())
             && !fewest.is_empty()
         {
@@ -322,9 +312,9 @@ impl<'a> AbsolutePlanning<'a> {
         let mut told = CandidateInformation::new(basis.ncols());
         for some in places.chunks(TOGETHER) {
             let reduced: Vec<DMatrix<f64>> = told_of(some).par_iter().map(within).collect();
-            for information in &reduced {
-                told.push(information);
-            }
+            reduced
+                .iter()
+                .for_each(|information| told.push(information));
         }
         let determined =
             (rows.iter().zip(&missing).enumerate()).filter(|(_, (_, missing))| missing.is_empty());
@@ -351,16 +341,16 @@ impl<'a> AbsolutePlanning<'a> {
         measurements: u32,
         work: impl FnOnce(&FiniteProblem<'_>) -> T,
     ) -> T {
-        let places = shown.places.iter();
-        let configurations: Vec<usize> = places
-            .map(|&place| self.neighbours.configurations[place])
-            .collect();
+        let configuration = |&place: &usize| self.neighbours.configurations[place];
+        let configurations: Vec<usize> = shown.places.iter().map(configuration).collect();
         let told = |measured: &[(usize, u32)]| {
             let each = measured.iter();
             let group = each.map(|&(index, times)| (shown.places[index], times));
-            let told = self.told_of(&[group.collect()]).pop();
-            let told = told.unwrap_or_else(|| DMatrix::zeros(self.set.len(), self.set.len()));
-            shown.basis.tr_mul(&told) * &shown.basis
+            let group: CandidatePlan = group.collect();
+            shown
+                .basis
+                .tr_mul(&self.told_by(&mut self.equations(), &group))
+                * &shown.basis
         };
         let faint = FAINT * f64::from(measurements) * shown.told.mean().diagonal().amax();
         let size = shown.told.size();
@@ -410,51 +400,46 @@ impl<'a> AbsolutePlanning<'a> {
             configurations,
             searches,
             seed,
-            exchanges: ExchangesTry::Promising,
+            is_thorough: false,
         };
         let shown = self.shown(self.places(), measurements)?;
         let frames = shown.test_poses.len();
-        let in_frame = |(frame, (station, test_poses)): (usize, &(usize, DMatrix<f64>))| {
-            let progress = |done: usize, all: usize, cost: f64| {
-                (watch.progress)(frame * all + done, frames * all, cost);
-            };
+        let mut bounds = Vec::new();
+        let mut best: Result<FiniteDesign, CandidateError> = Err(CandidateError::Undetermined);
+        for (frame, (station, test_poses)) in shown.test_poses.iter().enumerate() {
             let here = Watch {
                 stop: watch.stop,
-                progress: &progress,
+                progress: &|done, all, cost| {
+                    (watch.progress)(frame * all + done, frames * all, cost);
+                },
             };
-            self.with_problem(&shown, test_poses, measurements, |problem| {
+            let (found, bound) = self.with_problem(&shown, test_poses, measurements, |problem| {
                 let found = self.search(problem, *station, effort, here);
                 // Where no plan was found, others have a bound there none the less.
                 let bound = match &found {
                     Ok(design) => Some(design.bound.clone()),
-                    Err(_) => problem.best_bound(measurements).ok(),
+                    Err(_) => problem.weigh(measurements).ok().map(|(_, bound)| bound),
                 };
                 (found, bound)
-            })
-        };
-        let found = shown.test_poses.iter().enumerate().map(in_frame);
-        let (designs, bounds): (
-            Vec<Result<FiniteDesign, FiniteError>>,
-            Vec<Option<FiniteBound>>,
-        ) = found.unzip();
-        let best = designs
-            .into_iter()
-            .reduce(|one, other| match (&one, &other) {
-                (Ok(best), Ok(design)) if design.cost < best.cost => other,
-                (Err(_), Ok(_)) => other,
-                _ => one,
             });
-        let Some(best) = best.transpose()? else {
-            return Err(AbsolutePlanError::Undetermined {
-                names: Vec::new(),
-                unread: None,
-            });
-        };
+            bounds.push(bound);
+            let is_better = match (&best, &found) {
+                (Ok(best), Ok(found)) => found.cost < best.cost,
+                (Err(_), _) => frame == 0 || found.is_ok(),
+                _ => false,
+            };
+            if is_better {
+                best = found;
+            }
+        }
+        let best = best?;
         if let Err(names) = self.prediction(&best.plan).left {
-            return Err(AbsolutePlanError::TooFew {
-                readings: measurements,
-                names,
-            });
+            let problem = format!(
+                "no {measurements} readings of the candidates were found that determine the tool's place at the test poses: it depends on {} besides",
+                some_of(&names)
+            );
+            let hint = "give more --experiments, or more candidates";
+            return Err(AbsolutePlanError::other(problem, Some(hint)));
         }
         Ok(AbsolutePlan {
             bound: self.bound_of(&bounds, measurements),
@@ -471,34 +456,29 @@ impl<'a> AbsolutePlanning<'a> {
         station: usize,
         effort: FiniteEffort,
         watch: Watch<'_>,
-    ) -> Result<FiniteDesign, FiniteError> {
+    ) -> Result<FiniteDesign, CandidateError> {
         let found = problem.search(effort, watch);
         let mut from_there = self.places();
-        from_there.retain(|&place| self.case.observations[place].setup.station == station);
+        from_there.retain(|&place| self.station_of(place) == station);
         if from_there.len() == self.candidates.len() {
             return found;
         }
-        let quietly = Watch {
-            progress: &|_, _, _| {},
-            ..watch
-        };
-        let Ok(shown) = self.shown(from_there, effort.measurements) else {
-            return found;
-        };
-        let mut frames = shown.test_poses.iter();
-        let Some((_, test_poses)) = frames.find(|frame| frame.0 == station) else {
-            return found;
-        };
         let measurements = effort.measurements;
-        let searched = self.with_problem(&shown, test_poses, measurements, |there| {
-            there.search(effort, quietly)
-        });
-        let Ok(mut from_one) = searched else {
+        let search_there = || {
+            let shown = self.shown(from_there, measurements).ok()?;
+            let mut frames = shown.test_poses.iter();
+            let (_, test_poses) = frames.find(|frame| frame.0 == station)?;
+            let search = |there: &FiniteProblem<'_>| there.search(effort, Watch::quiet(watch.stop));
+            let found = self.with_problem(&shown, test_poses, measurements, search);
+            let mut found = found.ok()?;
+            for (place, _) in &mut found.plan {
+                *place = shown.places[*place];
+            }
+            Some(found)
+        };
+        let Some(from_one) = search_there() else {
             return found;
         };
-        for (place, _) in &mut from_one.plan {
-            *place = shown.places[*place];
-        }
         let another = found.as_ref().map_or(f64::INFINITY, |found| found.cost);
         match problem.bettered(&[from_one.plan.clone()], effort, another) {
             None => found,
@@ -532,16 +512,7 @@ impl<'a> AbsolutePlanning<'a> {
         let each = (bounds.iter()).map(|bound| bound.as_ref()?.least_cost(measurements));
         let least = each.reduce(|one, other| Some(one?.min(other?)))??;
         let best = (least + stacked_task(&self.poses).norm_squared()).sqrt();
-        Some(PlanBound {
-            best,
-            kind: BoundKind::Proved,
-            proof: Some(PlanProof {
-                best,
-                gap: 0.0,
-                boxes: self.candidates.len() as u64,
-                left_out: Vec::new(),
-            }),
-        })
+        Some(PlanBound::of_all(best, self.candidates.len(), Vec::new()))
     }
 
     /// The predicted accuracy of a plan: candidates by their places, and how often each is read.
@@ -556,6 +527,17 @@ impl<'a> AbsolutePlanning<'a> {
     }
 }
 
+/// The setup in which a target is read from a station, both by their numbers.
+fn setup_of(q: &DVector<f64>, load: Load, [target, station]: [usize; 2]) -> Setup {
+    Setup {
+        commanded_rad: q.clone(),
+        load,
+        target,
+        station,
+        approach: None,
+    }
+}
+
 /// How the tool's place follows the unknowns at the test poses, in the frame of each station.
 fn place_rows(
     task: &Task,
@@ -565,23 +547,16 @@ fn place_rows(
 ) -> Vec<PlaceRows> {
     let by_station: Vec<DMatrix<f64>> = (0..case.stations.len())
         .map(|station| {
-            let setups: Vec<Setup> = (task.test_poses.iter())
-                .map(|pose| Setup {
-                    commanded_rad: pose.configuration_rad.clone(),
-                    load: pose.load,
-                    target,
-                    station,
-                    approach: None,
-                })
-                .collect();
+            let setups = task.test_poses.iter();
+            let setups =
+                setups.map(|pose| setup_of(&pose.configuration_rad, pose.load, [target, station]));
+            let setups: Vec<Setup> = setups.collect();
             let setups: Vec<&Setup> = setups.iter().collect();
             let mut rows = planned_positions(set, &case.arm, &set.prior().mean, &setups);
             for (mut column, parameter) in rows.column_iter_mut().zip(set.parameters()) {
+                use ParameterKind::{LoadOffset, LoadScale};
                 // What scales the loads of the readings is not the task's.
-                if matches!(
-                    parameter.kind,
-                    ParameterKind::LoadScale | ParameterKind::LoadOffset
-                ) {
+                if matches!(parameter.kind, LoadScale | LoadOffset) {
                     column.fill(0.0);
                 }
             }
@@ -601,17 +576,19 @@ fn place_rows(
 
 /// How the tool's place follows the task's force at each test pose (3 x t, m in standard deviations).
 fn by_task(task: &Task) -> Vec<DMatrix<f64>> {
-    let nothing = || vec![DMatrix::zeros(3, 0); task.test_poses.len()];
-    let Some(extended) = &task.belief.uncertain else {
-        return nothing();
-    };
-    let parameters = extended.set().parameters();
+    let parameters =
+        (task.belief.uncertain.as_ref()).map_or(&[][..], |each| each.set().parameters());
     let of_task: Vec<usize> = (0..parameters.len())
         .filter(|&place| is_of_task(parameters[place].kind))
         .collect();
-    if of_task.is_empty() {
-        return nothing();
-    }
+    let extended = task
+        .belief
+        .uncertain
+        .as_ref()
+        .filter(|_| !of_task.is_empty());
+    let Some(extended) = extended else {
+        return vec![DMatrix::zeros(3, 0); task.test_poses.len()];
+    };
     let mut readings = extended.at_test_pose(&vec![1.0; parameters.len()]);
     let mut rows = Matrix3xX::zeros(parameters.len());
     (task.test_poses.iter())

@@ -41,27 +41,28 @@ pub(super) struct PlaceRows {
     pub by_task: DMatrix<f64>,
 }
 
+/// Rows of all test poses (3 m x p), each times the root of its weight: C in the frame of a station, or by the task's force.
+fn joined<'p>(
+    poses: &'p [PlaceRows],
+    rows: impl Fn(&'p PlaceRows) -> &'p DMatrix<f64>,
+) -> DMatrix<f64> {
+    let columns = poses.first().map_or(0, |pose| rows(pose).ncols());
+    let mut all = DMatrix::zeros(3 * poses.len(), columns);
+    for (index, pose) in poses.iter().enumerate() {
+        let block = rows(pose) * pose.weight.sqrt();
+        all.rows_mut(3 * index, 3).copy_from(&block);
+    }
+    all
+}
+
 /// C of all test poses (3 m x p), each times the root of its weight, in the frame of a station.
 pub(super) fn stacked(poses: &[PlaceRows], station: usize) -> DMatrix<f64> {
-    let blocks = poses
-        .iter()
-        .map(|pose| &pose.by_station[station] * pose.weight.sqrt());
-    joined(blocks)
+    joined(poses, |pose| &pose.by_station[station])
 }
 
 /// The same by the task's force (3 m x t).
 pub(super) fn stacked_task(poses: &[PlaceRows]) -> DMatrix<f64> {
-    joined(poses.iter().map(|pose| &pose.by_task * pose.weight.sqrt()))
-}
-
-fn joined(blocks: impl Iterator<Item = DMatrix<f64>>) -> DMatrix<f64> {
-    let blocks: Vec<DMatrix<f64>> = blocks.collect();
-    let columns = blocks.first().map_or(0, DMatrix::ncols);
-    let mut all = DMatrix::zeros(3 * blocks.len(), columns);
-    for (index, block) in blocks.iter().enumerate() {
-        all.rows_mut(3 * index, 3).copy_from(block);
-    }
-    all
+    joined(poses, |pose| &pose.by_task)
 }
 
 /// Rows in typical sizes by the parameters' own units.
@@ -116,31 +117,29 @@ impl PredictedAccuracy {
         }
         let task = stacked_task(poses);
         let station = best.as_ref().map_or(0, |(station, ..)| *station);
+        // The rms distance, and the covariance in the world frame.
         let of_pose = |pose: &PlaceRows| {
             let rows = in_units(pose.by_station[station].clone(), scales);
             let square = posterior.variance_of(&rows).ok()?;
-            Some((square + pose.by_task.norm_squared()).sqrt())
-        };
-        let place = |pose: &PlaceRows| {
-            let rows = in_units(pose.by_station[station].clone(), scales);
-            posterior.variance_of(&rows).ok()?;
             let known = &rows * &posterior.covariance * rows.transpose();
             let task = &pose.by_task * pose.by_task.transpose();
-            let all: Matrix3<f64> = (known + task).fixed_view::<3, 3>(0, 0).into();
-            Some(all)
+            let place: Matrix3<f64> = (known + task).fixed_view::<3, 3>(0, 0).into();
+            Some(((square + pose.by_task.norm_squared()).sqrt(), place))
         };
+        let (poses_m, places_m2) = poses.iter().map(|pose| of_pose(pose).unzip()).unzip();
         let covariance = best.as_ref().ok().map(|(_, _, rows)| {
             rows * &posterior.covariance * rows.transpose() + &task * task.transpose()
         });
         Self {
             readings,
             station,
-            quantile95_m: (covariance.as_ref())
-                .and_then(|covariance| length_quantile(covariance, 0.95)),
+            quantile95_m: covariance
+                .as_ref()
+                .and_then(|each| length_quantile(each, 0.95)),
             square_variance_m4: covariance.map(|covariance| 2.0 * covariance.norm_squared()),
             left: best.map(|(_, square, _)| (square + task.norm_squared()).sqrt()),
-            poses_m: poses.iter().map(of_pose).collect(),
-            places_m2: poses.iter().map(place).collect(),
+            poses_m,
+            places_m2,
             task_force_m: task.norm(),
             posterior,
         }

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::error::AbsolutePlanError;
+use super::error::{AbsolutePlanError, some_of};
 use crate::experiment::{Candidate, Experiment};
 use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
 use crate::observation::{BareArm, ReadingErrors, Setup};
 use crate::parameter::ReadingSource;
-use crate::plan::search::{LeftOutCandidates, possible_of};
+use crate::plan::search::{CandidateError, LeftOutCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::robot::{Load, SerialChain, Tool};
@@ -36,31 +36,46 @@ pub(super) fn from_stations(
         };
         if station_named(&task.stations, Some(name)).is_none() {
             let known = task.stations.iter().map(|station| station.name.as_str());
-            return Err(AbsolutePlanError::Station {
-                line: row.line,
-                found: name.clone(),
-                likely: nearest(name, known.clone()).map(str::to_owned),
-                known: known.map(str::to_owned).collect(),
-            });
+            let hint = nearest(name, known).map_or_else(
+                || "a scenario with [[station]] has each station that candidates name".to_owned(),
+                |likely| format!("did you mean {likely:?}?"),
+            );
+            return Err(of_station(
+                task,
+                row.line,
+                &format!("found {name:?}"),
+                &hint,
+            ));
         }
         all.push(row.clone());
     }
-    if all.len() > MOST_CANDIDATES {
-        return Err(AbsolutePlanError::TooMany { found: all.len() });
+    let found = all.len();
+    if found > MOST_CANDIDATES {
+        let of = "station";
+        return Err(CandidateError::TooMany { found, of }.into());
     }
     Ok(all)
 }
 
+/// What is wrong with the station of a line, where a task has some.
+fn of_station(task: &Task, line: usize, problem: &str, hint: &str) -> AbsolutePlanError {
+    let known: Vec<String> = task
+        .stations
+        .iter()
+        .map(|station| station.name.clone())
+        .collect();
+    let known = some_of(&known);
+    let problem = format!("line {line}: station: {problem}; the scenario has {known}");
+    AbsolutePlanError::other(problem, Some(hint))
+}
+
 /// Refuses readings of a plan that do not say from which of several stations they are.
 pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), AbsolutePlanError> {
-    let nowhere = rows.iter().find(|row| row.station.is_none());
-    match nowhere {
-        Some(row) if task.stations.len() > 1 => Err(AbsolutePlanError::NoStation {
-            line: row.line,
-            known: (task.stations.iter())
-                .map(|station| station.name.clone())
-                .collect(),
-        }),
+    match rows.iter().find(|row| row.station.is_none()) {
+        Some(row) if task.stations.len() > 1 => {
+            let hint = "give the column station";
+            Err(of_station(task, row.line, "is missing", hint))
+        }
         _ => Ok(()),
     }
 }
@@ -70,17 +85,7 @@ pub(super) fn possible(
     task: &Task,
     rows: &[Candidate],
 ) -> Result<(Vec<Candidate>, Vec<LeftOutCandidates>), AbsolutePlanError> {
-    let experiments: Vec<(usize, Experiment)> = (rows.iter())
-        .map(|row| {
-            let experiment = Experiment {
-                configuration_rad: row.configuration_rad.clone(),
-                load: row.load.unwrap_or(Load::NONE),
-                repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
-                approach: row.approach.clone(),
-            };
-            (row.line, experiment)
-        })
-        .collect();
+    let lines: Vec<usize> = rows.iter().map(|row| row.line).collect();
     let targets = targets(&task.belief, rows)?;
     let first_violation = |feasibility: &mut Feasibility<'_>, place: usize| {
         let row = &rows[place];
@@ -89,13 +94,18 @@ pub(super) fn possible(
             target: known.unwrap_or(&task.belief.calibration_tool),
             station: station_named(&task.stations, row.station.as_deref()),
         };
-        let experiment = &experiments[place].1;
-        let violations = feasibility.violations_of_reading(1, experiment, looking);
+        let experiment = Experiment {
+            configuration_rad: row.configuration_rad.clone(),
+            load: row.load.unwrap_or(Load::NONE),
+            repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
+            approach: row.approach.clone(),
+        };
+        let violations = feasibility.violations_of_reading(1, &experiment, looking);
         // Without a load there is none that is not allowed.
         let is_fine = |what: &str| what == "load" && experiment.load == Load::NONE;
         (violations.into_iter()).find(|violation| !is_fine(&violation.what))
     };
-    let (places, left_out) = possible_of(task, &experiments, first_violation)?;
+    let (places, left_out) = possible_of(task, &lines, first_violation)?;
     let candidates = places.into_iter().map(|place| rows[place].clone());
     Ok((candidates.collect(), left_out))
 }
@@ -112,10 +122,8 @@ fn targets<'a>(
         };
         if !known.contains_key(name) {
             let tool = SerialChain::tool(&belief.nominal.model, name);
-            let tool = tool.map_err(|source| AbsolutePlanError::Target {
-                line: row.line,
-                source,
-            })?;
+            let tool =
+                tool.map_err(|error| AbsolutePlanError::target(row.line, &error.to_string()))?;
             known.insert(name, tool);
         }
     }
@@ -139,44 +147,27 @@ pub(super) fn reading_of(candidate: &Candidate, is_pose: bool) -> AbsoluteReadin
     }
 }
 
-/// What disturbs a reading of a candidate besides the instrument, which stands at one of the stations where there are some.
-pub(super) fn errors_of(
+/// What some sources disturb a reading of a candidate by, besides the instrument, which stands at one of the stations where there
+/// are some.
+pub(super) fn disturbed<'s>(
     case: &AbsoluteCase<'_>,
     stations: &[Station],
     candidate: &Candidate,
     setup: &Setup,
-) -> ReadingErrors {
-    let Some(extended) = &case.belief.uncertain else {
-        return ReadingErrors::none();
-    };
-    let station = station_named(stations, candidate.station.as_deref());
-    let sources = extended.sources().map(|(_, source)| source);
-    disturbed(case, station, candidate, setup, sources)
-}
-
-/// What some sources disturb a reading of a candidate by, from a station.
-pub(super) fn disturbed<'s>(
-    case: &AbsoluteCase<'_>,
-    station: Option<&Station>,
-    candidate: &Candidate,
-    setup: &Setup,
     sources: impl IntoIterator<Item = &'s ReadingSource>,
 ) -> ReadingErrors {
-    let Belief {
-        nominal,
-        calibration_tool,
-        ..
-    } = case.belief;
+    let nominal = &case.belief.nominal;
     let arm = BareArm {
         chain: &nominal.chain,
         compliance_rad_per_nm: &nominal.compliance_rad_per_nm,
         tool: &case.arm.tools[setup.target],
     };
     let load = candidate.load.unwrap_or(Load::NONE);
+    let station = station_named(stations, candidate.station.as_deref());
     ReadingErrors::new(
         arm,
         candidate.configuration_rad.as_slice(),
-        (calibration_tool, &load),
+        (&case.belief.calibration_tool, &load),
         station.map(|station| &station.position_m),
         sources,
     )

@@ -11,7 +11,7 @@ use crate::observation::{
     ConfigurationEquations, PlannedReading, SharingReading, SharingReadings, Together, Visits,
     Whitener, visits_of,
 };
-use crate::plan::search::{CandidateInformation, TogetherBounds};
+use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds};
 use crate::robot::Load;
 
 /// Which candidates share errors.
@@ -46,11 +46,11 @@ impl Neighbours {
     }
 
     /// Readings that share a configuration, in the order of the first.
-    pub fn groups(&self, plan: &[(usize, u32)]) -> Vec<Vec<(usize, u32)>> {
-        let mut groups: Vec<Vec<(usize, u32)>> = Vec::new();
+    pub fn groups(&self, plan: &[(usize, u32)]) -> Vec<CandidatePlan> {
+        let mut groups: Vec<CandidatePlan> = Vec::new();
         for &(place, times) in plan {
             let here = self.configurations[place];
-            let known = |group: &&mut Vec<(usize, u32)>| self.configurations[group[0].0] == here;
+            let known = |group: &&mut CandidatePlan| self.configurations[group[0].0] == here;
             match groups.iter_mut().find(known) {
                 Some(group) => group.push((place, times)),
                 None => groups.push(vec![(place, times)]),
@@ -74,18 +74,16 @@ pub struct RepeatedReading {
 impl AbsolutePlanning<'_> {
     /// The readings of a plan by their configurations: those of one visit, and of visits that read the same, together.
     pub fn by_configuration(&self, plan: &[(usize, u32)]) -> Vec<Vec<RepeatedReading>> {
-        let of_group = |group: Vec<(usize, u32)>| -> Vec<RepeatedReading> {
+        let of_group = |group: CandidatePlan| -> Vec<RepeatedReading> {
             let visits = self.visits(&group).into_iter().enumerate();
-            visits
-                .flat_map(|(number, visits)| {
-                    let Visits { count, readings } = visits;
-                    readings.into_iter().map(move |place| RepeatedReading {
-                        place,
-                        times: count,
-                        visits: number,
-                    })
+            let readings = visits.flat_map(|(visits, Visits { count, readings })| {
+                (readings.into_iter()).map(move |place| RepeatedReading {
+                    place,
+                    times: count,
+                    visits,
                 })
-                .collect()
+            });
+            readings.collect()
         };
         let groups = self.neighbours.groups(plan);
         groups.into_iter().map(of_group).collect()
@@ -138,27 +136,34 @@ impl AbsolutePlanning<'_> {
         }
     }
 
-    fn equations(&self) -> ConfigurationEquations<'_> {
+    pub(super) fn equations(&self) -> ConfigurationEquations<'_> {
         ConfigurationEquations::new(&self.set, &self.case.arm, &self.set.prior().mean)
     }
 
     /// What readings of some configurations tell (p x p each, in typical sizes).
-    pub(super) fn told_of(&self, groups: &[Vec<(usize, u32)>]) -> Vec<DMatrix<f64>> {
-        let of_group = |equations: &mut ConfigurationEquations<'_>, group: &Vec<(usize, u32)>| {
-            let readings: Vec<SharingReading<'_>> = group
-                .iter()
-                .map(|(place, _)| self.sharing_reading(*place))
-                .collect();
-            let own = |place: usize| group.iter().position(|(each, _)| *each == place);
-            let mut visits = self.visits(group);
-            for each in visits.iter_mut().flat_map(|visit| &mut visit.readings) {
-                *each = own(*each).unwrap_or(0);
-            }
-            equations.information(&readings, &visits)
+    pub(super) fn told_of(&self, groups: &[CandidatePlan]) -> Vec<DMatrix<f64>> {
+        let of_group = |equations: &mut ConfigurationEquations<'_>, group: &CandidatePlan| {
+            self.told_by(equations, group)
         };
         (groups.par_iter())
             .map_init(|| self.equations(), of_group)
             .collect()
+    }
+
+    /// The same of one configuration.
+    pub(super) fn told_by(
+        &self,
+        equations: &mut ConfigurationEquations<'_>,
+        group: &[(usize, u32)],
+    ) -> DMatrix<f64> {
+        let readings = group.iter().map(|(place, _)| self.sharing_reading(*place));
+        let readings: Vec<SharingReading<'_>> = readings.collect();
+        let own = |place: usize| group.iter().position(|(each, _)| *each == place);
+        let mut visits = self.visits(group);
+        for each in visits.iter_mut().flat_map(|visit| &mut visit.readings) {
+            *each = own(*each).unwrap_or(0);
+        }
+        equations.information(&readings, &visits)
     }
 
     /// Whether readings of several of some candidates, or repeats of one, do not add up.
@@ -194,10 +199,8 @@ impl AbsolutePlanning<'_> {
         let within = |matrix: &DMatrix<f64>| basis.tr_mul(matrix) * basis;
         let of_group = |equations: &mut ConfigurationEquations<'_>, group: &Vec<usize>| {
             let here = group.iter().map(|&index| places[index]);
-            let readings: Vec<SharingReading<'_>> = here
-                .clone()
-                .map(|place| self.sharing_reading(place))
-                .collect();
+            let readings = here.clone().map(|place| self.sharing_reading(place));
+            let readings: Vec<SharingReading<'_>> = readings.collect();
             let classes: Vec<usize> = here.map(|place| self.neighbours.visits[place]).collect();
             let Together { once, each } = equations.bounds(&readings, &classes);
             (within(&once), each.iter().map(within).collect::<Vec<_>>())
@@ -205,18 +208,15 @@ impl AbsolutePlanning<'_> {
         let found: Vec<(DMatrix<f64>, Vec<DMatrix<f64>>)> = (groups.par_iter())
             .map_init(|| self.equations(), of_group)
             .collect();
-        let mut bounds = TogetherBounds {
+        let (once, each) = (
+            found.iter().map(|found| &found.0),
+            found.iter().flat_map(|found| &found.1),
+        );
+        Some(TogetherBounds {
             groups,
-            once: CandidateInformation::new(basis.ncols()),
-            each: CandidateInformation::new(basis.ncols()),
-        };
-        for (once, each) in &found {
-            bounds.once.push(once);
-            for own in each {
-                bounds.each.push(own);
-            }
-        }
-        Some(bounds)
+            once: CandidateInformation::of_all(basis.ncols(), once),
+            each: CandidateInformation::of_all(basis.ncols(), each),
+        })
     }
 }
 

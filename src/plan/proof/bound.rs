@@ -78,7 +78,7 @@ impl Ingredients<'_> {
 /// The columns of the target's matrix: `tau_n` `J_n` for each parameter n, in the world frame.
 fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> {
     let arm = &target.arm;
-    let mut chain = Chain::new(arm, arm.joints.len());
+    let mut chain = Chain::new(arm);
     // Every joint has an angle of its own here.
     for link in &mut chain.links {
         link.starts_run = true;
@@ -100,14 +100,13 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
         })
         .collect();
     let domain = Domain {
-        load: LoadCase::Wrench(target.wrench, None),
+        load: LoadCase::Wrench(target.wrench),
         variable: (0..count).map(Some).collect(),
-        share: None,
         ranges: Vec::new(),
         differences: Vec::new(),
     };
-    let geometry = BoxGeometry::new(&mut workspace, &chain, &domain, &angles, 0, false);
-    let levers: Vec<ModelVector> = (0..arm.tool_joints)
+    let geometry = BoxGeometry::new(&mut workspace, &chain, &domain, &angles, 0);
+    let levers: Vec<ModelVector> = (0..count)
         .map(|joint| geometry.moves(&mut workspace, joint, &geometry.tool))
         .collect();
     let [fx, fy, fz, tx, ty, tz] = target.wrench;
@@ -121,18 +120,13 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
         )
     });
     let column = |&joint: &usize| {
-        if joint >= arm.tool_joints {
+        let Some(lever) = levers.get(joint) else {
             return [Constant::exact(0.0); 3];
-        }
-        let pairs = [(&levers[joint], &force), (&geometry.axis[joint], &torque)];
+        };
+        let pairs = [(lever, &force), (&geometry.axis[joint], &torque)];
         let moment = dot(&mut workspace, &pairs);
-        levers[joint].map(|part| {
-            let product = workspace
-                .sum()
-                .product(super::taylor::TermSign::Plus, part, moment)
-                .end();
-            constant(&workspace, product)
-        })
+        let column = workspace.scaled(lever, moment);
+        column.map(|part| constant(&workspace, part))
     };
     Some(parameters.iter().map(column).collect())
 }

@@ -68,9 +68,10 @@ pub enum NoProof {
     /// The bound is by another criterion than the accuracy at the test poses.
     #[error("bounds of rho0 alone are proved: by any other criterion, the bound rests on searches")]
     Criterion,
-    /// More than hinges that are commanded.
+    /// More than hinges that are commanded, or measured rotations.
     #[error(
-        "there is no proof for arms with springs beside the joints' own, slides or passive joints: the bound rests on searches"
+        "there is no proof for arms with springs beside the joints' own, slides or passive joints, nor where rotations are measured: \
+         the bound rests on searches"
     )]
     Springs,
     /// More is uncertain than the instrument's noise.
@@ -217,38 +218,28 @@ pub(super) fn tasks(question: &Question) -> Option<Vec<ProofTask<'_>>> {
         ProofLoads::OneOf(wrenches) => {
             let mut loads: Vec<LoadCase> = Vec::new();
             for wrench in wrenches {
-                let opposite = LoadCase::Wrench(wrench.map(|part| -part), None);
-                let load = LoadCase::Wrench(*wrench, None);
-                let repeats = question.region.torque_nm.is_none() && loads.contains(&opposite);
-                if !repeats && !loads.contains(&load) {
+                let opposite = LoadCase::Wrench(wrench.map(|part| -part));
+                let load = LoadCase::Wrench(*wrench);
+                if !loads.contains(&opposite) && !loads.contains(&load) {
                     loads.push(load);
                 }
             }
             loads
         }
-        ProofLoads::UpTo(wrench, least) => {
-            let needs_share = question.region.torque_nm.is_some();
-            vec![LoadCase::Wrench(*wrench, needs_share.then_some(*least))]
-        }
         ProofLoads::AnyForce(size) => vec![LoadCase::Any(*size)],
     };
-    let joints = if question.region.torque_nm.is_some() {
-        question.arm.joints.len()
-    } else {
-        question.arm.tool_joints
-    };
-    let chain = Chain::new(&question.arm, joints);
+    let chain = Chain::new(&question.arm);
     loads
         .into_iter()
         .map(|load| {
             let mut chain = chain.clone();
-            let mut domain = Domain::new(question, &chain, load.clone())?;
+            let mut domain = Domain::new(question, &chain, load)?;
             // Under a force of any direction, turning all of the arm about its first joint that moves changes nothing but
             // the margins (and what joints before it show): its angle must not be in the variables of the joints behind.
             let first = (domain.variable.iter().position(Option::is_some))
                 .filter(|first| question.parameters.iter().all(|joint| joint >= first));
             let next = first.and_then(|first| chain.links.get_mut(first + 1));
-            if let (LoadCase::Any(_), Some(next)) = (&load, next)
+            if let (LoadCase::Any(_), Some(next)) = (load, next)
                 && !next.starts_run
             {
                 next.starts_run = true;

@@ -20,28 +20,22 @@ pub(super) struct Link {
     pub sign: f64,
     /// Whether its axis is not that of the joint before.
     pub starts_run: bool,
-    /// The mass that turns with it (kg), and where its centre is (m).
-    pub mass: f64,
-    pub centre_of_mass: [Constant; 3],
 }
 
-/// The arm in such frames.
+/// The joints that move the tool, in such frames.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Chain {
     pub links: Vec<Link>,
-    pub tool_joints: usize,
     pub tool: [Constant; 3],
     pub tool_axis: [Constant; 3],
 }
 
 impl Chain {
-    /// The first joints of an arm, with its tool.
-    pub fn new(arm: &Arm, joints: usize) -> Self {
+    pub fn new(arm: &Arm) -> Self {
         // The rotation from each model frame to the frame here.
         let mut frame = IDENTITY;
-        let mut tool = (vector(arm.tool_offset_m), IDENTITY[2]);
         let mut links: Vec<Link> = Vec::new();
-        for (index, joint) in arm.joints.iter().take(joints).enumerate() {
+        for joint in arm.joints.iter().take(arm.tool_joints) {
             let before = transposed(&frame);
             let turn = product(&before, &rotation_of(joint.rotation));
             let offset = turned(&before, &vector(joint.offset_m));
@@ -62,28 +56,19 @@ impl Chain {
             };
             let (axis, sign) = along.unwrap_or((2, 1.0));
             let same_axis = links.last().is_some_and(|last| last.axis == axis);
-            let here = transposed(&frame);
             links.push(Link {
                 offset,
                 starts_run: rotation.is_some() || !same_axis,
                 rotation,
                 axis,
                 sign,
-                mass: joint.mass_kg,
-                centre_of_mass: turned(&here, &vector(joint.centre_of_mass_m)),
             });
-            if index + 1 == arm.tool_joints {
-                tool = (
-                    turned(&here, &vector(arm.tool_offset_m)),
-                    turned(&here, &rotation_of(arm.tool_rotation)[2]),
-                );
-            }
         }
+        let here = transposed(&frame);
         Self {
             links,
-            tool_joints: arm.tool_joints,
-            tool: tool.0,
-            tool_axis: tool.1,
+            tool: turned(&here, &vector(arm.tool_offset_m)),
+            tool_axis: turned(&here, &rotation_of(arm.tool_rotation)[2]),
         }
     }
 
@@ -128,13 +113,12 @@ impl Chain {
             && along(&third.offset)
     }
 
-    /// Whether the last joint that moves the tool moves neither its position nor its z axis.
+    /// Whether the last joint moves neither the tool's position nor its z axis.
     pub fn turns_tool_on_the_spot(&self, z_axis_matters: bool) -> bool {
-        let Some(last) = self.tool_joints.checked_sub(1) else {
-            return false;
-        };
-        let axis = self.links[last].axis;
-        let along = |vector: &[Constant; 3]| (0..3).all(|k| k == axis || vector[k].is(0.0));
-        along(&self.tool) && (!z_axis_matters || along(&self.tool_axis))
+        self.links.last().is_some_and(|last| {
+            let along =
+                |vector: &[Constant; 3]| (0..3).all(|k| k == last.axis || vector[k].is(0.0));
+            along(&self.tool) && (!z_axis_matters || along(&self.tool_axis))
+        })
     }
 }

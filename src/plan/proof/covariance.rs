@@ -2,8 +2,7 @@
 
 use super::geometry::BoxGeometry;
 use super::question::{Question, ReadingSpread};
-use super::rounding::UNIT;
-use super::taylor::{ModelVector, ModelWorkspace, TaylorModel, TermSign};
+use super::taylor::{ModelVector, ModelWorkspace, TaylorModel};
 use super::vectors::{NOWHERE, cross};
 use super::weighted::{SpreadColumns, WeightedRow};
 
@@ -40,13 +39,8 @@ pub(super) fn covariance(
             .take(levers.len())
             .map(|axis| cross(workspace, force, axis))
             .collect();
-        columns.extend(followed(
-            workspace,
-            spread,
-            spread.shifted,
-            levers,
-            &by_shift,
-        ));
+        let deviation = spread.shifted;
+        columns.extend(followed(workspace, spread, deviation, levers, &by_shift));
     }
     SpreadColumns {
         everywhere: spread.everywhere,
@@ -64,19 +58,13 @@ fn followed(
     torques: &[ModelVector],
 ) -> [ModelVector; 3] {
     let compliant: Vec<ModelVector> = (levers.iter().zip(&spread.compliance_rad_per_nm))
-        .map(|(lever, k)| {
-            let factor = k * deviation;
-            lever.map(|part| {
-                let sum = workspace.sum();
-                sum.add_constant(factor, UNIT * factor.abs(), part).end()
-            })
-        })
+        .map(|(lever, k)| lever.map(|part| workspace.times_rounded(k * deviation, part)))
         .collect();
     std::array::from_fn(|part| {
         std::array::from_fn(|axis| {
             let mut sum = workspace.sum();
             for (lever, torque) in compliant.iter().zip(torques) {
-                sum = sum.product(TermSign::Plus, lever[axis], torque[part]);
+                sum = sum.product(1.0, lever[axis], torque[part]);
             }
             sum.end()
         })
@@ -118,10 +106,7 @@ pub(super) fn weighted_rows(
     let parameters = &question.parameters;
     let shares: Vec<ModelVector> = (parameters.iter().zip(torques))
         .map(|(&joint, torque)| match (torque, place[joint]) {
-            (Some(torque), None) => levers[joint].map(|part| {
-                let sum = workspace.sum();
-                sum.product(TermSign::Plus, part, *torque).end()
-            }),
+            (Some(torque), None) => workspace.scaled(&levers[joint], *torque),
             _ => NOWHERE,
         })
         .collect();
@@ -129,9 +114,7 @@ pub(super) fn weighted_rows(
         let mut factors = vec![TaylorModel::ZERO; columns];
         for ((factor, &joint), torque) in row.iter().zip(parameters).zip(torques) {
             if let (Some(torque), Some(place)) = (torque, place[joint]) {
-                let factor = factor / deviations[joint];
-                let sum = workspace.sum();
-                factors[place] = sum.add_constant(factor, UNIT * factor.abs(), *torque).end();
+                factors[place] = workspace.times_rounded(factor / deviations[joint], *torque);
             }
         }
         let rest = std::array::from_fn(|axis| {

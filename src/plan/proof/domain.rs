@@ -3,34 +3,21 @@
 use std::f64::consts::PI;
 
 use super::chain::Chain;
-use super::question::{Question, SmoothRegion};
+use super::question::Question;
 use super::rounding::LARGEST_ANGLE;
 use super::taylor::VARIABLES;
 
 /// One load.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum LoadCase {
-    /// A wrench, or down to this share of it.
-    Wrench([f64; 6], Option<f64>),
+    /// A wrench.
+    Wrench([f64; 6]),
     /// A force of any direction and this size (N).
     Any(f64),
 }
 
-/// The sum of a joint's angle and of those before it in its run, or what another variable is there for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Range {
-    pub low: f64,
-    pub high: f64,
-}
-
-/// A limit of one joint's angle where the variables are sums: low <= later - earlier <= high.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct AngleDifference {
-    pub later: usize,
-    pub earlier: usize,
-    pub low: f64,
-    pub high: f64,
-}
+/// A limit of one joint's angle where the variables are sums, later and earlier: low <= later - earlier <= high.
+pub type AngleDifference = (usize, usize, [f64; 2]);
 
 /// The variables of a question under one load.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,10 +25,8 @@ pub(super) struct Domain {
     pub load: LoadCase,
     /// The variable of each joint that has one; the others stay at zero.
     pub variable: Vec<Option<usize>>,
-    /// The variable that is the load's share of its largest.
-    pub share: Option<usize>,
-    /// The range of each variable: the box to begin with.
-    pub ranges: Vec<Range>,
+    /// The range of each variable, the sum of a joint's angle and of those before it in its run: the box to begin with.
+    pub ranges: Vec<[f64; 2]>,
     pub differences: Vec<AngleDifference>,
 }
 
@@ -53,19 +38,13 @@ const HALF_TURN: f64 = 3_294_200.0 / GRID;
 impl Domain {
     /// `None` where there are too many variables or too large angles.
     pub fn new(question: &Question, chain: &Chain, load: LoadCase) -> Option<Self> {
-        let region = &question.region;
         let count = chain.links.len();
-        let mut ranges_rad: Vec<[f64; 2]> = question
-            .arm
-            .joints
-            .iter()
-            .map(|each| each.range_rad)
-            .collect();
-        let moves = moving_joints(question, chain, &load);
+        let joints = question.arm.joints.iter();
+        let mut ranges_rad: Vec<[f64; 2]> = joints.map(|each| each.range_rad).collect();
+        let moves = moving_joints(question, chain, load);
         let mut domain = Self {
             load,
             variable: vec![None; count],
-            share: None,
             ranges: Vec::new(),
             differences: Vec::new(),
         };
@@ -88,37 +67,23 @@ impl Domain {
             let variable = domain.ranges.len();
             domain.variable[joint] = Some(variable);
             domain.ranges.push(if is_free[joint] {
-                Range {
-                    low: -HALF_TURN,
-                    high: HALF_TURN,
-                }
+                [-HALF_TURN, HALF_TURN]
             } else if let Some(earlier) = earlier {
-                domain.differences.push(AngleDifference {
-                    later: variable,
-                    earlier,
-                    low,
-                    high,
-                });
+                domain.differences.push((variable, earlier, [low, high]));
                 let before = domain.ranges[earlier];
-                outward(before.low + low, before.high + high)
+                outward(before[0] + low, before[1] + high)
             } else {
                 outward(low, high)
             });
         }
-        if region.torque_nm.is_none() {
-            domain.reduce(chain, &is_free, &ranges_rad);
-        }
-        if let LoadCase::Wrench(_, Some(share)) = domain.load {
-            domain.share = Some(domain.ranges.len());
-            domain.ranges.push(outward(share, 1.0));
-        }
-        let is_small = |range: &Range| range.low.abs().max(range.high.abs()) < LARGEST_ANGLE;
+        domain.reduce(chain, &is_free, &ranges_rad);
+        let is_small = |[low, high]: &[f64; 2]| low.abs().max(high.abs()) < LARGEST_ANGLE;
         (domain.ranges.len() <= VARIABLES && domain.ranges.iter().all(is_small)).then_some(domain)
     }
 
     /// Leaves out what symmetry repeats.
     fn reduce(&mut self, chain: &Chain, is_free: &[bool], ranges_rad: &[[f64; 2]]) {
-        let wrist = (0..chain.tool_joints.saturating_sub(2)).find(|&k| {
+        let wrist = (0..chain.links.len().saturating_sub(2)).find(|&k| {
             let [low, high] = ranges_rad[k + 1];
             chain.is_wrist(k)
                 && [k, k + 1, k + 2]
@@ -129,7 +94,7 @@ impl Domain {
                 && (is_free[k + 1] || low + high == 0.0)
         });
         if let Some(variable) = wrist.and_then(|k| self.variable[k + 1]) {
-            self.ranges[variable].low = 0.0;
+            self.ranges[variable][0] = 0.0;
         }
         for across in 0..2 {
             let reverses = |joint: usize| chain.links[joint].axis != across;
@@ -143,7 +108,7 @@ impl Domain {
             let wrist_stays = wrist.is_none_or(|k| !reverses(k + 1));
             let joints = 0..chain.links.len();
             if chain.is_mirrored(across)
-                && load_is_mirrored(&self.load, across)
+                && load_is_mirrored(self.load, across)
                 && wrist_stays
                 && joints.clone().all(symmetric)
             {
@@ -151,7 +116,7 @@ impl Domain {
                     .filter(|&joint| reverses(joint))
                     .find_map(|joint| self.variable[joint]);
                 if let Some(variable) = first {
-                    self.ranges[variable].low = 0.0;
+                    self.ranges[variable][0] = 0.0;
                 }
                 return;
             }
@@ -160,8 +125,8 @@ impl Domain {
 }
 
 /// Whether the mirror image of a load gives the deflections' mirror image, or its opposite.
-fn load_is_mirrored(load: &LoadCase, across: usize) -> bool {
-    let LoadCase::Wrench([fx, fy, fz, tx, ty, tz], _) = *load else {
+fn load_is_mirrored(load: LoadCase, across: usize) -> bool {
+    let LoadCase::Wrench([fx, fy, fz, tx, ty, tz]) = load else {
         return true;
     };
     let (force, torque) = ([fx, fy, fz], [tx, ty, tz]);
@@ -173,41 +138,29 @@ fn load_is_mirrored(load: &LoadCase, across: usize) -> bool {
 }
 
 /// The joints whose angle matters.
-fn moving_joints(question: &Question, chain: &Chain, load: &LoadCase) -> Vec<bool> {
-    let region = &question.region;
+fn moving_joints(question: &Question, chain: &Chain, load: LoadCase) -> Vec<bool> {
     let count = chain.links.len();
     let mut moves = vec![true; count];
-    let vertical = |vector: &[f64]| vector[0] == 0.0 && vector[1] == 0.0;
-    let load_turns = match load {
-        LoadCase::Wrench(wrench, _) => vertical(&wrench[..3]) && vertical(&wrench[3..]),
+    let is_vertical = match load {
+        LoadCase::Wrench([fx, fy, _, tx, ty, _]) => [fx, fy, tx, ty] == [0.0; 4],
         LoadCase::Any(_) => true,
     };
-    let gravity_turns = region.torque_nm.is_none() || vertical(&question.arm.gravity_m_s2);
-    if load_turns && gravity_turns && chain.is_first_upright() {
+    if is_vertical && chain.is_first_upright() {
         moves[0] = false;
     }
-    if region.torque_nm.is_none() {
-        for moves in moves.iter_mut().skip(chain.tool_joints) {
-            *moves = false;
-        }
-        if chain.turns_tool_on_the_spot(needs_tool_axis(region)) {
-            moves[chain.tool_joints - 1] = false;
-        }
+    if chain.turns_tool_on_the_spot(question.region.elevation_sine.is_some()) {
+        moves[count - 1] = false;
     }
     moves
 }
 
-pub(super) const fn needs_tool_axis(region: &SmoothRegion) -> bool {
-    region.elevation_sine.is_some()
-}
-
 /// A range that holds both, on the grid.
-fn outward(low: f64, high: f64) -> Range {
+fn outward(low: f64, high: f64) -> [f64; 2] {
     // Scaling by a power of two is exact; one step more covers the rounding of a sum.
-    Range {
-        low: ((low * GRID).floor() - 1.0) / GRID,
-        high: ((high * GRID).ceil() + 1.0) / GRID,
-    }
+    [
+        ((low * GRID).floor() - 1.0) / GRID,
+        ((high * GRID).ceil() + 1.0) / GRID,
+    ]
 }
 
 const _: () = assert!(HALF_TURN > PI && HALF_TURN < PI + 1e-5);

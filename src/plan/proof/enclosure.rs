@@ -1,16 +1,16 @@
 //! What is asked, over boxes: the derivative d and the margins of the limits as Taylor models.
 
-use super::chain::Chain;
+use super::chain::{Chain, Link};
 use super::constant::vector;
 use super::covariance::{covariance, notable_returns, weighted_rows};
-use super::domain::{Domain, LoadCase, needs_tool_axis};
+use super::domain::{Domain, LoadCase};
 use super::form::{ENTRIES, place};
 use super::geometry::BoxGeometry;
 use super::question::Question;
 use super::rounding::{UNIT, Waves, sin_cos};
 use super::rows::squares_of_rows;
-use super::taylor::{LANES, Lanes, ModelVector, ModelWorkspace, TaylorModel, TermSign, VARIABLES};
-use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot, exact};
+use super::taylor::{LANES, Lanes, ModelVector, ModelWorkspace, TaylorModel, VARIABLES};
+use super::vectors::{Angle, NOWHERE, constant_in, difference, dot};
 use super::weighted::{SpreadColumns, WeightedRow};
 
 /// How often a variable can be halved.
@@ -61,8 +61,8 @@ pub(super) struct Enclosure {
 impl<'a> ProofTask<'a> {
     pub fn new(question: &'a Question, chain: Chain, domain: Domain) -> Self {
         let widths = (domain.ranges.iter())
-            .map(|range| {
-                let mut half = (range.high - range.low) / 2.0;
+            .map(|[low, high]| {
+                let mut half = (high - low) / 2.0;
                 (0..=DEEPEST)
                     .map(|_| {
                         let width = (half, Waves::new(half));
@@ -90,24 +90,24 @@ impl<'a> ProofTask<'a> {
     /// Where the frame of the middle may stand: between runs.
     pub fn middles(&self) -> Vec<usize> {
         let links = &self.chain.links;
-        (0..=self.chain.tool_joints)
+        (0..=links.len())
             .filter(|&joint| joint == 0 || links.get(joint).is_none_or(|link| link.starts_run))
             .collect()
     }
 
-    pub fn link(&self, joint: usize) -> Option<&super::chain::Link> {
-        self.chain.links.get(joint)
+    pub fn links(&self) -> &[Link] {
+        &self.chain.links
     }
 
     /// Whether joint angles are within the limits of joints whose variables are sums.
     #[cfg(test)]
     pub fn is_within_limits(&self, q: &[f64], margin: f64) -> bool {
-        self.domain.differences.iter().all(|limit| {
-            let later = Some(limit.later);
-            let joint = (0..q.len()).find(|&joint| self.domain.variable[joint] == later);
+        (self.domain.differences.iter()).all(|&(later, _, [low, high])| {
+            let joints = &mut self.domain.variable.iter();
+            let joint = joints.position(|variable| *variable == Some(later));
             joint.is_none_or(|joint| {
                 let angle = q[joint] * self.chain.links[joint].sign;
-                (limit.low + margin..=limit.high - margin).contains(&angle)
+                (low + margin..=high - margin).contains(&angle)
             })
         })
     }
@@ -116,7 +116,7 @@ impl<'a> ProofTask<'a> {
     pub fn whole(&self) -> Cell {
         let mut centre = [0.0; VARIABLES];
         for (centre, range) in centre.iter_mut().zip(&self.domain.ranges) {
-            *centre = f64::midpoint(range.low, range.high);
+            *centre = f64::midpoint(range[0], range[1]);
         }
         Cell {
             centre,
@@ -150,53 +150,44 @@ impl<'a> ProofTask<'a> {
                 workspace.sin_cos(variable, &centre, &waves)
             })
             .collect();
-        BoxGeometry::new(
-            workspace,
-            &self.chain,
-            &self.domain,
-            &angles,
-            self.middle,
-            self.question.region.torque_nm.is_some(),
-        )
+        BoxGeometry::new(workspace, &self.chain, &self.domain, &angles, self.middle)
     }
 
     /// Looks at boxes.
     pub fn enclose(&self, workspace: &mut ModelWorkspace, cells: &[Cell; LANES]) -> Enclosure {
         workspace.clear();
         let question = self.question;
-        let region = &question.region;
         let geometry = self.geometry(workspace, cells);
-        let levers: Vec<ModelVector> = (0..self.chain.tool_joints)
+        let levers: Vec<ModelVector> = (0..self.chain.links.len())
             .map(|joint| geometry.moves(workspace, joint, &geometry.tool))
             .collect();
-        let axes = &geometry.axis[..self.chain.tool_joints];
-        let load = self.load(workspace, &geometry, cells);
         let mut spread = [[0.0; LANES]; VARIABLES];
-        let derivative = match &load {
-            Some(load) => {
-                let torques = self.torques(workspace, axes, &levers, load);
+        let derivative = match self.domain.load {
+            LoadCase::Wrench([fx, fy, fz, tx, ty, tz]) => {
+                let load = [[fx, fy, fz], [tx, ty, tz]].map(|each| {
+                    constant_in(workspace, &geometry.world, &vector(each), &NOWHERE, 1.0)
+                });
+                let torques = self.torques(workspace, &geometry.axis, &levers, &load);
+                let told = (levers.as_slice(), torques.as_slice());
                 if let Some(more) = &question.spread {
-                    let covariance = covariance(workspace, more, &geometry, &levers, load);
-                    let told = (levers.as_slice(), torques.as_slice());
+                    let covariance = covariance(workspace, more, &geometry, &levers, &load);
                     let count = covariance.columns.len();
                     let rows = weighted_rows(workspace, question, &self.is_notable, told, count);
                     Derivative::Weighted(rows, covariance)
                 } else {
-                    let told = (levers.as_slice(), torques.as_slice());
-                    Derivative::Plain(self.plain(workspace, axes, told, &mut spread))
+                    Derivative::Plain(self.plain(workspace, told, &mut spread))
                 }
             }
-            None => Derivative::Largest(self.form(workspace, axes, &levers, &mut spread)),
+            LoadCase::Any(size) => {
+                Derivative::Largest(self.form(workspace, &levers, size, &mut spread))
+            }
         };
         let mut margins = Vec::new();
         self.add_geometric_margins(workspace, &geometry, &levers, &mut margins);
-        if let (Some(limits), Some(load)) = (&region.torque_nm, &load) {
-            self.add_torque_margins(workspace, (&geometry, &levers), load, limits, &mut margins);
-        }
-        for limit in &self.domain.differences {
-            let [later, earlier] = [limit.later, limit.earlier]
-                .map(|variable| self.coordinate(workspace, variable, cells));
-            for (sign, bound) in [(1.0, -limit.low), (-1.0, limit.high)] {
+        for &(later, earlier, [low, high]) in &self.domain.differences {
+            let [later, earlier] =
+                [later, earlier].map(|variable| self.coordinate(workspace, variable, cells));
+            for (sign, bound) in [(1.0, -low), (-1.0, high)] {
                 let one = workspace.constant(1.0, 0.0);
                 let sum = workspace.sum().add(sign, later).add(-sign, earlier);
                 margins.push(sum.add(bound, one).end());
@@ -220,35 +211,11 @@ impl<'a> ProofTask<'a> {
         workspace.variable(variable, &centre, &half)
     }
 
-    /// Force and torque, unless the force has any direction.
-    fn load(
-        &self,
-        workspace: &mut ModelWorkspace,
-        geometry: &BoxGeometry,
-        cells: &[Cell; LANES],
-    ) -> Option<[ModelVector; 2]> {
-        let LoadCase::Wrench([fx, fy, fz, tx, ty, tz], _) = self.domain.load else {
-            return None;
-        };
-        let none = exact(workspace, [0.0; 3]);
-        let load = [[fx, fy, fz], [tx, ty, tz]]
-            .map(|each| constant_in(workspace, &geometry.world, &vector(each), &none, 1.0));
-        Some(match self.domain.share {
-            Some(share) => {
-                let share = self.coordinate(workspace, share, cells);
-                load.map(|each| {
-                    each.map(|part| workspace.sum().product(TermSign::Plus, part, share).end())
-                })
-            }
-            None => load,
-        })
-    }
-
     /// Whether a joint has no torque in any experiment: the first one about the vertical under a vertical force. Its
     /// models would cancel but for their remainders, and what is known of such a compliance from before alone
     /// has a large factor.
     fn is_silent(&self, joint: usize) -> bool {
-        let LoadCase::Wrench([fx, fy, _, _, _, tz], _) = self.domain.load else {
+        let LoadCase::Wrench([fx, fy, _, _, _, tz]) = self.domain.load else {
             return false;
         };
         joint == 0 && self.chain.is_first_upright() && [fx, fy, tz].iter().all(|part| *part == 0.0)
@@ -271,60 +238,34 @@ impl<'a> ProofTask<'a> {
             .collect()
     }
 
-    /// d: the sum over rows of |sum over n of `b_n` `tau_n` `J_n`|^2, and s^2 times that of `b_n` `tau_n` `z_n` where rotations are
-    /// measured.
+    /// d: the sum over rows of |sum over n of `b_n` `tau_n` `J_n`|^2.
     fn plain(
         &self,
         workspace: &mut ModelWorkspace,
-        axes: &[ModelVector],
         (levers, torques): (&[ModelVector], &[Option<TaylorModel>]),
         spread: &mut [Lanes; VARIABLES],
     ) -> TaylorModel {
-        let scale = self.question.rotation_scale_m;
-        let mut columns = [Vec::new(), Vec::new()];
-        for (&joint, torque) in self.question.parameters.iter().zip(torques) {
-            let Some(torque) = *torque else {
-                for each in &mut columns {
-                    each.push(NOWHERE);
-                }
-                continue;
-            };
-            let mut times = |part| workspace.sum().product(TermSign::Plus, part, torque).end();
-            columns[0].push(levers[joint].map(&mut times));
-            if scale > 0.0 {
-                columns[1].push(axes[joint].map(&mut times));
-            }
-        }
-        let rows = &self.question.rows;
-        let [moved, turned] = columns;
-        let moved = squares_of_rows(workspace, rows, 1.0, &moved, spread);
-        if scale == 0.0 {
-            return moved;
-        }
-        let turned = squares_of_rows(workspace, rows, scale, &turned, spread);
-        workspace.sum().add(1.0, moved).add(1.0, turned).end()
+        let columns: Vec<ModelVector> = (self.question.parameters.iter().zip(torques))
+            .map(|(&joint, torque)| match torque {
+                Some(torque) => workspace.scaled(&levers[joint], *torque),
+                None => NOWHERE,
+            })
+            .collect();
+        squares_of_rows(workspace, &self.question.rows, &columns, spread)
     }
 
     /// The form Q with d = F^T Q F: the sum over rows of the squares of W = sum over n of `b_n` `J_n` `J_n^T`, times
-    /// the square of the force; where rotations are measured that of V^T V, too, V = s times the sum of `b_n` `z_n` `J_n^T`.
+    /// the square of the force.
     fn form(
         &self,
         workspace: &mut ModelWorkspace,
-        axes: &[ModelVector],
         levers: &[ModelVector],
+        size: f64,
         spread: &mut [Lanes; VARIABLES],
     ) -> [TaylorModel; 6] {
-        let LoadCase::Any(size) = self.domain.load else {
-            return [TaylorModel::ZERO; 6];
-        };
         let dyads: Vec<[TaylorModel; 6]> = (self.question.parameters.iter())
             .map(|&joint| match levers.get(joint) {
-                Some(lever) => ENTRIES.map(|[i, j]| {
-                    workspace
-                        .sum()
-                        .product(TermSign::Plus, lever[i], lever[j])
-                        .end()
-                }),
+                Some(lever) => ENTRIES.map(|[i, j]| workspace.times(lever[i], lever[j])),
                 None => [TaylorModel::ZERO; 6],
             })
             .collect();
@@ -340,64 +281,18 @@ impl<'a> ProofTask<'a> {
                 })
             })
             .collect();
-        for row in &rows {
-            for entry in row {
-                workspace.add_spread(*entry, spread);
-            }
-        }
-        let turned = self.turned_rows(workspace, axes, levers, size);
-        for entry in turned.iter().flatten().flatten() {
+        for entry in rows.iter().flatten() {
             workspace.add_spread(*entry, spread);
         }
         ENTRIES.map(|[i, j]| {
             let mut sum = workspace.sum();
             for row in &rows {
                 for k in 0..3 {
-                    sum = sum.product(TermSign::Plus, row[place(i, k)], row[place(k, j)]);
+                    sum = sum.product(1.0, row[place(i, k)], row[place(k, j)]);
                 }
-            }
-            for row in turned.iter().flatten() {
-                sum = sum.product(TermSign::Plus, row[i], row[j]);
             }
             sum.end()
         })
-    }
-
-    /// The rows of V for each row of B, times the force; none where rotations are not measured.
-    fn turned_rows(
-        &self,
-        workspace: &mut ModelWorkspace,
-        axes: &[ModelVector],
-        levers: &[ModelVector],
-        size: f64,
-    ) -> Vec<[ModelVector; 3]> {
-        let scale = self.question.rotation_scale_m;
-        if scale == 0.0 {
-            return Vec::new();
-        }
-        let parameters = &self.question.parameters;
-        let dyads: Vec<[ModelVector; 3]> = (parameters.iter())
-            .map(|&joint| match levers.get(joint) {
-                Some(lever) => axes[joint].map(|turn| {
-                    lever.map(|part| workspace.sum().product(TermSign::Plus, turn, part).end())
-                }),
-                None => [NOWHERE; 3],
-            })
-            .collect();
-        (self.question.rows.iter())
-            .map(|row| {
-                std::array::from_fn(|k| {
-                    std::array::from_fn(|i| {
-                        let mut sum = workspace.sum();
-                        for (factor, dyad) in row.iter().zip(&dyads) {
-                            let factor = factor * size * scale;
-                            sum = sum.add_constant(factor, 3.0 * UNIT * factor.abs(), dyad[k][i]);
-                        }
-                        sum.end()
-                    })
-                })
-            })
-            .collect()
     }
 
     fn add_geometric_margins(
@@ -442,56 +337,10 @@ impl<'a> ProofTask<'a> {
                 add(workspace, squared, -1.0, high * high, off(high));
             }
         }
-        if let (true, Some(sine)) = (needs_tool_axis(region), region.elevation_sine) {
+        if let Some(sine) = region.elevation_sine {
             let rise = dot(workspace, &[(&up, &geometry.tool_axis)]);
             add(workspace, rise, 1.0, sine, 0.0);
             add(workspace, rise, -1.0, sine, 0.0);
-        }
-    }
-
-    /// |`J_j` . F + `z_j` . T + `z_j` . (moment of gravity)| <= limit.
-    fn add_torque_margins(
-        &self,
-        workspace: &mut ModelWorkspace,
-        (geometry, levers): (&BoxGeometry, &[ModelVector]),
-        [force, torque]: &[ModelVector; 2],
-        limits: &[f64],
-        margins: &mut Vec<TaylorModel>,
-    ) {
-        let nothing = [TaylorModel::ZERO; 3];
-        let gravity = vector(self.question.arm.gravity_m_s2);
-        let gravity = constant_in(workspace, &geometry.world, &gravity, &nothing, 1.0);
-        let one = workspace.constant(1.0, 0.0);
-        let mut moment = nothing;
-        for (joint, link) in self.chain.links.iter().enumerate().rev() {
-            // The weights of all links behind are a force and a moment about this joint's anchor.
-            moment = std::array::from_fn(|row| {
-                let sum = workspace.sum().add(1.0, moment[row]);
-                sum.add(link.mass, geometry.centre[joint][row]).end()
-            });
-            let mass: f64 = self.chain.links[joint..].iter().map(|each| each.mass).sum();
-            let count = self.chain.links.len() as f64;
-            let arm: ModelVector = std::array::from_fn(|row| {
-                let sum = workspace.sum().add(1.0, moment[row]);
-                sum.add_constant(-mass, count * UNIT * mass, geometry.anchor[joint][row])
-                    .end()
-            });
-            let Some(limit) = limits.get(joint).filter(|limit| limit.is_finite()) else {
-                continue;
-            };
-            let weight = cross(workspace, &arm, &gravity);
-            let axis = &geometry.axis[joint];
-            let total = match levers.get(joint) {
-                Some(lever) => dot(
-                    workspace,
-                    &[(axis, &weight), (lever, force), (axis, torque)],
-                ),
-                None => dot(workspace, &[(axis, &weight)]),
-            };
-            for sign in [1.0, -1.0] {
-                let sum = workspace.sum().add(sign, total);
-                margins.push(sum.add(*limit, one).end());
-            }
         }
     }
 }

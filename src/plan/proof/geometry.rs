@@ -4,7 +4,7 @@
 use super::chain::Chain;
 use super::constant::transposed;
 use super::domain::Domain;
-use super::taylor::{ModelVector, ModelWorkspace, TaylorModel, TermSign};
+use super::taylor::{ModelVector, ModelWorkspace};
 use super::vectors::{
     Angle, Frame, NOWHERE, constant_in, cross, difference, parallel, rotated, turned_constant,
     turned_frame, vector_in,
@@ -20,8 +20,6 @@ pub(super) struct BoxGeometry {
     /// The axis of each joint, and a point on it.
     pub axis: Vec<ModelVector>,
     pub anchor: Vec<ModelVector>,
-    /// The centre of each link's mass, where asked for.
-    pub centre: Vec<ModelVector>,
     pub tool: ModelVector,
     pub tool_axis: ModelVector,
 }
@@ -33,7 +31,6 @@ impl BoxGeometry {
         domain: &Domain,
         angles: &[Angle],
         middle: usize,
-        needs_masses: bool,
     ) -> Self {
         let count = chain.links.len();
         let home = parallel(workspace);
@@ -42,16 +39,12 @@ impl BoxGeometry {
             base: NOWHERE,
             axis: vec![NOWHERE; count],
             anchor: vec![NOWHERE; count],
-            centre: vec![NOWHERE; count],
             tool: NOWHERE,
             tool_axis: NOWHERE,
         };
         let angle = |joint: usize| domain.variable[joint].map(|variable| angles[variable]);
-        if middle == chain.tool_joints {
-            geometry.take_tool(workspace, chain, &home, &NOWHERE);
-        }
-        geometry.outward(workspace, chain, &angle, middle, needs_masses);
-        geometry.inward(workspace, chain, &angle, middle, needs_masses);
+        geometry.outward(workspace, chain, &angle, middle);
+        geometry.inward(workspace, chain, &angle, middle);
         geometry
     }
 
@@ -66,17 +59,6 @@ impl BoxGeometry {
         cross(workspace, &self.axis[joint], &arm)
     }
 
-    fn take_tool(
-        &mut self,
-        workspace: &mut ModelWorkspace,
-        chain: &Chain,
-        frame: &Frame,
-        origin: &ModelVector,
-    ) {
-        self.tool = constant_in(workspace, frame, &chain.tool, origin, 1.0);
-        self.tool_axis = constant_in(workspace, frame, &chain.tool_axis, &NOWHERE, 1.0);
-    }
-
     /// From the middle to the tool.
     fn outward(
         &mut self,
@@ -84,7 +66,6 @@ impl BoxGeometry {
         chain: &Chain,
         angle: &dyn Fn(usize) -> Option<Angle>,
         middle: usize,
-        needs_masses: bool,
     ) {
         let mut frame = self.world;
         let mut run = frame;
@@ -100,16 +81,11 @@ impl BoxGeometry {
             self.anchor[joint] = origin;
             self.axis[joint] = signed(workspace, &run[link.axis], link.sign);
             if let Some(angle) = angle(joint) {
-                frame = turned_frame(workspace, &run, link.axis, angle, TermSign::Plus);
-            }
-            if needs_masses {
-                self.centre[joint] =
-                    constant_in(workspace, &frame, &link.centre_of_mass, &origin, 1.0);
-            }
-            if joint + 1 == chain.tool_joints {
-                self.take_tool(workspace, chain, &frame, &origin);
+                frame = turned_frame(workspace, &run, link.axis, angle, 1.0);
             }
         }
+        self.tool = constant_in(workspace, &frame, &chain.tool, &origin, 1.0);
+        self.tool_axis = constant_in(workspace, &frame, &chain.tool_axis, &NOWHERE, 1.0);
     }
 
     /// From the middle to the base, run by run.
@@ -119,7 +95,6 @@ impl BoxGeometry {
         chain: &Chain,
         angle: &dyn Fn(usize) -> Option<Angle>,
         middle: usize,
-        needs_masses: bool,
     ) {
         let mut frame = self.world;
         let mut origin = NOWHERE;
@@ -128,32 +103,19 @@ impl BoxGeometry {
             let first = chain.run_start(end - 1);
             let axis = chain.links[end - 1].axis;
             let run = match angle(end - 1) {
-                Some(angle) => turned_frame(workspace, &frame, axis, angle, TermSign::Minus),
+                Some(angle) => turned_frame(workspace, &frame, axis, angle, -1.0),
                 None => frame,
             };
             for joint in (first..end).rev() {
                 let link = &chain.links[joint];
                 self.axis[joint] = signed(workspace, &run[axis], link.sign);
-                if needs_masses {
-                    let place = &link.centre_of_mass;
-                    self.centre[joint] = match angle(joint) {
-                        _ if joint + 1 == end => {
-                            constant_in(workspace, &frame, place, &origin, 1.0)
-                        }
-                        Some(angle) => {
-                            let place = turned_constant(workspace, axis, angle, place);
-                            vector_in(workspace, &run, &place, &origin, TermSign::Plus)
-                        }
-                        None => constant_in(workspace, &run, place, &origin, 1.0),
-                    };
-                }
                 self.anchor[joint] = origin;
                 if joint > first {
                     // The offset stands in the frame of the link before, which turns about the same axis.
                     origin = match angle(joint - 1) {
                         Some(angle) => {
                             let offset = turned_constant(workspace, axis, angle, &link.offset);
-                            vector_in(workspace, &run, &offset, &origin, TermSign::Minus)
+                            vector_in(workspace, &run, &offset, &origin, -1.0)
                         }
                         None => constant_in(workspace, &run, &link.offset, &origin, -1.0),
                     };
@@ -176,6 +138,6 @@ fn signed(workspace: &mut ModelWorkspace, vector: &ModelVector, sign: f64) -> Mo
     if sign > 0.0 {
         *vector
     } else {
-        vector.map(|each: TaylorModel| workspace.sum().add(sign, each).end())
+        vector.map(|each| workspace.sum().add(sign, each).end())
     }
 }

@@ -12,18 +12,16 @@
 //! d(x) = trace(B A(x)^T A(x) B^T) / sigma^2 = sum over rows r of |sum over n of b_rn tau_n J_n|^2 / sigma^2
 //! ```
 //!
-//! with A's columns `tau_n J_n`, `J_n` = `z_n` x (p - `o_n`), `tau_n` = `J_n` . F + `z_n` . T; where rotations are measured,
-//! s `tau_n z_n` stand below them, s = sigma over that of rotations. The best B is C M^-1 of the
+//! with A's columns `tau_n J_n`, `J_n` = `z_n` x (p - `o_n`), `tau_n` = `J_n` . F + `z_n` . T. The best B is C M^-1 of the
 //! approximate design. B need not be that, nor precise, and nothing is inverted here: its entries are taken as the doubles that
 //! they are. What must be proved is one number, an upper bound of max d over the region.
 //!
 //! # Assumptions
 //!
 //! The chain's and the scenario's constants are the doubles that the program holds (a rotation is that of its quaternion, of
-//! whatever length; an axis has the direction of its vector). The region is that of joint ranges, height, radius,
-//! elevation and torques; collisions, sight and forbidden configurations are left out, which makes the bound
-//! only weaker. With a force of any direction, torque limits are left out, too. Noise is of the same size in each
-//! coordinate.
+//! whatever length; an axis has the direction of its vector). The region is that of joint ranges, height, radius and
+//! elevation; torque limits, collisions, sight and forbidden configurations are left out, which makes the bound
+//! only weaker. Noise is of the same size in each coordinate.
 //!
 //! # How it is proved
 //!
@@ -42,6 +40,7 @@
 //! - [`bound`](Ingredients): from max d to `rho_0`.
 
 #[cfg(test)]
+#[path = "tests/arms.rs"]
 mod arms;
 mod bound;
 mod branching;

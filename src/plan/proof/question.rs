@@ -13,10 +13,6 @@ pub struct ProofJoint {
     pub axis: [f64; 3],
     /// The joint's range (rad).
     pub range_rad: [f64; 2],
-    /// The mass of the link (kg) and where its centre is in the frame (m).
-    pub mass_kg: f64,
-    /// Where the centre of mass is in the frame (m).
-    pub centre_of_mass_m: [f64; 3],
 }
 
 /// A serial arm with a tool.
@@ -30,8 +26,6 @@ pub struct Arm {
     pub tool_offset_m: [f64; 3],
     /// How it stands there: a quaternion (x, y, z, w) of any length.
     pub tool_rotation: [f64; 4],
-    /// The acceleration of gravity in the world frame (m/s^2).
-    pub gravity_m_s2: [f64; 3],
 }
 
 /// Where experiments are possible, beside the joint ranges.
@@ -43,8 +37,6 @@ pub struct SmoothRegion {
     pub radius_m: [Option<f64>; 2],
     /// The tool's z axis has at most this height, up or down (the sine of its elevation).
     pub elevation_sine: Option<f64>,
-    /// The largest torque about each joint, of load and gravity (N m).
-    pub torque_nm: Option<Vec<f64>>,
 }
 
 /// The loads that an experiment may have.
@@ -53,8 +45,6 @@ pub struct SmoothRegion {
 pub enum ProofLoads {
     /// One of these wrenches, force (N) and torque (N m) in the world frame.
     OneOf(Vec<[f64; 6]>),
-    /// This wrench, or a smaller one down to this share of it.
-    UpTo([f64; 6], f64),
     /// A force of any direction of at most this size (N).
     AnyForce(f64),
 }
@@ -85,8 +75,7 @@ pub struct ReadingSpread {
 }
 
 /// The largest of d(x) = sum over rows r of |sum over parameters n of `b_rn` `tau_n`(x) `J_n`(x)|^2 over all
-/// experiments x is to be bounded; where rotations are measured with s^2 |sum over n of `b_rn` `tau_n`(x) `z_n`(x)|^2 beside
-/// each, s the standard deviation of deflections over that of rotations. Where more than the instrument's noise is new in each
+/// experiments x is to be bounded. Where more than the instrument's noise is new in each
 /// reading, of the sum of `v_r`^T R^-1 `v_r`, `v_r` the sum over n of `b_rn` `tau_n` `J_n`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Question {
@@ -96,13 +85,11 @@ pub struct Question {
     pub parameters: Vec<usize>,
     /// The rows of B: one number for each parameter.
     pub rows: Vec<Vec<f64>>,
-    /// s (m/rad); 0 where rotations are not measured.
-    pub rotation_scale_m: f64,
     /// Where experiments are possible.
     pub region: SmoothRegion,
     /// Their loads.
     pub loads: ProofLoads,
-    /// What is new in each reading; under one of several loads alone, and where rotations are not measured.
+    /// What is new in each reading; under one of several loads alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<ReadingSpread>,
 }
@@ -127,16 +114,9 @@ impl Question {
         let everywhere = (self.spread.as_ref()).map_or(1.0, |spread| spread.everywhere);
         let row = |row: &Vec<f64>| {
             let terms = row.iter().zip(&self.parameters);
-            let term = |(factor, &joint): (&f64, &usize)| {
-                let size = factor.abs() * (reaches[joint] + 1.0);
-                [size * reaches[joint], size * self.rotation_scale_m]
-            };
-            let sums = terms
-                .map(term)
-                .fold([0.0; 2], |sums: [f64; 2], [moved, turned]| {
-                    [sums[0] + moved, sums[1] + turned]
-                });
-            sums[0].powi(2) + sums[1].powi(2)
+            let terms = terms
+                .map(|(factor, &joint)| factor.abs() * (reaches[joint] + 1.0) * reaches[joint]);
+            terms.sum::<f64>().powi(2)
         };
         // Fewer than 1000 roundings of numbers that are not negative.
         (self.rows.iter().map(row).sum::<f64>() / everywhere).sqrt() * (1.0 + 1e-12)

@@ -12,21 +12,17 @@
 use super::rounding::UNIT;
 use super::taylor::{LANES, Lanes, ModelVector, ModelWorkspace, TaylorModel, VARIABLES};
 
-/// The sum over rows of |sum over n of scale `b_n` `v_n`|^2; by how much the variables change the rows is added to the spread.
+/// The sum over rows of |sum over n of `b_n` `v_n`|^2; by how much the variables change the rows is added to the spread.
 pub(super) fn squares_of_rows(
     workspace: &mut ModelWorkspace,
     rows: &[Vec<f64>],
-    scale: f64,
     vectors: &[ModelVector],
     spread: &mut [Lanes; VARIABLES],
 ) -> TaylorModel {
-    let factors: Vec<Vec<f64>> = (rows.iter())
-        .map(|row| row.iter().map(|factor| factor * scale).collect())
-        .collect();
     let polynomials: Vec<ModelVector> = (vectors.iter())
         .map(|vector| vector.map(|part| workspace.polynomial_of(part)))
         .collect();
-    let sums: Vec<ModelVector> = (factors.iter())
+    let sums: Vec<ModelVector> = (rows.iter())
         .map(|row| {
             std::array::from_fn(|axis| {
                 let mut sum = workspace.sum();
@@ -39,7 +35,7 @@ pub(super) fn squares_of_rows(
             })
         })
         .collect();
-    let off = remainders(workspace, &factors, vectors, &sums);
+    let off = remainders(workspace, rows, vectors, &sums);
     let off = workspace.constants(&[0.0; LANES], &off);
     let mut squares = workspace.sum().add(1.0, off);
     for part in sums.iter().flatten() {

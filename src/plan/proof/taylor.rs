@@ -273,6 +273,22 @@ impl ModelWorkspace {
         })
     }
 
+    /// The product of two models.
+    pub fn times(&mut self, one: TaylorModel, other: TaylorModel) -> TaylorModel {
+        self.sum().product(1.0, one, other).end()
+    }
+
+    /// A vector, each part times a model.
+    pub fn scaled(&mut self, vector: &ModelVector, by: TaylorModel) -> ModelVector {
+        vector.map(|part| self.times(part, by))
+    }
+
+    /// A model times a constant whose relative error is one rounding.
+    pub fn times_rounded(&mut self, factor: f64, model: TaylorModel) -> TaylorModel {
+        let error = UNIT * factor.abs();
+        self.sum().add_constant(factor, error, model).end()
+    }
+
     /// Begins a sum of products.
     pub fn sum(&mut self) -> ModelSum<'_> {
         self.begin();
@@ -368,8 +384,8 @@ impl ModelSum<'_> {
         self
     }
 
-    /// Adds (or subtracts) the product of two models.
-    pub fn product(mut self, sign: TermSign, one: TaylorModel, other: TaylorModel) -> Self {
+    /// Adds the product of two models, times 1 or -1.
+    pub fn product(mut self, sign: f64, one: TaylorModel, other: TaylorModel) -> Self {
         if one == TaylorModel::ZERO || other == TaylorModel::ZERO {
             return self;
         }
@@ -382,10 +398,6 @@ impl ModelSum<'_> {
         let (known, top, third) = self.workspace.top_and_third();
         let numbers =
             |model: TaylorModel| &known[model.index * layout.length()..][..layout.length()];
-        let sign = match sign {
-            TermSign::Plus => 1.0,
-            TermSign::Minus => -1.0,
-        };
         add_product(
             layout,
             (top, third),
@@ -448,13 +460,6 @@ impl ModelSum<'_> {
             self.last = self.last.max(model.last);
         }
     }
-}
-
-/// Whether a product is added or subtracted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum TermSign {
-    Plus,
-    Minus,
 }
 
 const fn range(model: TaylorModel) -> [usize; 2] {

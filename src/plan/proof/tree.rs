@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use serde::Serialize;
 
-use super::domain::{AngleDifference, LoadCase, Range};
+use super::domain::{AngleDifference, LoadCase};
 use super::enclosure::{Cell, ProofTask};
 use super::judgement::Judgement;
 use super::question::Question;
@@ -32,12 +32,10 @@ pub struct ProofPart {
     pub starts_run: Vec<bool>,
     /// The variable that stands for the angle of each joint, summed up over the joints of its run.
     pub variables: Vec<Option<usize>>,
-    /// The variable that is the load's share of its largest.
-    pub share: Option<usize>,
     /// The range of each variable.
     pub ranges: Vec<[f64; 2]>,
     /// The variables of joints in the same run, later and earlier, and what their difference is limited to.
-    pub differences: Vec<(usize, usize, [f64; 2])>,
+    pub differences: Vec<AngleDifference>,
     /// The boxes, depth first, the lower half first: a digit is the variable that is halved; "." is a box that is done
     /// with as it is; "x" with the two digits of a margin, one where that is negative; "m" with the digit of a count and as many
     /// multipliers, each the two digits of the margin and the first six of its bits' 16. All digits are hexadecimal.
@@ -46,16 +44,9 @@ pub struct ProofPart {
 
 /// What is known of every box.
 #[derive(Debug, Default)]
-pub(super) struct Record(HashMap<CellKey, Known>);
+pub(super) struct Record(HashMap<CellKey, Judgement>);
 
 type CellKey = (usize, [u64; VARIABLES], [u8; VARIABLES]);
-
-#[derive(Debug)]
-struct Known {
-    largest: f64,
-    multipliers: Vec<(usize, f64)>,
-    halve: usize,
-}
 
 fn key(task: usize, cell: &Cell) -> CellKey {
     (task, cell.centre.map(f64::to_bits), cell.depth)
@@ -63,18 +54,7 @@ fn key(task: usize, cell: &Cell) -> CellKey {
 
 impl Record {
     pub fn insert(&mut self, task: usize, cell: &Cell, judgement: Judgement) {
-        let Judgement {
-            largest,
-            multipliers,
-            halve,
-            ..
-        } = judgement;
-        let known = Known {
-            largest,
-            multipliers,
-            halve,
-        };
-        self.0.insert(key(task, cell), known);
+        self.0.insert(key(task, cell), judgement);
     }
 
     /// The proof that no derivative is above a number; `None` where a box is missing.
@@ -88,28 +68,14 @@ impl Record {
             let domain = &task.domain;
             Some(ProofPart {
                 wrench: match domain.load {
-                    LoadCase::Wrench(wrench, _) => Some(wrench),
+                    LoadCase::Wrench(wrench) => Some(wrench),
                     LoadCase::Any(_) => None,
                 },
                 middle: task.middle,
-                starts_run: (0..domain.variable.len())
-                    .map(|joint| task.link(joint).is_none_or(|link| link.starts_run))
-                    .collect(),
+                starts_run: task.links().iter().map(|link| link.starts_run).collect(),
                 variables: domain.variable.clone(),
-                share: domain.share,
-                ranges: (domain.ranges.iter())
-                    .map(|&Range { low, high }| [low, high])
-                    .collect(),
-                differences: (domain.differences.iter())
-                    .map(
-                        |&AngleDifference {
-                             later,
-                             earlier,
-                             low,
-                             high,
-                         }| (later, earlier, [low, high]),
-                    )
-                    .collect(),
+                ranges: domain.ranges.clone(),
+                differences: domain.differences.clone(),
                 tree: self.tree(index, task, largest)?,
             })
         };

@@ -1,7 +1,7 @@
 //! Vectors and frames of Taylor models.
 
 use super::constant::{Constant, Rotation};
-use super::taylor::{ModelVector, ModelWorkspace, TaylorModel, TermSign};
+use super::taylor::{ModelVector, ModelWorkspace, TaylorModel};
 
 /// The columns of a rotation matrix.
 pub(super) type Frame = [ModelVector; 3];
@@ -47,7 +47,7 @@ pub(super) fn vector_in(
     frame: &Frame,
     vector: &ModelVector,
     plus: &ModelVector,
-    sign: TermSign,
+    sign: f64,
 ) -> ModelVector {
     std::array::from_fn(|row| {
         let mut sum = workspace.sum().add(1.0, plus[row]);
@@ -69,45 +69,29 @@ pub(super) fn turned_constant(
     let (a, b) = (vector[one], vector[other]);
     let mut turned = NOWHERE;
     turned[axis] = workspace.constant(vector[axis].value, vector[axis].error);
-    turned[one] = workspace
-        .sum()
-        .add_constant(a.value, a.error, cosine)
-        .add_constant(-b.value, b.error, sine)
-        .end();
-    turned[other] = workspace
-        .sum()
-        .add_constant(a.value, a.error, sine)
-        .add_constant(b.value, b.error, cosine)
-        .end();
+    let sum = workspace.sum().add_constant(a.value, a.error, cosine);
+    turned[one] = sum.add_constant(-b.value, b.error, sine).end();
+    let sum = workspace.sum().add_constant(a.value, a.error, sine);
+    turned[other] = sum.add_constant(b.value, b.error, cosine).end();
     turned
 }
 
-/// A frame turned about one of its axes (`TermSign::Plus`) or back (`TermSign::Minus`).
+/// A frame turned about one of its axes (sign 1) or back (-1).
 pub(super) fn turned_frame(
     workspace: &mut ModelWorkspace,
     frame: &Frame,
     axis: usize,
     [sine, cosine]: Angle,
-    sign: TermSign,
+    sign: f64,
 ) -> Frame {
     let [one, other] = turned_axes(axis);
-    let back = match sign {
-        TermSign::Plus => TermSign::Minus,
-        TermSign::Minus => TermSign::Plus,
-    };
     let mut turned = *frame;
-    turned[one] = std::array::from_fn(|row| {
-        let sum = workspace
-            .sum()
-            .product(TermSign::Plus, frame[one][row], cosine);
-        sum.product(sign, frame[other][row], sine).end()
-    });
-    turned[other] = std::array::from_fn(|row| {
-        let sum = workspace
-            .sum()
-            .product(TermSign::Plus, frame[other][row], cosine);
-        sum.product(back, frame[one][row], sine).end()
-    });
+    for (to, from, sign) in [(one, other, sign), (other, one, -sign)] {
+        turned[to] = std::array::from_fn(|row| {
+            let sum = workspace.sum().product(1.0, frame[to][row], cosine);
+            sum.product(sign, frame[from][row], sine).end()
+        });
+    }
     turned
 }
 
@@ -122,11 +106,8 @@ pub(super) fn difference(
     other: &ModelVector,
 ) -> ModelVector {
     std::array::from_fn(|row| {
-        workspace
-            .sum()
-            .add(1.0, one[row])
-            .add(-1.0, other[row])
-            .end()
+        let sum = workspace.sum().add(1.0, one[row]);
+        sum.add(-1.0, other[row]).end()
     })
 }
 
@@ -137,11 +118,8 @@ pub(super) fn cross(
 ) -> ModelVector {
     std::array::from_fn(|row| {
         let [i, j] = turned_axes(row);
-        workspace
-            .sum()
-            .product(TermSign::Plus, one[i], other[j])
-            .product(TermSign::Minus, one[j], other[i])
-            .end()
+        let sum = workspace.sum().product(1.0, one[i], other[j]);
+        sum.product(-1.0, one[j], other[i]).end()
     })
 }
 
@@ -153,7 +131,7 @@ pub(super) fn dot(
     let mut sum = workspace.sum();
     for (one, other) in pairs {
         for (one, other) in one.iter().zip(*other) {
-            sum = sum.product(TermSign::Plus, *one, *other);
+            sum = sum.product(1.0, *one, *other);
         }
     }
     sum.end()

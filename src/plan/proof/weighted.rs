@@ -31,7 +31,7 @@ use nalgebra::{Cholesky, Const, Matrix3, Vector3};
 
 use super::form::{Turned, centre};
 use super::rounding::UP;
-use super::taylor::{LANES, ModelVector, ModelWorkspace, TaylorModel, TermSign, VARIABLES, linear};
+use super::taylor::{LANES, ModelVector, ModelWorkspace, TaylorModel, VARIABLES, linear};
 
 /// What rounding can take from a value at a centre, as a share of all that was added up.
 const ROUNDING: f64 = 1e-12;
@@ -84,7 +84,7 @@ pub(super) fn weighted(
         for axis in 0..3 {
             let mut sum = workspace.sum().add(1.0, row.rest[axis]);
             for (column, chosen) in covariance.columns.iter().zip(&chosen) {
-                sum = sum.product(TermSign::Plus, column[axis], *chosen);
+                sum = sum.product(1.0, column[axis], *chosen);
             }
             left.push(sum.end());
         }

@@ -39,8 +39,8 @@ use super::observation::times;
 use super::point::{Point, add_information, information_in};
 use super::pool::Pool;
 use super::problem::{Problem, SearchError};
-use super::sampling::Sampler;
-use super::weighing::{Weighing, normalise};
+use super::sampling::RandomPlans;
+use super::weighing::{Weighing, drop_light, normalise};
 use crate::experiment::{Experiment, Plan, printed_tolerance};
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::FIRST_SUPPORT;
@@ -202,30 +202,18 @@ pub fn approximate_design(
         growing.grow(gap);
         let cost = growing.optimise(0.1 * TOLERANCE);
         let mean = growing.weighing.mean;
-        let directions = &growing.weighing.directions;
-        let (certificate, ends) =
-            certify(problem, seed, &growing.support, [cost, mean], directions);
+        let (certificate, ends) = growing.certify(seed, cost);
         // Where many searches come across more than those that start near the support, it goes on from there.
-        let is_over = ends
-            .first()
-            .is_none_or(|(_, value)| *value <= mean * (1.0 + MISSED));
+        let is_over = (ends.first()).is_none_or(|(_, value)| *value <= mean * (1.0 + MISSED));
         if criterion == Criterion::TestPose || is_over || returns == RETURNS {
             break (certificate, ends);
         }
         returns += 1;
         gap = certificate.largest_inside / mean - 1.0;
-        let more = ends
-            .into_iter()
-            .filter(|(_, value)| *value > mean * (1.0 + TOLERANCE));
-        add(&mut growing.support, &mut growing.weights, more.collect());
+        let more = (ends.into_iter()).filter(|(_, value)| *value > mean * (1.0 + TOLERANCE));
+        growing.add(more.collect());
     };
-    let Growing {
-        support,
-        weights,
-        weighing,
-        ..
-    } = growing;
-    let mut candidates = support.clone();
+    let mut candidates = growing.support.clone();
     for (point, _) in ends {
         if !candidates.iter().any(|known| is_same(known, &point)) {
             candidates.push(point);
@@ -234,9 +222,9 @@ pub fn approximate_design(
     Ok(ApproximateDesign {
         criterion,
         certificate,
-        directions: weighing.directions,
-        support,
-        weights,
+        directions: growing.weighing.directions,
+        support: growing.support,
+        weights: growing.weights,
         candidates,
     })
 }
@@ -252,9 +240,7 @@ struct Growing<'a> {
 
 impl Growing<'_> {
     fn optimise(&mut self, tolerance: f64) -> f64 {
-        let Self {
-            support, weights, ..
-        } = self;
+        let (support, weights) = (&self.support, &mut self.weights);
         self.weighing.optimise(support, weights, tolerance)
     }
 
@@ -263,109 +249,93 @@ impl Growing<'_> {
         for _ in 0..ROUNDS {
             self.optimise(0.1 * gap);
             let cost = self.weighing.mean;
-            prune(&mut self.support, &mut self.weights);
+            drop_light(&mut self.support, &mut self.weights, SMALLEST_WEIGHT);
+            normalise(&mut self.weights);
             let directions = &self.weighing.directions;
             let ranked = self.pool.by_derivative(directions);
-            let mut found: Vec<(Point, f64)> = ranked
-                .iter()
-                .take(ADDED)
-                .filter(|(_, value)| *value > cost * (1.0 + ROUGH_TOLERANCE))
-                .map(|&(point, value)| (point.clone(), value))
-                .collect();
+            let much = cost * (1.0 + ROUGH_TOLERANCE);
+            let best = ranked.iter().take(ADDED).filter(|(_, value)| *value > much);
+            let best = best.map(|&(point, value)| (point.clone(), value));
+            let mut found: Vec<(Point, f64)> = best.collect();
             if found.is_empty() {
                 let promising = ranked.iter().take(self.problem.effort.probes);
-                let starts: Vec<&Point> = (self.support.iter())
-                    .chain(promising.map(|(point, _)| *point))
-                    .collect();
+                let promising = promising.map(|(point, _)| *point);
+                let starts: Vec<&Point> = self.support.iter().chain(promising).collect();
                 found = climbs(self.problem, &starts, directions, Precision::FINE);
                 found.retain(|(_, value)| *value > cost * (1.0 + TOLERANCE));
             }
             let largest = found.iter().map(|(_, value)| *value).fold(0.0, f64::max);
             gap = (largest / cost - 1.0).clamp(TOLERANCE, gap.max(TOLERANCE));
-            let is_added = add(&mut self.support, &mut self.weights, found);
-            if !is_added || self.problem.is_stopped() {
+            if !self.add(found) || self.problem.is_stopped() {
                 break;
             }
         }
     }
-}
 
-/// Adds the most informative of the experiments that were found, or puts them in the place of those
-/// that tell the same; whether there are any.
-fn add(support: &mut Vec<Point>, weights: &mut Vec<f64>, mut found: Vec<(Point, f64)>) -> bool {
-    found.sort_by(|one, other| other.1.total_cmp(&one.1));
-    let old = support.len();
-    let mut taken: Vec<Point> = Vec::new();
-    for (point, _) in found {
-        if taken.len() == ADDED || taken.iter().any(|known| is_same(known, &point)) {
-            continue;
+    /// Adds the most informative of the experiments that were found, or puts them in the place of those
+    /// that tell the same; whether there are any.
+    fn add(&mut self, mut found: Vec<(Point, f64)>) -> bool {
+        found.sort_by(|one, other| other.1.total_cmp(&one.1));
+        let (support, weights) = (&mut self.support, &mut self.weights);
+        let old = support.len();
+        let mut taken: Vec<Point> = Vec::new();
+        for (point, _) in found {
+            if taken.len() == ADDED || taken.iter().any(|known| is_same(known, &point)) {
+                continue;
+            }
+            taken.push(point.clone());
+            match support.iter_mut().find(|known| is_same(known, &point)) {
+                Some(known) => *known = point,
+                None => support.push(point),
+            }
         }
-        taken.push(point.clone());
-        match support.iter_mut().find(|known| is_same(known, &point)) {
-            Some(known) => *known = point,
-            None => support.push(point),
+        let added = support.len() - old;
+        if added > 0 {
+            weights.iter_mut().for_each(|weight| *weight *= 0.5);
+            weights.resize(support.len(), 0.5 / added as f64);
         }
+        !taken.is_empty()
     }
-    let added = support.len() - old;
-    if added > 0 {
-        for weight in weights.iter_mut() {
-            *weight *= 0.5;
-        }
-        weights.resize(support.len(), 0.5 / added as f64);
-    }
-    !taken.is_empty()
-}
 
-/// Searches the largest derivative in the region, from random starts until enough of these agree, and
-/// goes on from the best ends and from the support in the widened region. Returns also where the
-/// random searches ended.
-fn certify(
-    problem: &Problem<'_>,
-    seed: u64,
-    support: &[Point],
-    [cost, mean]: [f64; 2],
-    directions: &DMatrix<f64>,
-) -> (Certificate, Vec<(Point, f64)>) {
-    let mut ends: Vec<(Point, f64)> = Vec::new();
-    let mut searches = 0;
-    let most = (problem.effort.certificate_probes).min(problem.affordable(1).max(FEWEST));
-    while searches < most {
-        let starts = Pool::draw(problem, BATCH, seed, 2 + searches as u64);
-        let starts: Vec<&Point> = starts.points().iter().collect();
-        ends.extend(climbs(problem, &starts, directions, Precision::ROUGH));
-        searches += BATCH;
-        if agreeing(&ends) >= ENOUGH {
-            break;
+    /// Searches the largest derivative in the region, from random starts until enough of these agree, and
+    /// goes on from the best ends and from the support in the widened region. Returns also where the
+    /// random searches ended.
+    fn certify(&self, seed: u64, cost: f64) -> (Certificate, Vec<(Point, f64)>) {
+        let (problem, mean) = (self.problem, self.weighing.mean);
+        let directions = &self.weighing.directions;
+        let mut ends: Vec<(Point, f64)> = Vec::new();
+        let mut searches = 0;
+        let most = (problem.effort.certificate_probes).min(problem.affordable(1).max(FEWEST));
+        while searches < most && (searches == 0 || agreeing(&ends) < ENOUGH) {
+            let starts = Pool::draw(problem, BATCH, seed, 2 + searches as u64);
+            let starts: Vec<&Point> = starts.points().iter().collect();
+            ends.extend(climbs(problem, &starts, directions, Precision::ROUGH));
+            searches += BATCH;
         }
+        ends.sort_by(|one, other| other.1.total_cmp(&one.1));
+        let mut starts: Vec<&Point> = Vec::new();
+        for (point, _) in &ends {
+            if starts.len() < POLISHED && !starts.iter().any(|known| is_same(known, point)) {
+                starts.push(point);
+            }
+        }
+        starts.extend(&self.support);
+        let widened = problem.widened();
+        let polished = climbs(&widened, &starts, directions, Precision::FINE);
+        let local = LocalSearch::new(&widened);
+        let printed = polished.iter();
+        let printed = printed.map(|(point, _)| printed_derivative(&local, point, directions));
+        let certificate = Certificate {
+            mandatory: mandatory(problem, directions),
+            prior: directions.dot(&problem.prior),
+            cost,
+            largest_derivative: printed.fold(mean, f64::max),
+            largest_inside: ends.first().map_or(mean, |(_, value)| value.max(mean)),
+            searches,
+            agreeing: agreeing(&ends),
+        };
+        (certificate, ends)
     }
-    ends.sort_by(|one, other| other.1.total_cmp(&one.1));
-    let mut starts: Vec<&Point> = Vec::new();
-    for (point, _) in &ends {
-        if starts.len() == POLISHED {
-            break;
-        }
-        if !starts.iter().any(|known| is_same(known, point)) {
-            starts.push(point);
-        }
-    }
-    starts.extend(support);
-    let widened = problem.widened();
-    let polished = climbs(&widened, &starts, directions, Precision::FINE);
-    let local = LocalSearch::new(&widened);
-    let largest_derivative = polished
-        .iter()
-        .map(|(point, _)| printed_derivative(&local, point, directions))
-        .fold(mean, f64::max);
-    let certificate = Certificate {
-        mandatory: mandatory(problem, directions),
-        prior: directions.dot(problem.prior()),
-        cost,
-        largest_derivative,
-        largest_inside: ends.first().map_or(mean, |(_, value)| value.max(mean)),
-        searches,
-        agreeing: agreeing(&ends),
-    };
-    (certificate, ends)
 }
 
 /// The number of mandatory measurements, and the largest sum of derivatives of experiments that are
@@ -392,12 +362,13 @@ fn mandatory(problem: &Problem<'_>, directions: &DMatrix<f64>) -> (u32, f64) {
 fn printed_derivative(local: &LocalSearch<'_>, point: &Point, directions: &DMatrix<f64>) -> f64 {
     let shown: Vec<Matrix3xX<f64>> = (0..6)
         .map(|axis| {
-            let mut wrench = [0.0; 6];
-            wrench[axis] = 1.0;
-            let load = Load {
-                force_n: Vector3::from_column_slice(&wrench[..3]),
-                torque_nm: Vector3::from_column_slice(&wrench[3..]),
-            };
+            let unit = Vector3::ith(axis % 3, 1.0);
+            let mut load = Load::NONE;
+            *(if axis < 3 {
+                &mut load.force_n
+            } else {
+                &mut load.torque_nm
+            }) = unit;
             local.point(&point.q, &load).matrix
         })
         .collect();
@@ -424,13 +395,13 @@ fn agreeing(ends: &[(Point, f64)]) -> usize {
 
 /// Random feasible experiments, each under the load that tells most of all compliances alike.
 fn initial_support(problem: &Problem<'_>, seed: u64) -> Result<Vec<Point>, SearchError> {
-    let mut sampler = Sampler::new(problem);
+    let mut sampler = RandomPlans::new(problem);
     let mut random = generator(seed, FIRST_SUPPORT);
     let local = LocalSearch::new(problem);
     (0..40)
         .map(|_| {
             let (q, load) = sampler
-                .draw(&mut random)
+                .draw_one(&mut random)
                 .ok_or_else(|| sampler.explain_empty(seed))?;
             Ok(local.point(&q, &load))
         })
@@ -465,14 +436,4 @@ fn is_same(one: &Point, other: &Point) -> bool {
     }
     let (first, second) = (one.information(), other.information());
     (&first - second).norm() < NEAR * first.norm()
-}
-
-fn prune(support: &mut Vec<Point>, weights: &mut Vec<f64>) {
-    let kept: Vec<bool> = (weights.iter())
-        .map(|weight| *weight > SMALLEST_WEIGHT)
-        .collect();
-    let mut keep = kept.iter();
-    support.retain(|_| keep.next().copied().unwrap_or(false));
-    weights.retain(|weight| *weight > SMALLEST_WEIGHT);
-    normalise(weights);
 }

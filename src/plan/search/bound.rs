@@ -13,7 +13,7 @@ use crate::experiment::{Experiment, NotMandatory, Plan};
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::{Criterion, Feasibility, widened};
 use crate::robot::Approach;
-use crate::task::{Extended, Region, Task};
+use crate::task::{Extended, Task};
 
 /// Angles of a plan that are so near to a candidate's (rad) are that: they were written and read.
 const SAME_RAD: f64 = 1e-9;
@@ -36,22 +36,14 @@ const SAME_SHARE: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub struct Bound {
     criterion: Criterion,
-    /// The task with the region of the class.
+    task: Task,
+    /// The same with the region of the class, which is wider.
     class: Task,
-    /// The task's own.
-    region: Region,
     basis: Basis,
     proof: Option<Result<ProvedBound, NoProof>>,
     /// Where something is known before or is mandatory, what holds for numbers of measurements that were asked for: the
     /// best design beside them depends on how many are free.
-    sizes: BTreeMap<u32, OfSize>,
-}
-
-/// What holds for one number of measurements.
-#[derive(Debug, Clone)]
-struct OfSize {
-    certificate: Certificate,
-    proof: Option<Result<ProvedBound, NoProof>>,
+    sizes: BTreeMap<u32, (Certificate, Option<Result<ProvedBound, NoProof>>)>,
 }
 
 /// What a bound for so many measurements rests on.
@@ -85,10 +77,31 @@ pub struct PlanBound {
     pub proof: Option<PlanProof>,
 }
 
+impl PlanBound {
+    /// That of which so many candidates were all looked at.
+    pub(in crate::plan) const fn of_all(
+        best: f64,
+        candidates: usize,
+        left_out: Vec<String>,
+    ) -> Self {
+        Self {
+            best,
+            kind: BoundKind::Proved,
+            proof: Some(PlanProof {
+                best,
+                gap: 0.0,
+                boxes: candidates as u64,
+                left_out,
+            }),
+        }
+    }
+}
+
 /// What is proved for so many measurements.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct PlanProof {
     /// No plan of the class is better, in the same terms.
+    #[serde(skip)]
     pub best: f64,
     /// How far the bound of the largest derivative is above the largest derivative found, as a share.
     pub gap: f64,
@@ -130,12 +143,10 @@ impl Enumerated {
             let off = wrench - experiment.load.wrench();
             apart.amax() <= SAME_RAD && off.amax() <= SAME_SHARE * wrench.amax()
         };
-        let most = self
-            .candidates
-            .iter()
-            .filter(is_it)
-            .map(|each| u64::from(each.repeats));
-        let most = most.reduce(|one, other| one + other);
+        let most = self.candidates.iter().filter(is_it);
+        let most = most
+            .map(|each| u64::from(each.repeats))
+            .reduce(|one, other| one + other);
         let outside = match most {
             None => format!("experiment {number} is none of the candidates"),
             Some(most) if most < u64::from(times) => format!(
@@ -143,7 +154,7 @@ impl Enumerated {
             ),
             Some(_) => return Ok(()),
         };
-        Err(NoBound::Outside(outside))
+        Err(NoBound::outside(&outside))
     }
 }
 
@@ -153,12 +164,6 @@ pub enum NoBound {
     /// No bound was found for any plan.
     #[error("no bound was found: {0}")]
     NotFound(SearchError),
-    /// Plans of candidates are searched by such a criterion, and not bounded.
-    #[error("plans are bounded by test_pose, a, d and o1 alone, and not by {criterion}")]
-    NoneByCriterion {
-        /// The criterion's name.
-        criterion: &'static str,
-    },
     /// The mandatory experiments alone are more.
     #[error(
         "the bound speaks about plans with the mandatory experiments, which alone are {mandatory} measurements"
@@ -167,12 +172,6 @@ pub enum NoBound {
         /// The number of mandatory measurements.
         mandatory: u32,
     },
-    /// An experiment is approached from another side.
-    #[error(
-        "the bound speaks about configurations that are approached with all joints turning positively, and experiment {0} is \
-         not"
-    )]
-    Side(usize),
     /// Two experiments hang different loads in one configuration, where they share errors.
     #[error(
         "the bound speaks about plans that hang one load in each configuration: experiments {one} and {other} hang two in theirs, and \
@@ -187,9 +186,19 @@ pub enum NoBound {
     /// The plan lacks a mandatory experiment.
     #[error("the bound speaks about plans with the mandatory experiments; {0}")]
     NotMandatory(NotMandatory),
-    /// The plan has another load, or leaves the widened region.
-    #[error("the bound does not speak about such a plan: {0}")]
+    /// The bound does not speak about such plans: by such a criterion, or with a load, a side of approach or a configuration that the
+    /// class does not have.
+    #[error("{0}")]
     Outside(String),
+}
+
+impl NoBound {
+    /// The plan has something that the class does not have.
+    fn outside(words: &str) -> Self {
+        Self::Outside(format!(
+            "the bound does not speak about such a plan: {words}"
+        ))
+    }
 }
 
 impl Bound {
@@ -203,14 +212,18 @@ impl Bound {
         Self::resting_on(task, criterion, Basis::Searches(approximate.certificate))
     }
 
-    /// The bound for plans of listed candidates alone, with the mandatory experiments as they are.
-    pub fn among(task: &Task, criterion: Criterion, enumerated: Enumerated) -> Self {
-        Self::resting_on(task, criterion, Basis::Candidates(enumerated))
-    }
-
-    /// There is no bound by a criterion, for a reason.
-    pub fn none(task: &Task, criterion: Criterion, reason: SearchError) -> Self {
-        Self::resting_on(task, criterion, Basis::Nothing(reason))
+    /// A bound by a criterion that rests on something: for plans of listed candidates, the mandatory experiments are as they are.
+    pub(super) fn resting_on(task: &Task, criterion: Criterion, basis: Basis) -> Self {
+        let mut class = task.clone();
+        class.region = widened(&task.region);
+        Self {
+            criterion,
+            task: task.clone(),
+            class,
+            basis,
+            proof: None,
+            sizes: BTreeMap::new(),
+        }
     }
 
     /// Searches the bound of `rho_0` for a task's plans under a seed; what was not found is told where it is asked for.
@@ -233,7 +246,7 @@ impl Bound {
                 let bound = Self::by(task, criterion, &approximate);
                 bound.prove(&approximate, seed, sizes, proof)
             }
-            Err(error) => Self::none(task, criterion, error),
+            Err(error) => Self::resting_on(task, criterion, Basis::Nothing(error)),
         }
     }
 
@@ -247,11 +260,7 @@ impl Bound {
         sizes: &[u32],
         proof: Option<(ProofLimits<'_>, bool)>,
     ) -> Self {
-        // The class's own region is wider: the proof widens that of the task by itself.
-        let task = Task {
-            region: self.region.clone(),
-            ..self.class.clone()
-        };
+        let task = self.task.clone();
         let problem = Problem::new(&task, self.criterion);
         let refused = ProvableTask::refused(&problem).filter(|_| proof.is_some());
         let proof = proof.filter(|_| refused.is_none());
@@ -260,17 +269,7 @@ impl Bound {
             let (effort, records) = proof.filter(|_| is_provable)?;
             Some(ProvedBound::new(problem, approximate, effort, records))
         };
-        for &size in sizes {
-            let Some(problem) = problem.beside_known(size) else {
-                continue;
-            };
-            // Without a design of its own, the general one still holds.
-            if let Ok(approximate) = approximate_design(&problem, seed) {
-                let certificate = approximate.certificate;
-                let proof = proved(&problem, &approximate);
-                self.sizes.insert(size, OfSize { certificate, proof });
-            }
-        }
+        self.add_sizes(&problem, seed, sizes.iter().copied(), &proved);
         if self.sizes.is_empty() {
             self.proof = proved(&problem, approximate);
         }
@@ -293,24 +292,33 @@ impl Bound {
         if !matches!(self.basis, Basis::Searches(_)) {
             return self;
         }
-        let task = Task {
-            region: self.region.clone(),
-            ..self.class.clone()
-        };
+        let task = self.task.clone();
         let problem = Problem::new(&task, self.criterion);
+        self.add_sizes(&problem, seed, sizes, &|_, _| None);
+        self
+    }
+
+    /// Searches what holds for numbers of measurements of which nothing is known yet, and proves it.
+    fn add_sizes(
+        &mut self,
+        problem: &Problem<'_>,
+        seed: u64,
+        sizes: impl IntoIterator<Item = u32>,
+        proved: &dyn Fn(&Problem<'_>, &ApproximateDesign) -> Option<Result<ProvedBound, NoProof>>,
+    ) {
         for size in sizes {
             if self.sizes.contains_key(&size) {
                 continue;
             }
-            let design = (problem.beside_known(size))
-                .and_then(|problem| approximate_design(&problem, seed).ok());
-            if let Some(design) = design {
-                let certificate = design.certificate;
-                let proof = None;
-                self.sizes.insert(size, OfSize { certificate, proof });
+            let Some(problem) = problem.beside_known(size) else {
+                continue;
+            };
+            // Without a design of its own, the general one still holds.
+            if let Ok(approximate) = approximate_design(&problem, seed) {
+                let proof = proved(&problem, &approximate);
+                self.sizes.insert(size, (approximate.certificate, proof));
             }
         }
-        self
     }
 
     /// Proves the bound of a simpler task, whose plans leave no more, and keeps it where it is the higher one.
@@ -326,21 +334,21 @@ impl Bound {
             ProvedBound::of_simpler(problem, simpler, limits, seed, (known, size))
         };
         let mut is_general = true;
-        for (&size, of_size) in &mut self.sizes {
+        for (&size, (_, proof)) in &mut self.sizes {
             if let Some(problem) = problem.beside_known(size) {
                 is_general = false;
-                let known = of_size.proof.as_ref().and_then(|proof| proof.as_ref().ok());
-                of_size.proof = nearer(&problem, known, size).or(of_size.proof.take());
+                let known = proof.as_ref().and_then(|proof| proof.as_ref().ok());
+                *proof = nearer(&problem, known, size).or(proof.take());
             }
         }
         if is_general {
             let largest = self.sizes.last_key_value().map_or(1, |(size, _)| *size);
             let known = self.proof().and_then(|proof| proof.as_ref().ok());
-            if let Some(proof) = nearer(&problem, known, largest) {
-                for of_size in self.sizes.values_mut() {
-                    of_size.proof = None;
+            if let Some(nearest) = nearer(&problem, known, largest) {
+                for (_, proof) in self.sizes.values_mut() {
+                    *proof = None;
                 }
-                self.proof = Some(proof);
+                self.proof = Some(nearest);
             }
         }
     }
@@ -349,22 +357,8 @@ impl Bound {
     /// measurements.
     pub fn proof(&self) -> Option<&Result<ProvedBound, NoProof>> {
         let largest = self.sizes.last_key_value();
-        largest
-            .and_then(|(_, size)| size.proof.as_ref())
-            .or(self.proof.as_ref())
-    }
-
-    fn resting_on(task: &Task, criterion: Criterion, basis: Basis) -> Self {
-        let mut class = task.clone();
-        class.region = widened(&task.region);
-        Self {
-            criterion,
-            class,
-            basis,
-            region: task.region.clone(),
-            proof: None,
-            sizes: BTreeMap::new(),
-        }
+        let own = largest.and_then(|(_, (_, proof))| proof.as_ref());
+        own.or(self.proof.as_ref())
     }
 
     /// What makes a plan good.
@@ -392,8 +386,8 @@ impl Bound {
             mandatory: certificate.mandatory.0,
         };
         let mut proof = self.proof.as_ref();
-        if let Some(size) = self.sizes.get(&measurements) {
-            (certificate, proof) = (size.certificate, size.proof.as_ref().or(proof));
+        if let Some((own, proof_of_size)) = self.sizes.get(&measurements) {
+            (certificate, proof) = (*own, proof_of_size.as_ref().or(proof));
         }
         let proof = proof.and_then(|proof| proof.as_ref().ok());
         if let Some(proof) = proof.filter(|proof| proof.is_about_all()) {
@@ -426,21 +420,17 @@ impl Bound {
         let free = measurements
             .checked_sub(mandatory)
             .ok_or(NoBound::TooFew { mandatory })?;
-        let Some(cost) = enumerated.bound.least_cost(free) else {
-            let criterion = self.criterion.name();
-            return Err(NoBound::NoneByCriterion { criterion });
-        };
+        let criterion = self.criterion.name();
+        let none =
+            format!("plans are bounded by test_pose, a, d and o1 alone, and not by {criterion}");
+        let cost = (enumerated.bound.least_cost(free)).ok_or(NoBound::Outside(none))?;
         let best = self.criterion.value_of_cost(cost);
-        Ok(PlanBound {
+        let left_out = enumerated.left_out.clone();
+        Ok(PlanBound::of_all(
             best,
-            kind: BoundKind::Proved,
-            proof: Some(PlanProof {
-                best,
-                gap: 0.0,
-                boxes: enumerated.candidates.len() as u64,
-                left_out: enumerated.left_out.clone(),
-            }),
-        })
+            enumerated.candidates.len(),
+            left_out,
+        ))
     }
 
     /// The bound for a plan: no plan of the class with as many measurements is better than this.
@@ -466,12 +456,17 @@ impl Bound {
             let knows_sides =
                 (self.class.belief.uncertain.as_ref()).is_some_and(Extended::has_backlash);
             if knows_sides && !Approach::is_usual(experiment.approach.as_ref()) {
-                return Err(NoBound::Side(index + 1));
+                return Err(NoBound::Outside(format!(
+                    "the bound speaks about configurations that are approached with all joints turning positively, and experiment {} is not",
+                    index + 1
+                )));
             }
             let loads = &self.class.loads;
             if let Some(words) = loads.outside(&experiment.load) {
-                let words = format!("experiment {}: {words}", index + 1);
-                return Err(NoBound::Outside(words));
+                return Err(NoBound::outside(&format!(
+                    "experiment {}: {words}",
+                    index + 1
+                )));
             }
             // Torques are those of the load that is meant.
             let meant = Experiment {
@@ -480,7 +475,7 @@ impl Bound {
             };
             let violations = feasibility.violations_of(index + 1, &meant);
             if let Some(violation) = violations.first() {
-                return Err(NoBound::Outside(violation.to_string()));
+                return Err(NoBound::outside(&violation.to_string()));
             }
         }
         Ok(bound)

@@ -2,7 +2,7 @@
 //! configurations or repeated ones.
 
 use std::collections::BTreeSet;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::approximate::approximate_design;
 use super::bound::{Bound, PlanBound};
@@ -42,8 +42,9 @@ pub struct BudgetPoint {
 }
 
 /// Searches the best plans of up to `largest` measurements, in 2, 3 and 4 configurations (as far as
-/// these determine the compliances) and in as many as there are measurements. `progress` hears of
-/// the searches done and of all. When it is stopped, the numbers that it has not come to are left out.
+/// these determine the compliances) and in as many as there are measurements; with their bound, which is proved as far as an effort
+/// goes, where one is given (and recorded, if wanted). `progress` hears of the searches done and of all. When it is stopped, the
+/// numbers that it has not come to are left out.
 ///
 /// # Errors
 /// No feasible experiment is found, or none that shows the compliances.
@@ -51,28 +52,13 @@ pub fn budget(
     task: &Task,
     largest: u32,
     seed: u64,
-    watch: Watch<'_>,
-    progress: &dyn Fn(usize, usize),
-) -> Result<Vec<BudgetPoint>, SearchError> {
-    budget_and_proof(task, largest, seed, None, watch, progress).map(|(points, _)| points)
-}
-
-/// The same with its bound, which is proved as far as an effort goes, where one is given (and
-/// recorded, if wanted).
-///
-/// # Errors
-/// As for [`budget`].
-pub fn budget_and_proof(
-    task: &Task,
-    largest: u32,
-    seed: u64,
     proof: Option<(ProofLimits<'_>, bool)>,
-    watch: Watch<'_>,
+    stop: &AtomicBool,
     progress: &dyn Fn(usize, usize),
 ) -> Result<(Vec<BudgetPoint>, Bound), SearchError> {
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
-    problem.stop = Some(watch.stop);
+    problem.stop = Some(stop);
     let approximate = approximate_design(&problem, seed)?;
     let fewest = u32::try_from(problem.to_find().div_ceil(3).max(1)).unwrap_or(u32::MAX);
     let all: Vec<u32> = (fewest..=largest).collect();
@@ -86,36 +72,41 @@ pub fn budget_and_proof(
     let mut points = Vec::new();
     let mut plans: Vec<((u32, u32), Plan)> = Vec::new();
     for (index, &(experiments, configurations)) in sizes.iter().enumerate() {
-        if watch.stop.load(Ordering::Relaxed) && !points.is_empty() {
+        if stop.load(Ordering::Relaxed) && !points.is_empty() {
             break;
         }
         progress(index, sizes.len());
         if experiments > MANY {
             problem.effort.searches = SEARCHES_OF_MANY;
         }
-        let known: Vec<Plan> = plans
-            .iter()
-            .filter_map(|((m, c), plan)| {
-                if *m + 1 == experiments && *c == configurations {
-                    Some(measured_once_more(plan))
-                } else {
-                    (*m == experiments).then(|| plan.clone())
-                }
-            })
-            .collect();
-        match exact_design_from(
-            &problem,
-            &approximate,
-            [experiments, configurations],
-            seed,
-            watch,
-            &known,
-        ) {
+        // One measurement less, with one more repeat of its last experiment: the search moves it where it is best.
+        let measured_once_more = |plan: &Plan| {
+            let mut plan = plan.clone();
+            if let Some(last) = plan.experiments.last_mut() {
+                last.repeats += 1;
+            }
+            plan
+        };
+        let known = plans.iter().filter_map(|((m, c), plan)| {
+            if *m + 1 == experiments && *c == configurations {
+                Some(measured_once_more(plan))
+            } else {
+                (*m == experiments).then(|| plan.clone())
+            }
+        });
+        let known: Vec<Plan> = known.collect();
+        let sizes = [experiments, configurations];
+        let watch = Watch::quiet(stop);
+        match exact_design_from(&problem, &approximate, sizes, seed, watch, &known) {
             Ok(design) => {
-                let sizes = [experiments, configurations];
-                let (plan, cost) = (design.plan, design.cost);
-                plans.push(((experiments, configurations), plan.clone()));
-                points.push(BudgetPoint::new(task, plan, sizes, cost, &bound));
+                plans.push(((experiments, configurations), design.plan.clone()));
+                points.push(BudgetPoint::new(
+                    task,
+                    design.plan,
+                    sizes,
+                    design.cost,
+                    &bound,
+                ));
             }
             // So few configurations do not determine the compliances: more may.
             Err(SearchError::Singular { .. }) => {}
@@ -125,33 +116,9 @@ pub fn budget_and_proof(
     Ok((points, bound))
 }
 
-/// A prediction with all that is uncertain, of which a search may leave something out.
-#[derive(Debug, Clone)]
-struct Whole {
-    rho0_m: f64,
-    shared_m: f64,
-    common_sources: Option<CommonSources>,
-}
-
-impl Whole {
-    /// That of a plan; none where nothing else than noise is uncertain.
-    fn new(task: &Task, plan: &Plan) -> Option<Self> {
-        task.belief.uncertain.as_ref()?;
-        let posterior = posterior(&task.belief, plan);
-        let budget = UncertaintyBudget::of_deflections(task, plan, &posterior)?;
-        let rho0_m = budget.combined_standard_uncertainty_um * 1e-6;
-        let shared = (budget.sources.iter()).filter(|each| each.level.is_shared_by_plan());
-        let square_um2: f64 = shared.map(|each| each.contribution_um.powi(2)).sum();
-        Some(Self {
-            rho0_m,
-            common_sources: CommonSources::of_deflections(task, &posterior, rho0_m),
-            shared_m: square_um2.sqrt() * 1e-6,
-        })
-    }
-}
-
 impl BudgetPoint {
-    /// The point of a plan that a search found at a cost.
+    /// The point of a plan that a search found at a cost; it counts all that is uncertain, of which the search may leave something
+    /// out.
     pub(crate) fn new(
         task: &Task,
         plan: Plan,
@@ -159,14 +126,24 @@ impl BudgetPoint {
         cost: f64,
         bound: &Bound,
     ) -> Self {
-        let whole = Whole::new(task, &plan);
+        let (mut rho0_m, mut shared_m, mut common_sources) = (cost.sqrt(), None, None);
+        let uncertain = task.belief.uncertain.as_ref();
+        if let Some(posterior) = uncertain.map(|_| posterior(&task.belief, &plan))
+            && let Some(budget) = UncertaintyBudget::of_deflections(task, &plan, &posterior)
+        {
+            rho0_m = budget.combined_standard_uncertainty_um * 1e-6;
+            let shared = (budget.sources.iter()).filter(|each| each.level.is_shared_by_plan());
+            let square_um2: f64 = shared.map(|each| each.contribution_um.powi(2)).sum();
+            shared_m = Some(square_um2.sqrt() * 1e-6);
+            common_sources = CommonSources::of_deflections(task, &posterior, rho0_m);
+        }
         Self {
             plan,
             experiments,
             configurations,
-            rho0_m: (whole.as_ref()).map_or(cost.sqrt(), |whole| whole.rho0_m),
-            shared_m: whole.as_ref().map(|whole| whole.shared_m),
-            common_sources: whole.and_then(|whole| whole.common_sources),
+            rho0_m,
+            shared_m,
+            common_sources,
             bound: bound.of_size(experiments).ok(),
         }
     }
@@ -226,15 +203,6 @@ pub fn repeats_needed(task: &Task, plan: &Plan, accuracy_m: f64) -> Option<Repea
         }
     }
     Some(RepeatsNeeded::Times(enough))
-}
-
-/// The same plan with one more repeat of its last experiment; the search moves it where it is best.
-fn measured_once_more(plan: &Plan) -> Plan {
-    let mut plan = plan.clone();
-    if let Some(last) = plan.experiments.last_mut() {
-        last.repeats += 1;
-    }
-    plan
 }
 
 /// The numbers of configurations that are repeated, in ascending order.

@@ -30,6 +30,15 @@ impl CandidateInformation {
         }
     }
 
+    /// Of some, by the information that one measurement of each gives (p x p).
+    pub fn of_all<'m>(size: usize, each: impl IntoIterator<Item = &'m DMatrix<f64>>) -> Self {
+        let mut all = Self::new(size);
+        for information in each {
+            all.push(information);
+        }
+        all
+    }
+
     /// Adds a candidate by the information that one measurement of it gives (p x p).
     pub fn push(&mut self, information: &DMatrix<f64>) {
         self.packed

@@ -2,13 +2,13 @@
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
-use thiserror::Error;
 
-use super::bound::{Bound, Enumerated};
+use super::bound::{Basis, Bound, Enumerated};
+use super::candidate_error::{CandidateError, LeftOutCandidates};
 use super::candidate_information::CandidateInformation;
 use super::exact::{ExactDesign, Watch};
 use super::finite::{FiniteBound, FiniteProblem, SharingCandidates};
-use super::finite_search::{ExchangesTry, FiniteEffort};
+use super::finite_search::FiniteEffort;
 use super::point::LoadChoice;
 use super::problem::{Problem, SearchError};
 use crate::experiment::{Candidate, Experiment, Loads, numbered};
@@ -30,131 +30,43 @@ pub struct Candidates {
     pub left_out: Vec<LeftOutCandidates>,
 }
 
-/// Candidates that are not possible for one reason.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
-pub struct LeftOutCandidates {
-    /// What is violated.
-    pub what: String,
-    /// How many.
-    pub count: usize,
-    /// The line of the first in its file.
-    pub line: usize,
-    /// What is wrong with that.
-    pub first: String,
-}
-
-/// Why no plan can be chosen from candidates.
-#[derive(Debug, Error, Clone, PartialEq)]
-pub enum CandidateError {
-    /// Rows without a load, where there may be forces of any direction.
-    #[error("the candidates have no loads, and load.kind = \"any\" does not say which")]
-    NoLoad,
-    /// A target or a station, where deflections are read.
-    #[error(
-        "line {line}: {column}: found {found:?}, and deflections are read of the calibration tool, whatever the station"
-    )]
-    Place {
-        /// The line.
-        line: usize,
-        /// The column.
-        column: &'static str,
-        /// What it says.
-        found: String,
-    },
-    /// Too many, each row under each load.
-    #[error(
-        "there are {found} candidates, each row under each load of the scenario; at most {MOST_CANDIDATES} are allowed"
-    )]
-    TooMany {
-        /// How many.
-        found: usize,
-    },
-    /// None is possible.
-    #[error("none of {offered} candidates is possible: {}", reasons.join("; "))]
-    AllLeftOut {
-        /// How many there were.
-        offered: usize,
-        /// The reasons, with how many each leaves out.
-        reasons: Vec<String>,
-    },
-}
-
-impl CandidateError {
-    /// What to do about it.
-    pub const fn hint(&self) -> &'static str {
-        match self {
-            Self::NoLoad => "give the columns fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm",
-            Self::Place { .. } => "leave the column out",
-            Self::TooMany { .. } => "give fewer rows, or the load of each",
-            Self::AllLeftOut { .. } => {
-                "check the units of the angles, and the scenario's [region] and [load]"
-            }
-        }
-    }
-}
-
-impl std::fmt::Display for LeftOutCandidates {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            what,
-            count,
-            line,
-            first,
-        } = self;
-        write!(
-            formatter,
-            "{count} for {what} (the first in line {line}: {first})"
-        )
-    }
-}
-
-/// Which experiments, with the lines that they are in, a task allows, by their places; and why not the others: what a judge
-/// finds first.
+/// Which candidates of some lines a task allows, by their places; and why not the others: what a judge finds first.
 ///
 /// # Errors
 /// None is possible.
 pub(in crate::plan) fn possible_of(
     task: &Task,
-    all: &[(usize, Experiment)],
+    lines: &[usize],
     first_violation: impl Fn(&mut Feasibility<'_>, usize) -> Option<Violation> + Sync,
 ) -> Result<(Vec<usize>, Vec<LeftOutCandidates>), CandidateError> {
-    let wrong: Vec<Option<(String, String)>> = (0..all.len())
+    let wrong: Vec<Option<Violation>> = (0..lines.len())
         .into_par_iter()
-        .map_init(
-            || Feasibility::new(task),
-            |feasibility, place| {
-                let violation = first_violation(feasibility, place)?;
-                let words = Violation {
-                    experiment: None,
-                    ..violation.clone()
-                };
-                Some((violation.kind(), words.to_string()))
-            },
-        )
+        .map_init(|| Feasibility::new(task), &first_violation)
         .collect();
     let mut left_out: Vec<LeftOutCandidates> = Vec::new();
     let mut places = Vec::new();
-    for (place, ((line, _), wrong)) in all.iter().zip(wrong).enumerate() {
-        let Some((what, first)) = wrong else {
+    for (place, wrong) in wrong.into_iter().enumerate() {
+        let Some(mut violation) = wrong else {
             places.push(place);
             continue;
         };
-        match left_out.iter_mut().find(|known| known.what == what) {
-            Some(known) => known.count += 1,
-            None => left_out.push(LeftOutCandidates {
-                what,
-                count: 1,
-                line: *line,
-                first,
-            }),
+        let what = violation.kind();
+        if let Some(known) = left_out.iter_mut().find(|known| known.what == what) {
+            known.count += 1;
+            continue;
         }
+        violation.experiment = None;
+        left_out.push(LeftOutCandidates {
+            what,
+            count: 1,
+            line: lines[place],
+            first: violation.to_string(),
+        });
     }
     if places.is_empty() {
         let reasons = left_out.iter().map(ToString::to_string).collect();
-        return Err(CandidateError::AllLeftOut {
-            offered: all.len(),
-            reasons,
-        });
+        let offered = lines.len();
+        return Err(CandidateError::AllLeftOut { offered, reasons });
     }
     Ok((places, left_out))
 }
@@ -168,7 +80,7 @@ impl Candidates {
             }
             loads => LoadChoice::new(loads).samples(),
         };
-        let mut all: Vec<(usize, Experiment)> = Vec::new();
+        let (mut lines, mut all) = (Vec::new(), Vec::new());
         for row in rows {
             let line = row.line;
             for (column, found) in [("target", &row.target), ("station", &row.station)] {
@@ -180,33 +92,27 @@ impl Candidates {
                     });
                 }
             }
-            let own = row.load.map(|load| vec![load]);
-            let under = own
-                .as_ref()
-                .unwrap_or(&loads)
-                .iter()
-                .map(|&load| Experiment {
+            for &load in row.load.as_ref().map_or(&loads[..], std::slice::from_ref) {
+                lines.push(line);
+                all.push(Experiment {
                     configuration_rad: row.configuration_rad.clone(),
                     load,
                     repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
                     approach: row.approach.clone(),
                 });
-            all.extend(under.map(|experiment| (line, experiment)));
+            }
         }
         let offered = all.len();
         if offered > MOST_CANDIDATES {
-            return Err(CandidateError::TooMany { found: offered });
+            let (found, of) = (offered, "load");
+            return Err(CandidateError::TooMany { found, of });
         }
-        let (places, left_out) = possible_of(task, &all, |feasibility, place| {
-            let violations = feasibility.violations_of(1, &all[place].1);
+        let (places, left_out) = possible_of(task, &lines, |feasibility, place| {
+            let violations = feasibility.violations_of(1, &all[place]);
             violations.into_iter().next()
         })?;
-        let experiments = places
-            .into_iter()
-            .map(|place| all[place].1.clone())
-            .collect();
         Ok(Self {
-            experiments,
+            experiments: places.into_iter().map(|place| all[place].clone()).collect(),
             offered,
             left_out,
         })
@@ -232,24 +138,14 @@ impl Candidates {
             configurations: configurations.saturating_sub(count),
             searches: SEARCHES,
             seed,
-            exchanges: ExchangesTry::AllThatMayHelp,
+            is_thorough: true,
         };
         let problem = Problem::among(task, criterion, &self.experiments);
         problem.check_excited()?;
         let found = self.with_finite(&problem, |finite| finite.search(effort, watch));
         let found = found.map_err(SearchError::Candidates)?;
-        let chosen = found.plan.iter().map(|&(candidate, repeats)| Experiment {
-            repeats,
-            ..self.experiments[candidate].clone()
-        });
-        let plan = Plan {
-            experiments: mandatory
-                .experiments
-                .iter()
-                .cloned()
-                .chain(chosen)
-                .collect(),
-        };
+        let mut plan = mandatory.clone();
+        plan.experiments.extend(self.measured(&found.plan));
         if !problem.is_determined_by(&plan) {
             return Err(SearchError::Singular {
                 experiments: measurements,
@@ -277,7 +173,7 @@ impl Candidates {
         });
         match found {
             Ok(bound) => self.bound_of(&problem, bound),
-            Err(error) => Bound::none(task, criterion, error),
+            Err(error) => Bound::resting_on(task, criterion, Basis::Nothing(error)),
         }
     }
 
@@ -288,7 +184,20 @@ impl Candidates {
             bound,
             left_out: left_out.collect(),
         };
-        Bound::among(problem.task, problem.criterion, enumerated)
+        Bound::resting_on(
+            problem.task,
+            problem.criterion,
+            Basis::Candidates(enumerated),
+        )
+    }
+
+    /// Candidates as experiments, each measured so often.
+    fn measured(&self, plan: &[(usize, u32)]) -> Vec<Experiment> {
+        let measured = plan.iter().map(|&(candidate, repeats)| Experiment {
+            repeats,
+            ..self.experiments[candidate].clone()
+        });
+        measured.collect()
     }
 
     /// Does something with the candidates by what they tell.
@@ -297,45 +206,33 @@ impl Candidates {
         problem: &Problem<'_>,
         work: impl FnOnce(&FiniteProblem<'_>) -> T,
     ) -> T {
-        let size = problem.parameters();
-        let each: Vec<DMatrix<f64>> = self
-            .experiments
-            .par_iter()
+        let all = &self.experiments;
+        let each: Vec<DMatrix<f64>> = (all.par_iter())
             .map(|experiment| problem.told(experiment, 1))
             .collect();
-        let mut told = CandidateInformation::new(size);
-        for information in &each {
-            told.push(information);
-        }
         let is_shared = problem.is_shared_by_configuration();
-        let q = |place: usize| &self.experiments[place].configuration_rad;
-        let stands_as =
-            |one: usize, other: usize| self.experiments[one].stands_as(&self.experiments[other]);
-        let shared = if is_shared { self.experiments.len() } else { 0 };
-        let mut configurations = numbered(shared, q, stands_as);
-        configurations.resize(self.experiments.len(), 0);
-        let told_by = |measured: &[(usize, u32)]| {
-            if let [(only, times)] = *measured {
-                return problem.told(&self.experiments[only], times);
-            }
-            let each = measured.iter().map(|&(candidate, repeats)| Experiment {
-                repeats,
-                ..self.experiments[candidate].clone()
-            });
-            problem.told_by(each.collect())
+        let mut configurations = numbered(
+            if is_shared { all.len() } else { 0 },
+            |place| &all[place].configuration_rad,
+            |one, other| all[one].stands_as(&all[other]),
+        );
+        configurations.resize(all.len(), 0);
+        let told = |measured: &[(usize, u32)]| match *measured {
+            [(only, times)] => problem.told(&all[only], times),
+            _ => problem.told_by(self.measured(measured)),
         };
         let sharing = SharingCandidates {
             configurations: &configurations,
-            told: &told_by,
+            told: &told,
             // Bounds speak about plans that hang one load in each configuration.
             bounds: None,
         };
         work(&FiniteProblem {
             criterion: problem.criterion,
-            test_poses: problem.test_poses().clone(),
+            test_poses: problem.test_poses.clone(),
             beside: problem.information(&problem.task.design.mandatory),
-            told,
-            most: self.experiments.iter().map(|each| each.repeats).collect(),
+            told: CandidateInformation::of_all(problem.parameters(), &each),
+            most: all.iter().map(|each| each.repeats).collect(),
             sharing: is_shared.then_some(sharing),
         })
     }

@@ -12,7 +12,7 @@ use super::problem::{Problem, SearchError};
 use super::refinement::{Found, Refinement};
 use super::rounding::rounded_design;
 use crate::numeric::random::{generator, streams};
-use crate::plan::{Experiment, Plan};
+use crate::plan::Plan;
 
 /// Searches that know nothing of one another, between two looks at whether enough are done.
 const INDEPENDENT: usize = 8;
@@ -49,6 +49,14 @@ pub struct Watch<'a> {
     pub progress: &'a (dyn Fn(usize, usize, f64) + Sync),
 }
 
+impl<'a> Watch<'a> {
+    /// Nobody looks on.
+    pub const fn quiet(stop: &'a AtomicBool) -> Self {
+        let progress = &|_, _, _| {};
+        Self { stop, progress }
+    }
+}
+
 /// Searches the best plan of `experiments` measurements in `configurations` different
 /// configurations, the mandatory ones of the task among them, from many starts.
 ///
@@ -64,23 +72,8 @@ pub fn exact_design(
     seed: u64,
     watch: Watch<'_>,
 ) -> Result<ExactDesign, SearchError> {
-    exact_design_from(
-        problem,
-        approximate,
-        [experiments, configurations],
-        seed,
-        watch,
-        &[],
-    )
-}
-
-/// Experiments as a problem sees them: that of an approximate design may consider other unknowns.
-fn as_seen(problem: &Problem<'_>, points: &[Point]) -> Vec<Point> {
-    let local = LocalSearch::new(problem);
-    let here = points
-        .iter()
-        .map(|point| local.point(&point.q, &point.load));
-    here.collect()
+    let sizes = [experiments, configurations];
+    exact_design_from(problem, approximate, sizes, seed, watch, &[])
 }
 
 /// The same, no worse than plans of as many measurements in at most as many configurations that are
@@ -102,40 +95,45 @@ pub(super) fn exact_design_from(
     let free = experiments.saturating_sub(mandatory.measurements());
     let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
     let configurations = configurations.saturating_sub(count).min(free);
-    let near = rounded_design(problem, approximate, [experiments, free, configurations]);
-    let mut ends = SearchEnds::default();
-    if near.is_none() {
-        let results = known_plans(problem, known);
-        let sizes = [free, configurations];
-        ends = search_plans(problem, approximate, sizes, seed, watch, results);
-    }
-    ends.polished.extend(near);
-    let best = (ends.polished.iter())
-        .min_by(|one, other| one.cost.total_cmp(&other.cost))
-        .ok_or_else(|| singular.clone())?;
-    let plan = whole_plan(mandatory, best);
+    let (ends, [searches, agreeing]) =
+        match rounded_design(problem, approximate, [experiments, free, configurations]) {
+            Some(near) => (vec![near], [0, 0]),
+            None => {
+                let known = known_plans(problem, known);
+                search_plans(
+                    problem,
+                    approximate,
+                    [free, configurations],
+                    seed,
+                    watch,
+                    known,
+                )
+            }
+        };
+    let best = ends
+        .iter()
+        .min_by(|one, other| one.cost.total_cmp(&other.cost));
+    let Some(best) = best else {
+        return Err(singular);
+    };
+    let found = best.points.iter().zip(&best.repeats);
+    let found = found.map(|(point, &repeats)| point.experiment(repeats));
+    let plan = Plan {
+        experiments: mandatory.experiments.iter().cloned().chain(found).collect(),
+    };
     if !problem.is_determined_by(&plan) {
         return Err(singular);
     }
     Ok(ExactDesign {
         plan,
         cost: best.cost,
-        searches: ends.searches,
-        agreeing: ends.agreeing,
+        searches,
+        agreeing,
     })
 }
 
-/// What searches ended in.
-#[derive(Default)]
-struct SearchEnds {
-    /// The best plans, refined to full precision.
-    polished: Vec<Found>,
-    /// How many searches there were that knew nothing of one another, and how many of them ended in the best plan.
-    searches: usize,
-    agreeing: usize,
-}
-
-/// Searches plans of so many free measurements in so many configurations, beside those that are known.
+/// Searches plans of so many free measurements in so many configurations, beside those that are known: the best ones, refined to
+/// full precision; how many searches there were that knew nothing of one another, and how many of them ended in the best plan.
 fn search_plans(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
@@ -143,15 +141,21 @@ fn search_plans(
     seed: u64,
     watch: Watch<'_>,
     mut results: Vec<Found>,
-) -> SearchEnds {
+) -> (Vec<Found>, [usize; 2]) {
     let searches = if free == 0 {
         1
     } else {
         let affordable = problem.affordable(configurations as usize);
         (problem.effort.searches).min(affordable.max(INDEPENDENT + RECOMBINED))
     };
-    let [candidates, support] =
-        [&approximate.candidates, &approximate.support].map(|points| as_seen(problem, points));
+    // The problem of an approximate design may consider other unknowns.
+    let local = LocalSearch::new(problem);
+    let [candidates, support] = [&approximate.candidates, &approximate.support].map(|points| {
+        let here = points
+            .iter()
+            .map(|point| local.point(&point.q, &point.load));
+        here.collect::<Vec<Point>>()
+    });
     let seen = Mutex::new((0, f64::INFINITY));
     let search = |refinement: &mut Refinement<'_>, index: usize, given: Option<&[Point]>| {
         if index > 0 && watch.stop.load(Ordering::Relaxed) {
@@ -172,16 +176,21 @@ fn search_plans(
         found
     };
     let run = |from: usize, count: usize, given: Option<&[Point]>| -> Vec<Found> {
-        let indices = from..searches.min(from + count);
-        let each_thread = || Refinement::new(problem);
-        let found = indices
+        (from..searches.min(from + count))
             .into_par_iter()
-            .map_init(each_thread, |refinement, index| {
-                search(refinement, index, given)
-            });
-        found.flatten().collect()
+            .map_init(
+                || Refinement::new(problem),
+                |refinement, index| search(refinement, index, given),
+            )
+            .flatten()
+            .collect()
     };
-    let fewest = fewest_searches(configurations);
+    // Plans of few configurations have many optima that are nearly as good as the best.
+    let fewest = match configurations {
+        0..=2 => 48,
+        3 => 96,
+        _ => INDEPENDENT,
+    };
     let mut independent: Vec<f64> = Vec::new();
     let mut done = 0;
     while done < searches {
@@ -204,47 +213,19 @@ fn search_plans(
     let polished: Vec<Found> = polished
         .map(|found| Refinement::new(problem).polish(found.clone()))
         .collect();
-    SearchEnds {
-        agreeing: agreeing(&independent, &polished),
-        searches: independent.len(),
-        polished,
-    }
+    let counts = [independent.len(), agreeing(&independent, &polished)];
+    (polished, counts)
 }
 
-/// Mandatory experiments with those that were found.
-fn whole_plan(mandatory: &Plan, best: &Found) -> Plan {
-    let found =
-        (best.points.iter().zip(&best.repeats)).map(|(point, &repeats)| point.experiment(repeats));
-    Plan {
-        experiments: mandatory.experiments.iter().cloned().chain(found).collect(),
-    }
-}
-
-/// So many independent searches there are at least: plans of few configurations have many optima that
-/// are nearly as good as the best.
-const fn fewest_searches(configurations: u32) -> usize {
-    match configurations {
-        0..=2 => 48,
-        3 => 96,
-        _ => INDEPENDENT,
-    }
-}
-
-/// Plans of earlier searches.
+/// Plans of earlier searches, refined beside the mandatory experiments.
 fn known_plans(problem: &Problem<'_>, known: &[Plan]) -> Vec<Found> {
     let mandatory = problem.task.design.mandatory.experiments.len();
-    known
-        .par_iter()
-        .filter_map(|plan| known_plan(problem, &plan.experiments[mandatory..]))
-        .collect()
-}
-
-/// Experiments beside the mandatory ones, refined.
-fn known_plan(problem: &Problem<'_>, experiments: &[Experiment]) -> Option<Found> {
-    let mut refinement = Refinement::new(problem);
-    let found = refinement.known(experiments);
-    let found = refinement.refine(found, Precision::ROUGH, f64::INFINITY);
-    found.cost.is_finite().then_some(found)
+    let refined = known.par_iter().map(|plan| {
+        let mut refinement = Refinement::new(problem);
+        let found = refinement.known(&plan.experiments[mandatory..]);
+        refinement.refine(found, Precision::ROUGH, f64::INFINITY)
+    });
+    refined.filter(|found| found.cost.is_finite()).collect()
 }
 
 fn sort(results: &mut [Found]) {
@@ -253,9 +234,7 @@ fn sort(results: &mut [Found]) {
 
 /// How many costs are as good as the best plan's.
 fn agreeing(costs: &[f64], plans: &[Found]) -> usize {
-    let best = plans
-        .iter()
-        .map(|plan| plan.cost)
-        .fold(f64::INFINITY, f64::min);
+    let best = plans.iter().map(|plan| plan.cost);
+    let best = best.fold(f64::INFINITY, f64::min);
     costs.iter().filter(|cost| **cost < best * SAME).count()
 }

@@ -37,14 +37,13 @@ impl Refinement<'_> {
             .collect();
         let mut pool = Pool::new(self.problem, [given, &drawn].concat());
         let starts = (STARTS / configurations.max(1) as usize).max(FEWEST_STARTS);
-        let mut ends: Vec<Found> = (0..starts)
-            .filter_map(|_| {
-                let repeats = split(measurements, configurations, random);
-                let start = self.random_plan(&mut pool, repeats, random)?;
-                let end = self.exchange(&mut pool, start);
-                end.cost.is_finite().then_some(end)
-            })
-            .collect();
+        let end = |_: usize| {
+            let repeats = split(measurements, configurations, random);
+            let start = self.random_plan(&mut pool, repeats, random)?;
+            let end = self.exchange(&mut pool, start);
+            end.cost.is_finite().then_some(end)
+        };
+        let mut ends: Vec<Found> = (0..starts).filter_map(end).collect();
         ends.sort_by(|one, other| one.cost.total_cmp(&other.cost));
         ends.dedup_by(|one, other| one.cost < other.cost * (1.0 + 1e-6));
         ends.truncate(REFINED);
@@ -78,11 +77,7 @@ impl Refinement<'_> {
     /// Exchanges the experiments of a plan in turn for the best ones of the pool, until nothing more
     /// is gained. Experiments that prove not to be clear of collisions leave the pool.
     fn exchange(&mut self, pool: &mut Pool, start: Found) -> Found {
-        let Found {
-            cost: mut lowest,
-            mut points,
-            mut repeats,
-        } = start;
+        let (mut lowest, mut points, mut repeats) = (start.cost, start.points, start.repeats);
         let mut information = self.mandatory.clone();
         for _ in 0..EXCHANGES {
             let mut improved = false;
@@ -95,9 +90,8 @@ impl Refinement<'_> {
                 } && cost < lowest * (1.0 - WORTHWHILE)
                 {
                     if let Some(point) = self.take_clear(pool, better) {
-                        let cost = self.cost_with(&information, &point, repeats[index], cost);
                         let found = (&points[..], &repeats[..]);
-                        let cost = self.cost_in_place(found, index, &point, cost);
+                        let cost = self.cost_in_place(found, (index, &point), &information, cost);
                         if cost < lowest {
                             points[index] = point;
                             lowest = cost;

@@ -15,10 +15,10 @@
 
 use nalgebra::DMatrix;
 
+use super::candidate_error::CandidateError;
 use super::candidate_information::CandidateInformation;
-use super::finite_error::FiniteError;
-use super::weighing::{Weighing, normalise};
-use crate::numeric::estimable::Estimable;
+use super::problem::determines;
+use super::weighing::{Weighing, drop_light, normalise};
 use crate::plan::{Criterion, CriterionFunction};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 
@@ -142,20 +142,14 @@ pub struct FiniteBound {
 impl FiniteBound {
     /// No plan of so many measurements of the candidates has a smaller cost; none where there is no such bound.
     pub fn least_cost(&self, measurements: u32) -> Option<f64> {
-        let costs = self
-            .planes
-            .iter()
-            .map(|plane| plane.least_cost(measurements));
+        let planes = self.planes.iter();
+        let costs = planes.map(|plane| plane.least_cost(measurements));
         costs.filter(|cost| cost.is_finite()).reduce(f64::max)
     }
 }
 
-/// The best weights on a list of candidates.
-#[derive(Debug, Clone)]
-pub(super) struct FiniteWeights {
-    /// Candidates with their weights, which sum to one.
-    pub support: Vec<(usize, f64)>,
-}
+/// Candidates with their weights, which sum to one.
+pub type FiniteWeights = Vec<(usize, f64)>;
 
 impl FiniteProblem<'_> {
     /// The criterion as a cost.
@@ -179,14 +173,12 @@ impl FiniteProblem<'_> {
     pub fn information(&self, plan: &[(usize, u32)]) -> DMatrix<f64> {
         let mut sum = self.beside.clone();
         for (place, &(candidate, times)) in plan.iter().enumerate() {
-            let together = self.sharing.map(|sharing| {
-                let before = sharing.beside(&plan[..place], candidate);
-                (sharing, before, sharing.beside(plan, candidate))
-            });
-            match together {
+            match self.sharing {
                 // The first adds what all of its configuration tell.
-                Some((_, before, _)) if !before.is_empty() => {}
-                Some((sharing, _, all)) if all.len() > 1 => sum += (sharing.told)(&all),
+                Some(sharing) if !sharing.beside(&plan[..place], candidate).is_empty() => {}
+                Some(sharing) if sharing.beside(plan, candidate).len() > 1 => {
+                    sum += (sharing.told)(&sharing.beside(plan, candidate));
+                }
                 _ => self.add(&mut sum, candidate, times),
             }
         }
@@ -222,40 +214,32 @@ impl FiniteProblem<'_> {
         sum
     }
 
-    /// Whether an information matrix of this cost determines what the criterion asks for, beyond rounding.
-    pub(super) fn is_determined_by(&self, information: &DMatrix<f64>, cost: f64) -> bool {
-        if Estimable::surely_all(information) {
-            return true;
-        }
-        let estimable = Estimable::new(information, &vec![1.0; self.told.size()]);
-        match self.criterion {
-            Criterion::TestPose => {
-                (estimable.missing(&self.test_poses.transpose(), cost.sqrt())).is_empty()
-            }
-            _ => estimable.is_complete(),
-        }
+    /// The cost of a plan, where it determines what the criterion asks for, beyond rounding.
+    pub(super) fn cost_of_plan(&self, plan: &[(usize, u32)]) -> Option<f64> {
+        let information = self.information(plan);
+        let cost = self.cost().cost(&information, &mut information.clone());
+        let is_determined = cost.is_finite()
+            && determines(&information, self.criterion, &self.test_poses, cost.sqrt());
+        is_determined.then_some(cost)
     }
 
     /// Whether there can be plans of so many measurements in so many different configurations.
     ///
     /// # Errors
     /// The candidates are too few.
-    pub(super) fn check(&self, measurements: u32, configurations: u32) -> Result<(), FiniteError> {
-        let mut most: Vec<u32> = self
-            .most
-            .iter()
-            .map(|most| (*most).min(measurements))
-            .collect();
+    pub(super) fn check(
+        &self,
+        measurements: u32,
+        configurations: u32,
+    ) -> Result<(), CandidateError> {
+        let each = self.most.iter().map(|most| (*most).min(measurements));
+        let mut most: Vec<u32> = each.collect();
         most.sort_unstable_by(|one, other| other.cmp(one));
-        let allowed: u64 = most
-            .iter()
-            .take(configurations as usize)
-            .copied()
-            .map(u64::from)
-            .sum();
+        let all = most.iter().take(configurations as usize);
+        let allowed: u64 = all.copied().map(u64::from).sum();
         if allowed < u64::from(measurements) {
             let wanted = measurements;
-            return Err(FiniteError::TooFew { allowed, wanted });
+            return Err(CandidateError::TooFew { allowed, wanted });
         }
         Ok(())
     }
@@ -265,36 +249,24 @@ impl FiniteProblem<'_> {
     ///
     /// # Errors
     /// The candidates do not determine what is asked for.
-    pub(super) fn weigh(
-        &self,
-        measurements: u32,
-    ) -> Result<(FiniteWeights, FiniteBound), FiniteError> {
+    pub fn weigh(&self, measurements: u32) -> Result<(FiniteWeights, FiniteBound), CandidateError> {
         let measurements = f64::from(measurements.max(1));
         let mean = self.told.mean() + &self.beside / measurements;
         let mut directions = mean.clone();
-        let Some(criterion) = self.criterion.bounded_as() else {
-            if self.cost().cost(&mean, &mut directions).is_infinite() {
-                return Err(FiniteError::Undetermined);
-            }
-            let support = self.spread(&mean);
+        let bounded = self.criterion.bounded_as();
+        let mut cost = self.cost_of(bounded.unwrap_or(self.criterion));
+        if cost.cost(&mean, &mut directions).is_infinite() {
+            return Err(CandidateError::Undetermined);
+        }
+        let mut support = self.spread(&mean);
+        if bounded.is_none() {
             let weight = (support.len() as f64).recip();
-            let support = support
-                .into_iter()
-                .map(|candidate| (candidate, weight))
-                .collect();
-            return Ok((FiniteWeights { support }, FiniteBound::default()));
-        };
-        if self
-            .cost_of(criterion)
-            .cost(&mean, &mut directions)
-            .is_infinite()
-        {
-            return Err(FiniteError::Undetermined);
+            let weights = support.into_iter().map(|candidate| (candidate, weight));
+            return Ok((weights.collect(), FiniteBound::default()));
         }
         let is_informed = self.beside.amax() > 0.0;
         let beside = is_informed.then(|| &self.beside / measurements);
-        let mut weighing = Weighing::of(self.cost_of(criterion), beside, self.told.size());
-        let mut support = self.spread(&mean);
+        let mut weighing = Weighing::of(cost, beside, self.told.size());
         for candidate in highest(&self.told.derivatives(&directions), ADDED, |_| true) {
             if !support.contains(&candidate) {
                 support.push(candidate);
@@ -307,17 +279,11 @@ impl FiniteProblem<'_> {
                 support.iter().map(|&each| self.told.of(each)).collect();
             let cost = weighing.weigh(&blocks, &mut weights, 0.1 * TOLERANCE);
             if !cost.is_finite() {
-                return Err(FiniteError::Undetermined);
+                return Err(CandidateError::Undetermined);
             }
             let derivatives = self.told.derivatives(&weighing.directions);
             bound.planes = vec![self.plane(cost, &weighing.directions, &derivatives)];
-            let kept: Vec<bool> = weights
-                .iter()
-                .map(|weight| *weight > SMALLEST_WEIGHT)
-                .collect();
-            let mut keep = kept.iter();
-            support.retain(|_| keep.next().copied().unwrap_or(false));
-            weights.retain(|weight| *weight > SMALLEST_WEIGHT);
+            drop_light(&mut support, &mut weights, SMALLEST_WEIGHT);
             let least = weighing.mean * (1.0 + TOLERANCE);
             let is_new =
                 |candidate: usize| derivatives[candidate] > least && !support.contains(&candidate);
@@ -331,24 +297,15 @@ impl FiniteProblem<'_> {
             normalise(&mut weights);
         }
         normalise(&mut weights);
-        let support = support.into_iter().zip(weights).collect();
-        Ok((FiniteWeights { support }, bound))
+        Ok((support.into_iter().zip(weights).collect(), bound))
     }
 
-    /// What no plan of so many measurements is below, by the best weights.
+    /// What no plan of as many measurements as one has is below, by the best weights, and as that plan tells it besides.
     ///
     /// # Errors
     /// The candidates do not determine what is asked for.
-    pub fn best_bound(&self, measurements: u32) -> Result<FiniteBound, FiniteError> {
-        Ok(self.weigh(measurements)?.1)
-    }
-
-    /// The same, and as a plan of the candidates tells it besides.
-    ///
-    /// # Errors
-    /// The candidates do not determine what is asked for.
-    pub fn bound_of(&self, plan: &[(usize, u32)]) -> Result<FiniteBound, FiniteError> {
-        let mut bound = self.best_bound(plan.iter().map(|(_, times)| times).sum())?;
+    pub fn bound_of(&self, plan: &[(usize, u32)]) -> Result<FiniteBound, CandidateError> {
+        let (_, mut bound) = self.weigh(plan.iter().map(|(_, times)| times).sum())?;
         self.bound_near(&mut bound, plan);
         Ok(bound)
     }
@@ -377,10 +334,8 @@ impl FiniteProblem<'_> {
             let derivatives = self.told.derivatives(&directions);
             let plane = self.plane(cost, &directions, &derivatives);
             let least = plane.least_cost(measurements);
-            if best
-                .as_ref()
-                .is_none_or(|best| least > best.least_cost(measurements))
-            {
+            let is_higher = |best: &TangentPlane| least > best.least_cost(measurements);
+            if best.as_ref().is_none_or(is_higher) {
                 best = Some(plane);
             }
             if least > cost * (1.0 - NEAR) {
@@ -409,10 +364,8 @@ impl FiniteProblem<'_> {
         if let Some(bounds) = self.sharing.and_then(|sharing| sharing.bounds) {
             bounds.raise(directions, &mut derivatives);
         }
-        let mut largest: Vec<(f64, u32)> = derivatives
-            .into_iter()
-            .zip(self.most.iter().copied())
-            .collect();
+        let most = self.most.iter().copied();
+        let mut largest: Vec<(f64, u32)> = derivatives.into_iter().zip(most).collect();
         largest.sort_by(|one, other| other.0.total_cmp(&one.0));
         // Plans have no more measurements.
         let mut sum = 0;

@@ -6,16 +6,16 @@
 //! that an exchange can lower phi only if what comes has a larger derivative trace(G I) than what goes.
 
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
 use nalgebra::DMatrix;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::candidate_error::CandidateError;
 use super::exact::Watch;
-use super::finite::{FiniteBound, FiniteProblem, FiniteWeights, highest, measure};
-use super::finite_error::FiniteError;
+use super::finite::{FiniteBound, FiniteProblem, highest, measure};
 use crate::numeric::random::{generator, streams};
 use crate::plan::CriterionFunction;
 
@@ -43,11 +43,14 @@ const THOROUGH_PASSES: usize = 20;
 /// Costs within this factor agree: 0.1 % in `rho_0`, the cost's root.
 const SAME: f64 = 1.002;
 
+/// Candidates by their places, and how often each is measured.
+pub type CandidatePlan = Vec<(usize, u32)>;
+
 /// The best plan of a list of candidates that searches found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FiniteDesign {
-    /// Candidates by their places, and how often each is measured.
-    pub plan: Vec<(usize, u32)>,
+    /// The plan.
+    pub plan: CandidatePlan,
     /// Its cost.
     pub cost: f64,
     /// What no plan of as many measurements is below.
@@ -56,15 +59,6 @@ pub struct FiniteDesign {
     pub searches: usize,
     /// How many of them ended within 0.1 % of that cost's root.
     pub agreeing: usize,
-}
-
-/// Which candidates exchanges try.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ExchangesTry {
-    /// Those that prediction most.
-    Promising,
-    /// In the end all that may help, too.
-    AllThatMayHelp,
 }
 
 /// How a plan of a list of candidates is searched.
@@ -78,8 +72,8 @@ pub struct FiniteEffort {
     pub searches: usize,
     /// Of random numbers.
     pub seed: u64,
-    /// What its exchanges try.
-    pub exchanges: ExchangesTry,
+    /// Whether exchanges try in the end all candidates that may help, too, and not alone those that prediction most.
+    pub is_thorough: bool,
 }
 
 impl FiniteProblem<'_> {
@@ -89,55 +83,45 @@ impl FiniteProblem<'_> {
         &self,
         effort: FiniteEffort,
         watch: Watch<'_>,
-    ) -> Result<FiniteDesign, FiniteError> {
+    ) -> Result<FiniteDesign, CandidateError> {
         let measurements = effort.measurements;
-        let configurations = effort.configurations.min(measurements);
-        self.check(measurements, configurations)?;
+        self.check(measurements, effort.configurations.min(measurements))?;
         let (weights, mut bound) = self.weigh(measurements)?;
-        let done = AtomicUsize::new(0);
-        let lowest = Mutex::new(f64::INFINITY);
-        let floor = (self.told.mean() * f64::from(measurements.max(1)) + &self.beside) * FLOOR;
-        let found: Vec<FoundAmong> = (0..effort.searches.max(1))
-            .into_par_iter()
-            .filter_map(|index| {
-                if index > 0 && watch.stop.load(Ordering::Relaxed) {
-                    return None;
-                }
-                let mut search =
-                    CandidateExchanges::new(self, floor.clone(), configurations as usize);
-                let start = search.start(index, effort, &weights);
-                let found = search.improved(start, effort.exchanges);
-                if let Ok(mut lowest) = lowest.lock() {
-                    *lowest = lowest.min(found.cost);
-                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    (watch.progress)(done, effort.searches, *lowest);
-                }
-                Some(found)
-            })
-            .collect();
-        let singular = FiniteError::Singular {
+        let seen = Mutex::new((0, f64::INFINITY));
+        let floor = self.floor(effort);
+        let search = |index: usize| {
+            if index > 0 && watch.stop.load(Ordering::Relaxed) {
+                return None;
+            }
+            let mut search = CandidateExchanges::new(self, &floor, effort);
+            let start = search.start(index, &weights);
+            let found = search.improved(start);
+            if let Ok(mut seen) = seen.lock() {
+                *seen = (seen.0 + 1, found.cost.min(seen.1));
+                (watch.progress)(seen.0, effort.searches, seen.1);
+            }
+            Some(found)
+        };
+        let searches = (0..effort.searches.max(1)).into_par_iter();
+        let found: Vec<FoundAmong> = searches.filter_map(search).collect();
+        let singular = CandidateError::Singular {
             measurements,
             unknowns: self.told.size(),
         };
         let best = (found.iter()).min_by(|one, other| one.cost.total_cmp(&other.cost));
-        let mut plan = best.ok_or(singular)?.plan.clone();
-        plan.sort_unstable();
-        let information = self.information(&plan);
-        let cost = self.cost().cost(&information, &mut information.clone());
-        if !cost.is_finite() || !self.is_determined_by(&information, cost) {
+        let Some(mut plan) = best.map(|best| best.plan.clone()) else {
             return Err(singular);
-        }
+        };
+        plan.sort_unstable();
+        let cost = self.cost_of_plan(&plan).ok_or(singular)?;
         self.bound_near(&mut bound, &plan);
-        let agreeing = found
-            .iter()
-            .filter(|found| found.cost < cost * SAME)
-            .count();
+        let is_as_good = |found: &&FoundAmong| found.cost < cost * SAME;
         Ok(FiniteDesign {
             plan,
             cost,
             bound,
             searches: found.len(),
-            agreeing,
+            agreeing: found.iter().filter(is_as_good).count(),
         })
     }
 
@@ -145,36 +129,36 @@ impl FiniteProblem<'_> {
     /// below another cost.
     pub fn bettered(
         &self,
-        plans: &[Vec<(usize, u32)>],
+        plans: &[CandidatePlan],
         effort: FiniteEffort,
         another: f64,
-    ) -> Option<(Vec<(usize, u32)>, f64)> {
-        let measurements = f64::from(effort.measurements.max(1));
-        let floor = (self.told.mean() * measurements + &self.beside) * FLOOR;
-        let configurations = effort.configurations.min(effort.measurements) as usize;
-        let all: Vec<_> = plans
-            .par_iter()
+    ) -> Option<(CandidatePlan, f64)> {
+        let floor = self.floor(effort);
+        let better = (plans.par_iter())
             .flat_map(|plan| {
-                let mut search = CandidateExchanges::new(self, floor.clone(), configurations);
-                let mut found = search.improved(plan.clone(), effort.exchanges).plan;
+                let mut search = CandidateExchanges::new(self, &floor, effort);
+                let mut found = search.improved(plan.clone()).plan;
                 found.sort_unstable();
                 [plan.clone(), found]
             })
-            .map(|plan| {
-                let information = self.information(&plan);
-                let cost = self.cost().cost(&information, &mut information.clone());
-                let is_better =
-                    cost < another * (1.0 - GAIN) && self.is_determined_by(&information, cost);
-                is_better.then_some((plan, cost))
-            })
-            .collect();
-        (all.into_iter().flatten()).min_by(|one, other| one.1.total_cmp(&other.1))
+            .filter_map(|plan| {
+                let cost = self.cost_of_plan(&plan)?;
+                (cost < another * (1.0 - GAIN)).then_some((plan, cost))
+            });
+        let better: Vec<_> = better.collect();
+        (better.into_iter()).min_by(|one, other| one.1.total_cmp(&other.1))
+    }
+
+    /// What stands for nothing known.
+    fn floor(&self, effort: FiniteEffort) -> DMatrix<f64> {
+        let measurements = f64::from(effort.measurements.max(1));
+        (self.told.mean() * measurements + &self.beside) * FLOOR
     }
 }
 
 /// A plan of candidates with its cost.
 struct FoundAmong {
-    plan: Vec<(usize, u32)>,
+    plan: CandidatePlan,
     cost: f64,
 }
 
@@ -183,84 +167,73 @@ struct CandidateExchanges<'p, 'a> {
     problem: &'p FiniteProblem<'a>,
     cost: CriterionFunction,
     /// Stands for nothing known.
-    floor: DMatrix<f64>,
+    floor: &'p DMatrix<f64>,
+    effort: FiniteEffort,
     configurations: usize,
     directions: DMatrix<f64>,
 }
 
 impl<'p, 'a> CandidateExchanges<'p, 'a> {
-    fn new(problem: &'p FiniteProblem<'a>, floor: DMatrix<f64>, configurations: usize) -> Self {
+    fn new(problem: &'p FiniteProblem<'a>, floor: &'p DMatrix<f64>, effort: FiniteEffort) -> Self {
         Self {
             problem,
             cost: problem.cost(),
             directions: floor.clone(),
             floor,
-            configurations,
+            effort,
+            configurations: effort.configurations.min(effort.measurements) as usize,
         }
     }
 
     fn information(&self, plan: &[(usize, u32)]) -> DMatrix<f64> {
-        self.problem.information(plan) + &self.floor
+        self.problem.information(plan) + self.floor
     }
 
     /// Where a search begins: the first at rounded weights, the second at the greedy plan, all others at random.
-    fn start(
-        &mut self,
-        index: usize,
-        effort: FiniteEffort,
-        weights: &FiniteWeights,
-    ) -> Vec<(usize, u32)> {
+    fn start(&mut self, index: usize, weights: &[(usize, f64)]) -> CandidatePlan {
         let mut plan = match index {
-            0 => self.rounded(weights, effort.measurements),
+            0 => self.rounded(weights),
             1 => Vec::new(),
             _ => {
-                let mut random = generator(effort.seed, streams::candidate_search(index as u64));
-                self.drawn(weights, effort.measurements, &mut random)
+                let stream = streams::candidate_search(index as u64);
+                self.drawn(weights, &mut generator(self.effort.seed, stream))
             }
         };
         let planned: u32 = plan.iter().map(|(_, times)| times).sum();
-        for _ in planned..effort.measurements {
+        for _ in planned..self.effort.measurements {
             self.add_best(&mut plan);
         }
         plan
     }
 
     /// So often as their weights ask for, the heaviest where there are too many.
-    fn rounded(&self, weights: &FiniteWeights, measurements: u32) -> Vec<(usize, u32)> {
-        let mut heaviest = weights.support.clone();
+    fn rounded(&self, weights: &[(usize, f64)]) -> CandidatePlan {
+        let mut heaviest = weights.to_vec();
         heaviest.sort_by(|one, other| other.1.total_cmp(&one.1).then(one.0.cmp(&other.0)));
         heaviest.truncate(self.configurations);
         let mut times = vec![0_u32; heaviest.len()];
-        for _ in 0..measurements {
+        for _ in 0..self.effort.measurements {
             let share = |place: usize| heaviest[place].1 / f64::from(times[place] + 1);
-            let may_be = |&place: &usize| times[place] < self.problem.most[heaviest[place].0];
             let next = (0..heaviest.len())
-                .filter(may_be)
+                .filter(|&place| times[place] < self.problem.most[heaviest[place].0])
                 .max_by(|&one, &other| share(one).total_cmp(&share(other)).then(other.cmp(&one)));
             let Some(next) = next else { break };
             times[next] += 1;
         }
-        let all = heaviest
-            .into_iter()
-            .map(|(candidate, _)| candidate)
-            .zip(times);
+        let candidates = heaviest.into_iter().map(|(candidate, _)| candidate);
+        let all = candidates.zip(times);
         all.filter(|(_, times)| *times > 0).collect()
     }
 
     /// Every other one by its weight, the others any.
-    fn drawn(
-        &self,
-        weights: &FiniteWeights,
-        measurements: u32,
-        random: &mut ChaCha8Rng,
-    ) -> Vec<(usize, u32)> {
-        let mut plan: Vec<(usize, u32)> = Vec::new();
-        for measurement in 0..measurements {
+    fn drawn(&self, weights: &[(usize, f64)], random: &mut ChaCha8Rng) -> CandidatePlan {
+        let mut plan = CandidatePlan::new();
+        for measurement in 0..self.effort.measurements {
             let candidate = if plan.len() >= self.configurations {
                 plan[random.random_range(0..plan.len())].0
             } else if measurement % 2 == 0 {
                 let mut left: f64 = random.random();
-                let heavy = weights.support.iter().find(|(_, weight)| {
+                let heavy = weights.iter().find(|(_, weight)| {
                     left -= weight;
                     left <= 0.0
                 });
@@ -269,8 +242,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
                 random.random_range(0..self.problem.told.len())
             };
             // What may not be is left to those that are added where they tell most.
-            let times = times_in(&plan, candidate);
-            if times < self.problem.most[candidate] {
+            if times_in(&plan, candidate) < self.problem.most[candidate] {
                 measure(&mut plan, candidate, 1);
             }
         }
@@ -278,20 +250,20 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
     }
 
     /// Adds the measurement that helps most.
-    fn add_best(&mut self, plan: &mut Vec<(usize, u32)>) {
+    fn add_best(&mut self, plan: &mut CandidatePlan) {
         let rest = self.information(plan);
         self.cost.cost(&rest, &mut self.directions);
         let derivatives = self.problem.told.derivatives(&self.directions);
-        let promising = Promising::new(&derivatives, None);
-        if let Some((candidate, _)) = self.best_addition(plan, &rest, 1, promising) {
+        let tried = self.tried(false);
+        if let Some((candidate, _)) = self.best_addition(plan, &rest, 1, &derivatives, tried) {
             measure(plan, candidate, 1);
         }
     }
 
     /// Exchanges measurements until none helps.
-    fn improved(&mut self, plan: Vec<(usize, u32)>, tried: ExchangesTry) -> FoundAmong {
+    fn improved(&mut self, plan: CandidatePlan) -> FoundAmong {
         let mut found = self.improved_by_promising(plan);
-        if tried == ExchangesTry::Promising {
+        if !self.effort.is_thorough {
             return found;
         }
         for _ in 0..THOROUGH_PASSES {
@@ -306,7 +278,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
     }
 
     /// Exchanges measurements for those that prediction most, one at a time and all of a configuration at once, until none helps.
-    fn improved_by_promising(&mut self, plan: Vec<(usize, u32)>) -> FoundAmong {
+    fn improved_by_promising(&mut self, plan: CandidatePlan) -> FoundAmong {
         let is_few = self.problem.told.len() <= FEW;
         let mut is_complete = is_few;
         let mut found = FoundAmong {
@@ -355,16 +327,22 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         self.cost
             .cost(&self.information(&found.plan), &mut self.directions);
         let told = &self.problem.told;
-        let derivatives = match listed {
+        let mut derivatives = match listed {
             Listed::These(listed) => told.derivatives_of(&self.directions, listed),
-            _ => told.derivatives(&self.directions),
+            Listed::All | Listed::AllThatMayHelp => told.derivatives(&self.directions),
         };
-        let mut promising = Promising::new(&derivatives, Some(from));
-        if let Listed::AllThatMayHelp = listed {
-            promising.above = derivatives[from];
+        let is_thorough = matches!(listed, Listed::AllThatMayHelp);
+        if is_thorough {
+            // What is no larger does not help.
+            let own = derivatives[from];
+            for each in derivatives.iter_mut().filter(|each| **each <= own) {
+                *each = f64::NEG_INFINITY;
+            }
         }
+        derivatives[from] = f64::NEG_INFINITY;
         let rest = self.information(&others);
-        let best = self.best_addition(&others, &rest, moved, promising);
+        let tried = self.tried(is_thorough);
+        let best = self.best_addition(&others, &rest, moved, &derivatives, tried);
         if let Some((candidate, cost)) = best
             && cost < found.cost * (1.0 - GAIN)
         {
@@ -374,35 +352,39 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         }
     }
 
-    /// The candidate that is best measured so often beside a plan, of those that prediction most, with the cost; none twice in
-    /// vain.
+    /// How many candidates are tried for an exchange.
+    fn tried(&self, is_thorough: bool) -> usize {
+        match (self.problem.criterion.is_factored(), is_thorough) {
+            (true, false) => TRIED,
+            (false, false) => TRIED_OF_OTHERS,
+            (true, true) => {
+                let work = self.problem.told.size().pow(3).max(1);
+                THOROUGHLY_TRIED.min(THOROUGH_WORK / work).max(TRIED)
+            }
+            (false, true) => THOROUGHLY_TRIED_OF_OTHERS,
+        }
+    }
+
+    /// The candidate that is best measured so often beside a plan, of as many as are tried of those that prediction most by their
+    /// derivatives, which are finite where they may be; with the cost.
     fn best_addition(
         &mut self,
         plan: &[(usize, u32)],
         rest: &DMatrix<f64>,
         times: u32,
-        promising: Promising<'_>,
+        derivatives: &[f64],
+        tried: usize,
     ) -> Option<(usize, f64)> {
         let problem = self.problem;
         let is_full = plan.len() >= self.configurations;
         let may_be = |candidate: usize| {
             let known = times_in(plan, candidate);
-            promising.without != Some(candidate)
-                && promising.derivatives[candidate] > promising.above
+            derivatives[candidate] > f64::NEG_INFINITY
                 && (known > 0 || !is_full)
                 && known + times <= problem.most[candidate]
         };
-        let tried = match (problem.criterion.is_factored(), promising.is_thorough()) {
-            (true, false) => TRIED,
-            (false, false) => TRIED_OF_OTHERS,
-            (true, true) => {
-                let work = problem.told.size().pow(3).max(1);
-                THOROUGHLY_TRIED.min(THOROUGH_WORK / work).max(TRIED)
-            }
-            (false, true) => THOROUGHLY_TRIED_OF_OTHERS,
-        };
         let mut best: Option<(usize, f64)> = None;
-        for candidate in highest(promising.derivatives, tried, may_be) {
+        for candidate in highest(derivatives, tried, may_be) {
             let sum = problem.with(rest, plan, (candidate, times));
             let cost = self.cost.cost(&sum, &mut self.directions);
             if best.is_none_or(|(_, lowest)| cost < lowest) {
@@ -422,31 +404,6 @@ enum Listed<'l> {
     These(&'l [usize]),
     /// All that may help, which are tried.
     AllThatMayHelp,
-}
-
-/// What candidates prediction.
-#[derive(Clone, Copy)]
-struct Promising<'d> {
-    /// The cost's derivatives; minus infinity of those that are not listed.
-    derivatives: &'d [f64],
-    /// The one that goes.
-    without: Option<usize>,
-    /// What is no larger does not help.
-    above: f64,
-}
-
-impl<'d> Promising<'d> {
-    const fn new(derivatives: &'d [f64], without: Option<usize>) -> Self {
-        Self {
-            derivatives,
-            without,
-            above: f64::NEG_INFINITY,
-        }
-    }
-
-    fn is_thorough(&self) -> bool {
-        self.above > f64::NEG_INFINITY
-    }
 }
 
 fn times_in(plan: &[(usize, u32)], candidate: usize) -> u32 {

@@ -1,6 +1,6 @@
 //! The best experiment near a given one, by sequential quadratic programming (Kraft's SLSQP).
 
-use std::cell::RefCell;
+use std::cell::{RefCell, RefMut};
 
 use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use slsqp::{Func, StopTols, minimize};
@@ -44,10 +44,15 @@ impl Precision {
     };
 }
 
+/// A cost of an observation matrix (3 x p a block); it writes its derivative by that, times a factor, where that is wanted.
+pub(super) type MatrixCost<'c> =
+    dyn Fn(&Matrix3xX<f64>, Option<(&mut Matrix3xX<f64>, f64)>) -> f64 + 'c;
+
 /// Local searches over one experiment; one for each thread.
 #[derive(Debug, Clone)]
 pub(super) struct LocalSearch<'a> {
-    evaluator: RefCell<Seat<'a>>,
+    /// With where it stands, since the objective and every constraint are asked at the same configuration in turn.
+    evaluator: RefCell<(MatrixEvaluator<'a>, Vec<f64>)>,
     bounds: Vec<SmoothBound>,
     ranges: Vec<(f64, f64)>,
     loads: LoadChoice,
@@ -58,20 +63,22 @@ pub(super) struct LocalSearch<'a> {
 
 /// What of the load is varied along with the joint angles, by variables of size one.
 #[derive(Debug, Clone, Copy)]
-enum FreeLoad {
+enum FreeLoad<'d> {
     /// Nothing.
     None,
+    /// Nothing: it is a force of this size (N) along what gives most information in the directions G at each configuration.
+    Best(&'d DMatrix<f64>, f64),
     /// The size of a force of this direction, between two sizes (N).
     Size(Vector3<f64>, [f64; 2]),
     /// A force up to this size (N).
     Force(f64),
 }
 
-impl FreeLoad {
+impl FreeLoad<'_> {
     /// The variables of a load, and their ranges.
     fn variables(self, load: &Load) -> (Vec<f64>, Vec<(f64, f64)>) {
         match self {
-            Self::None => (Vec::new(), Vec::new()),
+            Self::None | Self::Best(..) => (Vec::new(), Vec::new()),
             Self::Size(direction, [low, high]) => (
                 vec![direction.dot(&load.force_n).clamp(low, high) / high],
                 vec![(low / high, 1.0)],
@@ -83,42 +90,22 @@ impl FreeLoad {
         }
     }
 
-    /// The load of its variables; the given one where nothing is varied.
-    fn load(self, given: &Load, variables: &[f64]) -> Load {
+    /// The load of its variables where an evaluator stands; the given one where nothing is varied.
+    fn load(self, evaluator: &MatrixEvaluator<'_>, given: &Load, variables: &[f64]) -> Load {
         match self {
             Self::None => *given,
+            Self::Best(directions, size) => force(&best_direction(evaluator, directions), size),
             Self::Size(direction, [_, high]) => force(&direction, variables[0] * high),
-            Self::Force(size) => Load {
-                force_n: Vector3::from_column_slice(variables) * size,
-                torque_nm: Vector3::zeros(),
-            },
+            Self::Force(size) => force(&Vector3::from_column_slice(variables), size),
         }
     }
 
     /// From a derivative with respect to the force (per N) to those with respect to the variables.
     fn pull_back(self, slope: &Vector3<f64>, gradient: &mut [f64]) {
         match self {
-            Self::None => {}
+            Self::None | Self::Best(..) => {}
             Self::Size(direction, [_, high]) => gradient[0] = slope.dot(&direction) * high,
             Self::Force(size) => gradient.copy_from_slice((slope * size).as_slice()),
-        }
-    }
-}
-
-/// An evaluator that remembers where it stands, since the objective and every constraint are asked
-/// at the same configuration in turn.
-#[derive(Debug, Clone)]
-struct Seat<'a> {
-    evaluator: MatrixEvaluator<'a>,
-    at: Vec<f64>,
-}
-
-impl Seat<'_> {
-    fn move_to(&mut self, q: &[f64]) {
-        if self.at != q {
-            self.evaluator.move_to(q);
-            self.at.clear();
-            self.at.extend_from_slice(q);
         }
     }
 }
@@ -128,10 +115,7 @@ impl<'a> LocalSearch<'a> {
         let evaluator = problem.evaluator();
         Self {
             gravity: evaluator.gravity(),
-            evaluator: RefCell::new(Seat {
-                evaluator,
-                at: Vec::new(),
-            }),
+            evaluator: RefCell::new((evaluator, Vec::new())),
             is_force_bounded: problem.is_force_bounded(),
             is_force_varied: problem.is_force_varied(),
             bounds: problem.bounds.clone(),
@@ -151,21 +135,31 @@ impl<'a> LocalSearch<'a> {
 
     /// Experiments are from now on repeated so often.
     pub fn set_repeats(&self, repeats: u32) {
-        let mut seat = self.evaluator.borrow_mut();
-        seat.evaluator.set_repeats(repeats);
+        self.evaluator.borrow_mut().0.set_repeats(repeats);
+    }
+
+    /// The evaluator, at joint angles `q`.
+    fn at(&self, q: &[f64]) -> RefMut<'_, MatrixEvaluator<'a>> {
+        RefMut::map(self.evaluator.borrow_mut(), |(evaluator, at)| {
+            if at != q {
+                evaluator.move_to(q);
+                at.clear();
+                at.extend_from_slice(q);
+            }
+            evaluator
+        })
     }
 
     /// The point at joint angles `q` under a load.
     pub fn point(&self, q: &[f64], load: &Load) -> Point {
-        let mut seat = self.evaluator.borrow_mut();
-        let mut matrix = seat.evaluator.matrix();
-        seat.move_to(q);
-        seat.evaluator.observe(load, &mut matrix);
+        let evaluator = self.at(q);
+        let mut matrix = evaluator.matrix();
+        evaluator.observe(load, &mut matrix);
         Point {
             q: q.to_vec(),
             load: *load,
             matrix,
-            blocks: seat.evaluator.blocks(),
+            blocks: evaluator.blocks(),
         }
     }
 
@@ -177,12 +171,9 @@ impl<'a> LocalSearch<'a> {
 
     /// Whether a point lies within the smooth bounds.
     pub fn is_inside(&self, q: &[f64], load: &Load) -> bool {
-        let mut seat = self.evaluator.borrow_mut();
-        seat.move_to(q);
-        let state = seat.evaluator.state();
-        self.bounds
-            .iter()
-            .all(|bound| bound.margin(state, load, &self.gravity) >= INSET - SLACK)
+        let evaluator = self.at(q);
+        let state = evaluator.state();
+        (self.bounds.iter()).all(|bound| bound.margin(state, load, &self.gravity) >= INSET - SLACK)
     }
 
     /// The largest size (N) that the torque bounds allow a force of a direction (unit vector) at joint
@@ -193,9 +184,8 @@ impl<'a> LocalSearch<'a> {
         direction: &Vector3<f64>,
         [low, high]: [f64; 2],
     ) -> Option<f64> {
-        let mut seat = self.evaluator.borrow_mut();
-        seat.move_to(q);
-        let state = seat.evaluator.state();
+        let evaluator = self.at(q);
+        let state = evaluator.state();
         let (mut least, mut most) = (low, high);
         for bound in &self.bounds {
             let Some(slope) = bound.force_derivative(state) else {
@@ -225,219 +215,141 @@ impl<'a> LocalSearch<'a> {
         precision: Precision,
     ) -> Option<(Point, f64)> {
         let q = &start.q;
+        let climb = |load: &Load, free| self.climb(q, load, free, directions, precision);
+        let best = |one: &(Point, f64), other: &(Point, f64)| one.1.total_cmp(&other.1);
         match &self.loads {
-            LoadChoice::OneOf(loads) => loads
-                .iter()
-                .filter_map(|load| self.climb(q, directions, precision, &|_| *load))
-                .max_by(|one, other| one.1.total_cmp(&other.1)),
+            LoadChoice::OneOf(loads) => (loads.iter())
+                .filter_map(|load| climb(load, FreeLoad::None))
+                .max_by(best),
             LoadChoice::Size(direction, [_, high]) if !self.is_force_varied => {
-                let load = force(direction, *high);
-                self.climb(q, directions, precision, &|_| load)
+                climb(&force(direction, *high), FreeLoad::None)
             }
             LoadChoice::Ball(size) if !self.is_force_varied => {
-                let size = *size;
-                self.climb(q, directions, precision, &|evaluator| {
-                    force(&best_direction(evaluator, directions), size)
-                })
+                climb(&start.load, FreeLoad::Best(directions, *size))
             }
             LoadChoice::Size(direction, sizes) => {
                 let size = self.largest_size(q, direction, *sizes).unwrap_or(sizes[1]);
-                self.climb_with_force(q, &force(direction, size), directions, precision)
+                climb(&force(direction, size), self.free_load())
             }
             LoadChoice::Ball(size) => {
-                let best = {
-                    let mut seat = self.evaluator.borrow_mut();
-                    seat.move_to(q);
-                    best_direction(&seat.evaluator, directions)
-                };
+                let best_force = best_direction(&self.at(q), directions);
                 // Opposite forces tell the same, but gravity helps one of them.
-                let starts = [best, -best].map(|direction| {
+                let starts = [best_force, -best_force].map(|direction| {
                     let largest = self.largest_size(q, &direction, [0.0, *size]);
                     force(&direction, largest.unwrap_or(*size))
                 });
                 (starts.iter().chain([&start.load]))
-                    .filter_map(|load| self.climb_with_force(q, load, directions, precision))
-                    .max_by(|one, other| one.1.total_cmp(&other.1))
+                    .filter_map(|load| climb(load, self.free_load()))
+                    .max_by(best)
             }
         }
     }
 
-    /// Climbs from a start with the force as a variable.
-    fn climb_with_force(
-        &self,
-        q: &[f64],
-        load: &Load,
-        directions: &DMatrix<f64>,
-        precision: Precision,
-    ) -> Option<(Point, f64)> {
-        let cost = |matrix: &Matrix3xX<f64>, factor: &mut Matrix3xX<f64>| {
-            in_directions(factor, -2.0, matrix, directions);
-            -information_in(matrix, directions)
-        };
-        let point = self.improve(&self.point(q, load), &cost, precision)?;
-        let value = information_in(&point.matrix, directions);
-        Some((point, value))
-    }
-
-    fn climb(
-        &self,
-        q: &[f64],
-        directions: &DMatrix<f64>,
-        precision: Precision,
-        load_at: &dyn Fn(&MatrixEvaluator<'_>) -> Load,
-    ) -> Option<(Point, f64)> {
-        let empty = self.evaluator.borrow().evaluator.matrix();
-        let matrix = RefCell::new((empty.clone(), empty));
-        let start_value = {
-            let mut seat = self.evaluator.borrow_mut();
-            seat.move_to(q);
-            let load = load_at(&seat.evaluator);
-            let (matrix, _) = &mut *matrix.borrow_mut();
-            seat.evaluator.observe(&load, matrix);
-            information_in(matrix, directions)
-        };
-        let unit = if start_value > 0.0 {
-            start_value.recip()
-        } else {
-            1.0
-        };
-        let objective = |q: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-            let mut seat = self.evaluator.borrow_mut();
-            seat.move_to(q);
-            let load = load_at(&seat.evaluator);
-            let (matrix, factor) = &mut *matrix.borrow_mut();
-            seat.evaluator.observe(&load, matrix);
-            if let Some(gradient) = gradient {
-                in_directions(factor, -2.0 * unit, matrix, directions);
-                gradient.fill(0.0);
-                seat.evaluator.pull_back(&load, factor, gradient);
-            }
-            -unit * information_in(matrix, directions)
-        };
-        let load_here = |seat: &Seat<'_>| load_at(&seat.evaluator);
-        let q = self.minimise(q, &objective, &load_here, precision)?;
-        let load = {
-            let mut seat = self.evaluator.borrow_mut();
-            seat.move_to(&q);
-            load_at(&seat.evaluator)
-        };
-        if !self.is_inside(&q, &load) {
-            return None;
-        }
-        let point = self.point(&q, &load);
-        let value = information_in(&point.matrix, directions);
-        Some((point, value))
-    }
-
-    /// Improves one experiment of a plan: minimises a cost of its observation matrix from a start.
-    /// `cost` returns the value and writes its derivative with respect to the matrix (3 x p). The
-    /// load stays as it is, but a free force turns along with the configuration, and changes its size
+    /// What of the load is varied in a plan's experiment: a free force turns along with the configuration, and changes its size
     /// where that matters.
-    pub fn improve(
-        &self,
-        start: &Point,
-        cost: &dyn Fn(&Matrix3xX<f64>, &mut Matrix3xX<f64>) -> f64,
-        precision: Precision,
-    ) -> Option<Point> {
-        let joints = start.q.len();
-        let free = match self.loads {
+    const fn free_load(&self) -> FreeLoad<'static> {
+        match self.loads {
             LoadChoice::Ball(size) => FreeLoad::Force(size),
             LoadChoice::Size(direction, sizes) if self.is_force_bounded => {
                 FreeLoad::Size(direction, sizes)
             }
             LoadChoice::Size(..) | LoadChoice::OneOf(_) => FreeLoad::None,
+        }
+    }
+
+    /// Climbs from a start under a load.
+    fn climb(
+        &self,
+        q: &[f64],
+        load: &Load,
+        free: FreeLoad<'_>,
+        directions: &DMatrix<f64>,
+        precision: Precision,
+    ) -> Option<(Point, f64)> {
+        let cost = |matrix: &Matrix3xX<f64>, slope: Option<(&mut Matrix3xX<f64>, f64)>| {
+            if let Some((slope, unit)) = slope {
+                in_directions(slope, -2.0 * unit, matrix, directions);
+            }
+            -information_in(matrix, directions)
         };
-        let load_of = |x: &[f64]| free.load(&start.load, &x[joints..]);
-        let (variables, of_load) = free.variables(&start.load);
-        let x = [&*start.q, &variables].concat();
-        let ranges = [&*self.ranges, &of_load].concat();
-        let matrices = RefCell::new((start.matrix.clone(), start.matrix.clone()));
-        let unit = {
-            let (matrix, factor) = &mut *matrices.borrow_mut();
-            cost(matrix, factor).abs().recip()
+        let load = match free {
+            FreeLoad::Best(..) => free.load(&self.at(q), load, &[]),
+            _ => *load,
         };
+        let start = self.point(q, &load);
+        let value = information_in(&start.matrix, directions);
+        let unit = if value > 0.0 { value.recip() } else { 1.0 };
+        let point = self.descend(&start, free, (&cost, unit), precision)?;
+        let value = information_in(&point.matrix, directions);
+        Some((point, value))
+    }
+
+    /// Improves one experiment of a plan: minimises a cost of its observation matrix from a start.
+    pub fn improve(
+        &self,
+        start: &Point,
+        cost: &MatrixCost<'_>,
+        precision: Precision,
+    ) -> Option<Point> {
+        let unit = cost(&start.matrix, None).abs().recip();
         if !unit.is_finite() || unit == 0.0 {
             return None;
         }
+        self.descend(start, self.free_load(), (cost, unit), precision)
+    }
+
+    /// Minimises a cost, times a unit, from a start within the bounds; `None` where the optimiser fails.
+    fn descend(
+        &self,
+        start: &Point,
+        free: FreeLoad<'_>,
+        (cost, unit): (&MatrixCost<'_>, f64),
+        precision: Precision,
+    ) -> Option<Point> {
+        let joints = start.q.len();
+        let (variables, of_load) = free.variables(&start.load);
+        let x = [&*start.q, &variables].concat();
+        let ranges = [&*self.ranges, &of_load].concat();
+        let load_of = |evaluator: &MatrixEvaluator<'_>, x: &[f64]| {
+            free.load(evaluator, &start.load, &x[joints..])
+        };
+        let matrices = RefCell::new((start.matrix.clone(), start.matrix.clone()));
         let objective = |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-            let mut seat = self.evaluator.borrow_mut();
-            seat.move_to(&x[..joints]);
-            let load = load_of(x);
+            let mut evaluator = self.at(&x[..joints]);
+            let load = load_of(&evaluator, x);
             let (matrix, factor) = &mut *matrices.borrow_mut();
-            seat.evaluator.observe(&load, matrix);
-            let value = cost(matrix, factor);
-            if let Some(gradient) = gradient {
-                gradient.fill(0.0);
-                *factor *= unit;
-                seat.evaluator
-                    .pull_back(&load, factor, &mut gradient[..joints]);
-                if gradient.len() > joints {
-                    let slope = seat.evaluator.force_gradient(&load, factor);
-                    free.pull_back(&slope, &mut gradient[joints..]);
-                }
+            evaluator.observe(&load, matrix);
+            let Some(gradient) = gradient else {
+                return unit * cost(matrix, None);
+            };
+            let value = cost(matrix, Some((factor, unit)));
+            gradient.fill(0.0);
+            evaluator.pull_back(&load, factor, &mut gradient[..joints]);
+            if gradient.len() > joints {
+                let slope = evaluator.force_gradient(&load, factor);
+                free.pull_back(&slope, &mut gradient[joints..]);
             }
             unit * value
         };
-        let mut x = self.minimise_with_force(&x, &ranges, &objective, free, &load_of, precision)?;
-        if let FreeLoad::Force(_) = free {
-            // The optimiser may end with too large a force; where the largest is best but the cost has
-            // kinks, with too small a one.
-            let force = x[joints..].iter().map(|value| value * value).sum::<f64>();
-            if force > 1.0 || (force > 0.0 && !self.is_force_bounded) {
-                for value in &mut x[joints..] {
-                    *value /= force.sqrt();
-                }
-            }
-        }
-        let load = load_of(&x);
-        self.is_inside(&x[..joints], &load)
-            .then(|| self.point(&x[..joints], &load))
-    }
-
-    fn minimise(
-        &self,
-        q: &[f64],
-        objective: &dyn Func<()>,
-        load_here: &dyn Fn(&Seat<'_>) -> Load,
-        precision: Precision,
-    ) -> Option<Vec<f64>> {
-        let constraint = |bound: SmoothBound| {
-            move |q: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-                let mut seat = self.evaluator.borrow_mut();
-                seat.move_to(q);
-                let load = load_here(&seat);
-                self.constraint(&seat, bound, &load, gradient)
-            }
-        };
-        let constraints: Vec<_> = self.bounds.iter().map(|&bound| constraint(bound)).collect();
-        let constraints: Vec<&dyn Func<()>> = constraints.iter().map(|each| each as _).collect();
-        run(objective, q, &self.ranges, &constraints, precision)
-    }
-
-    fn minimise_with_force(
-        &self,
-        x: &[f64],
-        ranges: &[(f64, f64)],
-        objective: &dyn Func<()>,
-        free: FreeLoad,
-        load_of: &dyn Fn(&[f64]) -> Load,
-        precision: Precision,
-    ) -> Option<Vec<f64>> {
-        let joints = self.ranges.len();
+        // Not positive inside.
         let constraint = |bound: SmoothBound| {
             move |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-                let mut seat = self.evaluator.borrow_mut();
-                seat.move_to(&x[..joints]);
-                let load = load_of(x);
-                let gradient = gradient.map(|gradient| {
+                let evaluator = self.at(&x[..joints]);
+                let (state, load) = (evaluator.state(), load_of(&evaluator, x));
+                if let Some(gradient) = gradient {
                     let (of_joints, of_load) = gradient.split_at_mut(joints);
                     of_load.fill(0.0);
-                    if let Some(slope) = bound.force_derivative(seat.evaluator.state()) {
+                    if let Some(slope) = bound
+                        .force_derivative(state)
+                        .filter(|_| !of_load.is_empty())
+                    {
                         free.pull_back(&-slope, of_load);
                     }
-                    of_joints
-                });
-                self.constraint(&seat, bound, &load, gradient)
+                    for (joint, slope) in of_joints.iter_mut().enumerate() {
+                        *slope = -bound.derivative(state, &load, &self.gravity, joint);
+                    }
+                }
+                INSET - bound.margin(state, &load, &self.gravity)
             }
         };
         let force_size = |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
@@ -456,24 +368,19 @@ impl<'a> LocalSearch<'a> {
         if let FreeLoad::Force(_) = free {
             constraints.push(&force_size);
         }
-        run(objective, x, ranges, &constraints, precision)
-    }
-
-    /// A bound as the optimiser wants it: not positive inside.
-    fn constraint(
-        &self,
-        seat: &Seat<'_>,
-        bound: SmoothBound,
-        load: &Load,
-        gradient: Option<&mut [f64]>,
-    ) -> f64 {
-        let state = seat.evaluator.state();
-        if let Some(gradient) = gradient {
-            for (joint, slope) in gradient.iter_mut().enumerate() {
-                *slope = -bound.derivative(state, load, &self.gravity, joint);
+        let mut x = run(&objective, &x, &ranges, &constraints, precision)?;
+        if let FreeLoad::Force(_) = free {
+            // The optimiser may end with too large a force; where the largest is best but the cost has
+            // kinks, with too small a one.
+            let force = x[joints..].iter().map(|value| value * value).sum::<f64>();
+            if force > 1.0 || (force > 0.0 && !self.is_force_bounded) {
+                for value in &mut x[joints..] {
+                    *value /= force.sqrt();
+                }
             }
         }
-        INSET - bound.margin(state, load, &self.gravity)
+        let (q, load) = (&x[..joints], load_of(&self.at(&x[..joints]), &x));
+        (self.is_inside(q, &load)).then(|| self.point(q, &load))
     }
 }
 

@@ -22,13 +22,13 @@
 mod approximate;
 mod bound;
 mod budget;
+mod candidate_error;
 mod candidate_information;
 mod candidates;
 mod criteria;
 mod exact;
 mod exchange;
 mod finite;
-mod finite_error;
 mod finite_search;
 mod joints;
 mod local;
@@ -49,19 +49,18 @@ mod weighing;
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
 pub use bound::{Basis, Bound, BoundKind, Enumerated, NoBound, PlanBound, PlanProof};
 pub use budget::{
-    BudgetPoint, RepeatsNeeded, budget, budget_and_proof, cheapest, repeated_configurations,
-    repeats_needed,
+    BudgetPoint, RepeatsNeeded, budget, cheapest, repeated_configurations, repeats_needed,
 };
+pub use candidate_error::{CandidateError, LeftOutCandidates};
 pub use candidate_information::CandidateInformation;
+pub use candidates::Candidates;
 pub(in crate::plan) use candidates::possible_of;
-pub use candidates::{CandidateError, Candidates, LeftOutCandidates};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
-pub use finite_error::FiniteError;
-pub use finite_search::{ExchangesTry, FiniteDesign, FiniteEffort};
+pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
 pub use low_rank_search::{ListChoice, best_choice};
 pub use observation::MatrixEvaluator;
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};
-pub use sampling::{RandomPlans, median_random_plan, random_experiments, random_plan};
+pub use sampling::{RandomPlans, median_random_plan, random_plan};

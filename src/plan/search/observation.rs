@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
+use crate::experiment::Experiment;
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::robot::{Approach, KinematicState, Load};
 
@@ -20,8 +21,6 @@ pub struct MatrixEvaluator<'a> {
     compliances: ComplianceColumns,
     /// Where the parameters are combinations of the readings' unknowns: these, as columns.
     basis: Option<DMatrix<f64>>,
-    gravity_m_s2: Vector3<f64>,
-    blocks: usize,
 }
 
 impl<'a> MatrixEvaluator<'a> {
@@ -33,8 +32,6 @@ impl<'a> MatrixEvaluator<'a> {
         basis: Option<&DMatrix<f64>>,
     ) -> Self {
         Self {
-            gravity_m_s2: readings.gravity_m_s2(),
-            blocks: readings.rows() / 3,
             readings,
             compliances,
             basis: basis.cloned(),
@@ -57,8 +54,8 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     /// 1, or 2 where rotations are measured.
-    pub const fn blocks(&self) -> usize {
-        self.blocks
+    pub fn blocks(&self) -> usize {
+        self.readings.rows() / 3
     }
 
     /// A matrix to write to.
@@ -72,8 +69,8 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     /// The acceleration of gravity (m/s^2).
-    pub const fn gravity(&self) -> Vector3<f64> {
-        self.gravity_m_s2
+    pub fn gravity(&self) -> Vector3<f64> {
+        self.readings.gravity_m_s2()
     }
 
     /// Moves to the joint angles `q` (rad).
@@ -96,6 +93,19 @@ impl<'a> MatrixEvaluator<'a> {
                 times(&of_unknowns, basis, matrix);
             }
         }
+    }
+
+    /// Moves to an experiment, measured so often, and writes its scaled observation matrix.
+    pub(super) fn observe_experiment(
+        &mut self,
+        experiment: &Experiment,
+        repeats: u32,
+        matrix: &mut Matrix3xX<f64>,
+    ) {
+        self.set_repeats(repeats);
+        self.come_from(experiment.approach.as_ref());
+        self.move_to(experiment.configuration_rad.as_slice());
+        self.observe(&experiment.load, matrix);
     }
 
     /// What experiments of the last configuration tell together, p x p: loads, and how often each is measured.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::point::Point;
 use super::problem::Problem;
-use super::sampling::Sampler;
+use super::sampling::RandomPlans;
 use crate::numeric::random::{generator, streams};
 use crate::plan::{CriterionFunction, LANES};
 
@@ -28,7 +28,7 @@ impl Pool {
         let points: Vec<Point> = (0..size as u64)
             .into_par_iter()
             .map_init(
-                || Sampler::new(problem),
+                || RandomPlans::new(problem),
                 |sampler, index| {
                     sampler.draw_inside(&mut generator(seed, streams::pool(number, index)))
                 },

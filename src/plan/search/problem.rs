@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use nalgebra::DMatrix;
 use thiserror::Error;
 
-use super::finite_error::FiniteError;
+use super::candidate_error::CandidateError;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, add_information, in_directions};
@@ -77,7 +77,7 @@ pub enum SearchError {
     },
     /// No plan can be made of a list of candidates.
     #[error("{0}")]
-    Candidates(FiniteError),
+    Candidates(CandidateError),
     /// So few experiments cannot determine the compliances.
     #[error("{experiments} experiments cannot determine {parameters} compliances in this region")]
     Singular {
@@ -134,25 +134,25 @@ pub struct Problem<'a> {
     /// under a vertical load.
     pub(super) indifferent: Vec<usize>,
     /// The joints whose compliances the plan is to determine.
-    parameters: Vec<usize>,
+    pub(super) parameters: Vec<usize>,
     /// Where only combinations of these show in any experiment: a basis of what does, in relative units;
     /// the plan is then about its coordinates.
-    basis: Option<DMatrix<f64>>,
+    pub(super) basis: Option<DMatrix<f64>>,
     /// Why no plan can be what is asked for.
     impossible: Option<SearchError>,
-    /// The typical sizes of the unknowns.
-    sizes: Vec<f64>,
+    /// The typical size of each unknown, as of a compliance (rad/(N m)): the unit in which all is told.
+    pub(super) sizes: Vec<f64>,
     /// Where more is uncertain, all unknowns, of which the compliances are the first.
-    extended: Option<&'a Extended>,
+    pub(super) extended: Option<&'a Extended>,
     /// Which of them the search considers.
     considered: Vec<usize>,
     /// What is known before, and what mandatory experiments tell, shared out among the free ones; it stands
     /// beside an approximate design.
     pub(super) beside: Option<DMatrix<f64>>,
     /// C^T in relative units, in coordinates of the basis where there is one.
-    test_poses: DMatrix<f64>,
+    pub(super) test_poses: DMatrix<f64>,
     /// What is known before any measurement, p x p, in the same units and coordinates.
-    prior: DMatrix<f64>,
+    pub(super) prior: DMatrix<f64>,
 }
 
 impl<'a> Problem<'a> {
@@ -229,26 +229,18 @@ impl<'a> Problem<'a> {
             let needs = |&index: &usize| !shown.missing(&unit(index), 0.0).is_empty();
             (0..size).filter(needs).collect()
         };
-        let joints = &self.task.belief.nominal.chain.joints;
-        let names = match self.extended {
-            Some(_) => self.considered_names(),
-            None => (self
-                .parameters
-                .iter()
-                .map(|&joint| joints[joint].name.clone()))
-            .collect(),
-        };
-        let name = |&index: &usize| names[index].clone();
+        let names = self.names();
+        let named = |indices: &[usize]| indices.iter().map(|&index| names[index].clone()).collect();
         let (alone, together): (Vec<usize>, Vec<usize>) =
             missing.iter().partition(|&&index| silent[index]);
         if missing.iter().any(|&index| index >= self.parameters.len()) {
-            let names = missing.iter().map(name).collect();
+            let names = named(&missing);
             self.impossible = Some(SearchError::Undetermined { names });
         } else if !alone.is_empty() {
-            let joints = alone.iter().map(name).collect();
+            let joints = named(&alone);
             self.impossible = Some(SearchError::NotExcited { joints });
         } else if !together.is_empty() {
-            let joints = together.iter().map(name).collect();
+            let joints = named(&together);
             self.impossible = Some(SearchError::Inseparable { joints });
         } else if basis.ncols() > 0 {
             let kept: Vec<usize> = (0..size).filter(|&index| !silent[index]).collect();
@@ -370,12 +362,18 @@ impl<'a> Problem<'a> {
         self.is_force_bounded() || self.extended.is_some()
     }
 
-    /// The names of the unknowns that the search considers.
-    fn considered_names(&self) -> Vec<String> {
-        let names = self.task.belief.unknown_names();
-        self.considered
-            .iter()
-            .map(|&index| names[index].clone())
+    /// The names of the unknowns.
+    fn names(&self) -> Vec<String> {
+        let belief = &self.task.belief;
+        if self.extended.is_some() {
+            let names = belief.unknown_names();
+            return (self.considered.iter())
+                .map(|&index| names[index].clone())
+                .collect();
+        }
+        let joints = &belief.nominal.chain.joints;
+        (self.parameters.iter())
+            .map(|&joint| joints[joint].name.clone())
             .collect()
     }
 
@@ -389,11 +387,6 @@ impl<'a> Problem<'a> {
             .filter(|(_, places)| is_out(places))
             .map(|(name, _)| name.as_str())
             .collect()
-    }
-
-    /// Where more is uncertain than the compliances and the instrument's noise, all of it.
-    pub(super) const fn extended(&self) -> Option<&'a Extended> {
-        self.extended
     }
 
     /// Whether deflections of one configuration share something that repeats do not average.
@@ -431,30 +424,10 @@ impl<'a> Problem<'a> {
         self.impossible.clone().map_or(Ok(()), Err)
     }
 
-    /// The joints whose compliances the plan is to determine, p of them.
-    pub(super) fn joints(&self) -> &[usize] {
-        &self.parameters
-    }
-
     /// The information of what stands beside every design.
     pub(super) fn information_beside(&self) -> DMatrix<f64> {
         let size = self.parameters();
         (self.beside.clone()).unwrap_or_else(|| DMatrix::zeros(size, size))
-    }
-
-    /// C^T in relative units, in coordinates of the basis where there is one.
-    pub(super) const fn test_poses(&self) -> &DMatrix<f64> {
-        &self.test_poses
-    }
-
-    /// Where only combinations of the compliances show in any experiment, a basis of what does, p x r.
-    pub(super) const fn basis(&self) -> Option<&DMatrix<f64>> {
-        self.basis.as_ref()
-    }
-
-    /// The typical size of each compliance (rad/(N m)): the unit in which all is told.
-    pub(super) fn typical_rad_per_nm(&self) -> &[f64] {
-        &self.sizes
     }
 
     /// The number of compliances, or of their combinations, of which nothing is known before.
@@ -467,25 +440,11 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// What is known before any measurement, p x p.
-    pub(super) const fn prior(&self) -> &DMatrix<f64> {
-        &self.prior
-    }
-
     /// Whether a plan determines what the criterion asks for.
     pub(super) fn is_determined_by(&self, plan: &Plan) -> bool {
         let information = self.information(plan);
-        if Estimable::surely_all(&information) {
-            return true;
-        }
-        let estimable = Estimable::new(&information, &vec![1.0; self.parameters()]);
-        match self.criterion {
-            Criterion::TestPose => {
-                let rho0_m = self.cost().value(&information).unwrap_or(0.0);
-                (estimable.missing(&self.test_poses.transpose(), rho0_m)).is_empty()
-            }
-            _ => estimable.is_complete(),
-        }
+        let value = self.cost().value(&information).unwrap_or(0.0);
+        determines(&information, self.criterion, &self.test_poses, value)
     }
 
     /// The number p of compliances, or of their combinations.
@@ -496,14 +455,13 @@ impl<'a> Problem<'a> {
     /// An evaluator of this problem's experiments.
     pub fn evaluator(&self) -> MatrixEvaluator<'a> {
         let belief = &self.task.belief;
-        let (arm, precision) = (
-            belief.arm_with(&belief.calibration_tool),
-            belief.instrument.precision(),
-        );
+        let precision = belief.instrument.precision();
         let (joints, sizes) = (&self.parameters, &self.sizes);
-        let readings = match self.extended {
-            Some(extended) => extended.readings(&self.considered, sizes, precision),
-            None => PlannedReadings::of_compliances(arm, joints, sizes, precision),
+        let readings = if let Some(extended) = self.extended {
+            extended.readings(&self.considered, sizes, precision)
+        } else {
+            let arm = belief.arm_with(&belief.calibration_tool);
+            PlannedReadings::of_compliances(arm, joints, sizes, precision)
         };
         let compliances = ComplianceColumns::new(joints, &sizes[..joints.len()], precision);
         MatrixEvaluator::new(readings, compliances, self.basis.as_ref())
@@ -524,10 +482,7 @@ impl<'a> Problem<'a> {
         let mut evaluator = self.evaluator();
         let mut matrix = evaluator.matrix();
         let mut information = DMatrix::zeros(self.parameters(), self.parameters());
-        evaluator.set_repeats(repeats);
-        evaluator.come_from(experiment.approach.as_ref());
-        evaluator.move_to(experiment.configuration_rad.as_slice());
-        evaluator.observe(&experiment.load, &mut matrix);
+        evaluator.observe_experiment(experiment, repeats, &mut matrix);
         add_information(&mut information, &matrix, f64::from(repeats));
         information
     }
@@ -539,10 +494,7 @@ impl<'a> Problem<'a> {
         let mut information = self.prior.clone();
         let (alone, together) = alone_and_together(plan, self.is_shared_by_configuration());
         for experiment in alone {
-            evaluator.set_repeats(experiment.repeats);
-            evaluator.come_from(experiment.approach.as_ref());
-            evaluator.move_to(experiment.configuration_rad.as_slice());
-            evaluator.observe(&experiment.load, &mut matrix);
+            evaluator.observe_experiment(experiment, experiment.repeats, &mut matrix);
             add_information(&mut information, &matrix, f64::from(experiment.repeats));
         }
         for experiments in together {
@@ -570,22 +522,39 @@ impl<'a> Problem<'a> {
         let (_, together) = alone_and_together(plan, self.is_shared_by_configuration());
         let gradient = plan.experiments.iter().map(|experiment| {
             let mut gradient = vec![0.0; joints];
-            evaluator.come_from(experiment.approach.as_ref());
-            let q = experiment.configuration_rad.as_slice();
             let group = together.iter().find(|group| group[0].stands_as(experiment));
             if let Some(group) = group {
+                evaluator.come_from(experiment.approach.as_ref());
+                let q = experiment.configuration_rad.as_slice();
                 evaluator.gradient_together(q, &hung(group), &directions, &mut gradient);
                 return gradient;
             }
-            evaluator.set_repeats(experiment.repeats);
-            evaluator.move_to(q);
-            evaluator.observe(&experiment.load, &mut matrix);
+            evaluator.observe_experiment(experiment, experiment.repeats, &mut matrix);
             let weight = -2.0 * f64::from(experiment.repeats);
             in_directions(&mut factor, weight, &matrix, &directions);
             evaluator.pull_back(&experiment.load, &factor, &mut gradient);
             gradient
         });
         (cost, gradient.collect())
+    }
+}
+
+/// Whether an information matrix determines what a criterion asks for beyond rounding: test poses (C^T) with this `rho_0`, or all.
+pub(super) fn determines(
+    information: &DMatrix<f64>,
+    criterion: Criterion,
+    test_poses: &DMatrix<f64>,
+    rho0_m: f64,
+) -> bool {
+    if Estimable::surely_all(information) {
+        return true;
+    }
+    let estimable = Estimable::new(information, &vec![1.0; information.nrows()]);
+    match criterion {
+        Criterion::TestPose => estimable
+            .missing(&test_poses.transpose(), rho0_m)
+            .is_empty(),
+        _ => estimable.is_complete(),
     }
 }
 
@@ -610,13 +579,10 @@ fn scaled_test_poses(
 ) -> DMatrix<f64> {
     let mut stacked = DMatrix::zeros(sizes.len(), 3 * task.test_poses.len());
     for (index, pose) in task.test_poses.iter().enumerate() {
-        let matrix = rows(pose);
-        for row in 0..3 {
-            for (parameter, scale) in sizes.iter().enumerate() {
-                stacked[(parameter, 3 * index + row)] =
-                    matrix[(row, parameter)] * scale * pose.weight.sqrt();
-            }
-        }
+        let (matrix, root) = (rows(pose), pose.weight.sqrt());
+        let scaled = |parameter, row| matrix[(row, parameter)] * sizes[parameter] * root;
+        let scaled = DMatrix::from_fn(sizes.len(), 3, scaled);
+        stacked.columns_mut(3 * index, 3).copy_from(&scaled);
     }
     stacked
 }

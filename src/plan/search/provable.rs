@@ -30,7 +30,10 @@ impl ProvableTask {
         let is_hinge = |joint: &Joint| !joint.drive.slides && joint.drive.passive_at.is_none();
         if problem.criterion != Criterion::TestPose {
             Some(NoProof::Criterion)
-        } else if chain.elements.has_springs() || !chain.joints.iter().all(is_hinge) {
+        } else if chain.elements.has_springs()
+            || !chain.joints.iter().all(is_hinge)
+            || problem.task.belief.instrument.rotation_sigma_rad.is_some()
+        {
             Some(NoProof::Springs)
         } else {
             None
@@ -39,12 +42,14 @@ impl ProvableTask {
 
     /// Whether a problem is about such a task itself.
     pub fn is_itself(problem: &Problem<'_>) -> bool {
-        (problem.extended()).is_none_or(|extended| is_provable(problem.task, extended))
+        problem
+            .extended
+            .is_none_or(|extended| is_provable(problem.task, extended))
     }
 
     /// Why none of a problem can be proved as it is.
     pub fn refusal(problem: &Problem<'_>) -> NoProof {
-        match problem.extended() {
+        match problem.extended {
             Some(extended) if !is_alike(extended) => NoProof::RestsElsewhere,
             _ => NoProof::Uncertain,
         }
@@ -54,7 +59,7 @@ impl ProvableTask {
     /// not, with what is known of them, and so does, in the first, what the covariance of readings can be told of.
     pub fn simpler(problem: &Problem<'_>) -> Vec<Self> {
         let task = problem.task;
-        let Some(extended) = problem.extended().filter(|extended| is_alike(extended)) else {
+        let Some(extended) = problem.extended.filter(|extended| is_alike(extended)) else {
             return Vec::new();
         };
         let mut parameters = parameters_left_out(extended);
@@ -101,11 +106,9 @@ fn with_readings(certain: &Task, extended: &Extended) -> Option<(Task, Vec<Strin
     Some((task, left.collect()))
 }
 
-/// Whether the covariance of readings can be told with a source, over boxes of configurations: under each of some loads,
-/// where rotations are not measured.
+/// Whether the covariance of readings can be told with a source, over boxes of configurations: under each of some loads.
 fn is_known(task: &Task, source: &ReadingSource) -> bool {
     !matches!(task.loads, Loads::Any { .. })
-        && task.belief.instrument.rotation_sigma_rad.is_none()
         && match source {
             ReadingSource::JointRepeatability(_)
             | ReadingSource::LoadDirection(_)

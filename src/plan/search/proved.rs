@@ -34,31 +34,18 @@ const MANDATORY_BOXES: u64 = 200_000;
 /// The class is that of [`super::Bound`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProvedBound {
-    targets: Vec<Target>,
     parameters: Vec<usize>,
     rows: Vec<Vec<f64>>,
-    sigma_m: f64,
     largest: Proved,
-    /// The number of mandatory measurements, and a bound of the sum of their derivatives.
-    mandatory: (u32, f64),
-    /// The experiments that these are.
-    mandatory_experiments: Vec<ProofExperiment>,
-    /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
-    prior: f64,
-    /// P for the question's compliances.
-    precision: Option<Vec<Vec<f64>>>,
-    /// By how much loads may be off through printing (N, N m).
-    printed: f64,
-    object: Option<ProofObject>,
-    /// What is assumed exact.
-    left_out: Vec<String>,
+    /// All that it takes to check it, but for the bounds.
+    file: ProofFile,
 }
 
 /// A proof with all that it takes to check it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ProofFile {
-    /// The bound of the largest derivative under the loads of the question.
-    pub proof: ProofObject,
+    /// The bound of the largest derivative under the loads of the question, where it was recorded.
+    pub proof: Option<ProofObject>,
     /// By how much loads may differ from these in force (N) and torque (N m), each.
     pub printed: f64,
     /// What must be accurate.
@@ -136,7 +123,10 @@ impl ProvedBound {
         records: bool,
     ) -> Result<Self, NoProof> {
         let task = problem.task;
-        if (problem.extended()).is_some_and(|extended| !is_provable(task, extended)) {
+        if problem
+            .extended
+            .is_some_and(|extended| !is_provable(task, extended))
+        {
             return Err(NoProof::Uncertain);
         }
         let rows = bound_rows(problem, approximate).ok_or(NoProof::Singular)?;
@@ -151,7 +141,7 @@ impl ProvedBound {
         let printed = (problem.loads.samples().iter())
             .map(printed_tolerance)
             .fold(0.0, f64::max);
-        if let Some(extended) = problem.extended() {
+        if let Some(extended) = problem.extended {
             let compliances = &task.belief.nominal.compliance_rad_per_nm;
             let sigma_m = task.belief.instrument.sigma_m;
             let of_mandatory = mandatory.experiments.iter();
@@ -164,21 +154,25 @@ impl ProvedBound {
         let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
         let derivatives = mandatory_derivatives(problem, approximate, &question)?;
         let precision = precision(task, &question.parameters);
-        Ok(Self {
-            prior: prior(task, precision.as_deref(), &rows),
-            precision,
-            mandatory_experiments: (mandatory.experiments.iter())
-                .map(ProofExperiment::from)
-                .collect(),
+        let experiments = mandatory.experiments.iter();
+        let file = ProofFile {
+            proof: object,
+            printed,
             targets: targets(task),
+            sigma_m: task.belief.instrument.sigma_m,
+            mandatory: (mandatory.measurements(), derivatives),
+            mandatory_experiments: experiments.map(ProofExperiment::from).collect(),
+            mandatory_within_rad: WIDENED_RAD,
+            prior: prior(task, precision.as_deref(), &rows),
+            prior_precision: precision,
+            left_out: Vec::new(),
+            bounds: Vec::new(),
+        };
+        Ok(Self {
             parameters: question.parameters,
             rows,
-            sigma_m: task.belief.instrument.sigma_m,
             largest,
-            mandatory: (mandatory.measurements(), derivatives),
-            printed,
-            object,
-            left_out: Vec::new(),
+            file,
         })
     }
 
@@ -191,62 +185,55 @@ impl ProvedBound {
         seed: u64,
         (known, measurements): (Option<&Self>, u32),
     ) -> Option<Result<Self, NoProof>> {
-        let is_nearer =
-            |value: Option<f64>, known: &Self| match (value, known.of_size(measurements)) {
-                (Some(value), Some(known)) => value > known,
-                (value, None) => value.is_some(),
-                (None, Some(_)) => false,
-            };
         if known.is_some_and(|known| known.gap() <= NEAR) {
             return None;
         }
+        let is_nearer =
+            |value: Option<f64>| known.is_none_or(|known| value > known.of_size(measurements));
         let proved = match approximate_design(problem, seed) {
             Ok(design) => {
                 // The same rows would give so much if no derivative were above the largest found.
                 let most = design.certificate.lower_bound(measurements);
-                let most = most.map(f64::sqrt);
-                if known.is_some_and(|known| !is_nearer(most, known)) {
+                if !is_nearer(most.map(f64::sqrt)) {
                     return None;
                 }
                 Self::new(problem, &design, effort, records)
             }
             Err(_) => Err(NoProof::Singular),
         };
-        match (proved, known) {
-            (Ok(proved), Some(known)) if !is_nearer(proved.of_size(measurements), known) => None,
-            (Err(_), Some(_)) => None,
-            (Ok(proved), _) => Some(Ok(Self {
-                left_out: simpler.left_out.clone(),
-                ..proved
-            })),
-            (Err(reason), None) => Some(Err(reason)),
+        match proved {
+            Ok(mut proved) => {
+                proved.file.left_out.clone_from(&simpler.left_out);
+                is_nearer(proved.of_size(measurements)).then_some(Ok(proved))
+            }
+            Err(reason) => known.is_none().then_some(Err(reason)),
         }
     }
 
     /// The names of the uncertainties that are assumed exact, which can only make the bound less near.
     pub fn left_out(&self) -> &[String] {
-        &self.left_out
+        &self.file.left_out
     }
 
     /// Whether nothing is left out.
     pub(super) const fn is_about_all(&self) -> bool {
-        self.left_out.is_empty()
+        self.file.left_out.is_empty()
     }
 
     /// No plan of the class with so many measurements has a `rho_0` (m) below this; `None` where the mandatory ones are more.
     pub fn of_size(&self, measurements: u32) -> Option<f64> {
-        let (count, derivatives) = self.mandatory;
+        let (count, derivatives) = self.file.mandatory;
         let free = f64::from(measurements.checked_sub(count)?);
         // Rounded up: a product and two sums.
-        let most = (self.prior + derivatives + self.largest.largest * free) * (1.0 + 1e-15);
+        let most = (self.file.prior + derivatives + self.largest.largest * free) * (1.0 + 1e-15);
         if most.is_nan() || most <= 0.0 {
             return None;
         }
         let ingredients = Ingredients {
-            targets: &self.targets,
+            targets: &self.file.targets,
             parameters: &self.parameters,
             rows: &self.rows,
-            sigma_m: self.sigma_m,
+            sigma_m: self.file.sigma_m,
         };
         ingredients.least_rho0_m(most)
     }
@@ -269,18 +256,9 @@ impl ProvedBound {
     /// The proof for those who want to check it, where it was recorded.
     pub fn file(&self) -> Option<ProofFile> {
         let bound = |m: u32| Some((m, self.of_size(m)?));
-        Some(ProofFile {
-            proof: self.object.clone()?,
-            printed: self.printed,
-            targets: self.targets.clone(),
-            sigma_m: self.sigma_m,
-            mandatory: self.mandatory,
-            mandatory_experiments: self.mandatory_experiments.clone(),
-            mandatory_within_rad: WIDENED_RAD,
-            prior: self.prior,
-            prior_precision: self.precision.clone(),
-            left_out: self.left_out.clone(),
+        (self.file.proof.is_some()).then(|| ProofFile {
             bounds: (1..=12).filter_map(bound).collect(),
+            ..self.file.clone()
         })
     }
 
@@ -335,27 +313,22 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
             &task.belief.calibration_tool,
             &region.joint_range_rad,
         ),
-        parameters: problem.joints().to_vec(),
+        parameters: problem.parameters.clone(),
         rows,
-        // Rounded up: more can only be told.
-        rotation_scale_m: (task.belief.instrument.rotation_sigma_rad).map_or(0.0, |sigma_rad| {
-            task.belief.instrument.sigma_m / sigma_rad * (1.0 + f64::EPSILON)
-        }),
         region: SmoothRegion {
             height_m: region.tool_height_m,
             radius_m: [low.filter(|low| *low > 0.0), high],
             elevation_sine: (region.tool_elevation_max_rad)
                 .filter(|angle| *angle < upright)
                 .map(|angle| angle.sin() * (1.0 + 4.0 * f64::EPSILON)),
-            torque_nm: region.joint_torque_max_nm,
         },
         loads: match &task.loads {
             Loads::Fixed(load) => ProofLoads::OneOf(vec![wrench(load)]),
             Loads::List(loads) => ProofLoads::OneOf(loads.iter().map(wrench).collect()),
             Loads::Direction { direction, force_n } => {
+                // A smaller force tells less.
                 let [x, y, z] = (direction * force_n[1]).into();
-                let share = force_n[0] / force_n[1] * (1.0 - f64::EPSILON);
-                ProofLoads::UpTo([x, y, z, 0.0, 0.0, 0.0], share.max(0.0))
+                ProofLoads::OneOf(vec![[x, y, z, 0.0, 0.0, 0.0]])
             }
             Loads::Any { force_max_n } => ProofLoads::AnyForce(*force_max_n),
         },
@@ -511,14 +484,11 @@ fn arm(belief: &Belief, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
                 rotation: joint.previous_from_link.rotation.coords.into(),
                 axis: joint.axis.into_inner().into(),
                 range_rad,
-                mass_kg: joint.mass_kg,
-                centre_of_mass_m: joint.centre_of_mass_m.into(),
             })
             .collect(),
         tool_joints: tool.joints,
         tool_offset_m: tool.link_from_tool.translation.vector.into(),
         tool_rotation: tool.link_from_tool.rotation.coords.into(),
-        gravity_m_s2: chain.gravity_m_s2.into(),
     }
 }
 

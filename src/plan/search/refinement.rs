@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, Matrix3xX};
 use super::local::{LocalSearch, Precision};
 use super::point::{Point, add_information, in_directions};
 use super::problem::Problem;
-use super::sampling::Sampler;
+use super::sampling::RandomPlans;
 use crate::plan::{CriterionFunction, Experiment};
 
 /// The most sweeps over the experiments of one plan that refine them.
@@ -31,7 +31,7 @@ pub(super) struct Found {
 pub(super) struct Refinement<'a> {
     pub problem: &'a Problem<'a>,
     pub local: LocalSearch<'a>,
-    pub sampler: Sampler<'a>,
+    pub sampler: RandomPlans<'a>,
     /// Whether a point tells something else where it is repeated more often.
     is_shared_by_configuration: bool,
     /// The information of the mandatory experiments.
@@ -51,7 +51,7 @@ impl<'a> Refinement<'a> {
         Self {
             problem,
             local: LocalSearch::new(problem),
-            sampler: Sampler::new(problem),
+            sampler: RandomPlans::new(problem),
             is_shared_by_configuration: problem.is_shared_by_configuration(),
             mandatory: problem.information(&problem.task.design.mandatory),
             work: RefCell::new(Work {
@@ -297,22 +297,6 @@ impl<'a> Refinement<'a> {
         }
     }
 
-    /// The cost with so many repeats of a point beside the rest; `as_independent` where they share nothing.
-    pub fn cost_with(
-        &self,
-        rest: &DMatrix<f64>,
-        point: &Point,
-        repeats: u32,
-        as_independent: f64,
-    ) -> f64 {
-        if !self.is_shared_by_configuration || repeats == 1 {
-            return as_independent;
-        }
-        let mut information = rest.clone();
-        self.add(&mut information, point, repeats, 1.0);
-        self.cost(&information)
-    }
-
     /// A point as one that is repeated so often.
     fn repeated(&self, point: &Point, repeats: u32) -> Point {
         self.local.set_repeats(repeats);
@@ -361,24 +345,29 @@ impl<'a> Refinement<'a> {
         self.is_shared_by_configuration && points.iter().enumerate().any(is_earlier)
     }
 
-    /// The cost with a point in place of another; `apart` where it stands in none of the others' configurations.
+    /// The cost of a plan with a point in place of another, beside the information of the rest; `apart` where experiments share
+    /// nothing.
     pub fn cost_in_place(
         &self,
-        found: (&[Point], &[u32]),
-        index: usize,
-        point: &Point,
+        (points, repeats): (&[Point], &[u32]),
+        (index, point): (usize, &Point),
+        rest: &DMatrix<f64>,
         apart: f64,
     ) -> f64 {
         if !self.is_shared_by_configuration {
             return apart;
         }
-        let mut points = found.0.to_vec();
+        let mut points = points.to_vec();
         points[index] = point.clone();
         if self.has_coincident(&points) {
-            self.plan(points, found.1.to_vec()).cost
-        } else {
-            apart
+            return self.plan(points, repeats.to_vec()).cost;
         }
+        if repeats[index] == 1 {
+            return apart;
+        }
+        let mut information = rest.clone();
+        self.add(&mut information, point, repeats[index], 1.0);
+        self.cost(&information)
     }
 
     /// A better experiment near the present one to join the rest, if there is one.
@@ -389,25 +378,11 @@ impl<'a> Refinement<'a> {
         repeats: u32,
         precision: Precision,
     ) -> Option<Point> {
-        if self.is_shared_by_configuration && repeats != 1 {
-            let present = self.repeated(present, repeats);
-            self.local.set_repeats(repeats);
-            let better = self.improve_here(&present, rest, f64::from(repeats), precision);
-            self.local.set_repeats(1);
-            // A point keeps what it tells once: its repeats may move.
-            return better.map(|better| self.local.point(&better.q, &better.load));
-        }
-        self.improve_here(present, rest, f64::from(repeats), precision)
-    }
-
-    fn improve_here(
-        &mut self,
-        present: &Point,
-        rest: &DMatrix<f64>,
-        weight: f64,
-        precision: Precision,
-    ) -> Option<Point> {
-        let cost = |matrix: &Matrix3xX<f64>, factor: &mut Matrix3xX<f64>| {
+        let is_repeated = self.is_shared_by_configuration && repeats != 1;
+        let repeated = is_repeated.then(|| self.repeated(present, repeats));
+        let present = repeated.as_ref().unwrap_or(present);
+        let weight = f64::from(repeats);
+        let cost = |matrix: &Matrix3xX<f64>, slope: Option<(&mut Matrix3xX<f64>, f64)>| {
             let Work {
                 cost,
                 information,
@@ -416,19 +391,29 @@ impl<'a> Refinement<'a> {
             information.copy_from(rest);
             add_information(information, matrix, weight);
             let value = cost.cost(information, directions);
-            if value.is_finite() {
-                in_directions(factor, -2.0 * weight, matrix, directions);
-            } else {
-                factor.fill(0.0);
+            if let Some((slope, unit)) = slope {
+                if value.is_finite() {
+                    in_directions(slope, -2.0 * weight, matrix, directions);
+                } else {
+                    slope.fill(0.0);
+                }
+                *slope *= unit;
             }
             value
         };
         let is_outside = !self.local.is_inside(&present.q, &present.load);
-        let mut factor = present.matrix.clone();
-        let before = cost(&present.matrix, &mut factor);
-        self.local
-            .improve(present, &cost, precision)
-            .filter(|improved| is_outside || cost(&improved.matrix, &mut factor) < before)
-            .and_then(|improved| self.sampler.clear_variant(&improved))
+        let before = cost(&present.matrix, None);
+        if is_repeated {
+            self.local.set_repeats(repeats);
+        }
+        let improved = (self.local.improve(present, &cost, precision))
+            .filter(|improved| is_outside || cost(&improved.matrix, None) < before);
+        if !is_repeated {
+            return self.sampler.clear_variant(&improved?);
+        }
+        // A point keeps what it tells once: its repeats may move.
+        self.local.set_repeats(1);
+        let clear = self.sampler.clear_variant(&improved?)?;
+        Some(self.local.point(&clear.q, &clear.load))
     }
 }

@@ -13,13 +13,17 @@ const NEAR: f64 = 1.001;
 const MANY: u32 = 100;
 
 /// The refined plan near the weights of an approximate design for the same criterion, of so many measurements, of them free, and
-/// in so many configurations; `None` where searches may end lower.
+/// in so many configurations; `None` where searches may end lower: more than 0.1 % above what no plan is better than, as far as is
+/// known.
 pub(super) fn rounded_design(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
     [measurements, free, configurations]: [u32; 3],
 ) -> Option<Found> {
-    if measurements < MANY || problem.criterion.bounded_as() != Some(approximate.criterion) {
+    let certificate = &approximate.certificate;
+    let is_beside = certificate.mandatory.0 > 0 || certificate.prior > 0.0 || free < measurements;
+    let criterion = problem.criterion;
+    if measurements < MANY || is_beside || criterion.bounded_as() != Some(approximate.criterion) {
         return None;
     }
     let experiments = approximate.rounded(free, configurations)?.experiments;
@@ -30,30 +34,13 @@ pub(super) fn rounded_design(
     let clear: Option<Vec<Point>> = clear.collect();
     let rounded = refinement.plan(clear?, as_it_is.repeats);
     let found = refinement.refine(rounded, Precision::FINE, f64::INFINITY);
-    is_near(problem, approximate, [measurements, free], found.cost).then_some(found)
-}
-
-/// Whether a plan of such a cost has a value within 0.1 % of what no plan is better than, as far as is known: of so many
-/// measurements, of them free.
-fn is_near(
-    problem: &Problem<'_>,
-    approximate: &ApproximateDesign,
-    [measurements, free]: [u32; 2],
-    cost: f64,
-) -> bool {
-    let certificate = &approximate.certificate;
-    if certificate.mandatory.0 > 0 || certificate.prior > 0.0 || free < measurements {
-        return false;
-    }
     let least = certificate.cost.powi(2) / (certificate.largest_inside * f64::from(measurements));
-    let best = problem.criterion.value_of_cost(least);
+    let best = criterion.value_of_cost(least);
     // A plan's cost is the criterion's value, its inverse, or the square of rho_0.
-    let found = if problem.criterion == Criterion::TestPose {
-        cost.sqrt()
-    } else if problem.criterion.is_maximised() {
-        cost.recip()
-    } else {
-        cost
+    let value = match criterion {
+        Criterion::TestPose => found.cost.sqrt(),
+        other if other.is_maximised() => found.cost.recip(),
+        _ => found.cost,
     };
-    (found / best).max(best / found) <= NEAR
+    ((value / best).max(best / value) <= NEAR).then_some(found)
 }

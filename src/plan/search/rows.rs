@@ -12,15 +12,15 @@ pub(super) fn bound_rows(
     approximate: &ApproximateDesign,
 ) -> Option<Vec<Vec<f64>>> {
     let information = approximate.information(problem);
-    let solved = information.cholesky()?.solve(problem.test_poses());
+    let solved = information.cholesky()?.solve(&problem.test_poses);
     // Columns are the rows of B; from coordinates of the basis to compliances: B is then that of the combinations that show.
-    let columns = match problem.basis() {
+    let columns = match &problem.basis {
         Some(basis) => basis * solved,
         None => solved,
     };
     let sigma_m = problem.task.belief.instrument.sigma_m;
     let row = |column: nalgebra::DVectorView<'_, f64>| {
-        let values = column.iter().zip(problem.typical_rad_per_nm());
+        let values = column.iter().zip(&problem.sizes);
         values
             .map(|(value, typical)| value * typical / sigma_m)
             .collect()

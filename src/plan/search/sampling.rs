@@ -1,7 +1,7 @@
 //! Random feasible experiments.
 
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, UnitSphere};
@@ -12,7 +12,7 @@ use super::point::{LoadChoice, Point, force};
 use super::problem::{Problem, SearchError};
 use crate::numeric::random::{generator, streams};
 use crate::plan::feasibility::COLLISION;
-use crate::plan::{Criterion, Experiment, Feasibility, Plan};
+use crate::plan::{Criterion, Experiment, Feasibility, Plan, Violation};
 use crate::robot::Load;
 use crate::task::Task;
 
@@ -25,15 +25,17 @@ const PAIRS: usize = 5;
 /// How many other angles of the joints that do not matter are tried to get clear of an obstacle.
 const VARIANTS: usize = 24;
 
-/// Draws configurations uniformly from the joint ranges, and loads from those that are allowed.
+/// Draws configurations uniformly from the joint ranges, and loads from those that are allowed: what a laboratory without a plan
+/// would measure.
 #[derive(Debug)]
-pub(super) struct Sampler<'a> {
+pub struct RandomPlans<'a> {
     problem: &'a Problem<'a>,
     local: LocalSearch<'a>,
     feasibility: Feasibility<'a>,
 }
 
-impl<'a> Sampler<'a> {
+impl<'a> RandomPlans<'a> {
+    /// Of a problem.
     pub fn new(problem: &'a Problem<'a>) -> Self {
         Self {
             local: LocalSearch::new(problem),
@@ -44,7 +46,7 @@ impl<'a> Sampler<'a> {
 
     /// A configuration that keeps the smooth bounds and is clear of collisions, with a load; `None`
     /// after many attempts.
-    pub fn draw(&mut self, random: &mut impl Rng) -> Option<(Vec<f64>, Load)> {
+    pub(super) fn draw_one(&mut self, random: &mut impl Rng) -> Option<(Vec<f64>, Load)> {
         (0..ATTEMPTS).find_map(|_| {
             let q = uniform(&self.problem.ranges, random);
             let load = self.load(&q, random)?;
@@ -53,9 +55,34 @@ impl<'a> Sampler<'a> {
         })
     }
 
+    /// Random plan number `run` under a seed.
+    ///
+    /// # Errors
+    /// No feasible experiment is found.
+    pub fn draw(&mut self, experiments: u32, seed: u64, run: u64) -> Result<Plan, SearchError> {
+        self.draw_of(experiments, seed, streams::random_plan(run))
+    }
+
+    /// A random plan of a stream under a seed.
+    pub(in crate::plan) fn draw_of(
+        &mut self,
+        experiments: u32,
+        seed: u64,
+        stream: u64,
+    ) -> Result<Plan, SearchError> {
+        let mut random = generator(seed, stream);
+        let experiments = (0..experiments).map(|_| {
+            let (q, load) = (self.draw_one(&mut random)).ok_or_else(|| self.explain_empty(seed))?;
+            Ok(experiment(q, load))
+        });
+        Ok(Plan {
+            experiments: experiments.collect::<Result<_, _>>()?,
+        })
+    }
+
     /// The same experiment, clear of collisions and in sight: itself, or one that tells the same at
     /// other angles of the joints that do not matter. `None` where there is none among a fixed set.
-    pub fn clear_variant(&mut self, point: &Point) -> Option<Point> {
+    pub(super) fn clear_variant(&mut self, point: &Point) -> Option<Point> {
         if self.feasibility.is_clear(&point.q, &point.load) {
             return Some(point.clone());
         }
@@ -76,7 +103,7 @@ impl<'a> Sampler<'a> {
     }
 
     /// An experiment that keeps the smooth bounds only.
-    pub fn draw_inside(&self, random: &mut impl Rng) -> Option<Point> {
+    pub(super) fn draw_inside(&self, random: &mut impl Rng) -> Option<Point> {
         (0..ATTEMPTS).find_map(|_| {
             let q = uniform(&self.problem.ranges, random);
             let load = self.load(&q, random)?;
@@ -86,7 +113,7 @@ impl<'a> Sampler<'a> {
 
     /// Why nothing feasible was found: the share of random experiments that each constraint rejects,
     /// and the pairs of geometries that collide most often.
-    pub fn explain_empty(&mut self, seed: u64) -> SearchError {
+    pub(super) fn explain_empty(&mut self, seed: u64) -> SearchError {
         const SAMPLES: usize = 2000;
         let mut random = generator(seed, streams::EMPTY_REGION);
         let mut rejected = BTreeMap::<String, usize>::new();
@@ -96,21 +123,10 @@ impl<'a> Sampler<'a> {
             let load = self
                 .load(&q, &mut random)
                 .unwrap_or_else(|| self.least_load());
-            let experiment = Experiment {
-                configuration_rad: nalgebra::DVector::from_vec(q),
-                load,
-                repeats: 1,
-                approach: None,
-            };
-            let mut violations: Vec<_> = self
-                .feasibility
-                .violations_of(1, &experiment)
-                .into_iter()
-                .map(|violation| violation.kind())
-                .collect();
-            violations.sort();
-            violations.dedup();
-            for what in violations {
+            let experiment = experiment(q, load);
+            let violations = self.feasibility.violations_of(1, &experiment);
+            let kinds: BTreeSet<String> = violations.iter().map(Violation::kind).collect();
+            for what in kinds {
                 *rejected.entry(what).or_default() += 1;
             }
             for pair in self.feasibility.colliding_pairs(&experiment) {
@@ -118,21 +134,18 @@ impl<'a> Sampler<'a> {
             }
         }
         let share = |count: usize| 100.0 * count as f64 / SAMPLES as f64;
-        let pairs = most_often(colliding)
-            .into_iter()
-            .take(PAIRS)
+        let pairs = most_often(colliding).into_iter().take(PAIRS);
+        let pairs: Vec<String> = pairs
             .map(|([one, other], count)| format!("{one} and {other} in {:.1} %", share(count)))
-            .collect::<Vec<_>>();
-        let rejections = most_often(rejected)
-            .into_iter()
-            .map(|(what, count)| {
-                let mut text = format!("{what} rejects {:.1} %", share(count));
-                if what == COLLISION {
-                    text += &format!(" ({})", pairs.join(", "));
-                }
-                text
-            })
             .collect();
+        let rejection = |(what, count): (String, usize)| {
+            let mut text = format!("{what} rejects {:.1} %", share(count));
+            if what == COLLISION {
+                text += &format!(" ({})", pairs.join(", "));
+            }
+            text
+        };
+        let rejections = most_often(rejected).into_iter().map(rejection).collect();
         SearchError::EmptyRegion {
             samples: SAMPLES,
             rejections,
@@ -164,38 +177,7 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Draws random feasible plans one after another: what a laboratory without a plan would measure.
-#[derive(Debug)]
-pub struct RandomPlans<'a> {
-    sampler: Sampler<'a>,
-    seed: u64,
-}
-
-impl<'a> RandomPlans<'a> {
-    /// Random plans of a problem, under a seed.
-    pub fn new(problem: &'a Problem<'a>, seed: u64) -> Self {
-        Self {
-            sampler: Sampler::new(problem),
-            seed,
-        }
-    }
-
-    /// Random plan number `run`; the same as [`random_plan`] gives.
-    ///
-    /// # Errors
-    /// No feasible experiment is found.
-    pub fn draw(&mut self, experiments: u32, run: u64) -> Result<Plan, SearchError> {
-        draw_plan(
-            &mut self.sampler,
-            experiments,
-            self.seed,
-            streams::random_plan(run),
-        )
-    }
-}
-
-/// A random feasible plan, number `run` under a seed: what a laboratory without a plan
-/// would measure.
+/// A random feasible plan, number `run` under a seed; see [`RandomPlans::draw`].
 ///
 /// # Errors
 /// No feasible experiment is found.
@@ -206,23 +188,7 @@ pub fn random_plan(
     run: u64,
 ) -> Result<Plan, SearchError> {
     let problem = Problem::new(task, Criterion::TestPose);
-    let stream = streams::random_plan(run);
-    draw_plan(&mut Sampler::new(&problem), experiments, seed, stream)
-}
-
-/// Random feasible experiments of a task, of a stream under a seed.
-///
-/// # Errors
-/// No feasible experiment is found.
-pub fn random_experiments(
-    task: &Task,
-    count: u32,
-    seed: u64,
-    stream: u64,
-) -> Result<Vec<Experiment>, SearchError> {
-    let problem = Problem::new(task, Criterion::TestPose);
-    let plan = draw_plan(&mut Sampler::new(&problem), count, seed, stream)?;
-    Ok(plan.experiments)
+    RandomPlans::new(&problem).draw(experiments, seed, run)
 }
 
 /// Of so many random plans, sampled on all threads, the one with the median of the predicted accuracies `rho_0`, and that (m).
@@ -239,9 +205,9 @@ pub fn median_random_plan(
     let mut predicted = (0..plans)
         .into_par_iter()
         .map_init(
-            || (Sampler::new(&problem), problem.cost()),
-            |(sampler, cost), run| {
-                let plan = draw_plan(sampler, experiments, seed, streams::random_plan(run))?;
+            || (RandomPlans::new(&problem), problem.cost()),
+            |(random, cost), run| {
+                let plan = random.draw(experiments, seed, run)?;
                 let rho0 = cost.value(&problem.information(&plan));
                 Ok((rho0.unwrap_or(f64::INFINITY), plan))
             },
@@ -251,27 +217,13 @@ pub fn median_random_plan(
     Ok(predicted.swap_remove(predicted.len() / 2))
 }
 
-fn draw_plan(
-    sampler: &mut Sampler<'_>,
-    experiments: u32,
-    seed: u64,
-    stream: u64,
-) -> Result<Plan, SearchError> {
-    let mut random = generator(seed, stream);
-    let experiments = (0..experiments)
-        .map(|_| {
-            let (q, load) = sampler
-                .draw(&mut random)
-                .ok_or_else(|| sampler.explain_empty(seed))?;
-            Ok(Experiment {
-                configuration_rad: nalgebra::DVector::from_vec(q),
-                load,
-                repeats: 1,
-                approach: None,
-            })
-        })
-        .collect::<Result<_, _>>()?;
-    Ok(Plan { experiments })
+fn experiment(q: Vec<f64>, load: Load) -> Experiment {
+    Experiment {
+        configuration_rad: nalgebra::DVector::from_vec(q),
+        load,
+        repeats: 1,
+        approach: None,
+    }
 }
 
 /// Counts, the largest first.

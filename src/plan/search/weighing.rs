@@ -153,6 +153,13 @@ fn extrapolate(before: &[f64], once: &[f64], weights: &mut [f64]) {
     normalise(weights);
 }
 
+/// Drops experiments whose weights are no more than this, and their weights.
+pub(super) fn drop_light<T>(support: &mut Vec<T>, weights: &mut Vec<f64>, most: f64) {
+    let mut each = weights.iter();
+    support.retain(|_| each.next().is_some_and(|weight| *weight > most));
+    weights.retain(|weight| *weight > most);
+}
+
 pub(super) fn normalise(weights: &mut [f64]) {
     let total: f64 = weights.iter().sum();
     for weight in weights {

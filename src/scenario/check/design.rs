@@ -18,28 +18,25 @@ impl Checker<'_> {
         commands: &Commands,
         loads: &Loads,
     ) -> Result<Design, FileError> {
-        let key = "design.experiments";
-        let fewest = u32::try_from(parameters.div_ceil(3).max(1)).unwrap_or(u32::MAX);
-        if table.experiments > MOST_EXPERIMENTS {
+        let fewest = fewest(parameters);
+        let experiments = table.experiments;
+        self.at_most(
+            "design.experiments",
+            experiments as usize,
+            MOST_EXPERIMENTS as usize,
+        )?;
+        if experiments < fewest {
             let problem = format!(
-                "found {}; at most {MOST_EXPERIMENTS} are allowed",
-                table.experiments
+                "found {experiments}; at least {fewest} are needed, since each gives three numbers and {parameters} compliances \
+                 are unknown"
             );
-            return Err(self.wrong(key, problem));
-        }
-        if table.experiments < fewest {
-            let problem = format!(
-                "found {}; at least {fewest} are needed, since each gives three numbers and {parameters} compliances are unknown",
-                table.experiments
-            );
-            return Err(self.wrong(key, problem));
+            return Err(self.wrong("design.experiments", problem));
         }
         if let Some(configurations) = table.configurations
-            && !(fewest..=table.experiments).contains(&configurations)
+            && !(fewest..=experiments).contains(&configurations)
         {
             let problem = format!(
-                "found {configurations}; {fewest} to design.experiments = {} are allowed",
-                table.experiments
+                "found {configurations}; {fewest} to design.experiments = {experiments} are allowed"
             );
             return Err(self.wrong("design.configurations", problem));
         }
@@ -47,11 +44,10 @@ impl Checker<'_> {
             Some(path) => self.plan("design.mandatory", &self.resolve(path), commands)?,
             None => Plan::default(),
         };
-        if mandatory.measurements() > table.experiments {
+        if mandatory.measurements() > experiments {
+            let found = mandatory.measurements();
             let problem = format!(
-                "found {} experiments; at most design.experiments = {} are allowed",
-                mandatory.measurements(),
-                table.experiments
+                "found {found} experiments; at most design.experiments = {experiments} are allowed"
             );
             return Err(self.wrong("design.mandatory", problem));
         }
@@ -63,7 +59,7 @@ impl Checker<'_> {
         }
         Ok(Design {
             accuracy: table.accuracy,
-            experiments: table.experiments,
+            experiments,
             configurations: table.configurations,
             mandatory,
         })
@@ -75,20 +71,20 @@ impl Checker<'_> {
         tables: &[PlanTable],
         commands: &Commands,
     ) -> Result<Vec<PlanFile>, FileError> {
-        self.at_most("plan", tables.len(), MOST_NAMED)?;
-        let mut plans: Vec<PlanFile> = Vec::new();
-        for (index, table) in tables.iter().enumerate() {
-            if plans.iter().any(|plan| plan.name == table.name) {
-                let problem = format!("found {:?} twice", table.name);
-                return Err(self.wrong(&format!("plan[{index}].name"), problem));
-            }
+        self.named("plan", MOST_NAMED, tables.iter().map(|each| &each.name))?;
+        let plan = |(index, table): (usize, &PlanTable)| {
             let path = self.resolve(&table.file);
             self.plan(&format!("plan[{index}].file"), &path, commands)?;
-            plans.push(PlanFile {
+            Ok(PlanFile {
                 name: table.name.clone(),
                 path,
-            });
-        }
-        Ok(plans)
+            })
+        };
+        tables.iter().enumerate().map(plan).collect()
     }
+}
+
+/// The fewest measurements that give as many numbers as there are unknowns.
+pub(super) fn fewest(parameters: usize) -> u32 {
+    u32::try_from(parameters.div_ceil(3).max(1)).unwrap_or(u32::MAX)
 }

@@ -10,10 +10,7 @@ impl Checker<'_> {
             Ok(()) => Ok(gate),
             Err((key, problem)) => {
                 let wrong = self.wrong(&format!("gate.{key}"), &*problem);
-                Err(match hint_for(&problem) {
-                    Some(hint) => wrong.hint(hint),
-                    None => wrong,
-                })
+                Err(wrong.hinted(hint_for(&problem)))
             }
         }
     }

@@ -16,37 +16,27 @@ impl Checker<'_> {
         let mut table = file.instrument.clone();
         let certificate = table.certificate();
         let source = "the instrument's noise";
-        let errors = (SIZES, &mut table.permissible()[..]);
-        self.convert_permissible("instrument", source, &certificate, errors)?;
+        let of = (source, SIZES);
+        self.convert_permissible("instrument", of, &certificate, table.permissible())?;
         self.check_level("instrument", source, &certificate, SourceLevel::Reading)?;
         let sigma_mm = table.sigma_mm.ok_or_else(|| {
             let wrong = self.wrong("instrument.sigma_mm", "is missing");
             wrong.hint("give sigma_mm, or mpe_um as a certificate has it")
         })?;
         let sigma_m = self.number("instrument.sigma_mm", sigma_mm, &DEVIATION)? * 1e-3;
+        let rotation = "instrument.rotation_sigma_mrad";
         let key = "instrument.tracker_site";
-        let tracker_site = table
-            .tracker_site
-            .as_deref()
-            .map(|name| {
-                model
-                    .site(name)
-                    .map_err(|error| self.model_error(key, &error))
-            })
-            .transpose()?;
+        let site = |name: &str| (model.site(name)).map_err(|error| self.named_file(key, error));
+        let tracker_site = table.tracker_site.as_deref().map(site).transpose()?;
         // Stations are seen from where they are.
         if file.region.line_of_sight && tracker_site.is_none() && file.station.is_empty() {
             return Err(self.wrong(key, "is missing, and region.line_of_sight needs it"));
         }
         Ok(Instrument {
             sigma_m: sigma_m * table.sigma_of.deflection_factor(),
-            rotation_sigma_rad: table
-                .rotation_sigma_mrad
-                .map(|value| {
-                    self.number("instrument.rotation_sigma_mrad", value, &ROTATION_DEVIATION)
-                })
-                .transpose()?
-                .map(|value| value * 1e-3),
+            rotation_sigma_rad: self
+                .optional(rotation, table.rotation_sigma_mrad, &ROTATION_DEVIATION)?
+                .map(|mrad| mrad * 1e-3),
             tracker_site,
             unloaded: table.unloaded,
             distribution: table.distribution.unwrap_or_default(),

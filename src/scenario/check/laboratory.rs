@@ -21,66 +21,46 @@ impl Checker<'_> {
         commands: &Commands,
     ) -> Result<Laboratory, FileError> {
         let usual = Laboratory::default();
-        let given = |name: &str, value: Option<f64>, usual: f64, kind: &Kind| match value {
-            Some(value) => self.number(&format!("laboratory.{name}"), value, kind),
-            None => Ok(usual),
+        let given = |name: &str, value: Option<f64>, kind: &Kind| {
+            self.optional(&format!("laboratory.{name}"), value, kind)
         };
-        let angle = |name: &str, value: Option<f64>, usual_rad: f64, kind: &Kind| match value {
-            Some(value) => given(name, Some(value), 0.0, kind).map(f64::to_radians),
-            None => Ok(usual_rad),
+        let minutes = |name: &str, value: Option<f64>, usual: f64| {
+            Ok::<_, FileError>(given(name, value, &MINUTES)?.unwrap_or(usual))
         };
-        let speed_percent = table.speed_percent.unwrap_or(usual.speed_percent);
-        if !(1..=100).contains(&speed_percent) {
-            let problem = format!("found {speed_percent}; 1 to 100 are allowed");
-            return Err(self.wrong("laboratory.speed_percent", problem));
-        }
-        let number = |name: &str, value: Option<u32>, usual: u32| match value {
-            Some(value) if value > LARGEST_NUMBER => {
-                let problem = format!("found {value}; 0 to {LARGEST_NUMBER} are allowed");
-                Err(self.wrong(&format!("laboratory.{name}"), problem))
-            }
-            value => Ok(value.unwrap_or(usual)),
+        let count = |name: &str, value: Option<u32>, usual: u32, allowed| {
+            self.count(
+                &format!("laboratory.{name}"),
+                value.unwrap_or(usual),
+                allowed,
+            )
         };
+        let (tool, base) = (usual.tool_number, usual.base_number);
         let costs = usual.costs;
         Ok(Laboratory {
             costs: Costs {
-                station_min: given(
-                    "station_min",
-                    table.station_min,
-                    costs.station_min,
-                    &MINUTES,
-                )?,
-                move_min: given("move_min", table.move_min, costs.move_min, &MINUTES)?,
-                load_change_min: given(
+                station_min: minutes("station_min", table.station_min, costs.station_min)?,
+                move_min: minutes("move_min", table.move_min, costs.move_min)?,
+                load_change_min: minutes(
                     "load_change_min",
                     table.load_change_min,
                     costs.load_change_min,
-                    &MINUTES,
                 )?,
-                reading_min: given(
-                    "reading_min",
-                    table.reading_min,
-                    costs.reading_min,
-                    &MINUTES,
-                )?,
+                reading_min: minutes("reading_min", table.reading_min, costs.reading_min)?,
             },
-            axis_speed_per_s: angle(
-                "axis_speed_deg_s",
-                table.axis_speed_deg_s,
-                usual.axis_speed_per_s,
-                &AXIS_SPEED,
-            )?,
-            approach: angle(
-                "approach_deg",
-                table.approach_deg,
-                usual.approach,
-                &APPROACH,
-            )?,
+            axis_speed_per_s: given("axis_speed_deg_s", table.axis_speed_deg_s, &AXIS_SPEED)?
+                .map_or(usual.axis_speed_per_s, f64::to_radians),
+            approach: given("approach_deg", table.approach_deg, &APPROACH)?
+                .map_or(usual.approach, f64::to_radians),
             safe_poses: self.safe_poses(&table.safe_deg, chain, commands)?,
             dialect: table.dialect.clone().unwrap_or(usual.dialect),
-            speed_percent,
-            tool_number: number("tool_number", table.tool_number, usual.tool_number)?,
-            base_number: number("base_number", table.base_number, usual.base_number)?,
+            speed_percent: count(
+                "speed_percent",
+                table.speed_percent,
+                usual.speed_percent,
+                1..=100,
+            )?,
+            tool_number: count("tool_number", table.tool_number, tool, 0..=LARGEST_NUMBER)?,
+            base_number: count("base_number", table.base_number, base, 0..=LARGEST_NUMBER)?,
         })
     }
 
@@ -92,26 +72,38 @@ impl Checker<'_> {
     ) -> Result<Vec<DVector<f64>>, FileError> {
         self.at_most("laboratory.safe_deg", poses.len(), MOST_NAMED)?;
         let pose = |(index, q_deg): (usize, &Vec<f64>)| {
-            let key = format!("laboratory.safe_deg[{index}]");
-            let q =
-                commands.configuration(self.one_per_joint(&key, q_deg, commands.len(), &ANGLE)?);
-            let outside = (q.iter().zip(&chain.joints)).position(|(angle, joint)| {
-                let [low, high] = joint.range_rad;
-                *angle < low - 1e-9 || *angle > high + 1e-9
-            });
-            match outside {
-                Some(joint) => {
-                    let [low, high] = chain.joints[joint].range_rad.map(f64::to_degrees);
-                    let found = q[joint].to_degrees();
-                    let problem = format!(
-                        "found {found:.4} for joint {}; {low:.4} to {high:.4} are allowed",
-                        joint + 1
-                    );
-                    Err(self.wrong(&key, problem))
-                }
-                None => Ok(q),
-            }
+            self.configuration(
+                &format!("laboratory.safe_deg[{index}]"),
+                q_deg,
+                chain,
+                commands,
+            )
         };
         poses.iter().enumerate().map(pose).collect()
+    }
+
+    /// A configuration (rad, m) within the joints' limits, from degrees and mm.
+    pub(super) fn configuration(
+        &self,
+        key: &str,
+        q_deg: &[f64],
+        chain: &SerialChain,
+        commands: &Commands,
+    ) -> Result<DVector<f64>, FileError> {
+        let q_deg = self.one_per_joint(key, q_deg, commands.len(), &ANGLE)?;
+        let end = |end: usize| -> Vec<f64> {
+            let ends = chain.joints.iter().map(|joint| joint.range_rad[end]);
+            commands.shown(&ends.collect::<Vec<f64>>())
+        };
+        let ranges = end(0).into_iter().zip(end(1));
+        for ((value, joint), (low, high)) in q_deg.iter().zip(chain.commanded()).zip(ranges) {
+            if *value < low - 1e-9 || *value > high + 1e-9 {
+                let name = &chain.joints[joint].name;
+                let problem =
+                    format!("found {value} for {name}; its limits are {low:.4} to {high:.4}");
+                return Err(self.wrong(key, problem));
+            }
+        }
+        Ok(commands.configuration(q_deg))
     }
 }

@@ -27,6 +27,7 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use self::inputs::Inputs;
+use self::mounted::Locked;
 use self::uncertainty::ReadingPlaces;
 use super::Scenario;
 use super::file::{Actuators, File};
@@ -34,7 +35,7 @@ use crate::codes::ErrorCode;
 use crate::experiment::{Plan, read_plan};
 use crate::files::typed::from_toml;
 use crate::files::{FileError, is_plain_name, read_text};
-use crate::mujoco::{Additions, ModelError};
+use crate::mujoco::Additions;
 use crate::robot::{Commands, Robot};
 use crate::task::{Belief, Task};
 use crate::testbed::Truth;
@@ -175,7 +176,7 @@ impl Checker<'_> {
         &self,
         file: &File,
         additions: &Additions,
-        locked: &[(String, f64, String)],
+        locked: &[Locked],
     ) -> Result<Robot, FileError> {
         let model = self.model("robot.model", &file.robot.model, additions)?;
         let model = match file.robot.actuators {
@@ -220,9 +221,9 @@ impl Checker<'_> {
 
     fn parse(&self, text: &str) -> Result<File, FileError> {
         self.check_version(text)?;
-        from_toml(self.path, text).map_err(|wrong| match hint_for(&wrong.problem) {
-            Some(hint) => wrong.hint(hint),
-            None => wrong,
+        from_toml(self.path, text).map_err(|wrong| {
+            let hint = hint_for(&wrong.problem);
+            wrong.hinted(hint)
         })
     }
 
@@ -247,14 +248,10 @@ impl Checker<'_> {
 
     /// What is wrong with a file that the scenario names.
     fn named_file(&self, key: &str, error: FileError) -> FileError {
+        let elsewhere = (!error.file.exists())
+            .then(|| "paths inside a scenario are relative to the scenario's folder".to_owned());
         let wrong = self.wrong(key, error.to_string()).code(error.code);
-        match error.hint {
-            Some(hint) => wrong.hint(hint),
-            None if !error.file.exists() => {
-                wrong.hint("paths inside a scenario are relative to the scenario's folder")
-            }
-            None => wrong,
-        }
+        wrong.hinted(error.hint.or(elsewhere))
     }
 
     fn plan(&self, key: &str, path: &Path, commands: &Commands) -> Result<Plan, FileError> {
@@ -262,14 +259,6 @@ impl Checker<'_> {
         let plan = plan.map_err(|error| self.named_file(key, error))?;
         self.inputs.borrow_mut().add(path)?;
         Ok(plan)
-    }
-
-    fn model_error(&self, key: &str, error: &ModelError) -> FileError {
-        let wrong = self.wrong(key, error.to_string()).code(error.code());
-        match error.hint() {
-            Some(hint) => wrong.hint(hint),
-            None => wrong,
-        }
     }
 }
 

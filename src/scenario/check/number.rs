@@ -1,14 +1,31 @@
-//! Numbers and arrays that are allowed.
+//! Numbers, arrays and names that are allowed.
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+
+use nalgebra::{Isometry3, Vector3};
 
 use super::Checker;
 use crate::files::FileError;
-use crate::quantities::plausible::Kind;
+use crate::mujoco::frame;
+use crate::quantities::plausible::{ANGLE, DIRECTION, Kind, POSITION};
+use crate::robot::SerialChain;
 
 impl Checker<'_> {
     /// A number of a kind.
     pub(super) fn number(&self, key: &str, value: f64, kind: &Kind) -> Result<f64, FileError> {
         kind.check(value)
             .map_err(|problem| self.wrong(key, problem))
+    }
+
+    /// A number of a kind that need not be given.
+    pub(super) fn optional(
+        &self,
+        key: &str,
+        value: Option<f64>,
+        kind: &Kind,
+    ) -> Result<Option<f64>, FileError> {
+        value.map(|value| self.number(key, value, kind)).transpose()
     }
 
     /// How many there may be of something.
@@ -18,6 +35,40 @@ impl Checker<'_> {
         }
         let problem = format!("found {found}; at most {most} are allowed");
         Err(self.wrong(key, problem))
+    }
+
+    /// A count within a range.
+    pub(super) fn count<T: PartialOrd + Display>(
+        &self,
+        key: &str,
+        found: T,
+        allowed: RangeInclusive<T>,
+    ) -> Result<T, FileError> {
+        if allowed.contains(&found) {
+            return Ok(found);
+        }
+        let (least, most) = allowed.into_inner();
+        let problem = format!("found {found}; {least} to {most} are allowed");
+        Err(self.wrong(key, problem))
+    }
+
+    /// The bounds `<key>_min_mm` and `<key>_max_mm`, from mm to m.
+    pub(super) fn lengths(
+        &self,
+        key: &str,
+        bounds_mm: [Option<f64>; 2],
+        kind: &Kind,
+    ) -> Result<[Option<f64>; 2], FileError> {
+        let [least, most] = ["min", "max"].map(|end| format!("{key}_{end}_mm"));
+        self.optional(&least, bounds_mm[0], kind)?;
+        self.optional(&most, bounds_mm[1], kind)?;
+        if let [Some(low), Some(high)] = bounds_mm
+            && low > high
+        {
+            let problem = format!("found {low}; at most {most} = {high} is allowed");
+            return Err(self.wrong(&least, problem));
+        }
+        Ok(bounds_mm.map(|bound| bound.map(|mm| mm * 1e-3)))
     }
 
     /// An array of N numbers of a kind.
@@ -37,6 +88,31 @@ impl Checker<'_> {
         Ok(array)
     }
 
+    /// A direction, of length one.
+    pub(super) fn unit(&self, key: &str, direction: &[f64]) -> Result<Vector3<f64>, FileError> {
+        Vector3::from(self.numbers(key, direction, &DIRECTION)?)
+            .try_normalize(f64::MIN_POSITIVE)
+            .ok_or_else(|| self.wrong(key, "found 0, 0, 0; a direction is needed"))
+    }
+
+    /// A position, from mm to m.
+    pub(super) fn position(&self, key: &str, position: &[f64]) -> Result<Vector3<f64>, FileError> {
+        Ok(Vector3::from(self.numbers(key, position, &POSITION)?) * 1e-3)
+    }
+
+    /// The frame of the keys `position_mm` and `rpy_deg`.
+    pub(super) fn frame(
+        &self,
+        key: &str,
+        position_mm: &[f64],
+        rpy_deg: Option<&[f64]>,
+    ) -> Result<Isometry3<f64>, FileError> {
+        let position_m = self.position(&format!("{key}.position_mm"), position_mm)?;
+        let rpy_deg = rpy_deg.unwrap_or(&[0.0; 3]);
+        let rpy_deg: [f64; 3] = self.numbers(&format!("{key}.rpy_deg"), rpy_deg, &ANGLE)?;
+        Ok(frame(position_m, rpy_deg.map(f64::to_radians)))
+    }
+
     /// An array of numbers of a kind, one for each joint.
     pub(super) fn one_per_joint<'a>(
         &self,
@@ -46,10 +122,8 @@ impl Checker<'_> {
         kind: &Kind,
     ) -> Result<&'a [f64], FileError> {
         if values.len() != joints {
-            let problem = format!(
-                "found {} numbers; the robot has {joints} joints",
-                values.len()
-            );
+            let found = values.len();
+            let problem = format!("found {found} numbers; the robot has {joints} joints");
             return Err(self.wrong(key, problem));
         }
         for &value in values {
@@ -57,4 +131,78 @@ impl Checker<'_> {
         }
         Ok(values)
     }
+
+    /// Numbers of a kind, one for each commanded joint, in the places of `all` joints.
+    pub(super) fn one_per_command(
+        &self,
+        key: &str,
+        (values, kind): (&[f64], &Kind),
+        chain: &SerialChain,
+        mut all: Vec<f64>,
+    ) -> Result<Vec<f64>, FileError> {
+        let given = self.one_per_joint(key, values, chain.commanded().count(), kind)?;
+        for (joint, &value) in chain.commanded().zip(given) {
+            all[joint] = value;
+        }
+        Ok(all)
+    }
+
+    /// The joint of a name.
+    pub(super) fn joint(
+        &self,
+        key: &str,
+        chain: &SerialChain,
+        name: &str,
+    ) -> Result<usize, FileError> {
+        let found = chain.joints.iter().position(|joint| joint.name == name);
+        found.ok_or_else(|| {
+            let known = names_of(chain);
+            let problem = format!("found {name:?}; the robot's joints are: {known}");
+            self.wrong(key, problem)
+        })
+    }
+
+    /// Whether a key has the unit of a joint: that of angles where it turns, mm where it slides.
+    pub(super) fn check_unit(
+        &self,
+        key: &str,
+        (joint, slides): (&str, bool),
+        [unit, of_angles]: [&str; 2],
+    ) -> Result<(), FileError> {
+        let (moves, own) = if slides {
+            ("slides", "mm")
+        } else {
+            ("turns", of_angles)
+        };
+        if unit == own {
+            return Ok(());
+        }
+        let other = key.replacen(&format!("_{unit}"), &format!("_{own}"), 1);
+        let wrong = self.wrong(key, format!("{joint} {moves}"));
+        Err(wrong.hint(format!("write {other}")))
+    }
+
+    /// Each table of a list has a name of its own, and there are not too many.
+    pub(super) fn named<'a>(
+        &self,
+        key: &str,
+        most: usize,
+        names: impl Iterator<Item = &'a String>,
+    ) -> Result<(), FileError> {
+        let names: Vec<&String> = names.collect();
+        self.at_most(key, names.len(), most)?;
+        for (index, name) in names.iter().enumerate() {
+            if names[..index].contains(name) {
+                let problem = format!("found {name:?} twice");
+                return Err(self.wrong(&format!("{key}[{index}].name"), problem));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The joints' names, for messages.
+pub(super) fn names_of(chain: &SerialChain) -> String {
+    let names = chain.joints.iter().map(|joint| joint.name.as_str());
+    names.collect::<Vec<_>>().join(", ")
 }

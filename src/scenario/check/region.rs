@@ -1,13 +1,12 @@
 //! The table `[region]`: where experiments are possible.
 
 use super::Checker;
-use super::robot::names_of;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_LISTED;
 use crate::quantities::plausible::{
     ANGLE, ANGLE_LIMIT, ANGLE_WIDTH, CLEARANCE, POSITION, TORQUE_LIMIT,
 };
-use crate::robot::{Commands, SerialChain};
+use crate::robot::{Commands, Joint, SerialChain};
 use crate::scenario::file::{ForbiddenTable, RegionTable};
 use crate::task::{Forbidden, Region};
 
@@ -19,117 +18,76 @@ impl Checker<'_> {
     ) -> Result<Region, FileError> {
         let mut joint_range_rad: Vec<_> =
             chain.joints.iter().map(|joint| joint.range_rad).collect();
-        let in_degrees = table.joint_range_deg.iter().map(|each| (each, "deg"));
-        let in_millimetres = table.joint_range_mm.iter().map(|each| (each, "mm"));
-        for ((name, range), unit) in in_degrees.chain(in_millimetres) {
-            let key = format!("region.joint_range_{unit}.{name}");
-            let index = chain
-                .joints
-                .iter()
-                .position(|joint| joint.name == *name)
-                .ok_or_else(|| {
-                    let known = names_of(chain);
-                    self.wrong(
-                        &key,
-                        format!("no such joint; the robot's joints are: {known}"),
-                    )
-                })?;
-            let drive = chain.joints[index].drive;
-            if drive.passive_at.is_some() {
-                return Err(self.wrong(&key, "the joint is passive: nothing commands it"));
+        for (unit, ranges) in [
+            ("deg", &table.joint_range_deg),
+            ("mm", &table.joint_range_mm),
+        ] {
+            for (name, range) in ranges {
+                let key = format!("region.joint_range_{unit}.{name}");
+                let joint = self.joint(&key, chain, name)?;
+                joint_range_rad[joint] =
+                    self.joint_range(&key, &chain.joints[joint], (unit, range))?;
             }
-            if drive.slides != (unit == "mm") {
-                let (problem, other) = if drive.slides {
-                    ("the joint slides", "joint_range_mm")
-                } else {
-                    ("the joint turns", "joint_range_deg")
-                };
-                let hint = format!("write region.{other}.{name}");
-                return Err(self.wrong(&key, problem).hint(hint));
-            }
-            let written = |value: f64| {
-                if drive.slides {
-                    value * 1e3
-                } else {
-                    value.to_degrees()
-                }
-            };
-            let [low, high] = chain.joints[index].range_rad.map(written);
-            let range: [f64; 2] = self.numbers(&key, range, &ANGLE)?;
-            let [from, to] = range;
-            if from > to || from < low - 1e-9 || to > high + 1e-9 {
-                let problem = format!(
-                    "found {from} to {to}; a range within {low:.4} to {high:.4} is allowed"
-                );
-                return Err(self.wrong(&key, problem));
-            }
-            joint_range_rad[index] = range.map(|value| {
-                if drive.slides {
-                    value * 1e-3
-                } else {
-                    value.to_radians()
-                }
-            });
         }
-        let joint_torque_max_nm = table
-            .joint_torque_max_nm
-            .as_deref()
-            .map(|values| {
-                let key = "region.joint_torque_max_nm";
-                let commanded: Vec<usize> = chain.commanded().collect();
-                let given = self.one_per_joint(key, values, commanded.len(), &TORQUE_LIMIT)?;
-                let mut all = vec![f64::INFINITY; chain.len()];
-                for (&joint, &value) in commanded.iter().zip(given) {
-                    all[joint] = value;
-                }
-                Ok(all)
-            })
-            .transpose()?;
+        let joint_torque_max_nm = (table.joint_torque_max_nm.as_deref()).map(|values| {
+            let all = vec![f64::INFINITY; chain.len()];
+            let key = "region.joint_torque_max_nm";
+            self.one_per_command(key, (values, &TORQUE_LIMIT), chain, all)
+        });
+        let height_mm = [table.tool_height_min_mm, table.tool_height_max_mm];
+        let radius_mm = [table.tool_radius_min_mm, table.tool_radius_max_mm];
+        let elevation_deg = table.tool_elevation_max_deg;
+        let clearance_mm = table.collision_clearance_mm;
         Ok(Region {
             joint_range_rad,
-            tool_height_m: self.lengths(
-                "region.tool_height",
-                [table.tool_height_min_mm, table.tool_height_max_mm],
-            )?,
-            tool_radius_m: self.lengths(
-                "region.tool_radius",
-                [table.tool_radius_min_mm, table.tool_radius_max_mm],
-            )?,
-            tool_elevation_max_rad: table
-                .tool_elevation_max_deg
-                .map(|value| self.number("region.tool_elevation_max_deg", value, &ANGLE_LIMIT))
-                .transpose()?
+            tool_height_m: self.lengths("region.tool_height", height_mm, &POSITION)?,
+            tool_radius_m: self.lengths("region.tool_radius", radius_mm, &POSITION)?,
+            tool_elevation_max_rad: self
+                .optional("region.tool_elevation_max_deg", elevation_deg, &ANGLE_LIMIT)?
                 .map(f64::to_radians),
-            joint_torque_max_nm,
-            collision_clearance_m: table
-                .collision_clearance_mm
-                .map(|value| self.number("region.collision_clearance_mm", value, &CLEARANCE))
-                .transpose()?
-                .map(|value| value * 1e-3),
+            joint_torque_max_nm: joint_torque_max_nm.transpose()?,
+            collision_clearance_m: self
+                .optional("region.collision_clearance_mm", clearance_mm, &CLEARANCE)?
+                .map(|mm| mm * 1e-3),
             line_of_sight: table.line_of_sight,
             forbidden: self.forbidden(&table.forbidden, &Commands::from(chain))?,
         })
     }
 
-    /// The bounds `<key>_min_mm` and `<key>_max_mm`, from mm to m.
-    fn lengths(
+    /// A part of a joint's own range, which is given in degrees or mm.
+    fn joint_range(
         &self,
         key: &str,
-        [low, high]: [Option<f64>; 2],
-    ) -> Result<[Option<f64>; 2], FileError> {
-        let keys = ["min", "max"].map(|end| format!("{key}_{end}_mm"));
-        for (key, value) in keys.iter().zip([low, high]) {
-            value
-                .map(|value| self.number(key, value, &POSITION))
-                .transpose()?;
+        joint: &Joint,
+        (unit, range): (&str, &[f64]),
+    ) -> Result<[f64; 2], FileError> {
+        let slides = joint.drive.slides;
+        if joint.drive.passive_at.is_some() {
+            return Err(self.wrong(key, "the joint is passive: nothing commands it"));
         }
-        if let (Some(low), Some(high)) = (low, high)
-            && low > high
-        {
-            let problem = format!("found {low}; at most {} = {high} is allowed", keys[1]);
-            return Err(self.wrong(&keys[0], problem));
+        self.check_unit(key, (&joint.name, slides), [unit, "deg"])?;
+        let written = |value: f64| {
+            if slides {
+                value * 1e3
+            } else {
+                value.to_degrees()
+            }
+        };
+        let [low, high] = joint.range_rad.map(written);
+        let [from, to] = self.numbers(key, range, &ANGLE)?;
+        if from > to || from < low - 1e-9 || to > high + 1e-9 {
+            let problem =
+                format!("found {from} to {to}; a range within {low:.4} to {high:.4} is allowed");
+            return Err(self.wrong(key, problem));
         }
-        Ok([low, high].map(|value| value.map(|mm| mm * 1e-3)))
+        let read = |value: f64| {
+            if slides {
+                value * 1e-3
+            } else {
+                value.to_radians()
+            }
+        };
+        Ok([from, to].map(read))
     }
 
     fn forbidden(

@@ -8,17 +8,17 @@ use crate::files::FileError;
 use crate::numeric::tolerance::pose_repeatability;
 use crate::observation::ReadingErrors;
 use crate::parameter::ReadingSource;
-use crate::quantities::plausible::{ANGLE, DEVIATION};
-use crate::robot::{Commands, Load, SerialChain};
-use crate::scenario::file::{UncertaintyKind, UncertaintyTable};
+use crate::quantities::plausible::DEVIATION;
+use crate::robot::Load;
+use crate::scenario::file::UncertaintyTable;
 use crate::task::Belief;
 
 /// A joint whose axis goes through the tool moves it by less for a radian: rounding.
 const NOTHING_M: f64 = 1e-9;
 
 impl Checker<'_> {
-    /// The standard deviation (rad) of each joint that turns, the same for all, with which a place of the arm has this pose
-    /// repeatability in visits of one configuration; between the unloaded and the loaded reading of a deflection, as
+    /// The standard deviation (rad) of each joint that turns, the same for all, with which the machining tool has this pose
+    /// repeatability in visits of the first test pose; between the unloaded and the loaded reading of a deflection, as
     /// [`ReadingSource::JointRepeatability`] has it. Others have none.
     pub(super) fn joint_repeatability(
         &self,
@@ -37,27 +37,14 @@ impl Checker<'_> {
         }
         let chain = &belief.nominal.chain;
         let joints = self.turning_joints(key, table, belief)?;
-        let commands = Commands::from(chain);
-        let q_key = format!("{key}.q_deg");
-        let q_rad = match &table.q_deg {
-            Some(q_deg) => {
-                let q_deg = self.one_per_joint(&q_key, q_deg, commands.len(), &ANGLE)?;
-                commands.configuration(q_deg)
-            }
-            None => places.test_pose_rad.clone(),
-        };
-        let tool = match &table.site {
-            Some(site) => SerialChain::tool(&belief.nominal.model, site)
-                .map_err(|error| self.wrong(&format!("{key}.site"), error.to_string()))?,
-            None => belief.machining_tool.clone(),
-        };
+        let (q_rad, tool) = (places.test_pose_rad, &belief.machining_tool);
         let mut deviations = vec![0.0; chain.len()];
         for joint in joints {
             deviations[joint] = 1.0;
         }
         let each_one_rad = ReadingSource::JointRepeatability(deviations.clone());
-        let at = (&tool, &Load::NONE);
-        let arm = belief.arm_with(&tool);
+        let at = (tool, &Load::NONE);
+        let arm = belief.arm_with(tool);
         let errors = ReadingErrors::new(arm, q_rad.as_slice(), at, None, [&each_one_rad]);
         let covariance = errors.covariance();
         let of_position = DMatrix::from_fn(3, 3, |row, column| covariance[(row, column)]);
@@ -90,29 +77,6 @@ impl Checker<'_> {
                 let problem = format!("{} does not turn at a command", chain.joints[joint].name);
                 Err(self.wrong(&format!("{key}.joints"), problem))
             }
-        }
-    }
-
-    /// Keys that say where a pose repeatability holds, where there is none.
-    pub(super) fn check_repeatability(
-        &self,
-        key: &str,
-        table: &UncertaintyTable,
-    ) -> Result<(), FileError> {
-        let needs = [
-            ("q_deg", table.q_deg.is_some()),
-            ("site", table.site.is_some()),
-        ];
-        match needs.iter().find(|(_, is_given)| *is_given) {
-            Some((name, _)) if table.rp_mm.is_none() => {
-                let problem = "says where a pose repeatability holds, and none is given";
-                let wrong = self.wrong(&format!("{key}.{name}"), problem);
-                Err(match table.kind {
-                    UncertaintyKind::JointRepeatability => wrong.hint("give rp_mm"),
-                    _ => wrong.hint("leave it out: rp_mm is of a joint_repeatability"),
-                })
-            }
-            _ => Ok(()),
         }
     }
 }

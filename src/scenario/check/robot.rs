@@ -3,8 +3,11 @@
 use std::path::Path;
 
 use super::Checker;
+use super::mounted::Locked;
+use super::number::names_of;
+use crate::codes::ErrorCode;
 use crate::files::{FileError, read_text};
-use crate::mujoco::{Additions, Model, ModelError, sources};
+use crate::mujoco::{Additions, Model, sources};
 use crate::parameter::ParameterKind;
 use crate::quantities::limits::MOST_JOINTS;
 use crate::quantities::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
@@ -23,51 +26,36 @@ impl Checker<'_> {
         let path = self.resolve(path);
         // The same checks, and the same words, as for every other file.
         read_text(&path).map_err(|error| self.named_file(key, error))?;
-        let wrong = |error: &ModelError| self.model_error(key, error);
-        let model = Model::load_with(&path, additions).map_err(|error| wrong(&error))?;
-        for file in sources(&path).map_err(|error| wrong(&error))? {
+        let wrong = |error: FileError| self.named_file(key, error);
+        let model = Model::load_with(&path, additions).map_err(wrong)?;
+        for file in sources(&path).map_err(wrong)? {
             self.inputs.borrow_mut().add(&file)?;
         }
         Ok(model)
     }
 
     /// The belief's model with its locked joints.
-    pub(super) fn lock(
-        &self,
-        model: &Model,
-        locked: &[(String, f64, String)],
-    ) -> Result<Model, FileError> {
-        for (name, _, key) in locked {
-            let joint = (model.joint(name)).map_err(|error| self.model_error(key, &error))?;
-            let is_length = key.starts_with("robot.locked_mm.");
-            let is_other = if is_length {
-                model.is_hinge(joint)
-            } else {
-                model.is_slide(joint)
-            };
-            if is_other {
-                let other = key.replace(
-                    if is_length { "locked_mm" } else { "locked_deg" },
-                    if is_length { "locked_deg" } else { "locked_mm" },
-                );
-                let problem = if is_length {
-                    "the joint turns"
-                } else {
-                    "the joint slides"
-                };
-                return Err(self.wrong(key, problem).hint(format!("write {other}")));
+    pub(super) fn lock(&self, model: &Model, locked: &[Locked]) -> Result<Model, FileError> {
+        for Locked {
+            joint, key, unit, ..
+        } in locked
+        {
+            let index = (model.joint(joint)).map_err(|error| self.named_file(key, error))?;
+            let slides = model.is_slide(index);
+            if slides || model.is_hinge(index) {
+                self.check_unit(key, (joint, slides), [unit, "deg"])?;
             }
         }
-        let pairs: Vec<(String, f64)> =
-            locked.iter().map(|each| (each.0.clone(), each.1)).collect();
-        let key = locked.first().map_or("robot.model", |each| &each.2);
-        (model.with_locked(&pairs)).map_err(|error| self.model_error(key, &error))
+        let pairs: Vec<(String, f64)> = (locked.iter())
+            .map(|each| (each.joint.clone(), each.at))
+            .collect();
+        let key = locked.first().map_or("robot.model", |each| &each.key);
+        (model.with_locked(&pairs)).map_err(|error| self.named_file(key, error))
     }
 
     /// The arm, with plausible numbers.
     pub(super) fn serial_chain(&self, key: &str, model: &Model) -> Result<SerialChain, FileError> {
-        let chain =
-            SerialChain::from_model(model).map_err(|error| self.model_error(key, &error))?;
+        let chain = SerialChain::from_model(model).map_err(|error| self.named_file(key, error))?;
         self.at_most(key, chain.len(), MOST_JOINTS)?;
         let path = model.path().display();
         let check = |whose: &str, what: &str, kind: &Kind, values: &[f64]| {
@@ -81,45 +69,38 @@ impl Checker<'_> {
             let whose = format!("joint {:?}: ", joint.name);
             let place_mm = joint.previous_from_link.translation.vector * 1e3;
             let centre_mm = joint.centre_of_mass_m * 1e3;
-            let range_deg = joint.range_rad.map(|end| {
+            let shown = |end: f64| {
                 if joint.drive.slides {
                     end * 1e3
                 } else {
                     end.to_degrees()
                 }
-            });
+            };
+            let compliance = joint.model_compliance_rad_per_nm;
             check(&whose, "its place", &POSITION, place_mm.as_slice())?;
-            let turn = joint.previous_from_link.rotation.coords;
-            if !joint
-                .axis
-                .iter()
-                .chain(turn.iter())
-                .all(|value| value.is_finite())
-            {
+            let turn = &joint.previous_from_link.rotation.coords;
+            if !joint.axis.iter().chain(turn).all(|value| value.is_finite()) {
                 let problem = format!("{path}: {whose}its axis or orientation is not a number");
                 return Err(self.wrong(key, problem));
             }
             check(&whose, "mass that it moves", &MASS, &[joint.mass_kg])?;
             check(&whose, "centre of mass", &POSITION, centre_mm.as_slice())?;
-            check(&whose, "range", &ANGLE, &range_deg)?;
-            let compliance = joint.model_compliance_rad_per_nm;
+            check(&whose, "range", &ANGLE, &joint.range_rad.map(shown))?;
             check(&whose, "compliance", &COMPLIANCE, compliance.as_slice())?;
         }
         Ok(chain)
     }
 
     pub(super) fn tool(&self, key: &str, model: &Model, site: &str) -> Result<Tool, FileError> {
-        let tool = SerialChain::tool(model, site).map_err(|error| self.model_error(key, &error))?;
+        let tool = SerialChain::tool(model, site).map_err(|error| self.named_file(key, error))?;
         let place_mm = tool.link_from_tool.translation.vector * 1e3;
         for &value in &place_mm {
             self.number(key, value, &POSITION)?;
         }
         let mut turn = tool.link_from_tool.rotation.coords.iter();
         if !turn.all(|value| value.is_finite()) {
-            return Err(self.wrong(
-                key,
-                format!("the orientation of site {site:?} is not a number"),
-            ));
+            let problem = format!("the orientation of site {site:?} is not a number");
+            return Err(self.wrong(key, problem));
         }
         Ok(tool)
     }
@@ -130,39 +111,29 @@ impl Checker<'_> {
         chain: &SerialChain,
         given: Option<&[f64]>,
     ) -> Result<Vec<f64>, FileError> {
-        match given {
-            Some(values) => {
-                let commanded: Vec<usize> = chain.commanded().collect();
-                if values.len() == chain.len() {
-                    return self
-                        .one_per_joint(key, values, chain.len(), &COMPLIANCE)
-                        .map(<[f64]>::to_vec);
-                }
-                let given = self.one_per_joint(key, values, commanded.len(), &COMPLIANCE)?;
-                // Passive joints have what the model gives them.
-                let own = chain.joints.iter().map(|joint| joint.model_compliance_rad_per_nm);
-                let mut all: Vec<f64> = own.map(Option::unwrap_or_default).collect();
-                for (&joint, &value) in commanded.iter().zip(given) {
-                    all[joint] = value;
-                }
-                Ok(all)
+        if let Some(values) = given {
+            if values.len() == chain.len() {
+                let all = self.one_per_joint(key, values, chain.len(), &COMPLIANCE)?;
+                return Ok(all.to_vec());
             }
-            None => chain
+            // Passive joints have what the model gives them.
+            let own = chain
                 .joints
                 .iter()
-                .map(|joint| {
-                    joint.model_compliance_rad_per_nm.ok_or_else(|| {
-                        self.wrong(
-                            key,
-                            format!(
-                                "is missing, and the model gives joint {:?} no position actuator whose gain is its stiffness",
-                                joint.name
-                            ),
-                        )
-                    })
-                })
-                .collect(),
+                .map(|joint| joint.model_compliance_rad_per_nm);
+            let own = own.map(Option::unwrap_or_default).collect();
+            return self.one_per_command(key, (values, &COMPLIANCE), chain, own);
         }
+        let own = |joint: &Joint| {
+            joint.model_compliance_rad_per_nm.ok_or_else(|| {
+                let problem = format!(
+                    "is missing, and the model gives joint {:?} no position actuator whose gain is its stiffness",
+                    joint.name
+                );
+                self.wrong(key, problem)
+            })
+        };
+        chain.joints.iter().map(own).collect()
     }
 
     /// The joints whose compliances are to be found, in ascending order, and the names of what else is.
@@ -210,14 +181,9 @@ impl Checker<'_> {
         let mut found: Vec<(usize, ParameterKind)> = Vec::new();
         for name in names {
             let Some(kind) = ParameterKind::named(name, &all, &arm) else {
-                let wrong = self.wrong(
-                    key,
-                    format!(
-                        "found {name:?}; the robot's joints are: {}",
-                        names_of(&belief.nominal.chain)
-                    ),
-                );
-                return Err(wrong.hint(
+                let known = names_of(&belief.nominal.chain);
+                let problem = format!("found {name:?}; the robot's joints are: {known}");
+                return Err(self.wrong(key, problem).hint(
                     "a joint's name stands for its compliance; `elastocal check --parameters` lists what else may be \
                      unknown, and `joint_3.gear_40_sine` is a harmonic of its transmission error, 40 periods a turn",
                 ));
@@ -239,7 +205,7 @@ impl Checker<'_> {
         file: &File,
         nominal: &Robot,
         additions: &Additions,
-        locked: &[(String, f64, String)],
+        locked: &[Locked],
     ) -> Result<TrueRobot, FileError> {
         let table = file.true_robot.as_ref();
         let (model, given) = table.map_or((None, None), |table| {
@@ -251,12 +217,15 @@ impl Checker<'_> {
                 let key = "true_robot.model";
                 let model = self.model(key, path, additions)?;
                 // A truth may lack what the belief locks.
-                let here = locked.iter().filter(|each| model.joint(&each.0).is_ok());
+                let here = locked
+                    .iter()
+                    .filter(|each| model.joint(&each.joint).is_ok());
                 let here: Vec<_> = here.cloned().collect();
                 let model = self.lock(&model, &here)?;
-                let wrong = |error: &ModelError| self.model_error(key, error);
                 for site in [&file.robot.calibration_site, &file.robot.machining_site] {
-                    model.site(site).map_err(|error| wrong(&error))?;
+                    model
+                        .site(site)
+                        .map_err(|error| self.named_file(key, error))?;
                 }
                 self.true_model(key, model, nominal, given)?
             }
@@ -281,43 +250,37 @@ impl Checker<'_> {
         nominal: &Robot,
         given: Option<&[f64]>,
     ) -> Result<TrueRobot, FileError> {
-        let chain = match SerialChain::from_model(&model) {
-            Ok(chain)
-                if chain.len() == nominal.chain.len()
-                    && chain
-                        .joints
-                        .iter()
-                        .zip(&nominal.chain.joints)
-                        .all(is_held_alike) =>
-            {
-                let chain = self.serial_chain(key, &model)?;
-                let compliance =
-                    self.compliances("true_robot.compliance_rad_per_nm", &chain, given)?;
-                return Ok(TrueRobot::of_chain(model, chain, compliance));
-            }
-            other => other,
-        };
-        let joints = nominal.chain.joints.iter().map(|joint| KnownJoint {
+        let own = SerialChain::from_model(&model);
+        let believed = &nominal.chain.joints;
+        let is_alike = own.as_ref().is_ok_and(|own| {
+            own.len() == believed.len() && own.joints.iter().zip(believed).all(is_held_alike)
+        });
+        if is_alike {
+            let chain = self.serial_chain(key, &model)?;
+            let key = "true_robot.compliance_rad_per_nm";
+            let compliance = self.compliances(key, &chain, given)?;
+            return Ok(TrueRobot::of_chain(model, chain, compliance));
+        }
+        let joints = believed.iter().map(|joint| KnownJoint {
             name: joint.name.clone(),
             is_passive: joint.drive.passive_at.is_some(),
         });
         let joints: Vec<KnownJoint> = joints.collect();
-        let robot = match chain {
+        let robot = match own {
             Ok(_) => {
                 let chain = self.serial_chain(key, &model)?;
                 TrueRobot::of_other_chain(model, &joints, chain)
             }
             Err(reason) => TrueRobot::of_model(model, &joints, reason.to_string()),
         };
-        let robot = robot.map_err(|error| match error {
-            ModelError::Unknown { .. } => self.wrong(key, error.to_string()).hint(
+        let robot = robot.map_err(|error| match error.code {
+            ErrorCode::ModelName => self.wrong(key, error.to_string()).hint(
                 "the virtual robot may have more joints than the planner's model, but needs each of that model's by its name",
             ),
-            error => self.model_error(key, &error),
+            _ => self.named_file(key, error),
         })?;
         for &value in &robot.compliance_rad_per_nm {
-            let wrong = |problem| self.wrong(key, problem);
-            COMPLIANCE.check(value).map_err(wrong)?;
+            self.number(key, value, &COMPLIANCE)?;
         }
         Ok(robot)
     }
@@ -327,12 +290,4 @@ impl Checker<'_> {
 fn is_held_alike((one, other): (&Joint, &Joint)) -> bool {
     one.drive.slides == other.drive.slides
         && one.drive.passive_at.is_some() == other.drive.passive_at.is_some()
-}
-
-/// The joints' names, for messages.
-pub(super) fn names_of(chain: &SerialChain) -> String {
-    let names: Vec<_> = (chain.joints.iter())
-        .map(|joint| joint.name.as_str())
-        .collect();
-    names.join(", ")
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::Checker;
+use super::design::fewest;
 use crate::experiment::{Candidate, read_candidates};
 use crate::files::FileError;
 use crate::plan::search::SearchError;
@@ -36,15 +37,13 @@ impl Checker<'_> {
         table: &StudyTable,
         context: &Context<'_>,
     ) -> Result<StudySettings, FileError> {
-        let trials = table.trials.unwrap_or(if is_absolute(context) {
+        let usual = if is_absolute(context) {
             DEFAULT_ROBOTS
         } else {
             DEFAULT_TRIALS
-        });
-        if !(1..=MOST_TRIALS).contains(&trials) {
-            let problem = format!("found {trials}; 1 to {MOST_TRIALS} are allowed");
-            return Err(self.wrong("study.trials", problem));
-        }
+        };
+        let trials = table.trials.unwrap_or(usual);
+        self.count("study.trials", trials, 1..=MOST_TRIALS)?;
         let base = Conditions {
             sigma_m: context.sigma_m,
             experiments: table.experiments.unwrap_or(context.design.experiments),
@@ -93,12 +92,6 @@ impl Checker<'_> {
         base: Conditions,
         context: &Context<'_>,
     ) -> Result<Vec<Conditions>, FileError> {
-        let (sigma_key, experiments_key, load_key) = (
-            "study.sweep.sigma_mm",
-            "study.sweep.experiments",
-            "study.sweep.load_scale",
-        );
-        let mut conditions = vec![base];
         let counts = [
             table.experiments.as_ref().map_or(1, Vec::len),
             table.load_scale.as_ref().map_or(1, Vec::len),
@@ -106,62 +99,62 @@ impl Checker<'_> {
         ];
         let combinations = counts.into_iter().fold(1, usize::saturating_mul);
         self.at_most("study.sweep", combinations, MOST_CONDITIONS)?;
-        if let Some(counts) = &table.experiments {
-            self.some_and_different(experiments_key, counts)?;
-            for &count in counts {
-                self.enough(experiments_key, count, context.parameters)?;
-            }
-            conditions = combine(&conditions, counts, |base, &experiments| Conditions {
+        let base = vec![base];
+        let conditions = self.swept(
+            ("study.sweep.experiments", table.experiments.as_deref()),
+            base,
+            |key, &experiments| self.enough(key, experiments, context.parameters),
+            |base, &experiments| Conditions {
                 experiments,
                 ..base
-            });
-        }
-        if let Some(factors) = &table.load_scale {
-            self.some_and_different(load_key, factors)?;
-            for &factor in factors {
-                self.number(load_key, factor, &FACTOR)?;
-            }
-            conditions = combine(&conditions, factors, |base, &load_scale| Conditions {
-                load_scale,
+            },
+        )?;
+        let conditions = self.swept(
+            ("study.sweep.load_scale", table.load_scale.as_deref()),
+            conditions,
+            |key, &factor| self.number(key, factor, &FACTOR).map(drop),
+            |base, &load_scale| Conditions { load_scale, ..base },
+        )?;
+        let factor = context.sigma_of.deflection_factor();
+        self.swept(
+            ("study.sweep.sigma_mm", table.sigma_mm.as_deref()),
+            conditions,
+            |key, &sigma_mm| self.number(key, sigma_mm, &DEVIATION).map(drop),
+            |base, &sigma_mm| Conditions {
+                sigma_m: sigma_mm * 1e-3 * factor,
                 ..base
-            });
-        }
-        if let Some(sigmas) = &table.sigma_mm {
-            self.some_and_different(sigma_key, sigmas)?;
-            for &sigma in sigmas {
-                self.number(sigma_key, sigma, &DEVIATION)?;
-            }
-            conditions = combine(&conditions, sigmas, |base, &sigma_mm| Conditions {
-                sigma_m: sigma_mm * 1e-3 * context.sigma_of.deflection_factor(),
-                ..base
-            });
-        }
-        Ok(conditions)
+            },
+        )
     }
 
-    fn some_and_different<T: PartialEq + std::fmt::Display>(
+    /// Every one of the conditions with every one of the values, where there are any.
+    fn swept<T: PartialEq + std::fmt::Display>(
         &self,
-        key: &str,
-        values: &[T],
-    ) -> Result<(), FileError> {
+        (key, values): (&str, Option<&[T]>),
+        conditions: Vec<Conditions>,
+        check: impl Fn(&str, &T) -> Result<(), FileError>,
+        with: impl Fn(Conditions, &T) -> Conditions,
+    ) -> Result<Vec<Conditions>, FileError> {
+        let Some(values) = values else {
+            return Ok(conditions);
+        };
         if values.is_empty() {
             return Err(self.wrong(key, "is empty; at least one number is needed"));
         }
         for (index, value) in values.iter().enumerate() {
+            check(key, value)?;
             if values[..index].contains(value) {
                 return Err(self.wrong(key, format!("found {value} twice")));
             }
         }
-        Ok(())
+        let each = |base: Conditions| values.iter().map(move |value| (base, value));
+        let all = conditions.into_iter().flat_map(each);
+        Ok(all.map(|(base, value)| with(base, value)).collect())
     }
 
     fn enough(&self, key: &str, experiments: u32, parameters: usize) -> Result<(), FileError> {
-        let fewest = u32::try_from(parameters.div_ceil(3).max(1)).unwrap_or(u32::MAX);
-        if (fewest..=MOST_EXPERIMENTS).contains(&experiments) {
-            return Ok(());
-        }
-        let problem = format!("found {experiments}; {fewest} to {MOST_EXPERIMENTS} are allowed");
-        Err(self.wrong(key, problem))
+        self.count(key, experiments, fewest(parameters)..=MOST_EXPERIMENTS)
+            .map(drop)
     }
 
     /// The scenario's plans that whole repetitions fill up, an optimal plan, and random ones.
@@ -212,17 +205,16 @@ impl Checker<'_> {
     ) -> Result<Vec<StudyPlan>, FileError> {
         let mut plans: Vec<StudyPlan> = Vec::new();
         for (index, table) in tables.iter().enumerate() {
-            let key = format!("study.plan[{index}]");
-            let (name, source) = self.study_source(&key, table, conditions, context)?;
-            if plans.iter().any(|plan| plan.name == *name) {
-                let problem = format!("found {name:?} twice");
-                return Err(self.wrong(&format!("{key}.name"), problem));
-            }
-            plans.push(StudyPlan {
-                name: name.clone(),
-                source,
-            });
+            let source =
+                self.study_source(&format!("study.plan[{index}]"), table, conditions, context)?;
+            let name = table.name().clone();
+            plans.push(StudyPlan { name, source });
         }
+        self.named(
+            "study.plan",
+            MOST_STUDIED,
+            plans.iter().map(|plan| &plan.name),
+        )?;
         for each in conditions {
             if !plans.iter().any(|plan| plan.source.fits(each.experiments)) {
                 let problem = format!("found none for {} measurements", each.experiments);
@@ -258,28 +250,28 @@ impl Checker<'_> {
         Ok((plan, rows))
     }
 
-    fn study_source<'a>(
+    fn study_source(
         &self,
         key: &str,
-        table: &'a StudyPlanTable,
+        table: &StudyPlanTable,
         conditions: &[Conditions],
         context: &Context<'_>,
-    ) -> Result<(&'a String, StudySource), FileError> {
+    ) -> Result<StudySource, FileError> {
         Ok(match table {
-            StudyPlanTable::Random { name } => (name, StudySource::Random),
-            StudyPlanTable::RandomEach { name } => (name, StudySource::RandomEach),
-            StudyPlanTable::File { name, file } => {
+            StudyPlanTable::Random { .. } => StudySource::Random,
+            StudyPlanTable::RandomEach { .. } => StudySource::RandomEach,
+            StudyPlanTable::File { file, .. } => {
                 let key = format!("{key}.file");
                 let (plan, readings) = self.study_file(&key, &self.resolve(file), context)?;
                 self.divides(&key, plan.measurements(), conditions)?;
-                (name, StudySource::File { plan, readings })
+                StudySource::File { plan, readings }
             }
             StudyPlanTable::Optimal {
-                name,
                 criterion,
                 configurations,
                 experiments,
                 noise_only,
+                ..
             } => {
                 if criterion.bounded_as().is_none() {
                     let criterion = criterion.name();
@@ -291,7 +283,8 @@ impl Checker<'_> {
                     self.enough(&experiments_key, experiments, context.parameters)?;
                     self.divides(&experiments_key, experiments, conditions)?;
                 }
-                let fewest = experiments.unwrap_or_else(|| fewest(conditions));
+                let fewest_studied = conditions.iter().map(|each| each.experiments).min();
+                let fewest = experiments.or(fewest_studied).unwrap_or(0);
                 let mandatory = context.design.mandatory.measurements();
                 if fewest < mandatory {
                     let problem = format!("found {fewest}; design.mandatory alone has {mandatory}");
@@ -306,13 +299,12 @@ impl Checker<'_> {
                         return Err(self.wrong(&key, problem));
                     }
                 }
-                let source = StudySource::Optimal {
+                StudySource::Optimal {
                     criterion: *criterion,
                     configurations: *configurations,
                     experiments: *experiments,
                     noise_only: *noise_only,
-                };
-                (name, source)
+                }
             }
         })
     }
@@ -345,24 +337,4 @@ fn is_absolute(context: &Context<'_>) -> bool {
 fn fits_any(measurements: u32, conditions: &[Conditions]) -> bool {
     (conditions.iter())
         .any(|each| measurements > 0 && each.experiments.is_multiple_of(measurements))
-}
-
-fn fewest(conditions: &[Conditions]) -> u32 {
-    conditions
-        .iter()
-        .map(|each| each.experiments)
-        .min()
-        .unwrap_or(0)
-}
-
-/// Every one of the conditions with every one of the values.
-fn combine<T>(
-    conditions: &[Conditions],
-    values: &[T],
-    with: impl Fn(Conditions, &T) -> Conditions,
-) -> Vec<Conditions> {
-    (conditions.iter())
-        .flat_map(|&base| values.iter().map(move |value| (base, value)))
-        .map(|(base, value)| with(base, value))
-        .collect()
 }

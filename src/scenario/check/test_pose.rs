@@ -6,7 +6,7 @@ use super::Checker;
 use crate::compensation::test_pose_rows;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_NAMED;
-use crate::quantities::plausible::{ANGLE, DIRECTION, WEIGHT};
+use crate::quantities::plausible::WEIGHT;
 use crate::robot::{Commands, Load, SerialChain, Tool};
 use crate::scenario::file::TestPoseTable;
 use crate::task::{Belief, TestPose};
@@ -25,36 +25,18 @@ impl Checker<'_> {
             return Err(self.wrong("test_pose", "is empty; at least one test pose is needed"));
         }
         self.at_most("test_pose", tables.len(), MOST_NAMED)?;
+        let commands = Commands::from(chain);
         let mut poses = Vec::new();
         for (index, table) in tables.iter().enumerate() {
             let key = format!("test_pose[{index}]");
             let q_key = format!("{key}.q_deg");
-            let commands = Commands::from(chain);
-            let q_deg = self.one_per_joint(&q_key, &table.q_deg, commands.len(), &ANGLE)?;
-            let end = |end: usize| -> Vec<f64> {
-                let ends = chain.joints.iter().map(|joint| joint.range_rad[end]);
-                commands.shown(&ends.collect::<Vec<f64>>())
-            };
-            let ranges = end(0).into_iter().zip(end(1));
-            for ((value, joint), (low, high)) in q_deg.iter().zip(chain.commanded()).zip(ranges) {
-                let joint = &chain.joints[joint];
-                if *value < low - 1e-9 || *value > high + 1e-9 {
-                    let problem = format!(
-                        "found {value} for {}; its limits are {low:.4} to {high:.4}",
-                        joint.name
-                    );
-                    return Err(self.wrong(&q_key, problem));
-                }
-            }
-            let weight = table.weight.unwrap_or(1.0);
-            let configuration_rad = commands.configuration(q_deg);
+            let configuration_rad = self.configuration(&q_key, &table.q_deg, chain, &commands)?;
             let state = chain.at(machining_tool).state(configuration_rad.as_slice());
             let axes = &state.tool_rotation;
+            let weight = table.weight.unwrap_or(1.0);
+            let unnamed = || format!("test pose {}", index + 1);
             poses.push(TestPose {
-                name: table
-                    .name
-                    .clone()
-                    .unwrap_or_else(|| format!("test pose {}", index + 1)),
+                name: table.name.clone().unwrap_or_else(unnamed),
                 load: self.test_load(&key, table, axes)?,
                 load_axes: (table.tool_force_n.is_some() || table.tool_torque_nm.is_some())
                     .then_some(*axes),
@@ -77,31 +59,32 @@ impl Checker<'_> {
         table: &TestPoseTable,
         axes: &Matrix3<f64>,
     ) -> Result<Load, FileError> {
-        let in_world = [&table.force_n, &table.torque_nm];
-        let in_tool = [&table.tool_force_n, &table.tool_torque_nm];
-        let is_given = |load: [&Option<Vec<f64>>; 2]| load.iter().any(|part| part.is_some());
-        if is_given(in_world) && is_given(in_tool) {
-            let problem = "the task load is given in two frames";
-            let wrong = self.wrong(key, problem);
+        let in_world = [table.force_n.as_deref(), table.torque_nm.as_deref()];
+        let in_tool = [
+            table.tool_force_n.as_deref(),
+            table.tool_torque_nm.as_deref(),
+        ];
+        let is_given = |load: [Option<&[f64]>; 2]| load.iter().any(Option::is_some);
+        if !is_given(in_tool) {
+            let load = self.load(key, ["force_n", "torque_nm"], in_world);
+            return load.map_err(|error| match error.place.as_deref() {
+                Some(place) if place == key => {
+                    error.hint("give the forces of the process that the robot must withstand there")
+                }
+                _ => error,
+            });
+        }
+        if is_given(in_world) {
+            let wrong = self.wrong(key, "the task load is given in two frames");
             return Err(wrong.hint(
                 "give force_n and torque_nm in the world frame, or tool_force_n and tool_torque_nm in the machining \
                  tool's",
             ));
         }
-        let load = if is_given(in_tool) {
-            let load = self.load_of(key, ["tool_force_n", "tool_torque_nm"], in_tool)?;
-            return Ok(Load {
-                force_n: axes * load.force_n,
-                torque_nm: axes * load.torque_nm,
-            });
-        } else {
-            self.load_of(key, ["force_n", "torque_nm"], in_world)
-        };
-        load.map_err(|error| match error.place.as_deref() {
-            Some(place) if place == key => {
-                error.hint("give the forces of the process that the robot must withstand there")
-            }
-            _ => error,
+        let load = self.load(key, ["tool_force_n", "tool_torque_nm"], in_tool)?;
+        Ok(Load {
+            force_n: axes * load.force_n,
+            torque_nm: axes * load.torque_nm,
         })
     }
 
@@ -112,12 +95,7 @@ impl Checker<'_> {
         table: &TestPoseTable,
         axes: &Matrix3<f64>,
     ) -> Result<Option<Vector3<f64>>, FileError> {
-        let unit = |name: &str, direction: &[f64]| {
-            let key = format!("{key}.{name}");
-            Vector3::from(self.numbers(&key, direction, &DIRECTION)?)
-                .try_normalize(f64::MIN_POSITIVE)
-                .ok_or_else(|| self.wrong(&key, "found 0, 0, 0; a direction is needed"))
-        };
+        let unit = |name: &str, direction: &[f64]| self.unit(&format!("{key}.{name}"), direction);
         match (&table.direction, &table.tool_direction) {
             (None, None) => Ok(None),
             (Some(direction), None) => Ok(Some(unit("direction", direction)?)),

@@ -1,7 +1,7 @@
 //! The tables `[[true_robot.torque_law]]`: nonlinear joint stiffness of the virtual robot.
 
 use super::Checker;
-use super::robot::names_of;
+use super::number::names_of;
 use crate::files::FileError;
 use crate::mujoco::TorqueLaw;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
@@ -25,12 +25,7 @@ impl Checker<'_> {
                 return Err(self.wrong(&joints, problem));
             }
             for name in &table.joints {
-                let found = chain.joints.iter().position(|joint| joint.name == *name);
-                let joint = found.ok_or_else(|| {
-                    let known = names_of(chain);
-                    let problem = format!("found {name:?}; the robot's joints are: {known}");
-                    self.wrong(&joints, problem)
-                })?;
+                let joint = self.joint(&joints, chain, name)?;
                 if laws.iter().any(|(other, _)| *other == joint) {
                     let wrong = self.wrong(&joints, format!("found {name:?} twice"));
                     return Err(wrong.hint("a joint has one law: put all of it into one table"));
@@ -85,34 +80,24 @@ impl Checker<'_> {
         table: &TorqueLawTable,
         (name, slides): (&str, bool),
     ) -> Result<TorqueLaw, FileError> {
-        let numbers = [
-            ("dead_band", [table.dead_band_mrad, table.dead_band_mm]),
-            (
-                "stiffens_at",
-                [table.stiffens_at_mrad, table.stiffens_at_mm],
-            ),
-            ("softens_at", [table.softens_at_mrad, table.softens_at_mm]),
-        ];
-        let (kind, own, other) = if slides {
-            (&DEVIATION, "mm", "mrad")
+        let (kind, own) = if slides {
+            (&DEVIATION, "mm")
         } else {
-            (&ROTATION_DEVIATION, "mrad", "mm")
+            (&ROTATION_DEVIATION, "mrad")
         };
         let mut given = [None; 3];
-        for (place, (key_of, [angle, length])) in numbers.into_iter().enumerate() {
-            let (value, foreign) = if slides {
-                (length, angle)
-            } else {
-                (angle, length)
-            };
-            if foreign.is_some() {
-                let moves = if slides { "slides" } else { "turns" };
-                let problem = format!("{name} {moves}: give {key_of}_{own}");
-                return Err(self.wrong(&format!("{key}.{key_of}_{other}"), problem));
-            }
+        for (place, of, unit, value) in [
+            (0, "dead_band", "mrad", table.dead_band_mrad),
+            (0, "dead_band", "mm", table.dead_band_mm),
+            (1, "stiffens_at", "mrad", table.stiffens_at_mrad),
+            (1, "stiffens_at", "mm", table.stiffens_at_mm),
+            (2, "softens_at", "mrad", table.softens_at_mrad),
+            (2, "softens_at", "mm", table.softens_at_mm),
+        ] {
             if let Some(value) = value {
-                given[place] =
-                    Some(self.number(&format!("{key}.{key_of}_{own}"), value, kind)? * 1e-3);
+                let key = format!("{key}.{of}_{unit}");
+                self.check_unit(&key, (name, slides), [unit, "mrad"])?;
+                given[place] = Some(self.number(&key, value, kind)? * 1e-3);
             }
         }
         let [dead_band, stiffens_at, softens_at] = given;

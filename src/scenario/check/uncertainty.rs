@@ -3,7 +3,6 @@
 use nalgebra::{DVector, Vector3};
 
 use super::Checker;
-use super::robot::names_of;
 use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{
@@ -123,7 +122,6 @@ impl Checker<'_> {
         places: ReadingPlaces<'_>,
     ) -> Result<Source, FileError> {
         self.check_sizes(key, table)?;
-        self.check_repeatability(key, table)?;
         if table.joints.is_some() && !table.kind.is_of_joints() {
             let problem = format!("a {} is not one of joints", table.kind.name());
             return Err(self.wrong(&format!("{key}.joints"), problem));
@@ -177,23 +175,10 @@ impl Checker<'_> {
                     along_per_metre,
                 })
             }
-            UncertaintyKind::Drift => {
-                let deviation_m = size("std_um_per_h")? * places.between_h;
-                let of = |axis| (ParameterKind::Drift { axis }, deviation_m);
-                return Ok(Source::Plan(Axis::ALL.map(of).to_vec()));
+            _ => {
+                let parameters = self.shared(key, table, belief, places.between_h)?;
+                return Ok(Source::Plan(parameters));
             }
-            UncertaintyKind::Backlash => {
-                let joints = self.joint_sizes(key, table, belief, "std_arcsec")?;
-                let of = |(joint, size)| (ParameterKind::JointBacklash { joint }, size);
-                return Ok(Source::Plan(joints.into_iter().map(of).collect()));
-            }
-            UncertaintyKind::Stiffening => {
-                let size = size("std_relative")?;
-                let joints = self.stiffening_joints(key, table, belief)?;
-                let of = |joint| (ParameterKind::JointStiffening { joint }, size);
-                return Ok(Source::Plan(joints.into_iter().map(of).collect()));
-            }
-            _ => return Ok(Source::Plan(self.shared(key, table, belief)?)),
         };
         Ok(Source::Reading(source))
     }
@@ -204,105 +189,99 @@ impl Checker<'_> {
         key: &str,
         table: &UncertaintyTable,
         belief: &Belief,
+        between_h: f64,
     ) -> Result<Vec<(ParameterKind, f64)>, FileError> {
         use ParameterKind as Of;
-        let size = |name: &str| self.size(key, table, name);
-        let axes = |kind: &dyn Fn(Axis) -> Of, name: &str| {
-            let size = size(name)?;
-            Ok(Axis::ALL.map(|axis| (kind(axis), size)).to_vec())
+        use UncertaintyKind as Kind;
+        let sizes = |of_angle| self.joint_sizes(key, table, belief, of_angle);
+        let of_joints = |kind: &dyn Fn(usize) -> Of, sizes: Vec<(usize, f64)>| {
+            let each = sizes.into_iter().map(|(joint, size)| (kind(joint), size));
+            Ok(each.collect())
         };
-        let of_links =
-            |kind: &dyn Fn(usize, Axis) -> Of, name: &str, is_meant: &dyn Fn(usize) -> bool| {
-                let size = size(name)?;
-                let links = self.uncertain_joints(key, table, belief, is_meant)?;
-                let of = |link| Axis::ALL.map(|axis| (kind(link, axis), size));
-                Ok(links.into_iter().flat_map(of).collect())
-            };
-        let all = |_| true;
+        let joints =
+            |is_meant: &dyn Fn(usize) -> bool| self.uncertain_joints(key, table, belief, is_meant);
         let has_mass = |link: usize| belief.nominal.chain.joints[link].mass_kg > 0.0;
-        match table.kind {
-            UncertaintyKind::Compliance => {
-                let is_elastic = |joint: usize| {
-                    belief.nominal.compliance_rad_per_nm[joint] > 0.0
-                        && (table.joints.is_some() || !belief.parameters.contains(&joint))
-                };
-                let joints = self.uncertain_joints(key, table, belief, &is_elastic)?;
-                let size = size("std_relative")?;
-                let of = |joint| (Of::JointCompliance { joint }, size);
-                Ok(joints.into_iter().map(of).collect())
+        let is_elastic = |joint: usize| {
+            belief.nominal.compliance_rad_per_nm[joint] > 0.0
+                && (table.joints.is_some() || !belief.parameters.contains(&joint))
+        };
+        let axes = |kind: &dyn Fn(Axis) -> Of| Axis::ALL.map(kind).to_vec();
+        let of_links = |kind: &dyn Fn(usize, Axis) -> Of, links: Vec<usize>| -> Vec<Of> {
+            let of = |link| Axis::ALL.map(|axis| kind(link, axis));
+            links.into_iter().flat_map(of).collect()
+        };
+        let each = |joints: Vec<usize>, kind: &dyn Fn(usize) -> Of| -> Vec<Of> {
+            joints.into_iter().map(kind).collect()
+        };
+        let springs = |kind: &dyn Fn(usize) -> Of| self.of_springs(key, belief, kind);
+        let (size, kinds) = match table.kind {
+            Kind::JointZero => {
+                return of_joints(&|joint| Of::JointZero { joint }, sizes("std_mrad")?);
             }
-            UncertaintyKind::JointZero => {
-                let joints = self.joint_sizes(key, table, belief, "std_mrad")?;
-                let of = |(joint, size)| (Of::JointZero { joint }, size);
-                Ok(joints.into_iter().map(of).collect())
+            Kind::Backlash => {
+                return of_joints(&|joint| Of::JointBacklash { joint }, sizes("std_arcsec")?);
             }
-            UncertaintyKind::LinkPosition => of_links(
-                &|link, axis| Of::LinkPosition { link, axis },
-                "std_mm",
-                &all,
-            ),
-            UncertaintyKind::LinkRotation => of_links(
-                &|link, axis| Of::LinkRotation { link, axis },
-                "std_mrad",
-                &all,
-            ),
-            UncertaintyKind::LinkMass => {
-                let links = self.uncertain_joints(key, table, belief, &has_mass)?;
-                let size = size("std_relative")?;
-                let of = |link| (Of::LinkMass { link }, size);
-                Ok(links.into_iter().map(of).collect())
+            Kind::Drift => {
+                let size = self.size(key, table, "std_um_per_h")? * between_h;
+                return Ok(Axis::ALL.map(|axis| (Of::Drift { axis }, size)).to_vec());
             }
-            UncertaintyKind::LinkCentre => of_links(
-                &|link, axis| Of::LinkCentre { link, axis },
-                "std_mm",
-                &has_mass,
-            ),
-            UncertaintyKind::SpringStiffness => self.of_springs(
-                key,
-                belief,
-                &|spring| Of::SpringStiffness { spring },
-                size("std_relative")?,
-            ),
-            UncertaintyKind::SpringRest => self.of_springs(
-                key,
-                belief,
-                &|spring| Of::SpringRest { spring },
-                size("std_mm")?,
-            ),
-            UncertaintyKind::ToolPosition => {
-                axes(&|axis| Of::ToolPosition { tool: 0, axis }, "std_mm")
-            }
-            UncertaintyKind::ToolRotation => {
-                axes(&|axis| Of::ToolRotation { tool: 0, axis }, "std_mrad")
-            }
-            UncertaintyKind::BasePosition => {
-                axes(&|axis| Of::BasePosition { station: 0, axis }, "std_mm")
-            }
-            UncertaintyKind::BaseRotation => {
-                axes(&|axis| Of::BaseRotation { station: 0, axis }, "std_mrad")
-            }
-            UncertaintyKind::LoadScale => Ok(vec![(Of::LoadScale, size("std_relative")?)]),
-            UncertaintyKind::LoadOffset => Ok(vec![(Of::LoadOffset, size("std_n")?)]),
-            UncertaintyKind::TaskForce => {
-                let mut parameters = Vec::new();
+            Kind::TaskForce => {
+                let mut all = Vec::new();
                 if table.std_relative.is_some() {
-                    parameters.push((Of::TaskScale, size("std_relative")?));
+                    all.push((Of::TaskScale, self.size(key, table, "std_relative")?));
                 }
                 if table.std_n.is_some() {
-                    parameters.append(&mut axes(&|axis| Of::TaskForce { axis }, "std_n")?);
+                    let size = self.size(key, table, "std_n")?;
+                    all.extend(Axis::ALL.map(|axis| (Of::TaskForce { axis }, size)));
                 }
-                Ok(parameters)
+                return Ok(all);
             }
-            UncertaintyKind::Drift
-            | UncertaintyKind::Backlash
-            | UncertaintyKind::Stiffening
-            | UncertaintyKind::LoadDirection
-            | UncertaintyKind::LoadPoint
-            | UncertaintyKind::JointRepeatability
-            | UncertaintyKind::TrackerRange
-            | UncertaintyKind::TransmissionError
-            | UncertaintyKind::Discrepancy => Ok(Vec::new()),
-        }
+            Kind::Compliance => {
+                let of = |joint| Of::JointCompliance { joint };
+                ("std_relative", each(joints(&is_elastic)?, &of))
+            }
+            Kind::Stiffening => {
+                let of = |joint| Of::JointStiffening { joint };
+                let joints = self.stiffening_joints(key, table, belief)?;
+                ("std_relative", each(joints, &of))
+            }
+            Kind::LinkMass => {
+                let of = |link| Of::LinkMass { link };
+                ("std_relative", each(joints(&has_mass)?, &of))
+            }
+            Kind::LinkPosition => {
+                let of = |link, axis| Of::LinkPosition { link, axis };
+                ("std_mm", of_links(&of, joints(&|_| true)?))
+            }
+            Kind::LinkRotation => {
+                let of = |link, axis| Of::LinkRotation { link, axis };
+                ("std_mrad", of_links(&of, joints(&|_| true)?))
+            }
+            Kind::LinkCentre => {
+                let of = |link, axis| Of::LinkCentre { link, axis };
+                ("std_mm", of_links(&of, joints(&has_mass)?))
+            }
+            Kind::SpringStiffness => {
+                let of = |spring| Of::SpringStiffness { spring };
+                ("std_relative", springs(&of)?)
+            }
+            Kind::SpringRest => ("std_mm", springs(&|spring| Of::SpringRest { spring })?),
+            Kind::ToolPosition => ("std_mm", axes(&|axis| Of::ToolPosition { tool: 0, axis })),
+            Kind::BaseRotation => (
+                "std_mrad",
+                axes(&|axis| Of::BaseRotation { station: 0, axis }),
+            ),
+            Kind::LoadScale => ("std_relative", vec![Of::LoadScale]),
+            Kind::LoadOffset => ("std_n", vec![Of::LoadOffset]),
+            Kind::LoadDirection
+            | Kind::LoadPoint
+            | Kind::JointRepeatability
+            | Kind::TrackerRange
+            | Kind::TransmissionError
+            | Kind::Discrepancy => return Ok(Vec::new()),
+        };
+        let size = self.size(key, table, size)?;
+        Ok(kinds.into_iter().map(|kind| (kind, size)).collect())
     }
 
     /// A parameter of each spring between places of the arm.
@@ -311,15 +290,14 @@ impl Checker<'_> {
         key: &str,
         belief: &Belief,
         kind: &dyn Fn(usize) -> ParameterKind,
-        size: f64,
-    ) -> Result<Vec<(ParameterKind, f64)>, FileError> {
+    ) -> Result<Vec<ParameterKind>, FileError> {
         let count = belief.nominal.chain.elements.springs.len();
         if count == 0 {
             let problem = "the model has no springs between places of the arm";
             let wrong = self.wrong(&format!("{key}.kind"), problem);
             return Err(wrong.hint("a spring is a spatial tendon through sites with a stiffness"));
         }
-        Ok((0..count).map(|spring| (kind(spring), size)).collect())
+        Ok((0..count).map(kind).collect())
     }
 
     /// Only the sizes that a kind has may be given.
@@ -391,14 +369,7 @@ impl Checker<'_> {
         };
         let mut joints = Vec::new();
         for name in names {
-            let found = chain.joints.iter().position(|joint| joint.name == *name);
-            let joint = found.ok_or_else(|| {
-                let known = names_of(chain);
-                self.wrong(
-                    &key,
-                    format!("found {name:?}; the robot's joints are: {known}"),
-                )
-            })?;
+            let joint = self.joint(&key, chain, name)?;
             if joints.contains(&joint) {
                 return Err(self.wrong(&key, format!("found {name:?} twice")));
             }
@@ -442,9 +413,7 @@ impl Checker<'_> {
                 }
                 continue;
             }
-            let value = given
-                .map(|value| self.number(&own, value, &TORQUE_LIMIT))
-                .transpose()?;
+            let value = self.optional(&own, given, &TORQUE_LIMIT)?;
             if value.is_none() && of.is_needed {
                 let problem = "is missing: the torque (N m; N where a joint slides) at which a joint gives less by \
                                this share than its spring would";
@@ -499,22 +468,21 @@ impl Checker<'_> {
         true_robot: &TrueRobot,
         uncertainties: &[Uncertainty],
     ) -> Result<(), FileError> {
-        let of_plan = |each: &Uncertainty| match &each.source {
-            Source::Plan(parameters) => parameters.clone(),
-            Source::Reading(_) => Vec::new(),
-        };
         for (index, each) in uncertainties.iter().enumerate() {
-            for (kind, _) in of_plan(each) {
-                let ParameterKind::JointStiffening { joint } = kind else {
-                    continue;
-                };
-                if (true_robot.torque_laws.iter()).any(|(other, _)| *other == joint) {
-                    let name = &belief.nominal.chain.joints[joint].name;
-                    let problem =
-                        format!("{name} has a law of its own, by true_robot.torque_law already");
-                    let wrong = self.wrong(&format!("uncertainty[{index}].joints"), problem);
-                    return Err(wrong.hint("a joint has one law: leave it out of one of the two"));
-                }
+            let Source::Plan(parameters) = &each.source else {
+                continue;
+            };
+            let of_truth = true_robot.torque_laws.iter().map(|(joint, _)| *joint);
+            let is_stiffening = |&joint: &usize| {
+                (parameters.iter())
+                    .any(|(kind, _)| *kind == ParameterKind::JointStiffening { joint })
+            };
+            if let Some(joint) = of_truth.into_iter().find(is_stiffening) {
+                let name = &belief.nominal.chain.joints[joint].name;
+                let problem =
+                    format!("{name} has a law of its own, by true_robot.torque_law already");
+                let wrong = self.wrong(&format!("uncertainty[{index}].joints"), problem);
+                return Err(wrong.hint("a joint has one law: leave it out of one of the two"));
             }
         }
         Ok(())
@@ -592,11 +560,7 @@ impl Checker<'_> {
         extended.map_err(|error| {
             let hint = matches!(error, ParameterError::Twice(_))
                 .then_some("two uncertainties are about the same: leave one out, or hide it");
-            let wrong = self.wrong("uncertainty", error.to_string());
-            match hint {
-                Some(hint) => wrong.hint(hint),
-                None => wrong,
-            }
+            self.wrong("uncertainty", error.to_string()).hinted(hint)
         })
     }
 }

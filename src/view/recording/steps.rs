@@ -46,7 +46,11 @@ impl Stage {
 
     /// The stance of a virtual robot as it came to rest last, with its tool there (m).
     fn rest(&mut self, robot: &VirtualRobot, site: usize, tool_m: Vector3<f64>) -> Stance {
-        let stance = self.stance(robot.joint_angles(), robot.coordinates(), site);
+        let stance = self.stance(
+            robot.joint_angles(),
+            robot.simulation().coordinates().0,
+            site,
+        );
         // The links of a run's robot are elsewhere by what nobody sees, and the tool is where it was observed.
         Stance { tool_m, ..stance }
     }

@@ -85,8 +85,7 @@ fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
         );
     };
     let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
-    let proved =
-        (assessment.proof.as_ref()).filter(|_| assessment.bound_kind.as_deref() == Some("proved"));
+    let proved = (assessment.proof.as_ref()).filter(|_| assessment.bound_kind == Some("proved"));
     let basis = match proved {
         Some(proof) => format!(
             "That is proved, by branch and bound over {} boxes of configurations.",

@@ -2,7 +2,7 @@
 
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::provenance;
-use crate::paper::record::{FigureSevenMessage, ReproductionMessage, TableSixMessage};
+use crate::paper::{Accuracy, MeanDistance, Reproduction};
 use crate::record::messages::{ExperimentMessage, ProvenanceMessage};
 use crate::text::wording::{number, percent};
 use crate::view::charts::PlotError;
@@ -15,7 +15,7 @@ const CITATION: &str = "A. Klimchik, A. Pashkevich, Y. Wu, S. Caro, B. Furet, De
 
 /// The paper's numbers beside this program's, as HTML.
 pub fn reproduction_page(
-    message: &ReproductionMessage,
+    message: &Reproduction,
     from: &ProvenanceMessage,
     command: &str,
 ) -> Result<String, PlotError> {
@@ -42,7 +42,7 @@ pub fn reproduction_page(
 }
 
 /// What agrees, what does not, and how much better than random.
-fn cards(message: &ReproductionMessage) -> String {
+fn cards(message: &Reproduction) -> String {
     let cells = || message.eq23.iter().flatten();
     let (equal, all) = (cells().filter(|cell| cell.agrees).count(), cells().count());
     let rows = message.table5.iter();
@@ -79,7 +79,7 @@ fn cards(message: &ReproductionMessage) -> String {
     );
     let gains: Vec<f64> = (message.table6.iter())
         .filter(|row| row.experiments == row.configurations)
-        .filter_map(|row| Some(1.0 - row.own_rho0_mm / row.found_rho0_mm?))
+        .filter_map(|row| Some(1.0 - row.own_rho0_mm? / row.found_rho0_mm?))
         .collect();
     let own = card(
         "good",
@@ -95,8 +95,8 @@ fn cards(message: &ReproductionMessage) -> String {
 }
 
 /// How much better than random.
-fn headline_card(message: &ReproductionMessage) -> String {
-    let has_ratio = |each: &&FigureSevenMessage| each.random_over_mean.is_some();
+fn headline_card(message: &Reproduction) -> String {
+    let has_ratio = |each: &&MeanDistance| each.random_over_mean.is_some();
     let papers = || {
         let fig7 = message.fig7.iter().filter(has_ratio);
         fig7.filter(|each| each.printed_mean_mm.is_some())
@@ -128,8 +128,8 @@ fn headline_card(message: &ReproductionMessage) -> String {
     )
 }
 
-fn figure_7(message: &ReproductionMessage) -> Result<String, PlotError> {
-    let role = |index: usize, each: &FigureSevenMessage| match each.printed_mean_mm {
+fn figure_7(message: &Reproduction) -> Result<String, PlotError> {
+    let role = |index: usize, each: &MeanDistance| match each.printed_mean_mm {
         _ if index == 0 => Role::Random,
         Some(_) => Role::Other,
         None => Role::Own,
@@ -160,9 +160,9 @@ fn figure_7(message: &ReproductionMessage) -> Result<String, PlotError> {
     )
 }
 
-fn table_6(message: &ReproductionMessage) -> String {
+fn table_6(message: &Reproduction) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let row = |row: &TableSixMessage| {
+    let row = |row: &Accuracy| {
         let mut repeats: Vec<u32> = row.own_plan.iter().map(|each| each.repeats).collect();
         repeats.sort_unstable_by(|one, other| other.cmp(one));
         let repeats: Vec<String> = repeats.iter().map(u32::to_string).collect();
@@ -178,7 +178,7 @@ fn table_6(message: &ReproductionMessage) -> String {
             micro(row.by_rule_rho0_mm),
             micro(row.found_rho0_mm),
             number(row.ratio, 3),
-            micro(Some(row.own_rho0_mm)),
+            micro(row.own_rho0_mm),
             repeats,
             micro(row.lower_bound_rho0_mm),
         ]
@@ -190,7 +190,7 @@ fn table_6(message: &ReproductionMessage) -> String {
     ) + &table(header, rows)
 }
 
-fn equation_23(message: &ReproductionMessage) -> String {
+fn equation_23(message: &Reproduction) -> String {
     let mut rows = Vec::new();
     for (name, row) in ["x", "y", "z"].iter().zip(&message.eq23) {
         // No minus before a zero.
@@ -207,7 +207,7 @@ fn equation_23(message: &ReproductionMessage) -> String {
     ) + &table(header, rows)
 }
 
-fn table_5(message: &ReproductionMessage) -> String {
+fn table_5(message: &Reproduction) -> String {
     let mut rows = Vec::new();
     for row in &message.table5 {
         let nano = |value: Option<f64>| {
@@ -231,7 +231,7 @@ fn table_5(message: &ReproductionMessage) -> String {
     paragraph("In 1e-9 rad/(N m), of the plans of Table 4.") + &table(header, rows)
 }
 
-fn table_4(message: &ReproductionMessage) -> String {
+fn table_4(message: &Reproduction) -> String {
     let mut body = paragraph(
         "Configurations in degrees (q1 is free). Printed with one decimal, some break the bound on the elevation of the \
          tool by hundredths of a degree. Our plans are other points of the same region.",

@@ -1,7 +1,9 @@
 //! Which joints of a model are the arm, and which are locked beside it.
 
 use super::ends::is_end;
-use crate::mujoco::{Model, ModelError};
+use crate::codes::ErrorCode;
+use crate::files::FileError;
+use crate::mujoco::Model;
 use crate::robot::SerialChain;
 
 /// An arm that has so many joints has come to its hand where it branches into fingers ...
@@ -25,7 +27,7 @@ pub(super) struct FoundArm {
 
 impl FoundArm {
     /// The longest series of joints, as far as it does not branch into fingers; to a body, if one is named.
-    pub fn find(model: &Model, tip: Option<&str>) -> Result<Self, ModelError> {
+    pub fn find(model: &Model, tip: Option<&str>) -> Result<Self, FileError> {
         let bodies = match tip {
             Some(tip) => way_to(model, named(model, tip)?),
             None => without_jaw(model, longest(model)),
@@ -45,10 +47,10 @@ impl FoundArm {
         let model = model.with_locked(&pairs)?;
         let (model, chain, actuators_ignored) = match SerialChain::from_model(&model) {
             Ok(chain) => (model, chain, None),
-            Err(reason @ ModelError::Statics { .. }) => {
+            Err(reason) if reason.code == ErrorCode::ModelStatics => {
                 let without = model.without_actuators();
                 match SerialChain::from_model(&without) {
-                    Ok(chain) => (without, chain, Some(words(&reason))),
+                    Ok(chain) => (without, chain, Some(reason.problem)),
                     Err(_) => return Err(reason),
                 }
             }
@@ -75,19 +77,9 @@ impl FoundArm {
     }
 }
 
-/// What a refusal says of the model's element.
-fn words(reason: &ModelError) -> String {
-    match reason {
-        ModelError::Statics {
-            element, problem, ..
-        } => format!("{element}: {problem}"),
-        other => other.to_string(),
-    }
-}
-
 /// A body by its name, or that of a site that it carries.
-fn named(model: &Model, name: &str) -> Result<usize, ModelError> {
-    match (1..model.bodies()).find(|&body| model.body_name(body) == name) {
+fn named(model: &Model, name: &str) -> Result<usize, FileError> {
+    match model.body(name) {
         Some(body) => Ok(body),
         None => Ok(model.site_body(model.site(name)?).0),
     }

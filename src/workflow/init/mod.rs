@@ -15,7 +15,7 @@ use self::arm::FoundArm;
 use self::pose::tried;
 use self::tools::Tools;
 use crate::files::{FileError, read_text};
-use crate::mujoco::{Model, ModelError};
+use crate::mujoco::Model;
 use crate::scenario::Scenario;
 use crate::understanding::Understanding;
 
@@ -46,19 +46,9 @@ pub fn draft(
     tip: Option<&str>,
 ) -> Result<Draft, FileError> {
     read_text(model_path)?;
-    let wrong = |error: ModelError| {
-        let text = error.to_string();
-        let about = format!("{}: ", model_path.display());
-        let wrong = FileError::new(model_path, text.strip_prefix(&about).unwrap_or(&text));
-        let wrong = wrong.code(error.code());
-        match error.hint() {
-            Some(hint) => wrong.hint(hint),
-            None => wrong,
-        }
-    };
-    let model = Model::load(model_path).map_err(wrong)?;
-    let arm = FoundArm::find(&model, tip).map_err(wrong)?;
-    let tools = Tools::of(&arm).map_err(wrong)?;
+    let model = Model::load(model_path)?;
+    let arm = FoundArm::find(&model, tip)?;
+    let tools = Tools::of(&arm)?;
     let tried = tried(&arm, &tools.calibration);
     let named = named_from(model_path, scenario_path);
     let written = written::scenario(&arm, &tools, &tried, &named);

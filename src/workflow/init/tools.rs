@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::arm::FoundArm;
 use super::ends::called_end;
 use super::pose::last_axis;
-use crate::mujoco::ModelError;
+use crate::files::FileError;
 use crate::robot::{SerialChain, Tool};
 
 /// What names of working tools contain.
@@ -43,7 +43,7 @@ pub(super) struct Tools {
 
 impl Tools {
     /// The likeliest site for both, and a tool beside it where that lies on the last axis.
-    pub fn of(arm: &FoundArm) -> Result<Self, ModelError> {
+    pub fn of(arm: &FoundArm) -> Result<Self, FileError> {
         let carried: Vec<usize> = arm.carried().collect();
         let known: Vec<String> = (arm.model.named_sites().into_iter())
             .filter(|(_, body)| carried.contains(body))

@@ -122,7 +122,6 @@ def false_claim(rng, file, reached):
         elif what == 4:
             part["variables"][rng.randrange(len(part["variables"]))] = rng.choice([None, 0, 1, 2, -1])
         elif what == 5:
-            part["share"] = rng.choice([None, size, 0, -1])
             part["ranges"] += rng.choice([[], [[0.5, 1.0]], [[1.0, 1.0]]])
         elif what == 6:
             which = rng.randrange(len(part["starts_run"]))

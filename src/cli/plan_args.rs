@@ -1,0 +1,235 @@
+//! What `plan` and `evaluate` take alike, and options that are about plans of one accuracy alone.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use elastocal::codes::ErrorCode;
+use elastocal::experiment::read_candidates;
+use elastocal::files::FileError;
+use elastocal::identification::ParameterGroup;
+use elastocal::plan::search::{Candidates, LeftOutCandidates};
+use elastocal::quantities::limits::MOST_NAMED;
+use elastocal::record::messages::ProvenanceMessage;
+use elastocal::robot::Load;
+use elastocal::scenario::Scenario;
+use elastocal::task::{AccuracyKind, Task, TestPose};
+use elastocal::text::wording::counted;
+
+use super::proof::ProofArgs;
+use super::uncertainty_budget::BudgetArgs;
+use super::{Common, check_outputs, inputs, rests};
+
+/// What there is for plans of deflections in place of --parameters,
+pub const UNKNOWN: &str = "robot.parameters says what is unknown";
+/// of --candidates and --draw,
+pub const ANYWHERE: &str = "plans of deflections are searched in the whole region";
+/// and of --report-out.
+const RUN_REPORTS: &str = "`run` writes a page about plans of deflections";
+
+/// What `plan` and `evaluate` take alike.
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(flatten)]
+    pub proof: ProofArgs,
+    /// Choose from these rows alone (CSV: joint angles, loads); that no plan of them is better than the bound is proved by
+    /// looking at all
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["prove", "prove_time", "no_proof", "proof_out"]
+    )]
+    pub candidates: Option<PathBuf>,
+    /// Be accurate at these poses, of a path or a region, in place of the scenario's (CSV: joint angles, and loads at the
+    /// machining tool; without loads, that of the scenario's first test pose)
+    #[arg(long, value_name = "FILE")]
+    test_poses: Option<PathBuf>,
+    /// With design.accuracy = "absolute", what is unknown, frames of stations and targets always among it; what the scenario's
+    /// robot.parameters name if not given.
+    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
+    pub parameters: Vec<ParameterGroup>,
+    #[command(flatten)]
+    pub budget: BudgetArgs,
+    /// With design.accuracy = "absolute", where to write a page about the plan (HTML).
+    #[arg(long, value_name = "FILE")]
+    pub report_out: Option<PathBuf>,
+}
+
+impl PlanArgs {
+    /// The scenario, with the test poses that are asked for; a plan may be read, and files of more options be written.
+    pub fn load(
+        &self,
+        plan: Option<&Path>,
+        outputs: &[(&str, Option<&Path>)],
+    ) -> anyhow::Result<Scenario> {
+        let mut scenario = self.common.load()?;
+        let own = [
+            ("--report-out", self.report_out.as_deref()),
+            ("--proof-out", self.proof.out()),
+            self.budget.out(),
+        ];
+        let mut roles = inputs(&scenario);
+        roles.may_read("the plan", plan);
+        roles.may_read("the test poses", self.test_poses.as_deref());
+        roles.may_read("the candidates", self.candidates.as_deref());
+        check_outputs(&mut roles, &[outputs, &own].concat())?;
+        self.replace_test_poses(&mut scenario.task)?;
+        rests(&scenario)?;
+        Ok(scenario)
+    }
+
+    /// Refuses options that are about the accuracy that a scenario has not: these besides those of both commands.
+    pub fn refuse_others(
+        &self,
+        scenario: &Scenario,
+        of_deflections: &[(&str, bool)],
+        of_readings: &[(&str, bool, &str)],
+    ) -> Result<(), FileError> {
+        let own = [
+            ("--parameters", !self.parameters.is_empty(), UNKNOWN),
+            ("--report-out", self.report_out.is_some(), RUN_REPORTS),
+        ];
+        refuse_others(
+            scenario,
+            &[of_deflections, &self.proof.given()].concat(),
+            &[of_readings, &own].concat(),
+        )
+    }
+
+    /// Where a result comes from, with the plan that it is about, if it was read.
+    pub fn provenance(
+        &self,
+        scenario: &Scenario,
+        plan: Option<&Path>,
+    ) -> Result<ProvenanceMessage, FileError> {
+        ProvenanceMessage::new(scenario)
+            .with_optional("plan", plan)?
+            .with_optional("test_poses", self.test_poses.as_deref())?
+            .with_optional("candidates", self.candidates.as_deref())
+    }
+
+    /// The candidates of the file that a task allows, where one was given.
+    pub fn read_candidates(&self, task: &Task) -> Result<Option<Candidates>, FileError> {
+        let Some(path) = &self.candidates else {
+            return Ok(None);
+        };
+        let rows = read_candidates(path, task.belief.commands())?;
+        let candidates = Candidates::new(task, &rows).map_err(|error| {
+            let wrong = FileError::new(path, error.to_string()).code(ErrorCode::CandidateFile);
+            match error.hint() {
+                Some(hint) => wrong.hint(hint),
+                None => wrong,
+            }
+        })?;
+        Ok(Some(candidates))
+    }
+
+    /// How many of so many candidates are left out, and why; nothing where none is.
+    pub fn left_out(&self, offered: &str, left: usize, reasons: &[LeftOutCandidates]) -> String {
+        if left == 0 {
+            return String::new();
+        }
+        let file = self.candidates.as_ref();
+        let file = file.map_or_else(String::new, |path| format!(" in {}", path.display()));
+        let mut text = format!("Of {offered}{file}, {left} are left out:\n");
+        for reason in reasons {
+            text += &format!("  {reason}\n");
+        }
+        text
+    }
+
+    /// What the bound is about, and which candidates of the file are not possible.
+    pub fn told(&self, candidates: &Candidates) -> String {
+        let (offered, possible) = (candidates.offered, candidates.experiments.len());
+        format!(
+            "The bound is about plans of these {}, all of which were looked at.\n{}",
+            counted(possible as u64, "candidate"),
+            self.left_out(
+                &offered.to_string(),
+                offered - possible,
+                &candidates.left_out
+            )
+        )
+    }
+
+    /// Puts the poses of the file in place of a task's, where one was given.
+    fn replace_test_poses(&self, task: &mut Task) -> Result<(), FileError> {
+        let Some(path) = &self.test_poses else {
+            return Ok(());
+        };
+        let wrong = |problem: String| FileError::new(path, problem).code(ErrorCode::CandidateFile);
+        let rows = read_candidates(path, task.belief.commands())?;
+        if rows.len() > MOST_NAMED {
+            let found = rows.len();
+            return Err(wrong(format!(
+                "found {found} poses; at most {MOST_NAMED} are allowed"
+            )));
+        }
+        let first = task.test_poses.first();
+        let load = first.map_or(Load::NONE, |pose| pose.load);
+        let turns = first.is_some_and(|pose| pose.load_axes.is_some());
+        if turns && rows.iter().any(|row| row.load.is_none()) {
+            let problem = "found no loads, and that of the scenario's first test pose is in the tool's frame, which turns with the pose";
+            let hint = "give the columns fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm";
+            return Err(FileError::new(path, problem).hint(hint));
+        }
+        let weight = (rows.len() as f64).recip();
+        let mut poses = Vec::new();
+        for row in rows {
+            let given = [
+                ("target", row.target.is_some()),
+                ("station", row.station.is_some()),
+                ("repeats", row.most.is_some()),
+                ("approach", row.approach.is_some()),
+            ];
+            if let Some((column, _)) = given.iter().find(|(_, is_given)| *is_given) {
+                return Err(wrong(format!(
+                    "found the column {column:?}, which test poses do not have"
+                )));
+            }
+            poses.push(TestPose {
+                name: format!("line {}", row.line),
+                configuration_rad: row.configuration_rad,
+                load: row.load.unwrap_or(load),
+                load_axes: None,
+                weight,
+                direction: None,
+            });
+        }
+        task.test_poses = poses;
+        Ok(())
+    }
+}
+
+/// Refuses options that are about the accuracy that a scenario has not: of deflections, and of absolute readings with what there
+/// is in their place.
+pub fn refuse_others(
+    scenario: &Scenario,
+    of_deflections: &[(&str, bool)],
+    of_readings: &[(&str, bool, &str)],
+) -> Result<(), FileError> {
+    let accuracy = scenario.task.design.accuracy;
+    let refused = match accuracy {
+        AccuracyKind::Absolute => {
+            (of_deflections.iter().find(|option| option.1)).map(|(option, _)| {
+                (
+                    option,
+                    "deflections",
+                    ", or set accuracy = \"relative\"".into(),
+                )
+            })
+        }
+        AccuracyKind::Relative => (of_readings.iter().find(|option| option.1))
+            .map(|(option, _, instead)| (option, "absolute readings", format!(": {instead}"))),
+    };
+    let Some((option, about, instead)) = refused else {
+        return Ok(());
+    };
+    let accuracy = accuracy.name();
+    let problem = format!("is {accuracy:?}, and {option} is for plans of {about}");
+    Err(FileError::new(&scenario.path, problem)
+        .at("design.accuracy")
+        .code(ErrorCode::OtherAccuracy)
+        .hint(format!("leave out {option}{instead}")))
+}

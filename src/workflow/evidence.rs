@@ -1,0 +1,161 @@
+//! What a designed plan is shown beside: other plans over many runs, other criteria's plans, and
+//! other numbers of measurements. All by the linear model, so that it takes seconds.
+
+use std::sync::atomic::AtomicBool;
+
+use thiserror::Error;
+
+use crate::plan::search::{
+    ApproximateDesign, Basis, Bound, BudgetPoint, Problem, SearchError, Watch, compare_criteria,
+    exact_design,
+};
+use crate::plan::{Criterion, Plan};
+use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage, EvidenceMessage};
+use crate::record::study::StudyPlanMessage;
+use crate::scenario::Scenario;
+use crate::study::model_level::LinearModel;
+use crate::study::runner::{Runner, RunsInBlocks};
+use crate::study::{Conditions, Entry, EntryKind, Level, Setting, StudyError};
+use crate::task::Task;
+
+/// The number of runs.
+const TRIALS: u64 = 10_000;
+/// Searches for each of the other numbers of measurements, at most.
+const SEARCHES: usize = 48;
+/// Numbers of measurements that are searched.
+const SIZES: [u32; 7] = [1, 2, 3, 4, 6, 8, 12];
+/// Plans of this many times as many measurements are not searched.
+const WIDEST: u32 = 2;
+/// As many measurements are always searched for.
+const ALWAYS: u32 = 6;
+
+/// Why there is no evidence.
+#[derive(Debug, Error)]
+pub enum EvidenceError {
+    /// No plan was found.
+    #[error(transparent)]
+    Search(#[from] SearchError),
+    /// The study cannot be made.
+    #[error(transparent)]
+    Study(#[from] StudyError),
+}
+
+/// Gathers the evidence for the first of `plans`, which all have as many measurements. `approximate` is the task's approximate
+/// design for the test poses, `bound` what follows from it.
+///
+/// # Errors
+/// No plan was found, or no run can be made.
+pub fn gather(
+    scenario: &Scenario,
+    (approximate, bound): (&ApproximateDesign, &Bound),
+    plans: &[(String, Plan)],
+    watch: Watch<'_>,
+) -> Result<EvidenceMessage, EvidenceError> {
+    let (task, seed) = (&scenario.task, scenario.seed);
+    let Some((_, designed)) = plans.first() else {
+        return Err(StudyError::NoPlan.into());
+    };
+    // The linear model makes runs only of plans that determine what the test poses need.
+    let model = LinearModel::new(task, &scenario.truth);
+    let determined = plans.iter().filter(|(_, plan)| model.plan(plan).is_ok());
+    let fixed = determined.map(|(name, plan)| (name.clone(), EntryKind::Fixed(plan.clone())));
+    let random = ("random".to_owned(), EntryKind::RandomEach);
+    let kinds = fixed.chain([random]).collect();
+    // Every number that is shown has the bound that is its own.
+    let own = designed.measurements();
+    let largest = (own * WIDEST).max(ALWAYS);
+    let (searches, agreeing) = match bound.basis() {
+        Basis::Searches(certificate) => (certificate.searches, certificate.agreeing),
+        Basis::Candidates(_) | Basis::Nothing(_) => (0, 0),
+    };
+    let bound = &bound.clone().with_sizes(seed, 1..=largest);
+    let commands = task.belief.commands();
+    let accuracy = accuracy(task, (approximate, bound), designed, seed, watch)?;
+    Ok(EvidenceMessage {
+        bound_searches: searches,
+        bound_searches_agreeing: agreeing,
+        trials: TRIALS,
+        study: distances(scenario, own, kinds, TRIALS, None)?,
+        criteria_compared: (compare_criteria(task, approximate, designed, seed, watch).iter())
+            .map(|best| CriterionPlanMessage::new(&commands, best))
+            .collect(),
+        accuracy: accuracy.iter().map(AccuracyMessage::from).collect(),
+        repeated: (2..=largest / own.max(1))
+            .filter_map(|times| BudgetPoint::repeated(task, designed, times, bound))
+            .map(|point| AccuracyMessage::from(&point))
+            .collect(),
+        lower_bounds_rho0_mm: (1..=largest)
+            .map(|size| bound.of_size(size).ok().map(|bound| bound.best * 1e3))
+            .collect(),
+    })
+}
+
+/// So many runs of plans of so many measurements, by the linear model, unless the flag is set meanwhile.
+///
+/// # Errors
+/// The study cannot be made, or was stopped.
+pub fn distances(
+    scenario: &Scenario,
+    experiments: u32,
+    kinds: Vec<(String, EntryKind)>,
+    trials: u64,
+    stop: Option<&AtomicBool>,
+) -> Result<Vec<StudyPlanMessage>, StudyError> {
+    let conditions = Conditions::plain(&scenario.task, experiments);
+    let setting = [Setting::new(&scenario.task, &scenario.truth, conditions)];
+    let entry = |(name, kind)| Entry {
+        name,
+        setting: 0,
+        kind,
+    };
+    let entries: Vec<Entry> = kinds.into_iter().map(entry).collect();
+    let mut runner = Runner::new(&setting, scenario.seed, Level::Model, &entries)?;
+    if let Some(stop) = stop {
+        runner = runner.stopped_by(stop);
+    }
+    let tallies = runner.run(trials, 0..runner.blocks(trials), 1, &|_| ())?;
+    let parameters = scenario.task.belief.parameters.len();
+    let message = |(index, reference): (usize, Option<usize>)| {
+        let runs = (&tallies[index], reference.map(|other| &tallies[other]));
+        let name = &entries[index].name;
+        StudyPlanMessage::new(name, &conditions, parameters, runs, (None, None))
+    };
+    let references = runner.references().into_iter();
+    Ok(references.enumerate().map(message).collect())
+}
+
+/// The best accuracy for fewer and for more measurements, each in a configuration of its own, and
+/// that of the designed plan.
+fn accuracy(
+    task: &Task,
+    (approximate, bound): (&ApproximateDesign, &Bound),
+    designed: &Plan,
+    seed: u64,
+    watch: Watch<'_>,
+) -> Result<Vec<BudgetPoint>, SearchError> {
+    let mut problem = Problem::new(task, Criterion::TestPose);
+    problem.effort.searches = SEARCHES;
+    let own = designed.measurements();
+    let size = |plan: &Plan| u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
+    let point = |plan: &Plan, cost: f64| {
+        let sizes = [plan.measurements(), size(plan)];
+        BudgetPoint::new(task, plan.clone(), sizes, cost, bound)
+    };
+    let fewest = (problem.to_find().div_ceil(3).max(1)).max(size(&task.design.mandatory) as usize);
+    let largest = (own * WIDEST).max(ALWAYS);
+    let mut points = Vec::new();
+    for m in SIZES {
+        if m == own || (m as usize) < fewest || m > largest {
+            continue;
+        }
+        match exact_design(&problem, approximate, m, m, seed, watch) {
+            Ok(design) => points.push(point(&design.plan, design.cost)),
+            // So few measurements do not determine the compliances: more may.
+            Err(SearchError::Singular { .. }) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    points.extend(BudgetPoint::repeated(task, designed, 1, bound));
+    points.sort_by_key(|point| point.experiments);
+    Ok(points)
+}
