@@ -31,9 +31,9 @@ mod tails;
 pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
     DistanceStatistics, FEWEST_BLOCKS, Inconsistencies, Inconsistency, JointError, LeftOut,
-    ModelSelection, MovedStation, NestedModel, NestedModelTest, ParameterChange, ParameterGroup,
-    PartsOfReadings, PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation,
-    SQUARE_95, SeriesEstimates, SimulatedReadings, Unexplained, VarianceComponents,
+    ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PredictedPositions,
+    ReadingPrognosis, ReadingWeights, Recommendation, SQUARE_95, SeriesEstimates,
+    SimulatedReadings, Unexplained, VarianceComponents,
 };
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;

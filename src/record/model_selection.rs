@@ -2,10 +2,9 @@
 
 use serde::Serialize;
 
-use super::absolute::{RejectedMessage, quantity_unit};
+use super::absolute::RejectedMessage;
 use crate::identification::{
-    CrossValidation, DistanceStatistics, ModelSelection, NestedModel, NestedModelTest,
-    ParameterChange, ParameterGroup,
+    CrossValidation, DistanceStatistics, ModelSelection, NestedModel, ParameterGroup,
 };
 
 /// Models with more and more parameters.
@@ -61,10 +60,6 @@ pub struct NestedModelMessage {
     pub cross_validation: Option<CrossValidationMessage>,
     /// Why not.
     pub not_judged: Option<String>,
-    /// Whether it explains more than the one below; null for the lowest.
-    pub test: Option<NestedModelTest>,
-    /// The parameters that it moves out of their intervals, those moved farthest first.
-    pub changes: Vec<ParameterChangeMessage>,
 }
 
 /// What a nested model leaves of blocks that it was not fitted to.
@@ -82,26 +77,6 @@ pub struct CrossValidationMessage {
     pub standard_error: f64,
     /// The loss of each block.
     pub block_losses: Vec<f64>,
-}
-
-/// A parameter that a nested model moves out of its interval.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ParameterChangeMessage {
-    /// Its name.
-    pub name: String,
-    /// The unit of its values.
-    pub unit: String,
-    /// Whether the nested model below does not have it.
-    pub is_new: bool,
-    /// Its value on the nested model below, nominal where that does not have it.
-    pub before: f64,
-    /// Its value on this nested model.
-    pub after: f64,
-    /// An interval of 95 %, as wide as this nested model's by blocks: about the value on the nested model below, about this nested model's where
-    /// it is new.
-    pub interval95: [f64; 2],
-    /// The change over half that interval.
-    pub half_widths: f64,
 }
 
 impl From<&ModelSelection> for ModelSelectionMessage {
@@ -146,8 +121,6 @@ impl From<&NestedModel> for NestedModelMessage {
             discrepancy_mrad: nested_model.discrepancy[1] * 1e3,
             cross_validation: judged.ok().map(Into::into),
             not_judged: judged.err().cloned(),
-            test: nested_model.test,
-            changes: nested_model.changes.iter().map(Into::into).collect(),
         }
     }
 }
@@ -161,20 +134,6 @@ impl From<&CrossValidation> for CrossValidationMessage {
             beyond_best: judged.beyond_best,
             standard_error: judged.standard_error,
             block_losses: judged.block_losses.clone(),
-        }
-    }
-}
-
-impl From<&ParameterChange> for ParameterChangeMessage {
-    fn from(change: &ParameterChange) -> Self {
-        Self {
-            name: change.name.clone(),
-            unit: quantity_unit(change.kind).to_owned(),
-            is_new: change.is_new,
-            before: change.before,
-            after: change.after,
-            interval95: change.interval95,
-            half_widths: change.half_widths,
         }
     }
 }

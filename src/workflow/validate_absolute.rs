@@ -8,14 +8,13 @@ use super::stored_robot::{StoredRobot, robot_kinds};
 use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, FitError, MountedFrames, MovedStation, ReadingPrognosis,
-    ReadingResidual, fit_parameters,
+    AbsoluteCase, AbsoluteError, MountedFrames, MovedStation, ReadingPrognosis, ReadingResidual,
+    fit_parameters,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::parameter::{Axis, ParameterKind, ParameterSet};
 use crate::record::absolute::MountedFrameMessage;
-use crate::robot::EquilibriumError;
 use crate::task::Belief;
 
 /// What is left of readings that were not fitted.
@@ -191,13 +190,7 @@ pub fn validate_absolute(
         }
         case.arm = fit.belief;
     }
-    let no_rest = |(index, source): (usize, EquilibriumError)| {
-        AbsoluteError::from(FitError::Equilibrium {
-            observation: index + 1,
-            source,
-        })
-    };
-    let left = case.left(&case.arm).map_err(no_rest)?;
+    let left = case.left(&case.arm).map_err(AbsoluteError::from)?;
     let arm = case.arm.clone();
     for (place, unknown) in stored.message.unknowns.iter().enumerate() {
         let kinds = robot_kinds(&nominal);

@@ -124,12 +124,7 @@ fn what_was_put_in_is_recommended() {
         let gear = waves(&mut random);
         let model_selection =
             model_selection(belief, &read_of(&mut random, &arm, 150, force_n, &gear));
-        let groups = model_selection.groups().to_vec();
-        let test = model_selection.nested_models[1]
-            .test
-            .expect("zeros are tested");
-        assert!(test.probability < 0.01, "zeros: {test:?}");
-        groups
+        model_selection.groups().to_vec()
     };
     let zeros: Vec<_> = (0..6u64)
         .into_par_iter()
@@ -146,46 +141,6 @@ fn what_was_put_in_is_recommended() {
         .collect();
     for groups in &soft {
         assert!(groups.contains(&ParameterGroup::Compliances), "{soft:?}");
-    }
-}
-
-/// Where there is nothing but frames and what no parameter is, zeros and links are rarely said to explain more: with the noise
-/// as yardstick they always would.
-#[test]
-fn the_yardstick_is_the_discrepancy() {
-    const ROBOTS: u64 = 24;
-    let scenario = ur10();
-    let belief = &scenario.task.belief;
-    let found: Vec<Vec<f64>> = (0..ROBOTS)
-        .into_par_iter()
-        .map(|seed| {
-            let mut random = generator(23, seed);
-            let arm = seen_arm(&mut random, &scenario, 1, 1);
-            let gear = waves(&mut random);
-            let model_selection =
-                model_selection(belief, &read_of(&mut random, &arm, 100, 0.0, &gear));
-            let tests = model_selection
-                .nested_models
-                .iter()
-                .filter_map(|nested_model| nested_model.test);
-            tests.map(|test| test.probability).collect()
-        })
-        .collect();
-    for nested_model in 0..2 {
-        let below = |level: f64| found.iter().filter(|all| all[nested_model] < level).count();
-        println!(
-            "nested_model {}: {} below 5 %, {} below 1 %",
-            nested_model + 1,
-            below(0.05),
-            below(0.01)
-        );
-        // 1.2 are expected; 6 or more are seen by chance in one of 700.
-        assert!(
-            below(0.05) <= 5,
-            "nested_model {}: {} of {ROBOTS}",
-            nested_model + 1,
-            below(0.05)
-        );
     }
 }
 
@@ -216,12 +171,6 @@ fn the_command_recommends_fits_and_draws() {
         .expect("a list");
     assert!(nested_models.len() >= 4);
     assert_eq!(nested_models[2]["groups"][0], "geometry");
-    assert!(
-        nested_models[1]["test"]["probability"]
-            .as_f64()
-            .expect("a number")
-            > 1e-3
-    );
     for threads in [1, 3] {
         let other = place
             .run(&format!("{command} --json --threads {threads}"))

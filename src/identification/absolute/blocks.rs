@@ -1,51 +1,74 @@
-//! Readings by blocks of joint space.
+//! Parts of the readings, those that were kept and blocks of joint space, and cross-validation: fits without one block each.
 
-use nalgebra::DVector;
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX};
+use rayon::prelude::*;
 
-use super::super::gauss_newton::FitError;
-use super::{AbsoluteCase, joint_space_blocks};
-use crate::observation::{
-    NormalEquations, Observation, SharedErrors, normal_equations, shared_equations,
+use super::super::gauss_newton::{FitError, ParameterFit};
+use super::super::outliers;
+use super::{
+    AbsoluteCase, AbsoluteFit, CopiedReadings, ReadingResidual, RejectedReading, joint_space_blocks,
 };
-use crate::parameter::{ElasticArm, ParameterSet};
+use crate::numeric::estimable::Estimable;
+use crate::observation::{
+    Form, NormalEquations, ObservationModel, normal_equations, shared_equations,
+};
+use crate::parameter::{ParameterSet, relative_precision};
 
 /// With fewer blocks there is nothing to compare.
 pub const FEWEST_BLOCKS: usize = 4;
-
-/// Some of the readings, weighed as all are.
-#[derive(Debug, Clone)]
-pub(super) struct ReadingPart {
-    pub observations: Vec<Observation>,
-    pub shared: Option<SharedErrors>,
-}
-
-impl ReadingPart {
-    /// What these readings say.
-    pub fn equations(
-        &self,
-        set: &ParameterSet,
-        reference: &ElasticArm,
-        values: &DVector<f64>,
-    ) -> Result<NormalEquations, FitError> {
-        let observations = &self.observations;
-        let equations = match &self.shared {
-            None => normal_equations(set, reference, values, observations),
-            Some(shared) => shared_equations(set, reference, values, observations, shared),
-        };
-        equations.map_err(|(index, source)| FitError::Equilibrium {
-            observation: index + 1,
-            source,
-        })
-    }
-
-    /// The number of scalar readings.
-    pub fn rows(&self) -> usize {
-        let readings = self.observations.iter();
-        readings.map(|each| each.reading.kind().rows()).sum()
-    }
-}
+/// Steps of fits that start at the fit to all readings.
+const MAXIMUM_STEPS: usize = 6;
+/// A first step that predicts the block's sum of squares as well as this is the fit.
+const AS_PREDICTED: f64 = 1e-4;
+/// A fit is found when the next step is shorter than this in standard errors.
+const SHORT: f64 = 1e-2;
+/// A direction that the other blocks do not determine matters to a reading that a typical size moves by so many of its
+/// standard deviations.
+const MATTERS: f64 = 0.1;
 
 impl AbsoluteCase<'_> {
+    /// The same case with the readings that were fitted alone.
+    pub fn kept(&self, fit: &AbsoluteFit) -> Self {
+        self.without(&fit.rejected)
+    }
+
+    /// The same case without some of its readings, and without copies of others.
+    pub(super) fn without(&self, rejected: &[RejectedReading]) -> Self {
+        let is_rejected = outliers::rejected_of(self.observations.len(), rejected);
+        let is_copy = self.copies.is_copy(self.observations.len());
+        self.part_of(|index| !is_rejected[index] && !is_copy[index])
+    }
+
+    /// The same case with some of its readings alone, weighed as they are.
+    pub(super) fn part_of(&self, is_in: impl Fn(usize) -> bool) -> Self {
+        let places: Vec<usize> = (0..self.observations.len())
+            .filter(|&index| is_in(index))
+            .collect();
+        let new = |index: &usize| places.binary_search(index).ok();
+        let visits = self.visits.iter();
+        let visits = visits.map(|visit| visit.iter().filter_map(new).collect());
+        Self {
+            belief: self.belief,
+            arm: self.arm.clone(),
+            stations: self.stations.clone(),
+            targets: self.targets.clone(),
+            observations: (places.iter().map(|&index| self.observations[index].clone())).collect(),
+            covariances: places
+                .iter()
+                .map(|&index| self.covariances[index])
+                .collect(),
+            visits: visits
+                .filter(|visit: &Vec<usize>| !visit.is_empty())
+                .collect(),
+            within: self.within,
+            shared: self.shared.as_ref().map(|shared| shared.among(&places)),
+            is_sharing_known: self.is_sharing_known,
+            keeps_all: self.keeps_all,
+            far_from_frames: Vec::new(),
+            copies: CopiedReadings::default(),
+        }
+    }
+
     /// Each reading's block of joint space, among so many. Readings of one visit are of one configuration.
     pub fn blocks(&self, count: usize) -> Vec<usize> {
         // A visit's first reading stands for all of it, whatever angles the others say.
@@ -62,38 +85,182 @@ impl AbsoluteCase<'_> {
 
     /// How many different configurations were read.
     pub fn different(&self) -> usize {
+        let bits = |each: &DVector<f64>| each.iter().map(|angle| angle.to_bits()).collect();
         let configurations = self.observations.iter();
         let mut all: Vec<Vec<u64>> = configurations
-            .map(|each| {
-                each.setup
-                    .commanded_rad
-                    .iter()
-                    .map(|angle| angle.to_bits())
-                    .collect()
-            })
+            .map(|each| bits(&each.setup.commanded_rad))
             .collect();
         all.sort_unstable();
         all.dedup();
         all.len()
     }
 
-    /// The readings at some places, which are in order.
-    pub(super) fn part(
+    /// What the readings say at values of parameters, as they are weighed.
+    pub(super) fn equations(
         &self,
-        shared: Option<&SharedErrors>,
-        is_in: impl Fn(usize) -> bool,
-    ) -> ReadingPart {
-        let places: Vec<usize> = (0..self.observations.len())
-            .filter(|&index| is_in(index))
-            .collect();
-        let shared = shared.map(|shared| shared.among(&places));
-        let observations = places
-            .iter()
-            .map(|&index| self.observations[index].clone())
-            .collect();
-        ReadingPart {
-            observations,
-            shared,
+        set: &ParameterSet,
+        values: &DVector<f64>,
+    ) -> Result<NormalEquations, FitError> {
+        let (arm, observations) = (&self.arm, &self.observations);
+        Ok(match &self.shared {
+            None => normal_equations(set, arm, values, observations),
+            Some(shared) => shared_equations(set, arm, values, observations, shared),
+        }?)
+    }
+
+    /// The number of scalar readings.
+    pub(super) fn numbers(&self) -> usize {
+        let readings = self.observations.iter();
+        readings.map(|each| each.reading.kind().rows()).sum()
+    }
+}
+
+/// One block of readings beside a fit to all others.
+pub(super) struct Without {
+    /// The fit's values (p), in the parameters' units.
+    pub values: DVector<f64>,
+    /// Which readings of the block the others tell, in the block's order.
+    pub is_told: Vec<bool>,
+    /// What is left of the block's readings.
+    pub left: Vec<ReadingResidual>,
+}
+
+/// The blocks of a case.
+pub(super) struct Blocks<'a> {
+    case: &'a AbsoluteCase<'a>,
+    /// Each reading's block.
+    pub of_readings: Vec<usize>,
+    parts: Vec<AbsoluteCase<'a>>,
+}
+
+impl<'a> Blocks<'a> {
+    /// So many blocks, or fewer.
+    pub fn new(case: &'a AbsoluteCase<'a>, count: usize) -> Self {
+        let of_readings = case.blocks(count);
+        let count = of_readings.iter().max().map_or(0, |&last| last + 1);
+        let part = |block| case.part_of(|index| of_readings[index] == block);
+        Self {
+            parts: (0..count).map(part).collect(),
+            case,
+            of_readings,
         }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// The readings of a block, by their places.
+    pub fn places(&self, block: usize) -> impl Iterator<Item = usize> {
+        let places = 0..self.of_readings.len();
+        places.filter(move |&index| self.of_readings[index] == block)
+    }
+
+    /// A fit without each of the blocks, from one to all.
+    pub fn without(
+        &self,
+        set: &ParameterSet,
+        fit: &ParameterFit,
+    ) -> Result<Vec<Without>, FitError> {
+        let values = DVector::from_column_slice(&fit.posterior.mean);
+        let equations: Result<Vec<_>, FitError> = (self.parts.par_iter())
+            .map(|part| part.equations(set, &values))
+            .collect();
+        let equations = equations?;
+        let mut all = DMatrix::zeros(set.len(), set.len());
+        let mut gradient = DVector::zeros(set.len());
+        for each in &equations {
+            all += &each.information;
+            gradient += &each.gradient;
+        }
+        (0..self.parts.len())
+            .into_par_iter()
+            .map(|block| {
+                let own = &equations[block];
+                let others = (&all - &own.information, &gradient - &own.gradient);
+                self.without_block((set, fit), block, own, others)
+            })
+            .collect()
+    }
+
+    fn without_block(
+        &self,
+        (set, fit): (&ParameterSet, &ParameterFit),
+        block: usize,
+        own: &NormalEquations,
+        (information, gradient): (DMatrix<f64>, DVector<f64>),
+    ) -> Result<Without, FitError> {
+        let part = &self.parts[block];
+        let scales = set.scales();
+        let prior = relative_precision(set);
+        // What the other blocks determine of what all determine, in typical sizes, and what they do not.
+        let all = fit.posterior.estimable.basis();
+        let within = all.tr_mul(&(&information + &prior)) * all;
+        let estimable = Estimable::new(&within, &vec![1.0; all.ncols()]);
+        let (basis, hidden) = (all * estimable.basis(), all * estimable.hidden());
+        // A step in typical sizes (p), and its length in standard errors.
+        let step = |information: &DMatrix<f64>, gradient: DVector<f64>, values: &DVector<f64>| {
+            let off = (values - &set.prior().mean).component_div(&scales);
+            let within = basis.tr_mul(&(information + &prior)) * &basis;
+            let gradient = basis.tr_mul(&(gradient - &prior * off));
+            let steps = f64::INFINITY;
+            let factor = Cholesky::new(within).ok_or(FitError::NotConverged { steps })?;
+            let solved = factor.solve(&gradient);
+            let length = gradient.dot(&solved).max(0.0).sqrt();
+            Ok::<_, FitError>((&basis * solved, length))
+        };
+        let mut values = DVector::from_column_slice(&fit.posterior.mean);
+        let (change, _) = step(&information, gradient, &values)?;
+        values += change.component_mul(&scales);
+        let found = part.equations(set, &values)?.square;
+        let predicted = own.square - 2.0 * change.dot(&own.gradient)
+            + change.dot(&(&own.information * &change));
+        if (found - predicted).abs() > AS_PREDICTED * found {
+            let rest = (self.case).part_of(|index| self.of_readings[index] != block);
+            for _ in 0..MAXIMUM_STEPS {
+                let now = rest.equations(set, &values)?;
+                let (change, length) = step(&now.information, now.gradient, &values)?;
+                if length < SHORT {
+                    break;
+                }
+                values += change.component_mul(&scales);
+            }
+        }
+        Ok(Without {
+            left: part.left(&set.apply(&part.arm, values.as_slice()))?,
+            is_told: part.determined_by_others(set, &values, &hidden),
+            values,
+        })
+    }
+}
+
+impl AbsoluteCase<'_> {
+    /// Which of the readings do not hang on directions (p x f, in typical sizes) that others leave open.
+    fn determined_by_others(
+        &self,
+        set: &ParameterSet,
+        values: &DVector<f64>,
+        hidden: &DMatrix<f64>,
+    ) -> Vec<bool> {
+        if hidden.ncols() == 0 {
+            return vec![true; self.observations.len()];
+        }
+        let scales = set.scales();
+        let mut model = ObservationModel::new(set, &self.arm, values.as_slice());
+        let mut rows = Matrix6xX::zeros(set.len());
+        let told = self.observations.iter().map(|each| {
+            let kind = each.reading.kind();
+            let Ok(predicted) = model.predict(Form::AtRest, &each.setup, kind, &mut rows) else {
+                return false;
+            };
+            each.whiten(&predicted, &mut rows);
+            for (mut column, scale) in rows.column_iter_mut().zip(&scales) {
+                column *= *scale;
+            }
+            let moved = &rows * hidden;
+            moved.column_iter().all(|moved| moved.norm() < MATTERS)
+        });
+        told.collect()
     }
 }

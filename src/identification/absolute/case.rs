@@ -2,24 +2,21 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Matrix6, Matrix6xX, Rotation3, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::super::copies::{CopiedReadings, ReadBits};
 use super::super::frames::{MountedFrames, RobustFrames, Sight, reach};
 use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
-use super::transfer::transferred;
 use super::visits::visits;
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Observation, Reading, Setup, SharedErrors, SharingReadings, Whitener};
+use crate::observation::{Observation, Reading, Setup, SharedErrors, Whitener};
 use crate::parameter::ElasticArm;
-use crate::robot::{KinematicState, Kinematics, SerialChain, Tool};
+use crate::robot::{KinematicState, Kinematics, Load, SerialChain, Tool};
 use crate::task::Belief;
 
 /// Readings spread by more, or by less, than this many times what the robot does are in another unit.
 const OTHER_UNIT: f64 = 8.0;
-/// A discrepancy below this is none (m, rad).
-const LEAST_MISFIT: f64 = 1e-9;
 /// Less than this is no sign of anything (m).
 const LITTLE_M: f64 = 1e-3;
 /// With more than this share of the spread left, frames explain nothing.
@@ -45,8 +42,10 @@ pub struct AbsoluteCase<'a> {
     /// Of what no parameter explains, the standard deviation that readings of one visit do not share: of each coordinate of the
     /// position (m) and of the rotation (rad).
     pub within: [f64; 2],
-    /// Errors that readings share as the planner's model has them; none where that is to be found from residuals.
-    pub shared: Option<SharedErrors>,
+    /// Errors that readings share besides as they are weighed.
+    pub(super) shared: Option<SharedErrors>,
+    /// Whether the planner's model says which these are: they are not found from residuals then.
+    pub(super) is_sharing_known: bool,
     /// Whether readings that lie far out are fitted, too.
     pub keeps_all: bool,
     /// The readings that are far out of any frames, which no fit begins with.
@@ -65,10 +64,7 @@ impl<'a> AbsoluteCase<'a> {
         let mut case = Self::placed(belief, readings)?;
         let sights = case.sights();
         check_units(&sights, &case.arm)?;
-        let tools: Vec<_> = (case.arm.tools.iter())
-            .map(|tool| tool.link_from_tool)
-            .collect();
-        let found = RobustFrames::guessed(&sights, case.stations.len(), &tools);
+        let found = RobustFrames::guessed(&sights, case.stations.len(), &case.link_from_tools());
         let wrong = found.wrong();
         case.far_from_frames = (wrong.iter())
             .map(|&reading| RejectedReading {
@@ -77,11 +73,9 @@ impl<'a> AbsoluteCase<'a> {
             })
             .collect();
         case.set_frames(found.frames);
-        let is_right = |place: &usize| wrong.binary_search(place).is_err();
-        let right: Vec<Sight> = (0..sights.len())
-            .filter(is_right)
-            .map(|place| sights[place].clone())
-            .collect();
+        let mut right = sights;
+        let mut places = 0..right.len();
+        right.retain(|_| (places.next()).is_some_and(|place| wrong.binary_search(&place).is_err()));
         case.check_likeness(&right)?;
         case.copies = CopiedReadings::of(&case.read_bits());
         Ok(case)
@@ -104,6 +98,7 @@ impl<'a> AbsoluteCase<'a> {
             visits: visits(readings),
             within: [0.0; 2],
             shared: None,
+            is_sharing_known: false,
             keeps_all: false,
             far_from_frames: Vec::new(),
             copies: CopiedReadings::default(),
@@ -113,7 +108,7 @@ impl<'a> AbsoluteCase<'a> {
             let target = case.target(index, reading.target.as_deref())?;
             let tool = &case.arm.tools[target];
             let carried = belief.calibration_tool.joints;
-            if reading.load != crate::robot::Load::NONE && tool.joints > carried {
+            if reading.load != Load::NONE && tool.joints > carried {
                 let target = tool.name.clone();
                 return Err(AbsoluteError::BeyondLoad {
                     reading: index + 1,
@@ -154,6 +149,7 @@ impl<'a> AbsoluteCase<'a> {
             *covariance += more;
         }
         self.shared = Some(shared);
+        self.is_sharing_known = true;
         self
     }
 
@@ -206,6 +202,12 @@ impl<'a> AbsoluteCase<'a> {
         })))
     }
 
+    /// Where the targets are on their links.
+    pub(super) fn link_from_tools(&self) -> Vec<Isometry3<f64>> {
+        let tools = self.arm.tools.iter();
+        tools.map(|tool| tool.link_from_tool).collect()
+    }
+
     /// What closed forms need of the readings.
     pub fn sights(&self) -> Vec<Sight> {
         let mut state = KinematicState::new(self.arm.chain.len());
@@ -220,21 +222,12 @@ impl<'a> AbsoluteCase<'a> {
                 let rotation = Rotation3::from_matrix_unchecked(state.tool_rotation);
                 let base_from_link =
                     Isometry3::from_parts(state.tool_position.into(), rotation.into());
-                let (position_m, rotation) = match each.reading {
-                    Reading::Pose {
-                        position_m,
-                        rotation,
-                    } => (position_m, Some(rotation)),
-                    Reading::Position { position_m } | Reading::Deflection { position_m, .. } => {
-                        (position_m, None)
-                    }
-                };
                 Sight {
                     station: each.setup.station,
                     target: each.setup.target,
                     base_from_link,
-                    position_m,
-                    rotation,
+                    position_m: each.position_m(),
+                    rotation: rotation_of(&each.reading),
                     weight: 1.0,
                 }
             })
@@ -245,29 +238,15 @@ impl<'a> AbsoluteCase<'a> {
     fn read_bits(&self) -> Vec<ReadBits> {
         (self.observations.iter().zip(&self.covariances))
             .map(|(each, covariance)| {
-                let (Reading::Pose { position_m, .. }
-                | Reading::Position { position_m }
-                | Reading::Deflection { position_m, .. }) = each.reading;
-                let rotation = match each.reading {
-                    Reading::Pose { rotation, .. } => rotation.as_slice().to_vec(),
-                    _ => Vec::new(),
-                };
                 let setup = &each.setup;
+                let mut more = vec![setup.station as f64, setup.target as f64];
+                more.extend(rotation_of(&each.reading).iter().flatten());
                 let of_setup = (setup.commanded_rad.iter())
                     .chain(setup.load.wrench().iter())
                     .map(|value| value.to_bits())
                     .collect();
                 let sigma_m = Vector3::from_fn(|axis, _| covariance[(axis, axis)].sqrt());
-                ReadBits::new(
-                    of_setup,
-                    &[
-                        &[setup.station as f64, setup.target as f64],
-                        rotation.as_slice(),
-                    ]
-                    .concat(),
-                    position_m,
-                    sigma_m,
-                )
+                ReadBits::new(of_setup, &more, each.position_m(), sigma_m)
             })
             .collect()
     }
@@ -278,45 +257,6 @@ impl<'a> AbsoluteCase<'a> {
         for (tool, frame) in self.arm.tools.iter_mut().zip(frames.link_from_tool) {
             tool.link_from_tool = frame;
         }
-    }
-
-    /// Weighs the readings by their own covariance and by what no parameter explains besides: a standard deviation of each
-    /// coordinate of the position (m) and of the rotation (rad). Readings of one visit share that but for what differs within visits.
-    pub(super) fn weigh(&mut self, discrepancy: [f64; 2]) -> Option<SharedErrors> {
-        let within = [0, 1].map(|part| self.within[part].min(discrepancy[part]));
-        let mut more = vec![discrepancy; self.observations.len()];
-        for &index in self.visits.iter().filter(|visit| visit.len() > 1).flatten() {
-            more[index] = within;
-        }
-        let of_others = self.shared.as_ref().map(SharedErrors::covariances);
-        for (index, each) in self.observations.iter_mut().enumerate() {
-            let mut covariance = self.covariances[index];
-            if let Some(of_others) = &of_others {
-                covariance -= of_others[index];
-            }
-            for row in 0..6 {
-                covariance[(row, row)] += more[index][row / 3].powi(2);
-            }
-            each.whitener = whitener(&covariance);
-        }
-        if self.shared.is_some() {
-            return self.shared.clone();
-        }
-        let all = [0, 1].map(|part| (discrepancy[part].powi(2) - within[part].powi(2)).sqrt());
-        let effects = Matrix6xX::from_columns(
-            &[0, 1, 2, 3, 4, 5].map(|row| Vector6::ith(row, all[row / 3].max(LEAST_MISFIT))),
-        );
-        let of_visit = |visit: &Vec<usize>| SharingReadings {
-            effects: match visit.len() {
-                1 => vec![Matrix6xX::zeros(0)],
-                several => vec![effects.clone(); several],
-            },
-            readings: visit.clone(),
-        };
-        let has_any = self.visits.len() < self.observations.len();
-        has_any.then(|| SharedErrors {
-            groups: self.visits.iter().map(of_visit).collect(),
-        })
     }
 
     /// Whether the frames explain the readings at all.
@@ -334,6 +274,32 @@ impl<'a> AbsoluteCase<'a> {
             return Err(AbsoluteError::Unlike { left, spread });
         }
         Ok(())
+    }
+}
+
+/// The axes of a pose.
+pub(super) const fn rotation_of(reading: &Reading) -> Option<Matrix3<f64>> {
+    match reading {
+        Reading::Pose { rotation, .. } => Some(*rotation),
+        _ => None,
+    }
+}
+
+/// The wrench at a target that stands for a load at another tool further out, at the commanded angles: for all joints that move
+/// the target it is the same load.
+fn transferred(chain: &SerialChain, acts_at: &Tool, target: &Tool, q: &[f64], load: &Load) -> Load {
+    if *load == Load::NONE || acts_at == target {
+        return *load;
+    }
+    let place = |tool: &Tool| -> Vector3<f64> {
+        let mut state = KinematicState::new(chain.len());
+        chain.at(tool).update(q, &mut state);
+        state.tool_position
+    };
+    let lever = place(acts_at) - place(target);
+    Load {
+        force_n: load.force_n,
+        torque_nm: load.torque_nm + lever.cross(&load.force_n),
     }
 }
 

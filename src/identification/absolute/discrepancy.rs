@@ -1,16 +1,71 @@
-//! The model discrepancy of absolute readings: by how much residuals exceed the readings' covariances, and what of that one visit
-//! shares.
+//! The model discrepancy of absolute readings: by how much residuals exceed the readings' covariances, what of that one visit
+//! shares, and fits that weigh readings by it.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::super::discrepancy::WEIGHINGS;
 use super::super::gauss_newton::{
     FitError, ParameterFit, fit_for_weights, fit_from, fit_parameters,
 };
+use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError, Discrepancy, ReadingResidual};
+use crate::observation::{SharedErrors, SharingReadings};
 use crate::parameter::ParameterSet;
 
+/// A discrepancy below this is none (m, rad).
+const LEAST_DISCREPANCY: f64 = 1e-9;
+
 impl AbsoluteCase<'_> {
+    /// Weighs the readings by their own covariance and by what no parameter explains besides: a standard deviation of each
+    /// coordinate of the position (m) and of the rotation (rad). Readings of one visit share that but for what differs within visits.
+    pub(super) fn weigh(&mut self, discrepancy: [f64; 2]) {
+        let within = [0, 1].map(|part| self.within[part].min(discrepancy[part]));
+        let mut more = vec![discrepancy; self.observations.len()];
+        for &index in self.visits.iter().filter(|visit| visit.len() > 1).flatten() {
+            more[index] = within;
+        }
+        let known = self.shared.as_ref().filter(|_| self.is_sharing_known);
+        let of_others = known.map(SharedErrors::covariances);
+        for (index, each) in self.observations.iter_mut().enumerate() {
+            let mut covariance = self.covariances[index];
+            if let Some(of_others) = &of_others {
+                covariance -= of_others[index];
+            }
+            for row in 0..6 {
+                covariance[(row, row)] += more[index][row / 3].powi(2);
+            }
+            each.whitener = whitener(&covariance);
+        }
+        if self.is_sharing_known {
+            return;
+        }
+        let all = [0, 1].map(|part| (discrepancy[part].powi(2) - within[part].powi(2)).sqrt());
+        let effects = Matrix6xX::from_columns(
+            &[0, 1, 2, 3, 4, 5].map(|row| Vector6::ith(row, all[row / 3].max(LEAST_DISCREPANCY))),
+        );
+        let of_visit = |visit: &Vec<usize>| SharingReadings {
+            effects: match visit.len() {
+                1 => vec![Matrix6xX::zeros(0)],
+                several => vec![effects.clone(); several],
+            },
+            readings: visit.clone(),
+        };
+        let has_any = self.visits.len() < self.observations.len();
+        self.shared = has_any.then(|| SharedErrors {
+            groups: self.visits.iter().map(of_visit).collect(),
+        });
+    }
+
+    /// A fit with the weights that the readings have, from values (p) that are near.
+    pub(super) fn fit_near(
+        &self,
+        set: &ParameterSet,
+        values: &[f64],
+    ) -> Result<ParameterFit, FitError> {
+        let (start, shared) = (values.to_vec().into(), self.shared.as_ref());
+        fit_from(&self.arm, set, &self.observations, shared, &start)
+    }
+
     /// A fit that weighs readings by what the model leaves, too; the first weight comes from another fit, or from the frames alone
     /// where there is none.
     pub(super) fn with_discrepancy(
@@ -27,15 +82,14 @@ impl AbsoluteCase<'_> {
             (found, set.prior().mean.clone())
         };
         for _ in 0..WEIGHINGS {
-            let shared = self.weigh(found);
-            let fit =
-                fit_for_weights(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
+            self.weigh(found);
+            let shared = self.shared.as_ref();
+            let fit = fit_for_weights(&self.arm, set, &self.observations, shared, &values)?;
             found = self.estimated_discrepancy(&fit)?;
             values = self.rebased(set, &fit);
         }
-        let shared = self.weigh(found);
-        let fit = fit_from(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
-        Ok((fit, Some(found)))
+        self.weigh(found);
+        Ok((self.fit_near(set, values.as_slice())?, Some(found)))
     }
 
     /// The frames of stations and targets alone that suit the readings best, all else as it is.
@@ -53,13 +107,13 @@ impl AbsoluteCase<'_> {
     pub fn left_in_best_frames(&self) -> Result<Vec<ReadingResidual>, AbsoluteError> {
         self.check_frames()?;
         let (_, fit) = self.fit_of_frames()?;
-        Ok(self.left_by(&fit)?)
+        Ok(self.left(&fit.belief)?)
     }
 
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and
     /// rotation (rad).
     pub(super) fn discrepancy(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
-        Ok(self.discrepancy_of(&self.left_by(fit)?, fit))
+        Ok(self.discrepancy_of(&self.left(&fit.belief)?, fit))
     }
 
     /// The same, and what of it readings of one visit do not share.
@@ -67,7 +121,7 @@ impl AbsoluteCase<'_> {
         &mut self,
         fit: &ParameterFit,
     ) -> Result<[f64; 2], FitError> {
-        let left = self.left_by(fit)?;
+        let left = self.left(&fit.belief)?;
         self.within = self.within_visits(&left, fit.spare());
         Ok(self.discrepancy_of(&left, fit))
     }
@@ -80,7 +134,7 @@ impl AbsoluteCase<'_> {
 
     /// By how much residuals within visits differ more than the readings' own covariances make them: standard deviations of each
     /// coordinate of the position (m) and of the rotation (rad). `spare` is the share of the numbers that the fit did not use up.
-    pub(super) fn within_visits(&self, left: &[ReadingResidual], spare: f64) -> [f64; 2] {
+    fn within_visits(&self, left: &[ReadingResidual], spare: f64) -> [f64; 2] {
         let mut sums = [[0.0; 3]; 2];
         for visit in self.visits.iter().filter(|visit| visit.len() > 1) {
             let positions = visit.iter().map(|&index| (index, left[index].position_m));

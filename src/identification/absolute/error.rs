@@ -6,6 +6,7 @@ use super::super::FitError;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::parameter::ParameterError;
+use crate::robot::EquilibriumError;
 
 /// Why absolute readings give nothing. Readings count from 1.
 #[derive(Debug, Error)]
@@ -98,6 +99,16 @@ pub enum AbsoluteError {
     /// There is no fit.
     #[error(transparent)]
     Fit(#[from] FitError),
+}
+
+impl From<(usize, EquilibriumError)> for FitError {
+    /// Of an observation that counts from 0.
+    fn from((index, source): (usize, EquilibriumError)) -> Self {
+        Self::Equilibrium {
+            observation: index + 1,
+            source,
+        }
+    }
 }
 
 impl AbsoluteError {

@@ -1,31 +1,22 @@
 //! The fit of absolute readings, its residuals and its conditions.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::{Told, impossible_compliance, left_out, too_large};
 use super::super::estimate::two_sided_student;
 use super::super::frames::reach;
-use super::super::gauss_newton::{
-    FitError, ParameterFit, fit_for_residuals, fit_from, fit_if_plausible,
-};
+use super::super::gauss_newton::{FitError, ParameterFit, fit_for_residuals, fit_if_plausible};
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
-use super::super::outliers;
-use super::super::outliers::IMPLAUSIBLE;
-use super::mixed::{MixedModel, VarianceComponents};
-use super::rows::LinearReading;
+use super::super::outliers::{self, IMPLAUSIBLE};
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
-    AbsoluteCase, AbsoluteError, CopiedReadings, Discrepancy, DiscrepancyModel, ParameterGroup,
-    ReadingResidual, RejectedReading,
+    AbsoluteCase, AbsoluteError, CopiedReadings, ParameterGroup, ReadingResidual, RejectedReading,
+    Unexplained,
 };
 use crate::codes::{Condition, ConditionCode};
-use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
-use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet, relative_precision};
-
-/// Fewer visits tell nothing of what the parameters leave but its size.
-const LEAST_VISITS: usize = 20;
+use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 
 /// Robots leave less than this share of how far positions reach in each coordinate: 2 mm of a metre.
 const ROBOTS_LEAVE: f64 = 2e-3;
@@ -35,14 +26,6 @@ const MOST_TURNED_RAD: f64 = 0.05;
 const MOST_SHIFTED_M: f64 = 0.02;
 /// Further from what is believed, in standard deviations of that, is told.
 const FAR: f64 = 2.0;
-
-/// The unit of a thousandth of what a correction of geometry is told in.
-const fn thousandth(kind: ParameterKind) -> &'static str {
-    match kind {
-        ParameterKind::LinkPosition { .. } => "mm",
-        _ => "mrad",
-    }
-}
 
 /// How much each reading counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -102,34 +85,22 @@ pub struct AbsoluteFit {
     pub iterations: usize,
 }
 
-/// What parameters leave of readings, told apart.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Unexplained {
-    /// Errors of joints and what is new at each visit, to predict with.
-    pub model: DiscrepancyModel,
-    /// The covariance of the parameters (p x p), if that is what they leave.
-    pub covariance: DMatrix<f64>,
-    /// The degrees of freedom of each parameter's variance.
-    pub degrees: Vec<f64>,
-    /// What is left of each reading that was not rejected beside the parameters and the joints' errors.
-    pub left: Vec<ReadingResidual>,
-    /// Visits.
-    pub visits: usize,
-    /// As many with errors of their own would tell as much of the parameters.
-    pub effective_sample_size: f64,
-    /// The shares of positions and of rotations that lie in their regions of 95 % as computed, each predicted by a fit to other
-    /// stands.
-    pub predicted_by_others: [Option<f64>; 2],
-}
-
 /// A fit with its weights.
 pub(super) struct WeighedFit {
-    fit: ParameterFit,
-    discrepancy: Option<[f64; 2]>,
-    consistency: Option<f64>,
+    pub fit: ParameterFit,
+    /// As in [`AbsoluteFit`].
+    pub discrepancy: Option<[f64; 2]>,
+    pub consistency: Option<f64>,
 }
 
-impl AbsoluteCase<'_> {
+/// A fit to those readings of a case that were kept.
+pub(super) struct KeptFit<'a> {
+    pub case: AbsoluteCase<'a>,
+    pub rejected: Vec<RejectedReading>,
+    weighed: WeighedFit,
+}
+
+impl<'a> AbsoluteCase<'a> {
     /// Fits what the belief leaves open, or what `groups` name, together with all frames.
     pub fn fit(
         &mut self,
@@ -140,41 +111,37 @@ impl AbsoluteCase<'_> {
         let ToldApart { mut set, left_out } = self.unknowns(groups)?;
         let start = self.far_from_frames();
         loop {
-            let (mut kept, mut rejected) = (self.without(&start), start.clone());
-            let mut weighed = kept.weighed_fit(&set, weights, None)?;
+            let mut case = self.without(&start);
+            let mut found = KeptFit {
+                weighed: case.weighed_fit(&set, weights, None)?,
+                rejected: start.clone(),
+                case,
+            };
             if !self.keeps_all
-                && let Some(others) =
-                    self.without_far_out(&set, weights, (&weighed.fit, weighed.discrepancy), &start)
+                && let Some(others) = self.without_far_out(&set, weights, &found.weighed, &start)
             {
-                (kept, rejected, weighed) = others;
+                found = others;
             }
-            let posterior = &weighed.fit.posterior;
-            if let Some(other) = with_nominal(&set, &posterior.mean, &posterior.covariance, UNKNOWN)
+            let posterior = &found.weighed.fit.posterior;
+            let nominal =
+                |covariance, unknown| with_nominal(&set, &posterior.mean, covariance, unknown);
+            let mut other = nominal(&posterior.covariance, UNKNOWN);
+            let mut discrepancy_model = None;
+            if other.is_none()
+                && let Some(discrepancy) = found.weighed.discrepancy
             {
-                set = other;
-                continue;
+                let is_rejected = outliers::rejected_of(self.observations.len(), &found.rejected);
+                let far_out = self.part_of(|index| is_rejected[index]);
+                let fit = &found.weighed.fit;
+                discrepancy_model =
+                    (found.case).discrepancy_model(&set, fit, discrepancy, &far_out);
+                other = (discrepancy_model.as_ref())
+                    .and_then(|model| nominal(&model.covariance, UNKNOWN_TOGETHER));
             }
-            let far_out = self.only(&rejected);
-            let discrepancy_model = (weighed.discrepancy).and_then(|discrepancy| {
-                kept.discrepancy_model(&set, &weighed.fit, discrepancy, &far_out)
-            });
-            if let Some(discrepancy_model) = &discrepancy_model
-                && let Some(other) = with_nominal(
-                    &set,
-                    &posterior.mean,
-                    &discrepancy_model.covariance,
-                    UNKNOWN_TOGETHER,
-                )
-            {
-                set = other;
-                continue;
+            match other {
+                Some(other) => set = other,
+                None => return self.told(found, (set, left_out), discrepancy_model),
             }
-            return self.told(
-                &kept,
-                (set, left_out),
-                (weighed, discrepancy_model),
-                rejected,
-            );
         }
     }
 
@@ -189,24 +156,23 @@ impl AbsoluteCase<'_> {
     /// All that is told of a fit to those readings that were kept.
     fn told(
         &mut self,
-        kept: &Self,
+        found: KeptFit<'a>,
         (set, left_out): (ParameterSet, Vec<LeftOut>),
-        (weighed, discrepancy_model): (WeighedFit, Option<Unexplained>),
-        rejected: Vec<RejectedReading>,
+        discrepancy_model: Option<Unexplained>,
     ) -> Result<AbsoluteFit, AbsoluteError> {
         let WeighedFit {
             mut fit,
             discrepancy,
             consistency,
-        } = weighed;
+        } = found.weighed;
         if let Some(discrepancy_model) = &discrepancy_model {
             fit.posterior
                 .covariance
                 .clone_from(&discrepancy_model.covariance);
         }
-        self.arm.clone_from(&kept.arm);
-        self.within = kept.within;
-        let left = self.left_by(&fit)?;
+        self.arm = found.case.arm;
+        self.within = found.case.within;
+        let left = self.left(&fit.belief)?;
         let (nominal, undetermined): (Vec<_>, Vec<_>) =
             (fit.freedoms.named.into_iter()).partition(|each| each.stays_nominal);
         Ok(AbsoluteFit {
@@ -217,7 +183,7 @@ impl AbsoluteCase<'_> {
             undetermined: undetermined.into_iter().map(|each| each.sentence).collect(),
             stays_nominal: nominal.into_iter().map(|each| each.sentence).collect(),
             left,
-            rejected,
+            rejected: found.rejected,
             copies: self.copies.clone(),
             reach_m: reach(&self.sights()),
             discrepancy,
@@ -237,18 +203,12 @@ impl AbsoluteCase<'_> {
         weights: ReadingWeights,
         near: Option<&ParameterFit>,
     ) -> Result<WeighedFit, AbsoluteError> {
-        let known = self.shared.clone();
-        let shared = known.as_ref();
+        let (observations, shared) = (&self.observations, self.shared.as_ref());
         let own = match weights {
             ReadingWeights::WithDiscrepancy => None,
-            ReadingWeights::Own => Some(fit_for_residuals(
-                &self.arm,
-                set,
-                &self.observations,
-                shared,
-            )?),
+            ReadingWeights::Own => Some(fit_for_residuals(&self.arm, set, observations, shared)?),
             ReadingWeights::AsNeeded => {
-                match fit_if_plausible(&self.arm, set, &self.observations, shared) {
+                match fit_if_plausible(&self.arm, set, observations, shared) {
                     Ok(fit) => Some(fit),
                     // Readings that the model cannot explain may drive its parameters anywhere.
                     Err(FitError::NotConverged { .. }) => None,
@@ -261,10 +221,7 @@ impl AbsoluteCase<'_> {
         let (fit, discrepancy) = match own {
             Some(fit) if is_plausible || weights == ReadingWeights::Own => {
                 let values = self.rebased(set, &fit);
-                (
-                    fit_from(&self.arm, set, &self.observations, shared, &values)?,
-                    None,
-                )
+                (self.fit_near(set, values.as_slice())?, None)
             }
             other => self.with_discrepancy(set, near.cloned().or(other))?,
         };
@@ -281,144 +238,61 @@ impl AbsoluteCase<'_> {
         &self,
         set: &ParameterSet,
         weights: ReadingWeights,
-        first: (&ParameterFit, Option<[f64; 2]>),
+        first: &WeighedFit,
         start: &[RejectedReading],
-    ) -> Option<(Self, Vec<RejectedReading>, WeighedFit)> {
-        let rank = first.0.posterior.estimable.rank();
-        let mut rejected = self.far_out(set, first, start)?;
+    ) -> Option<KeptFit<'a>> {
+        let rank = first.fit.posterior.estimable.rank();
+        let mut rejected = self.far_out(set, (&first.fit, first.discrepancy), start)?;
         if rejected.is_empty() && !start.is_empty() {
             // Geometry and elasticity explain what frames alone do not.
-            let mut all = self.without(&[]);
-            let weighed = all.weighed_fit(set, weights, Some(first.0)).ok()?;
-            let fit_of_all = (&weighed.fit, weighed.discrepancy);
-            let others = self.without_far_out(set, weights, fit_of_all, &[]);
-            return Some(others.unwrap_or((all, Vec::new(), weighed)));
+            let mut case = self.without(&[]);
+            let weighed = case.weighed_fit(set, weights, Some(&first.fit)).ok()?;
+            let others = self.without_far_out(set, weights, &weighed, &[]);
+            return Some(others.unwrap_or(KeptFit {
+                case,
+                rejected,
+                weighed,
+            }));
         }
-        if rejected.is_empty() && first.1.is_some() {
+        if rejected.is_empty() && first.discrepancy.is_some() {
             // One among few draws the fit to itself, and hides in what that leaves of the others.
-            rejected.extend(self.farthest(set, first));
+            rejected.extend(self.farthest(set, (&first.fit, first.discrepancy)));
         }
         let mut robust = None;
-        if rejected.is_empty() && first.1.is_some() {
+        if rejected.is_empty() && first.discrepancy.is_some() {
             // Many that err alike draw the fit to themselves, too.
-            robust = self.robust_fit(set, first.0);
+            robust = self.robust_fit(set, &first.fit);
             if let Some(robust) = &robust {
-                rejected = self.far_out(set, (robust, first.1), start)?;
+                rejected = self.far_out(set, (robust, first.discrepancy), start)?;
             }
         }
-        let (rejected, found) = outliers::until_the_same(
+        let near = robust.as_ref().unwrap_or(&first.fit);
+        let (rejected, mut found) = outliers::until_the_same(
             rejected,
-            |(_, rejected, weighed): &(Self, Vec<RejectedReading>, WeighedFit)| {
-                self.far_out(set, (&weighed.fit, weighed.discrepancy), rejected)
+            |found: &KeptFit<'a>| {
+                let WeighedFit {
+                    fit, discrepancy, ..
+                } = &found.weighed;
+                self.far_out(set, (fit, *discrepancy), &found.rejected)
             },
             |rejected| {
-                let mut kept = self.without(rejected);
-                let near = kept.weighed_fit(set, weights, Some(robust.as_ref().unwrap_or(first.0)));
-                let weighed = near.or_else(|_| {
+                let mut case = self.without(rejected);
+                let weighed = case.weighed_fit(set, weights, Some(near)).or_else(|_| {
                     // Gross errors may have led the first fit to where none converges.
-                    kept = self.without(rejected);
-                    kept.weighed_fit(set, weights, None)
+                    case = self.without(rejected);
+                    case.weighed_fit(set, weights, None)
                 });
                 let weighed = weighed.ok()?;
                 let is_as_good = weighed.fit.posterior.estimable.rank() >= rank;
-                is_as_good.then(|| (kept, rejected.to_vec(), weighed))
+                is_as_good.then(|| KeptFit {
+                    case,
+                    rejected: rejected.to_vec(),
+                    weighed,
+                })
             },
         )?;
-        let (kept, _, weighed) = found;
-        Some((kept, rejected, weighed))
-    }
-
-    /// A mixed model of what the parameters leave, with the readings; none where there is too little to tell.
-    pub(super) fn mixed(
-        &self,
-        set: &ParameterSet,
-        fit: &ParameterFit,
-        [position_m, rotation_rad]: [f64; 2],
-    ) -> Option<(Vec<LinearReading>, MixedModel)> {
-        let joints = self.commanded_joints();
-        let variances = joints.len() + 1;
-        if self.visits.len() < LEAST_VISITS || fit.degrees_of_freedom() < 4.0 * variances as f64 {
-            return None;
-        }
-        self.mixed_of(set, &fit.posterior, joints, [position_m, rotation_rad])
-    }
-
-    /// The variance components of what a fit leaves of the readings that it kept; none where there is too little to tell, or where nothing
-    /// is left beyond the readings' own covariances.
-    pub fn variance_components(&self, fit: &AbsoluteFit) -> Option<VarianceComponents> {
-        fit.discrepancy_model.as_ref()?;
-        let (joints, turns) = (self.commanded_joints(), self.commanded_turns());
-        let kept = self.kept(fit);
-        let (_, mixed) = kept.mixed_of(&fit.set, &fit.posterior, joints, fit.discrepancy?)?;
-        mixed.components(&turns)
-    }
-
-    /// The same with errors of these joints, however many readings there are.
-    pub(super) fn mixed_of(
-        &self,
-        set: &ParameterSet,
-        posterior: &Posterior,
-        joints: Vec<usize>,
-        [position_m, rotation_rad]: [f64; 2],
-    ) -> Option<(Vec<LinearReading>, MixedModel)> {
-        let values = &posterior.mean;
-        let rows = self.rows_at(&self.arm, set, values, &joints).ok()?;
-        let estimable = &posterior.estimable;
-        let off = DVector::from_column_slice(values) - &set.prior().mean;
-        let pull = relative_precision(set) * off.component_div(&set.scales());
-        let basis = estimable.basis();
-        let prior = basis.tr_mul(&relative_precision(set)) * basis;
-        let pull = DMatrix::from_columns(&[-basis.tr_mul(&pull)]);
-        let units = estimable.basis_in_units();
-        let discrepancy = Discrepancy {
-            position_m,
-            rotation_rad,
-        };
-        let mixed = MixedModel::new(self, &rows, joints, units, [prior, pull], &discrepancy);
-        Some((rows, mixed))
-    }
-
-    /// What a mixed model tells of what the parameters leave; none where there is too little to tell. `left_out` are readings that were not
-    /// fitted.
-    fn discrepancy_model(
-        &self,
-        set: &ParameterSet,
-        fit: &ParameterFit,
-        discrepancy: [f64; 2],
-        left_out: &Self,
-    ) -> Option<Unexplained> {
-        let (rows, mixed) = self.mixed(set, fit, discrepancy)?;
-        let values = &fit.posterior.mean;
-        let others = left_out.rows_at(&self.arm, set, values, &self.commanded_joints());
-        let found = mixed.fit(&mixed.visits_of(left_out, &others.ok()?))?;
-        let turns = self.commanded_turns();
-        let (covariance, degrees) = mixed.with_waves(&turns).of_parameters()?;
-        let places: Vec<usize> = (0..set.len()).collect();
-        let prognoses = (rows.iter().zip(&self.observations)).map(|(rows, each)| {
-            let q = each.setup.commanded_rad.as_slice();
-            let (left, covariance) = found.model.prognosis(rows, &places, q);
-            found.model.judged(&left, &covariance, q).left
-        });
-        let independent = &fit.posterior;
-        let logarithms: Vec<f64> = (0..set.len())
-            .filter(|&index| independent.standard_error(index).is_some())
-            .map(|index| {
-                let [one, other] = [&independent.covariance, &covariance]
-                    .map(|covariance| covariance[(index, index)]);
-                (one / other).ln()
-            })
-            .filter(|logarithm| logarithm.is_finite())
-            .collect();
-        let ratio = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
-        Some(Unexplained {
-            left: prognoses.collect(),
-            visits: self.visits.len(),
-            effective_sample_size: self.visits.len() as f64 * ratio.exp().min(1.0),
-            predicted_by_others: found.predicted_by_others,
-            covariance: symmetric(&covariance),
-            degrees,
-            model: found.model,
-        })
+        found.rejected = rejected;
+        Some(found)
     }
 
     /// The fitted frames become those from which their parameters count: the values of a fit (p) there.
@@ -430,14 +304,6 @@ impl AbsoluteCase<'_> {
         let values = set.parameters().iter().zip(&fit.posterior.mean);
         let rebased = values.map(|(each, &value)| if each.kind.is_mounted() { 0.0 } else { value });
         DVector::from_iterator(set.len(), rebased)
-    }
-
-    pub(super) fn left_by(&self, fit: &ParameterFit) -> Result<Vec<ReadingResidual>, FitError> {
-        self.left(&fit.belief)
-            .map_err(|(index, source)| FitError::Equilibrium {
-                observation: index + 1,
-                source,
-            })
     }
 }
 
@@ -516,8 +382,7 @@ impl AbsoluteFit {
                 conditions.extend(impossible_compliance(joint, self.quantity(index)));
             }
         }
-        conditions.extend(self.far_from_belief());
-        conditions.extend(self.beyond_making());
+        conditions.extend(self.beyond_belief());
         conditions.extend(self.copies.conditions("reading"));
         conditions.extend(self.handled().filter_map(Told::condition));
         conditions
@@ -539,61 +404,49 @@ impl AbsoluteFit {
             let words = format!(
                 "residuals too large for the readings' standard deviations, p = {probability:.1e}"
             );
-            let left_m = self.discrepancy.map(|[position_m, _]| position_m);
+            let left = self.discrepancy;
             too_large(
                 &words,
-                left_m.map(|left_m| [left_m, ROBOTS_LEAVE * self.reach_m]),
+                left.map(|[left_m, _]| [left_m, ROBOTS_LEAVE * self.reach_m]),
             )
         });
         rejected.into_iter().chain(residuals)
     }
 
-    /// Corrections of geometry that no maker's tolerances explain.
-    fn beyond_making(&self) -> Option<Condition> {
-        let far: Vec<String> = (self.of_the_robot())
-            .filter_map(|(index, each)| {
-                let most = match each.kind {
-                    ParameterKind::JointZero { .. } | ParameterKind::LinkRotation { .. } => {
-                        MOST_TURNED_RAD
+    /// Corrections of geometry that no maker's tolerances explain; and masses and centres that are further from what is believed than
+    /// this is uncertain: in their weak directions the fit puts what no other parameter explains.
+    fn beyond_belief(&self) -> impl Iterator<Item = Condition> {
+        let (mut geometry, mut masses) = (Vec::new(), Vec::new());
+        for (index, each) in self.of_the_robot() {
+            let off = self.posterior.mean[index] - self.set.prior().mean[index];
+            let (most, unit) = match (each.kind, each.prior_deviation) {
+                (ParameterKind::LinkPosition { .. }, _) => (MOST_SHIFTED_M, "mm"),
+                (ParameterKind::JointZero { .. } | ParameterKind::LinkRotation { .. }, _) => {
+                    (MOST_TURNED_RAD, "mrad")
+                }
+                (kind, Some(deviation)) if kind.is_of_mass() => {
+                    let share = off.abs() / deviation;
+                    if share > FAR {
+                        masses.push(format!("{} by {share:.1}", each.name));
                     }
-                    ParameterKind::LinkPosition { .. } => MOST_SHIFTED_M,
-                    _ => return None,
-                };
-                let off = self.posterior.mean[index] - self.set.prior().mean[index];
-                let error = self.posterior.standard_error(index)?;
-                (off.abs() > most.max(FAR * error)).then(|| {
-                    format!(
-                        "{} by {:.1} {}",
-                        each.name,
-                        off * 1e3,
-                        thousandth(each.kind)
-                    )
-                })
-            })
-            .collect();
-        (!far.is_empty()).then(|| {
-            let words = format!("beyond manufacturing tolerances: {}", far.join(", "));
-            ConditionCode::GeometryBeyondTolerance.with(words)
-        })
-    }
-
-    /// Masses and centres that are further from what is believed than this is uncertain: in their weak directions the fit puts what
-    /// no other parameter explains.
-    fn far_from_belief(&self) -> Option<Condition> {
-        let prior = &self.set.prior().mean;
-        let far: Vec<String> = (self.of_the_robot())
-            .filter(|(_, each)| each.kind.is_of_mass())
-            .filter_map(|(index, each)| {
-                let off = (self.posterior.mean[index] - prior[index]).abs();
-                let share = off / each.prior_deviation?;
-                (share > FAR).then(|| format!("{} by {share:.1}", each.name))
-            })
-            .collect();
-        (!far.is_empty()).then(|| {
-            let far = far.join(", ");
-            let words =
-                format!("masses far from their priors, in prior standard deviations: {far}");
-            ConditionCode::MassFarFromPrior.with(words)
-        })
+                    continue;
+                }
+                _ => continue,
+            };
+            let error = self.posterior.standard_error(index);
+            if error.is_some_and(|error| off.abs() > most.max(FAR * error)) {
+                geometry.push(format!("{} by {:.1} {unit}", each.name, off * 1e3));
+            }
+        }
+        let told = |code: ConditionCode, words: &str, far: &[String]| {
+            (!far.is_empty()).then(|| code.with(format!("{words}: {}", far.join(", "))))
+        };
+        let beyond = "beyond manufacturing tolerances";
+        let far = "masses far from their priors, in prior standard deviations";
+        let both = [
+            told(ConditionCode::MassFarFromPrior, far, &masses),
+            told(ConditionCode::GeometryBeyondTolerance, beyond, &geometry),
+        ];
+        both.into_iter().flatten()
     }
 }

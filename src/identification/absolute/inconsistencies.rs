@@ -16,13 +16,11 @@ use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::super::estimate::two_sided_student;
-use super::super::gauss_newton::{ParameterFit, fit_from};
-use super::blocks::FEWEST_BLOCKS;
+use super::blocks::{Blocks, FEWEST_BLOCKS};
 use super::mixed::{MixedModel, SumVariances};
-use super::without::{Blocks, Fitted};
+use super::unknowns::is_geometry;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
-use crate::observation::SharedErrors;
-use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, Parameter, ParameterKind};
 
 /// Series of one robot are said to contradict each other in one of a hundred comparisons.
 pub const CONTRADICTION: f64 = 0.01;
@@ -70,15 +68,6 @@ pub struct Inconsistency {
     pub probability: f64,
 }
 
-/// A parameter of two series.
-struct Compared<'a>([&'a SeriesEstimate; 2]);
-
-/// A standard error, known from so many degrees of freedom.
-struct Yardstick {
-    error: f64,
-    degrees: f64,
-}
-
 /// Two series beside each other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inconsistencies {
@@ -94,106 +83,56 @@ impl AbsoluteCase<'_> {
         &mut self,
         fit: &AbsoluteFit,
     ) -> Result<Option<SeriesEstimates>, AbsoluteError> {
-        let shared = fit
-            .discrepancy
-            .and_then(|discrepancy| self.weigh(discrepancy));
-        let values = fit.values();
-        let again = fit_from(
-            &self.arm,
-            &fit.set,
-            &self.observations,
-            shared.as_ref(),
-            &values,
-        )?;
-        self.by_blocks(&fit.set, &again, (shared.as_ref(), fit.discrepancy))
+        if let Some(discrepancy) = fit.discrepancy {
+            self.weigh(discrepancy);
+        }
+        self.by_blocks(fit)
     }
 
     /// The halves of joint space, across the joint that moves furthest: which half each reading is in, and what each half says.
     /// `None` where a half has too few configurations, or cannot be fitted.
     pub fn halves(&mut self, fit: &AbsoluteFit) -> Option<(Vec<usize>, [SeriesEstimates; 2])> {
-        let shared = fit
-            .discrepancy
-            .and_then(|discrepancy| self.weigh(discrepancy));
+        if let Some(discrepancy) = fit.discrepancy {
+            self.weigh(discrepancy);
+        }
         let halves = self.blocks(2);
         let half = |number: usize| {
-            let (case, shared) = self.restricted(shared.as_ref(), |index| halves[index] == number);
-            let observations = &case.observations;
-            let fitted = fit_from(
-                &case.arm,
-                &fit.set,
-                observations,
-                shared.as_ref(),
-                &fit.values(),
-            );
-            case.by_blocks(&fit.set, &fitted.ok()?, (shared.as_ref(), fit.discrepancy))
-                .ok()?
+            let case = self.part_of(|index| halves[index] == number);
+            case.by_blocks(fit).ok()?
         };
         let both = [half(0)?, half(1)?];
         Some((halves, both))
     }
 
-    /// The same with some of the readings.
-    fn restricted(
-        &self,
-        shared: Option<&SharedErrors>,
-        is_in: impl Fn(usize) -> bool,
-    ) -> (Self, Option<SharedErrors>) {
-        let part = self.part(shared, &is_in);
-        let places: Vec<usize> = (0..self.observations.len())
-            .filter(|&index| is_in(index))
-            .collect();
-        let of_visit = |visit: &Vec<usize>| -> Vec<usize> {
-            let found = visit
-                .iter()
-                .filter_map(|index| places.binary_search(index).ok());
-            found.collect()
-        };
-        let mut visits: Vec<Vec<usize>> = self.visits.iter().map(of_visit).collect();
-        visits.retain(|visit| !visit.is_empty());
-        let case = Self {
-            observations: part.observations,
-            covariances: places
-                .iter()
-                .map(|&index| self.covariances[index])
-                .collect(),
-            visits,
-            shared: self.shared.as_ref().map(|shared| shared.among(&places)),
-            ..self.clone()
-        };
-        (case, part.shared)
-    }
-
-    fn by_blocks(
-        &self,
-        set: &ParameterSet,
-        fit: &ParameterFit,
-        (shared, discrepancy): (Option<&SharedErrors>, Option<[f64; 2]>),
-    ) -> Result<Option<SeriesEstimates>, AbsoluteError> {
+    fn by_blocks(&self, of_all: &AbsoluteFit) -> Result<Option<SeriesEstimates>, AbsoluteError> {
+        let set = &of_all.set;
+        let fit = self.fit_near(set, &of_all.posterior.mean)?;
         let count = BLOCKS.min(self.different() / 2);
         if count < FEWEST_BLOCKS {
             return Ok(None);
         }
-        let of_readings = self.blocks(count);
-        let blocks = Blocks::new(self, shared, &of_readings, count);
-        let fitted = Fitted { set, fit };
-        let without = blocks.without(fitted)?;
-        let mixed = discrepancy.and_then(|discrepancy| {
-            let (_, mixed) = self.mixed(set, fit, discrepancy)?;
+        let without = Blocks::new(self, count).without(set, &fit)?;
+        let mixed = of_all.discrepancy.and_then(|discrepancy| {
+            let (_, mixed) = self.mixed(set, &fit, discrepancy)?;
             Some(mixed.with_waves(&self.commanded_turns()))
         });
-        let own = set.parameters().iter().enumerate();
-        let own = own.filter(|(_, parameter)| !parameter.kind.is_mounted());
+        // By leaving out blocks, and no less than what the weights say.
+        let estimate = |(place, parameter): (usize, &Parameter)| {
+            let own = fit.posterior.standard_error(place)?;
+            let value = fit.posterior.mean[place];
+            let squares = without
+                .iter()
+                .map(|each| (each.values[place] - value).powi(2));
+            let by_blocks = (squares.sum::<f64>() * (count - 1) as f64 / count as f64).sqrt();
+            Some(SeriesEstimate {
+                parameter: parameter.clone(),
+                place,
+                value,
+                error: own.max(by_blocks),
+            })
+        };
         Ok(Some(SeriesEstimates {
-            parameters: own
-                .filter_map(|(place, parameter)| {
-                    Some(SeriesEstimate {
-                        parameter: parameter.clone(),
-                        place,
-                        value: fit.posterior.mean[place],
-                        error: fitted.standard_error(place, &without)?,
-                    })
-                })
-                .collect(),
+            parameters: of_all.of_the_robot().filter_map(estimate).collect(),
             fitted: set.len(),
             blocks: count,
             mixed,
@@ -210,27 +149,28 @@ impl SeriesEstimates {
         let twins = self.parameters.iter().filter_map(|one| {
             let kind = one.parameter.kind;
             let twin = (other.parameters.iter()).find(|each| each.parameter.kind == kind)?;
-            (is_same || !is_geometry(kind)).then_some(Compared([one, twin]))
+            (is_same || !is_geometry(kind)).then_some([one, twin])
         });
-        let compared: Vec<Compared<'_>> = twins.collect();
+        let compared: Vec<[&SeriesEstimate; 2]> = twins.collect();
         let together = self.together(other, &compared);
         let degrees = self.blocks.min(other.blocks) as f64 - 1.0;
         let mut found = Vec::new();
-        for (at, Compared(both)) in compared.iter().enumerate() {
+        for (at, both) in compared.iter().enumerate() {
+            // Standard errors with their degrees of freedom: by blocks, and by the model of both together.
             let yardsticks = |error: f64, which: usize| {
-                let by_blocks = Yardstick { error, degrees };
                 let together = together.as_ref().map(|found| {
                     let place = which * compared.len() + at;
-                    Yardstick {
-                        error: found.variances[place].sqrt(),
-                        degrees: found.degrees[place],
-                    }
+                    [found.variances[place].sqrt(), found.degrees[place]]
                 });
-                [Some(by_blocks), together].into_iter().flatten()
+                [Some([error, degrees]), together].into_iter().flatten()
             };
             let [one, second] = both.map(|each| each.value);
             let alone = yardsticks(both[0].error.hypot(both[1].error), 0)
-                .map(|each| each.probability(one - second))
+                .map(|[error, degrees]| {
+                    let distance = (one - second).abs() / error;
+                    let student = StudentsT::new(0.0, 1.0, degrees);
+                    student.map_or(1.0, |student| 2.0 * student.sf(distance))
+                })
                 .fold(0.0, f64::max);
             let probability = (alone * compared.len() as f64).min(1.0);
             if probability < CONTRADICTION {
@@ -239,7 +179,7 @@ impl SeriesEstimates {
                 let interval = |side: usize| {
                     let SeriesEstimate { value, error, .. } = *both[side];
                     let half = yardsticks(error, 1 + side)
-                        .map(|each| each.half_width())
+                        .map(|[error, degrees]| error * two_sided_student(degrees))
                         .fold(0.0, f64::max);
                     [value - half, value + half].map(quantity)
                 };
@@ -260,10 +200,10 @@ impl SeriesEstimates {
     }
 
     /// What one mixed model of both says: of the differences of what is compared, then of what the one says, then of the other.
-    fn together(&self, other: &Self, compared: &[Compared<'_>]) -> Option<SumVariances> {
+    fn together(&self, other: &Self, compared: &[[&SeriesEstimate; 2]]) -> Option<SumVariances> {
         let count = compared.len();
         let mut sums = DMatrix::zeros(self.fitted + other.fitted, 3 * count);
-        for (at, Compared([one, second])) in compared.iter().enumerate() {
+        for (at, [one, second]) in compared.iter().enumerate() {
             let (one, second) = (one.place, self.fitted + second.place);
             sums[(one, at)] = 1.0;
             sums[(second, at)] = -1.0;
@@ -273,28 +213,6 @@ impl SeriesEstimates {
         let (one, second) = (self.mixed.as_ref()?, other.mixed.as_ref()?);
         one.beside(second).of_sums(&sums)
     }
-}
-
-impl Yardstick {
-    /// The probability of a value at least as far from nothing.
-    fn probability(&self, value: f64) -> f64 {
-        let distance = value.abs() / self.error;
-        StudentsT::new(0.0, 1.0, self.degrees).map_or(1.0, |student| 2.0 * student.sf(distance))
-    }
-
-    /// How far an interval of 95 % reaches to either side.
-    fn half_width(&self) -> f64 {
-        self.error * two_sided_student(self.degrees)
-    }
-}
-
-const fn is_geometry(kind: ParameterKind) -> bool {
-    matches!(
-        kind,
-        ParameterKind::JointZero { .. }
-            | ParameterKind::LinkPosition { .. }
-            | ParameterKind::LinkRotation { .. }
-    )
 }
 
 fn geometry(series: &SeriesEstimates) -> Vec<ParameterKind> {

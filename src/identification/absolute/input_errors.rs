@@ -3,7 +3,7 @@
 //! Geometry may take up a joint's sign or a quarter of a turn as if a maker could have built it. Frames cannot: as it is read, a right table is off by
 //! what robots are off by, a wrong one by much more. An input error is named where reading the table without it leaves a quarter at most.
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{DVector, Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::super::frames::{MountedFrames, RobustFrames, Sight, median_or_zero, reach};
@@ -26,33 +26,44 @@ const ALL_SIGNS: usize = 7;
 /// How the columns of positions are called.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A way in which a table may be wrong.
-#[derive(Debug, Clone, PartialEq)]
-enum InputError {
-    /// Joints that turn the other way.
-    Signs(Vec<usize>),
-    /// A joint that is counted from elsewhere, by quarters of a turn.
-    Quarters(usize, i8),
-    /// Two joints' columns.
-    Swapped(usize, usize),
-    /// A joint whose angle is counted from the one before it, or not.
-    Coupled(usize, f64),
-    /// All angles in another unit.
-    AngleUnit(f64),
-    /// From the target's to the instrument's frame, or the other way round.
-    Inverted,
-    /// Quaternions in another order: the places of w, x, y and z among what was read as these.
-    Quaternion([usize; 4]),
-    /// Angles about x and z taken for one another.
-    EulerOrder,
-    /// Left-handed axes.
-    Mirrored,
-    /// One column of positions with the wrong sign, orientations right.
-    Sign(usize),
-    /// Two columns of positions swapped, orientations right.
-    Columns([usize; 2]),
-    /// From this reading on another station.
-    Station(usize),
+/// How readings would have to be read.
+enum Reread {
+    /// The commanded angles.
+    Commands(Box<dyn Fn(&mut DVector<f64>) + Send + Sync>),
+    /// What was seen, by its place.
+    Sights(Box<dyn Fn(usize, &mut Sight) + Send + Sync>),
+}
+
+/// A way in which a table may be wrong, with what to do about it.
+struct InputError {
+    reread: Reread,
+    words: String,
+}
+
+/// An error of the joint angles.
+fn commands(
+    words: String,
+    reread: impl Fn(&mut DVector<f64>) + Send + Sync + 'static,
+) -> InputError {
+    let reread = Reread::Commands(Box::new(reread));
+    InputError { reread, words }
+}
+
+/// An error of what was seen.
+fn sights(words: String, reread: impl Fn(usize, &mut Sight) + Send + Sync + 'static) -> InputError {
+    let reread = Reread::Sights(Box::new(reread));
+    InputError { reread, words }
+}
+
+/// An error of the orientations.
+fn rotations(
+    words: &str,
+    reread: impl Fn(&Rotation3<f64>) -> Rotation3<f64> + Send + Sync + 'static,
+) -> InputError {
+    sights(words.to_owned(), move |_, sight| {
+        let read = sight.rotation.map(Rotation3::from_matrix_unchecked);
+        sight.rotation = read.map(|read| reread(&read).into_inner());
+    })
 }
 
 impl AbsoluteCase<'_> {
@@ -61,126 +72,171 @@ impl AbsoluteCase<'_> {
         let step = self.observations.len().div_ceil(ENOUGH).max(1);
         let some = self.part_of(|index| index % step == 0);
         let sights = some.sights();
-        let robust = RobustFrames::guessed(&sights, some.stations.len(), &some.tools());
-        if robust.median_m <= LOOKED_AT * reach(&sights) {
+        let robust = RobustFrames::guessed(&sights, some.stations.len(), &some.link_from_tools());
+        let as_it_is_m = robust.median_m;
+        if as_it_is_m <= LOOKED_AT * reach(&sights) {
             return None;
         }
-        let as_it_is_m = robust.median_m;
         // Where positions hardly differ, whatever makes the robot's hardly differ would leave little of them.
         let explained_m = EXPLAINS * as_it_is_m.min(reach(&sights));
-        let found = some
-            .best_of(some.simple_errors())
-            .filter(|(_, left_m)| *left_m <= explained_m);
-        let found = found.or_else(|| {
-            some.best_of(some.sets_of_signs())
+        let explaining = |errors| {
+            some.best_of(errors)
                 .filter(|(_, left_m)| *left_m <= explained_m)
-        });
-        let (error, left_m) = found?;
+        };
+        let (error, left_m) =
+            explaining(some.simple_errors(step)).or_else(|| explaining(some.sets_of_signs()))?;
         Some(ConditionCode::InputError.with(format!(
             "likely input error: {} Residuals of frames alone: {:.2} mm so, {:.2} mm as read (medians)",
-            some.words(&error, step),
+            error.words,
             left_m * 1e3,
             as_it_is_m * 1e3
         )))
     }
 
-    fn tools(&self) -> Vec<nalgebra::Isometry3<f64>> {
-        self.arm
-            .tools
-            .iter()
-            .map(|tool| tool.link_from_tool)
-            .collect()
-    }
-
     /// The error without which the least is left; an earlier one unless a later one is clearly better.
     fn best_of(&self, errors: Vec<InputError>) -> Option<(InputError, f64)> {
-        let left: Vec<f64> = errors
-            .par_iter()
+        let left: Vec<f64> = (errors.par_iter())
             .map(|error| self.left_without(error))
             .collect();
-        errors.into_iter().zip(left).reduce(|best, next| {
+        let better = |best: (InputError, f64), next: (InputError, f64)| {
             if next.1 < CLEARLY * best.1 {
                 next
             } else {
                 best
             }
-        })
+        };
+        errors.into_iter().zip(left).reduce(better)
     }
 
     /// What frames alone leave of the readings without an error (m, a median, with rotations as lengths).
     fn left_without(&self, error: &InputError) -> f64 {
-        let mut case = self.clone();
-        for each in &mut case.observations {
-            let q = &mut each.setup.commanded_rad;
-            match error {
-                InputError::Signs(joints) => joints.iter().for_each(|&joint| q[joint] *= -1.0),
-                InputError::Quarters(joint, quarters) => {
-                    q[*joint] += f64::from(*quarters) * std::f64::consts::FRAC_PI_2;
+        let sights = match &error.reread {
+            Reread::Commands(reread) => {
+                let mut case = self.clone();
+                for each in &mut case.observations {
+                    reread(&mut each.setup.commanded_rad);
                 }
-                InputError::Swapped(one, other) => q.swap_rows(*one, *other),
-                InputError::Coupled(joint, sign) => q[*joint] += sign * q[*joint - 1],
-                InputError::AngleUnit(factor) => *q *= *factor,
-                _ => {}
+                case.sights()
             }
-        }
-        let mut sights = case.sights();
-        let mut stations = self.stations.len();
-        for (place, sight) in sights.iter_mut().enumerate() {
-            match error {
-                InputError::Station(from) if place >= *from => sight.station += self.stations.len(),
-                InputError::Mirrored => {
-                    let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
-                    sight.position_m = mirror * sight.position_m;
-                    sight.rotation = sight.rotation.map(|each| mirror * each * mirror);
-                }
-                InputError::Sign(axis) => sight.position_m[*axis] *= -1.0,
-                InputError::Columns([one, other]) => sight.position_m.swap_rows(*one, *other),
-                _ => sight.rotation = sight.rotation.map(|each| reread(error, &each)),
+            Reread::Sights(reread) => {
+                let mut sights = self.sights();
+                let each = sights.iter_mut().enumerate();
+                each.for_each(|(place, sight)| reread(place, sight));
+                sights
             }
-        }
-        if matches!(error, InputError::Station(_)) {
-            stations *= 2;
-        }
-        let frames = MountedFrames::guessed(&sights, stations, &self.tools());
+        };
+        let stations = sights.iter().map(|sight| sight.station + 1);
+        let stations = stations.fold(self.stations.len(), usize::max);
+        let frames = MountedFrames::guessed(&sights, stations, &self.link_from_tools());
         let left = |sight: &Sight| frames.square(sight).sqrt();
         median_or_zero(sights.iter().map(left).collect())
     }
 
-    fn simple_errors(&self) -> Vec<InputError> {
-        let joints = self.arm.chain.len();
-        let turns = |joint: &usize| !self.arm.chain.joints[*joint].drive.slides;
-        let mut all: Vec<InputError> = (0..joints)
-            .map(|joint| InputError::Signs(vec![joint]))
+    /// All but signs of several joints; of the readings every so many are looked at.
+    fn simple_errors(&self, step: usize) -> Vec<InputError> {
+        let joints = &self.arm.chain.joints;
+        let name = |joint: usize| &joints[joint].name;
+        let mut all: Vec<InputError> = (0..joints.len())
+            .map(|joint| self.signs(vec![joint]))
             .collect();
-        for joint in (0..joints).filter(turns) {
-            all.extend([1, -1, 2].map(|quarters| InputError::Quarters(joint, quarters)));
+        for joint in (0..joints.len()).filter(|&joint| !joints[joint].drive.slides) {
+            all.extend([1, -1, 2].map(|quarters| {
+                let words = format!(
+                    "are angles of {} counted from elsewhere? Add {} deg to q{}.",
+                    name(joint),
+                    90 * quarters,
+                    joint + 1
+                );
+                let angle = f64::from(quarters) * std::f64::consts::FRAC_PI_2;
+                commands(words, move |q| q[joint] += angle)
+            }));
         }
-        let has_rotations = self
-            .observations
-            .iter()
-            .any(|each| each.reading.kind().rows() == 6);
+        let mut readings = self.observations.iter();
+        let has_rotations = readings.any(|each| each.reading.kind().rows() == 6);
         if has_rotations {
-            all.push(InputError::Inverted);
-            all.extend([[3, 0, 1, 2], [1, 2, 3, 0]].map(InputError::Quaternion));
-            all.push(InputError::EulerOrder);
+            all.extend(errors_of_rotations());
         }
-        all.push(InputError::Mirrored);
+        let words = "are the axes of the instrument left-handed? Change the sign of one column of positions, and of orientations with it.";
+        all.push(sights(words.to_owned(), |_, sight| {
+            let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
+            sight.position_m = mirror * sight.position_m;
+            sight.rotation = sight.rotation.map(|each| mirror * each * mirror);
+        }));
         if has_rotations {
             // Two columns or one sign: orientations say along which axes, the base's frame takes the rest.
-            all.extend((0..3).map(InputError::Sign));
-            all.extend([[0, 1], [0, 2], [1, 2]].map(InputError::Columns));
+            all.extend([0, 1, 2].map(|axis| {
+                let words = format!("is the sign of {}_mm wrong? Change it.", AXES[axis]);
+                sights(words, move |_, sight| sight.position_m[axis] *= -1.0)
+            }));
+            all.extend([[0, 1], [0, 2], [1, 2]].map(|[one, other]| {
+                let words = format!(
+                    "are {0}_mm and {1}_mm swapped? Swap them.",
+                    AXES[one], AXES[other]
+                );
+                sights(words, move |_, sight| {
+                    sight.position_m.swap_rows(one, other)
+                })
+            }));
         }
         let degrees = 1_f64.to_degrees();
-        all.extend([degrees, degrees.recip()].map(InputError::AngleUnit));
-        all.extend(
-            (0..joints).flat_map(|one| (0..one).map(move |other| InputError::Swapped(other, one))),
-        );
-        all.extend(
-            (1..joints).flat_map(|joint| [1.0, -1.0].map(|sign| InputError::Coupled(joint, sign))),
-        );
-        let count = self.observations.len();
-        all.extend((1..PARTS).map(|part| InputError::Station(part * count / PARTS)));
+        for (factor, is, not) in [(degrees, "rad", "deg"), (degrees.recip(), "deg", "rad")] {
+            let words = format!("are the joint angles in {is} where {not} are read?");
+            all.push(commands(words, move |q| *q *= factor));
+        }
+        for other in 0..joints.len() {
+            all.extend((0..other).map(|one| {
+                let words = format!(
+                    "are the columns of {} and {} swapped? Swap q{} and q{}.",
+                    name(one),
+                    name(other),
+                    one + 1,
+                    other + 1
+                );
+                commands(words, move |q| q.swap_rows(one, other))
+            }));
+        }
+        for joint in 1..joints.len() {
+            let both = [(1.0, "Add", "to"), (-1.0, "Subtract", "from")];
+            all.extend(both.map(|(sign, how, to)| {
+                let words = format!(
+                    "are angles of {} counted from the joint before it? {how} q{joint} {to} q{}.",
+                    name(joint),
+                    joint + 1
+                );
+                commands(words, move |q| q[joint] += sign * q[joint - 1])
+            }));
+        }
+        let stations = self.stations.len();
+        all.extend((1..PARTS).map(|part| {
+            let from = part * self.observations.len() / PARTS;
+            let words = format!(
+                "was the instrument moved near reading {}? Give the readings from there on a station of their own.",
+                from * step + 1
+            );
+            sights(words, move |place, sight| {
+                sight.station += if place >= from { stations } else { 0 };
+            })
+        }));
         all
+    }
+
+    /// Joints that turn the other way.
+    fn signs(&self, joints: Vec<usize>) -> InputError {
+        let names: Vec<&str> = (joints.iter())
+            .map(|&joint| self.arm.chain.joints[joint].name.as_str())
+            .collect();
+        let columns: Vec<String> = joints
+            .iter()
+            .map(|joint| format!("q{}", joint + 1))
+            .collect();
+        let words = format!(
+            "do angles of {} count the other way? Change the sign of {}.",
+            names.join(", "),
+            columns.join(", ")
+        );
+        commands(words, move |q| {
+            joints.iter().for_each(|&joint| q[joint] *= -1.0)
+        })
     }
 
     /// Signs of two joints and more, the smaller sets first.
@@ -194,79 +250,31 @@ impl AbsoluteCase<'_> {
             .filter(|set: &Vec<usize>| set.len() > 1)
             .collect();
         sets.sort_by_key(Vec::len);
-        sets.into_iter().map(InputError::Signs).collect()
-    }
-
-    fn words(&self, error: &InputError, step: usize) -> String {
-        let name = |joint: usize| &self.arm.chain.joints[joint].name;
-        match error {
-            InputError::Signs(joints) => {
-                let names: Vec<&str> = joints.iter().map(|&joint| name(joint).as_str()).collect();
-                let columns: Vec<String> = joints.iter().map(|joint| format!("q{}", joint + 1)).collect();
-                format!("do angles of {} count the other way? Change the sign of {}.", names.join(", "), columns.join(", "))
-            }
-            InputError::Quarters(joint, quarters) => format!(
-                "are angles of {} counted from elsewhere? Add {} deg to q{}.",
-                name(*joint),
-                90 * i32::from(*quarters),
-                joint + 1
-            ),
-            InputError::Swapped(one, other) => format!(
-                "are the columns of {} and {} swapped? Swap q{} and q{}.",
-                name(*one),
-                name(*other),
-                one + 1,
-                other + 1
-            ),
-            InputError::Coupled(joint, sign) => format!(
-                "are angles of {} counted from the joint before it? {} q{joint} {} q{}.",
-                name(*joint),
-                if *sign > 0.0 { "Add" } else { "Subtract" },
-                if *sign > 0.0 { "to" } else { "from" },
-                joint + 1
-            ),
-            InputError::AngleUnit(factor) => {
-                let [is, not] = if *factor > 1.0 { ["rad", "deg"] } else { ["deg", "rad"] };
-                format!("are the joint angles in {is} where {not} are read?")
-            }
-            InputError::Inverted => "are the orientations inverted, from the instrument to the target? Invert them.".to_owned(),
-            InputError::Quaternion(_) => {
-                "are the quaternions in another order (x, y, z, w for w, x, y, z)? Put the columns qw to qz in theirs.".to_owned()
-            }
-            InputError::EulerOrder => {
-                "are the Euler angles in the other order (z y x for x y z, or about fixed axes)? Change axes or about in the mapping.".to_owned()
-            }
-            InputError::Mirrored => "are the axes of the instrument left-handed? Change the sign of one column of positions, and of orientations with it.".to_owned(),
-            InputError::Sign(axis) => format!("is the sign of {}_mm wrong? Change it.", AXES[*axis]),
-            InputError::Columns([one, other]) => {
-                format!("are {0}_mm and {1}_mm swapped? Swap them.", AXES[*one], AXES[*other])
-            }
-            InputError::Station(from) => format!(
-                "was the instrument moved near reading {}? Give the readings from there on a station of their own.",
-                from * step + 1
-            ),
-        }
+        sets.into_iter().map(|set| self.signs(set)).collect()
     }
 }
 
-/// An orientation as it would have been read without an error.
-fn reread(error: &InputError, rotation: &Matrix3<f64>) -> Matrix3<f64> {
-    match error {
-        InputError::Inverted => rotation.transpose(),
-        InputError::Quaternion(places) => {
-            let read =
-                UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*rotation));
+/// Of orientations alone.
+fn errors_of_rotations() -> Vec<InputError> {
+    let inverted = "are the orientations inverted, from the instrument to the target? Invert them.";
+    let mut all = vec![rotations(inverted, Rotation3::inverse)];
+    // The places of w, x, y and z among what was read as these.
+    all.extend([[3, 0, 1, 2], [1, 2, 3, 0]].map(|places: [usize; 4]| {
+        let words = "are the quaternions in another order (x, y, z, w for w, x, y, z)? Put the columns qw to qz in theirs.";
+        rotations(words, move |rotation| {
+            let read = UnitQuaternion::from_rotation_matrix(rotation);
             let read = [read.w, read.i, read.j, read.k];
             let [w, x, y, z] = places.map(|place| read[place]);
             let turned = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-            turned.to_rotation_matrix().into_inner()
-        }
-        InputError::EulerOrder => {
-            // About fixed axes x, y, z is about those that turn along z, y, x.
-            let (x, y, z) = Rotation3::from_matrix_unchecked(*rotation).euler_angles();
-            let about = |axis: Vector3<f64>, angle: f64| Rotation3::new(axis * angle);
-            (about(Vector3::x(), x) * about(Vector3::y(), y) * about(Vector3::z(), z)).into_inner()
-        }
-        _ => *rotation,
-    }
+            turned.to_rotation_matrix()
+        })
+    }));
+    let order = "are the Euler angles in the other order (z y x for x y z, or about fixed axes)? Change axes or about in the mapping.";
+    all.push(rotations(order, |rotation| {
+        // About fixed axes x, y, z is about those that turn along z, y, x.
+        let (x, y, z) = rotation.euler_angles();
+        let about = |axis: Vector3<f64>, angle: f64| Rotation3::new(axis * angle);
+        about(Vector3::x(), x) * about(Vector3::y(), y) * about(Vector3::z(), z)
+    }));
+    all
 }

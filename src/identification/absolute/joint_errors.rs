@@ -11,22 +11,18 @@
 //! at like angles of one joint share its error, however far apart they are else: that is what makes neighbours alike, and
 //! intervals from independent errors too small.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Vector3};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 
-use super::super::FitError;
 use super::super::spread::logarithm;
-use super::rows::LinearReading;
-use super::{AbsoluteCase, Discrepancy, ReadingResidual};
+use super::mixed::among;
+use super::prognoses::ReadingPrognosis;
+use super::residuals::LinearReading;
+use super::{Discrepancy, ReadingResidual};
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
 use crate::numeric::tolerance::CHI_SQUARE_95;
-use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 
 /// The square that 95 % of normal errors of three coordinates stay below, over their variance.
 pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
-
-/// Stations that stand as far off with a smaller probability were moved.
-const MOVED: f64 = 1e-6;
 
 /// Commands are corrected so often: each time what is left is smaller by the error's slope.
 const CORRECTIONS: usize = 8;
@@ -87,39 +83,6 @@ pub struct DiscrepancyModel {
     pub scale: [f64; 2],
 }
 
-/// A reading beside its prediction.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ReadingPrognosis {
-    /// Read less predicted, with what joints are off by.
-    pub left: ReadingResidual,
-    /// The covariance of that: of what was fitted, of what is unexplained, of the reading (m^2, m rad, rad^2).
-    pub covariance: Matrix6<f64>,
-    /// Whether position and rotation lie in their regions of 95 %.
-    pub is_within: [Option<bool>; 2],
-}
-
-/// How far the base of a station stands from where it was identified.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MovedStation {
-    /// Along its own axes (m).
-    pub position_m: Vector3<f64>,
-    /// About them (rad).
-    pub rotation_rad: Vector3<f64>,
-    /// The probability of so much if nobody moved it.
-    pub probability: f64,
-    /// How far that moves what was read, rms (m).
-    pub readings_m: f64,
-    /// The standard deviation of what the model leaves new in each coordinate of a reading (m): less is no sign of anything.
-    pub discrepancy_m: f64,
-}
-
-impl MovedStation {
-    /// Whether somebody moved it: by more than chance and what the model leaves do.
-    pub fn is_moved(&self) -> bool {
-        self.probability < MOVED && self.readings_m > self.discrepancy_m
-    }
-}
-
 /// One reading: what is left, what it depends on of all that is known, and what is new in it.
 pub(super) struct LocalRows {
     pub index: Vec<usize>,
@@ -152,20 +115,21 @@ impl DiscrepancyModel {
     /// What one reading's rows leave, and what moves that. `places` says which of the parameters (p) each column belongs to.
     pub(super) fn local(&self, rows: &LinearReading, places: &[usize], q: &[f64]) -> LocalRows {
         let offsets = self.offsets();
-        let (mut index, mut columns) = (places.to_vec(), Vec::new());
-        columns.extend(rows.columns.column_iter().map(nalgebra::Matrix::into_owned));
+        let mut index = places.to_vec();
+        let columns = places.len() + 2 * self.joints.len();
+        let mut matrix = rows.columns.clone().resize_horizontally(columns, 0.0);
         let mut left = rows.residual.clone();
         let mut new = rows.own.clone();
-        for (column, &place) in columns.iter().zip(places) {
-            left.axpy(-self.shift[place], column, 1.0);
+        for (column, &place) in rows.columns.column_iter().zip(places) {
+            left.axpy(-self.shift[place], &column, 1.0);
         }
         for (number, joint) in self.joints.iter().enumerate() {
-            let moved = rows.joints.column(number).into_owned();
+            let moved = rows.joints.column(number);
             let between = joint.process.between(q[joint.joint]);
             for (knot, weight) in between.knots.into_iter().zip(between.weights) {
                 left.axpy(-weight * joint.values[knot], &moved, 1.0);
+                matrix.column_mut(index.len()).copy_from(&(moved * weight));
                 index.push(offsets[number] + knot);
-                columns.push(&moved * weight);
             }
             let variance = joint.deviation.powi(2) * between.spare;
             new.ger(variance, &moved, &moved, 1.0);
@@ -173,10 +137,6 @@ impl DiscrepancyModel {
         let rest = self.rest.covariance();
         for row in 0..left.len() {
             new[(row, row)] += rest[(row, row)];
-        }
-        let mut matrix = DMatrix::zeros(left.len(), columns.len());
-        for (mut to, column) in matrix.column_iter_mut().zip(&columns) {
-            to.copy_from(column);
         }
         LocalRows {
             index,
@@ -193,16 +153,10 @@ impl DiscrepancyModel {
         places: &[usize],
         q: &[f64],
     ) -> (DVector<f64>, DMatrix<f64>) {
-        let LocalRows {
-            index,
-            matrix,
-            left,
-            new,
-        } = self.local(rows, places, q);
-        let among = DMatrix::from_fn(index.len(), index.len(), |row, column| {
-            self.covariance[(index[row], index[column])]
-        });
-        (left, new + &matrix * among * matrix.transpose())
+        let local = self.local(rows, places, q);
+        let among = among(&self.covariance, &local.index);
+        let known = &local.matrix * among * local.matrix.transpose();
+        (local.left, local.new + known)
     }
 
     /// By how much larger than computed squares of errors of positions (0) or rotations (1) are at commanded angles.
@@ -255,155 +209,4 @@ pub(super) fn region_square(
     let part = residual.fixed_rows::<3>(first).into_owned();
     let own = covariance.fixed_view::<3, 3>(first, first).into_owned();
     Some(part.dot(&own.cholesky()?.solve(&part)))
-}
-
-impl AbsoluteCase<'_> {
-    /// These readings beside what an arm with a discrepancy's model predicts for them. `set` are those of the model's
-    /// parameters that the readings depend on, at their `places` among the model's, and counted from the arm itself. Frames of
-    /// which `anew` has the parameters take the values that suit these readings best.
-    ///
-    /// # Errors
-    /// The arm has no equilibrium for a reading.
-    pub fn prognoses(
-        &self,
-        arm: &ElasticArm,
-        set: &ParameterSet,
-        places: &[usize],
-        discrepancy: &DiscrepancyModel,
-        anew: &ParameterSet,
-    ) -> Result<Vec<ReadingPrognosis>, FitError> {
-        let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
-        let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
-        let readings = rows.iter().zip(&self.observations);
-        let mut found: Vec<(DVector<f64>, DMatrix<f64>)> = readings
-            .map(|(rows, each)| {
-                discrepancy.prognosis(rows, places, each.setup.commanded_rad.as_slice())
-            })
-            .collect();
-        if !anew.is_empty() {
-            let frames = self.rows_at(arm, anew, anew.prior().mean.as_slice(), &[])?;
-            let mut information = DMatrix::zeros(anew.len(), anew.len());
-            let mut gradient = DVector::zeros(anew.len());
-            for (rows, (left, covariance)) in frames.iter().zip(&found) {
-                let Some(factor) = Cholesky::new(covariance.clone()) else {
-                    continue;
-                };
-                let weighed = factor.solve(&rows.columns);
-                information += weighed.tr_mul(&rows.columns);
-                gradient += weighed.tr_mul(left);
-            }
-            if let Some(factor) = Cholesky::new(information) {
-                let change = factor.solve(&gradient);
-                for (rows, (left, _)) in frames.iter().zip(&mut found) {
-                    *left -= &rows.columns * &change;
-                }
-            }
-        }
-        let readings = found.iter().zip(&self.observations);
-        Ok(readings
-            .map(|((left, covariance), each)| {
-                discrepancy.judged(left, covariance, each.setup.commanded_rad.as_slice())
-            })
-            .collect())
-    }
-
-    /// How far the base of a station stands from where it was identified, as these readings have it: position (m) and rotation
-    /// (rad) along and about its own axes, and the probability of that if nobody moved it. `set`, `places` and `discrepancy` as in
-    /// [`prognoses`](Self::prognoses).
-    ///
-    /// # Errors
-    /// The arm has no equilibrium for a reading.
-    pub fn moved_station(
-        &self,
-        arm: &ElasticArm,
-        set: &ParameterSet,
-        places: &[usize],
-        discrepancy: &DiscrepancyModel,
-        station: usize,
-    ) -> Result<Option<MovedStation>, FitError> {
-        let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
-        let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
-        let position = Axis::ALL.map(|axis| (ParameterKind::BasePosition { station, axis }, None));
-        let rotation = Axis::ALL.map(|axis| (ParameterKind::BaseRotation { station, axis }, None));
-        let Ok(base) = ParameterSet::new(arm, position.into_iter().chain(rotation)) else {
-            return Ok(None);
-        };
-        let frames = self.rows_at(arm, &base, base.prior().mean.as_slice(), &[])?;
-        let size = discrepancy.covariance.nrows();
-        // Sums over readings, weighed by what is new in each: of the frame, of all that is known, of both.
-        let mut of_frame = DMatrix::zeros(6, 6);
-        let mut of_known = DMatrix::zeros(size, size);
-        let mut of_both = DMatrix::zeros(size, 6);
-        let (mut pull, mut known_pull) = (DVector::zeros(6), DVector::zeros(size));
-        let (mut read, mut average) = (Vec::new(), 0.0);
-        let all = rows.iter().zip(&frames).zip(&self.observations).enumerate();
-        for (index, ((rows, frame), each)) in all {
-            if each.setup.station != station {
-                continue;
-            }
-            let q = each.setup.commanded_rad.as_slice();
-            let local = discrepancy.local(rows, places, q);
-            let new = local.new.diagonal().rows(0, 3).sum();
-            let Some(factor) = Cholesky::new(local.new) else {
-                continue;
-            };
-            read.push(index);
-            average += new;
-            let weighed = factor.solve(&frame.columns);
-            of_frame += weighed.tr_mul(&frame.columns);
-            pull += weighed.tr_mul(&local.left);
-            let own = factor.solve(&local.matrix);
-            let among = own.tr_mul(&local.matrix);
-            let beside = own.tr_mul(&frame.columns);
-            let moved = own.tr_mul(&local.left);
-            for (row, &to) in local.index.iter().enumerate() {
-                known_pull[to] += moved[row];
-                for column in 0..6 {
-                    of_both[(to, column)] += beside[(row, column)];
-                }
-                for (column, &from) in local.index.iter().enumerate() {
-                    of_known[(to, from)] += among[(row, column)];
-                }
-            }
-        }
-        // (R + A C A^T)^-1 = R^-1 - R^-1 A C (1 + A^T R^-1 A C)^-1 A^T R^-1, where C may be singular.
-        let mixed = DMatrix::identity(size, size) + &of_known * &discrepancy.covariance;
-        let Some(solved) = mixed.lu().solve(&DMatrix::from_fn(size, 7, |row, column| {
-            if column < 6 {
-                of_both[(row, column)]
-            } else {
-                known_pull[row]
-            }
-        })) else {
-            return Ok(None);
-        };
-        let through = of_both.tr_mul(&(&discrepancy.covariance * solved));
-        of_frame -= through.columns(0, 6);
-        pull -= through.column(6);
-        let size = of_frame.diagonal().map(|each| each.max(0.0).sqrt().recip());
-        let relative = DMatrix::from_fn(6, 6, |row, column| {
-            of_frame[(row, column)] * size[row] * size[column]
-        });
-        let Some(factor) = Cholesky::new(relative) else {
-            return Ok(None);
-        };
-        let change = factor
-            .solve(&pull.component_mul(&size))
-            .component_mul(&size);
-        let of_station = read.len().max(1) as f64;
-        let displaced: f64 = (read.iter())
-            .map(|&index| (frames[index].columns.rows(0, 3) * &change).norm_squared())
-            .sum();
-        let square = change.dot(&pull) / f64::max(discrepancy.scale[0], 1.0);
-        let Ok(distribution) = ChiSquared::new(6.0) else {
-            return Ok(None);
-        };
-        Ok(Some(MovedStation {
-            position_m: change.fixed_rows::<3>(0).into_owned(),
-            rotation_rad: change.fixed_rows::<3>(3).into_owned(),
-            probability: distribution.sf(square),
-            readings_m: (displaced / of_station).sqrt(),
-            discrepancy_m: (average / (3.0 * of_station)).sqrt(),
-        }))
-    }
 }

@@ -18,12 +18,11 @@ mod model_selection;
 mod outliers;
 mod parts;
 mod pattern_rows;
+mod prognoses;
 mod residuals;
-mod rows;
-mod transfer;
+mod unexplained;
 mod unknowns;
 mod visits;
-mod without;
 
 use super::copies::CopiedReadings;
 use super::discrepancy::{Discrepancy, ReadingResidual, joint_space_blocks};
@@ -31,13 +30,13 @@ use super::outliers::RejectedReading;
 pub use blocks::FEWEST_BLOCKS;
 pub use case::AbsoluteCase;
 pub use error::AbsoluteError;
-pub use fit::{AbsoluteFit, ReadingWeights, Unexplained};
+pub use fit::{AbsoluteFit, ReadingWeights};
 pub use inconsistencies::{CONTRADICTION, Inconsistencies, Inconsistency, SeriesEstimates};
-pub use joint_errors::{DiscrepancyModel, JointError, MovedStation, ReadingPrognosis, SQUARE_95};
+pub use joint_errors::{DiscrepancyModel, JointError, SQUARE_95};
 pub use mixed::VarianceComponents;
-pub use model_selection::{
-    CrossValidation, ModelSelection, NestedModel, NestedModelTest, ParameterChange, Recommendation,
-};
+pub use model_selection::{CrossValidation, ModelSelection, NestedModel, Recommendation};
 pub use parts::{PartsOfReadings, PredictedPositions, SimulatedReadings};
+pub use prognoses::{MovedStation, ReadingPrognosis};
 pub use residuals::DistanceStatistics;
+pub use unexplained::Unexplained;
 pub use unknowns::{LeftOut, ParameterGroup};

@@ -5,9 +5,7 @@ use nalgebra::{Matrix6, Vector3};
 use super::super::gauss_newton::{ParameterFit, fit_for_weights};
 use super::super::outliers::{self, LookedOver, squares_of};
 use super::case::whitener;
-use super::{
-    AbsoluteCase, AbsoluteFit, CopiedReadings, Discrepancy, ReadingResidual, RejectedReading,
-};
+use super::{AbsoluteCase, Discrepancy, ReadingResidual, RejectedReading};
 use crate::numeric::tolerance::median;
 use crate::parameter::ParameterSet;
 
@@ -63,7 +61,7 @@ impl AbsoluteCase<'_> {
         let mut case = self.clone();
         let mut fit = first.clone();
         for round in 0..ROBUST_ROUNDS {
-            let left = case.left_by(&fit).ok()?;
+            let left = case.left(&fit.belief).ok()?;
             let positions = left.iter().map(|each| each.position_m.norm());
             let rotations = left.iter().filter_map(|each| each.rotation_rad);
             let scales_m_rad = [
@@ -150,45 +148,6 @@ impl AbsoluteCase<'_> {
             judged.known = Some(known.collect());
         }
         Some(judged)
-    }
-
-    /// The same case with the readings that were fitted alone.
-    pub fn kept(&self, fit: &AbsoluteFit) -> Self {
-        self.without(&fit.rejected)
-    }
-
-    /// The same case without some of its readings, and without copies of others.
-    pub(super) fn without(&self, rejected: &[RejectedReading]) -> Self {
-        let is_rejected = outliers::rejected_of(self.observations.len(), rejected);
-        let is_copy = self.copies.is_copy(self.observations.len());
-        self.part_of(|index| !is_rejected[index] && !is_copy[index])
-    }
-
-    /// The same case with some of its readings alone.
-    pub(super) fn only(&self, rejected: &[RejectedReading]) -> Self {
-        let is_rejected = outliers::rejected_of(self.observations.len(), rejected);
-        self.part_of(|index| is_rejected[index])
-    }
-
-    pub(super) fn part_of(&self, is_in: impl Fn(usize) -> bool) -> Self {
-        let mut place = vec![None; self.observations.len()];
-        let places: Vec<usize> = (0..place.len()).filter(|&index| is_in(index)).collect();
-        let mut case = self.clone();
-        case.observations.clear();
-        case.covariances.clear();
-        case.far_from_frames.clear();
-        case.copies = CopiedReadings::default();
-        case.shared = self.shared.as_ref().map(|shared| shared.among(&places));
-        for &index in &places {
-            place[index] = Some(case.observations.len());
-            case.observations.push(self.observations[index].clone());
-            case.covariances.push(self.covariances[index]);
-        }
-        case.visits = (self.visits.iter())
-            .map(|visit| visit.iter().filter_map(|&index| place[index]).collect())
-            .filter(|visit: &Vec<usize>| !visit.is_empty())
-            .collect();
-        case
     }
 }
 

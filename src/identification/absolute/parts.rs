@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, Matrix6xX, Rotation3, Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::super::gauss_newton::{FitError, fit_from};
+use super::super::FitError;
 use super::joint_errors::LocalRows;
 use super::mixed::VarianceComponents;
 use super::{
@@ -208,7 +208,7 @@ impl PartsOfReadings<'_> {
             to.clone_from(&observations[index]);
         }
         let (arm, set) = (&self.case.arm, self.set());
-        let fit = fit_from(arm, set, &part.observations, None, &set.prior().mean).ok()?;
+        let fit = part.fit_near(set, set.prior().mean.as_slice()).ok()?;
         let joints = self.known.joints();
         let model = if joints.is_empty() {
             DiscrepancyModel::plain(fit.posterior.covariance.clone(), self.known.discrepancy())

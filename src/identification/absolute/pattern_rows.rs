@@ -5,10 +5,11 @@ use nalgebra::{Matrix6xX, Vector3, Vector6};
 use super::super::gauss_newton::FitError;
 use super::super::patterns::{BLOCKS, LookedAt, ReadingRows, unit};
 use super::case::whitener;
+use super::residuals::with_more;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Form, Observation, ObservationModel, Reading};
-use crate::parameter::{ParameterKind, ParameterSet};
+use crate::observation::{Form, Observation, ObservationModel};
+use crate::parameter::ParameterKind;
 use crate::robot::Approach;
 
 impl AbsoluteCase<'_> {
@@ -23,7 +24,12 @@ impl AbsoluteCase<'_> {
         readings: &[AbsoluteReading],
     ) -> Result<LookedAt, AbsoluteError> {
         let joints = self.arm.chain.len();
-        let (set, places) = with_joints(fit, joints)?;
+        let kinds = (0..joints).flat_map(|joint| {
+            let zero = ParameterKind::JointZero { joint };
+            [zero, ParameterKind::JointCompliance { joint }]
+        });
+        let (set, places) = with_more(&fit.set, &fit.reference, kinds)?;
+        let places = places.as_chunks::<2>().0;
         let mut values = set.prior().mean.clone();
         values.rows_mut(0, fit.set.len()).copy_from(&fit.values());
         let scales = set.scales();
@@ -36,16 +42,13 @@ impl AbsoluteCase<'_> {
             let kind = each.reading.kind();
             let predicted = model
                 .predict(Form::AtRest, &each.setup, kind, &mut rows)
-                .map_err(|source| FitError::Equilibrium {
-                    observation: index + 1,
-                    source,
-                })?;
+                .map_err(|error| FitError::from((index, error)))?;
             let residual = each.whiten(&predicted, &mut rows);
             let [moved, mut bent] = [0, 1].map(|which| {
                 let chosen = places.iter().map(|place| place[which]);
                 rows.select_columns(&chosen.collect::<Vec<_>>())
             });
-            for (mut column, [_, place]) in bent.column_iter_mut().zip(&places) {
+            for (mut column, [_, place]) in bent.column_iter_mut().zip(places) {
                 let parameter = &set.parameters()[*place];
                 if parameter.is_logarithmic {
                     column /= parameter.quantity(&fit.reference, values[*place]);
@@ -114,9 +117,7 @@ impl AbsoluteCase<'_> {
 
 /// Shifts of the station's frame, growth about the base, and an error along the line of sight.
 fn placed_columns(each: &Observation, fit: &AbsoluteFit) -> Matrix6xX<f64> {
-    let (Reading::Pose { position_m, .. }
-    | Reading::Position { position_m }
-    | Reading::Deflection { position_m, .. }) = each.reading;
+    let position_m = each.position_m();
     let base = fit.arm.instrument_from_base[each.setup.station]
         .translation
         .vector;
@@ -137,29 +138,4 @@ fn placed_columns(each: &Observation, fit: &AbsoluteFit) -> Matrix6xX<f64> {
         matrix * column
     });
     Matrix6xX::from_columns(&columns)
-}
-
-/// A fit's parameters with every joint's zero and compliance, whose places are told.
-fn with_joints(
-    fit: &AbsoluteFit,
-    joints: usize,
-) -> Result<(ParameterSet, Vec<[usize; 2]>), AbsoluteError> {
-    let mut unknowns: Vec<(ParameterKind, Option<f64>)> = (fit.set.parameters().iter())
-        .map(|each| (each.kind, each.prior_deviation))
-        .collect();
-    let mut places = Vec::new();
-    for joint in 0..joints {
-        let kinds = [
-            ParameterKind::JointZero { joint },
-            ParameterKind::JointCompliance { joint },
-        ];
-        places.push(kinds.map(|kind| {
-            let known = unknowns.iter().position(|(other, _)| *other == kind);
-            known.unwrap_or_else(|| {
-                unknowns.push((kind, None));
-                unknowns.len() - 1
-            })
-        }));
-    }
-    Ok((ParameterSet::new(&fit.reference, unknowns)?, places))
 }

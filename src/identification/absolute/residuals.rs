@@ -1,12 +1,14 @@
-//! The residuals of a fit of absolute readings.
+//! Residuals of absolute readings, and their derivatives.
 
-use nalgebra::Matrix6xX;
+use nalgebra::{DMatrix, DVector, Matrix6xX, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::super::FitError;
+use super::case::rotation_of;
 use super::{AbsoluteCase, ReadingResidual};
-use crate::observation::{Form, Observation, ObservationModel, Reading};
-use crate::parameter::{ElasticArm, ParameterSet};
-use crate::robot::{EquilibriumError, rotation_vector};
+use crate::observation::{Form, ObservationModel, Whitener};
+use crate::parameter::{ElasticArm, ParameterError, ParameterKind, ParameterSet};
+use crate::robot::rotation_vector;
 
 /// How long vectors are.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
@@ -59,49 +61,117 @@ impl DistanceStatistics {
     }
 }
 
+/// One reading at an arm: rows of the position (m) above those of the rotation (rad), where it is read.
+#[derive(Debug, Clone)]
+pub(super) struct LinearReading {
+    /// Read less predicted.
+    pub residual: DVector<f64>,
+    /// Derivatives of the prediction with respect to the parameters, in their units.
+    pub columns: DMatrix<f64>,
+    /// The same with respect to the joints' angles (rad; m where they slide).
+    pub joints: DMatrix<f64>,
+    /// The reading's own covariance.
+    pub own: DMatrix<f64>,
+}
+
+/// Parameters with others besides, nominal in what they are not known of; the places of the others.
+pub(super) fn with_more(
+    set: &ParameterSet,
+    reference: &ElasticArm,
+    more: impl Iterator<Item = ParameterKind>,
+) -> Result<(ParameterSet, Vec<usize>), ParameterError> {
+    let mut unknowns: Vec<(ParameterKind, Option<f64>)> = (set.parameters().iter())
+        .map(|each| (each.kind, each.prior_deviation))
+        .collect();
+    let places = more
+        .map(|kind| {
+            let known = unknowns.iter().position(|(other, _)| *other == kind);
+            known.unwrap_or_else(|| {
+                unknowns.push((kind, None));
+                unknowns.len() - 1
+            })
+        })
+        .collect();
+    Ok((ParameterSet::new(reference, unknowns)?, places))
+}
+
 impl AbsoluteCase<'_> {
     /// What an arm leaves of the readings.
     ///
     /// # Errors
-    /// It has no equilibrium for one of them, whose place is given.
-    pub fn left(
-        &self,
-        arm: &ElasticArm,
-    ) -> Result<Vec<ReadingResidual>, (usize, EquilibriumError)> {
-        left_of(&self.observations, arm)
-    }
-}
-
-/// What an arm leaves of some readings; the place of one for which it has no equilibrium.
-pub(super) fn left_of(
-    observations: &[Observation],
-    arm: &ElasticArm,
-) -> Result<Vec<ReadingResidual>, (usize, EquilibriumError)> {
-    let nothing = ParameterSet::empty();
-    let mut model = ObservationModel::new(&nothing, arm, &[]);
-    let mut derivatives = Matrix6xX::zeros(0);
-    (observations.iter().enumerate())
-        .map(|(index, each)| {
-            let kind = each.reading.kind();
-            let predicted = model
-                .predict(Form::AtRest, &each.setup, kind, &mut derivatives)
-                .map_err(|error| (index, error))?;
-            let (position_m, rotation_rad) = match each.reading {
-                Reading::Pose {
-                    position_m,
-                    rotation,
-                } => {
-                    let apart = rotation * predicted.rotation.transpose();
-                    (position_m, Some(rotation_vector(&apart)))
-                }
-                Reading::Position { position_m } | Reading::Deflection { position_m, .. } => {
-                    (position_m, None)
-                }
-            };
-            Ok(ReadingResidual {
-                position_m: position_m - predicted.position_m,
-                rotation_rad,
+    /// It has no equilibrium for one of them.
+    pub fn left(&self, arm: &ElasticArm) -> Result<Vec<ReadingResidual>, FitError> {
+        let nothing = ParameterSet::empty();
+        let mut model = ObservationModel::new(&nothing, arm, &[]);
+        let mut derivatives = Matrix6xX::zeros(0);
+        (self.observations.iter().enumerate())
+            .map(|(index, each)| {
+                let kind = each.reading.kind();
+                let predicted = model
+                    .predict(Form::AtRest, &each.setup, kind, &mut derivatives)
+                    .map_err(|error| (index, error))?;
+                let turned = |read| rotation_vector(&(read * predicted.rotation.transpose()));
+                Ok(ReadingResidual {
+                    position_m: each.position_m() - predicted.position_m,
+                    rotation_rad: rotation_of(&each.reading).map(turned),
+                })
             })
-        })
-        .collect()
+            .collect()
+    }
+
+    /// The joints that somebody commands.
+    pub(super) fn commanded_joints(&self) -> Vec<usize> {
+        self.arm.chain.commanded().collect()
+    }
+
+    /// Which of these turn; the others slide.
+    pub(super) fn commanded_turns(&self) -> Vec<bool> {
+        let joints = self.arm.chain.commanded();
+        joints
+            .map(|joint| !self.arm.chain.joints[joint].drive.slides)
+            .collect()
+    }
+
+    /// All readings at the values (p) of a set's parameters, which count from `reference`.
+    pub(super) fn rows_at(
+        &self,
+        reference: &ElasticArm,
+        set: &ParameterSet,
+        values: &[f64],
+        joints: &[usize],
+    ) -> Result<Vec<LinearReading>, FitError> {
+        let zeros = joints
+            .iter()
+            .map(|&joint| ParameterKind::JointZero { joint });
+        // Zeros are parameters of any chain.
+        let (all, places) =
+            with_more(set, reference, zeros).unwrap_or_else(|_| (set.clone(), Vec::new()));
+        let mut all_values = all.prior().mean.clone();
+        all_values.as_mut_slice()[..set.len()].copy_from_slice(values);
+        let mut model = ObservationModel::new(&all, reference, all_values.as_slice());
+        let mut derivatives = Matrix6xX::zeros(all.len());
+        let one = Vector3::repeat(1.0);
+        let observations = self.observations.iter().zip(&self.covariances);
+        (observations.enumerate())
+            .map(|(index, (each, covariance))| {
+                let mut each = each.clone();
+                each.whitener = Whitener::independent(one, one);
+                let kind = each.reading.kind();
+                let predicted = (model.predict(Form::AtRest, &each.setup, kind, &mut derivatives))
+                    .map_err(|error| (index, error))?;
+                let residual = each.whiten(&predicted, &mut derivatives);
+                let rows = kind.rows();
+                Ok(LinearReading {
+                    residual: DVector::from_fn(rows, |row, _| residual[row]),
+                    columns: DMatrix::from_fn(rows, set.len(), |row, column| {
+                        derivatives[(row, column)]
+                    }),
+                    joints: DMatrix::from_fn(rows, places.len(), |row, joint| {
+                        derivatives[(row, places[joint])]
+                    }),
+                    own: DMatrix::from_fn(rows, rows, |row, column| covariance[(row, column)]),
+                })
+            })
+            .collect()
+    }
 }

@@ -125,6 +125,16 @@ fn prior_deviation(kind: ParameterKind) -> Option<f64> {
     }
 }
 
+/// Whether a parameter is of the robot's geometry.
+pub(super) const fn is_geometry(kind: ParameterKind) -> bool {
+    matches!(
+        kind,
+        ParameterKind::JointZero { .. }
+            | ParameterKind::LinkPosition { .. }
+            | ParameterKind::LinkRotation { .. }
+    )
+}
+
 /// A parameter that no reading can tell from others, and that was left out for that.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
@@ -265,17 +275,9 @@ impl AbsoluteCase<'_> {
     /// prior settles. That gravity and loads may tell some of them after all, if hardly, is left aside, so that the same is left
     /// out whatever was read.
     fn redundant(&self, all: &ParameterSet, asked: &[PlannedReading]) -> Vec<(usize, LeftOut)> {
-        let is_geometry = |kind: ParameterKind| {
-            kind.is_mounted()
-                || matches!(
-                    kind,
-                    ParameterKind::JointZero { .. }
-                        | ParameterKind::LinkPosition { .. }
-                        | ParameterKind::LinkRotation { .. }
-                )
-        };
+        let kind = |place: usize| all.parameters()[place].kind;
         let places: Vec<usize> = (0..all.len())
-            .filter(|&place| is_geometry(all.parameters()[place].kind))
+            .filter(|&place| kind(place).is_mounted() || is_geometry(kind(place)))
             .collect();
         let set = all.subset(&places);
         let mut rigid = self.arm.clone();

@@ -84,17 +84,12 @@ impl MixedModel {
     /// The likeliest variance components, with more knots than a fit has: what lies between knots looks independent from visit to visit, and
     /// functions smaller than they are. Of joints that turn.
     pub fn components(&self, turns: &[bool]) -> Option<VarianceComponents> {
-        let (coarse, _) = self.likeliest()?;
+        let (mut variances, _) = self.likeliest()?;
         let mut fine = self.clone();
         fine.most_knots = FINE_KNOTS;
-        let mut variances = fine.first();
-        for (process, coarse) in variances.process.iter_mut().zip(&coarse.process) {
-            process.length = coarse.length;
+        for (process, fine) in variances.process.iter_mut().zip(fine.first().process) {
+            process.knots = fine.knots;
         }
-        variances = MixedVariances {
-            process: variances.process,
-            ..coarse
-        };
         for _ in 0..ROUNDS {
             let solved = fine.solved(&variances)?;
             let next = fine.improved(&variances, &solved)?.next;
@@ -110,11 +105,11 @@ impl MixedModel {
             functions: functions
                 .map(|(place, (&joint, _))| JointFunction {
                     joint,
-                    deviation_rad: variances.joints[place].sqrt(),
+                    deviation_rad: variances.all[2 + place].sqrt(),
                     correlation_rad: variances.process[place].length,
                 })
                 .collect(),
-            rest: [0, 1].map(|part| (variances.rest[part] + self.within[part]).sqrt()),
+            rest: [0, 1].map(|part| (variances.all[part] + self.within[part]).sqrt()),
         })
     }
 
@@ -134,12 +129,12 @@ impl MixedModel {
                 length: function.correlation_rad,
             }
         };
+        let functions = known.functions.iter();
+        let rest = known.rest.iter().map(|each| (each * each).max(LEAST));
         let variances = MixedVariances {
-            rest: known.rest.map(|each| (each * each).max(LEAST)),
-            joints: (known.functions.iter())
-                .map(|each| each.deviation_rad.powi(2))
+            all: rest
+                .chain(functions.map(|each| each.deviation_rad.powi(2)))
                 .collect(),
-            waves: Vec::new(),
             process: known.functions.iter().enumerate().map(process).collect(),
         };
         let solved = self.solved(&variances)?;

@@ -15,17 +15,17 @@
 mod known;
 mod prediction;
 mod standard_errors;
-mod visit;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::AbsoluteCase;
 use super::joint_errors::DiscrepancyModel;
-use super::rows::LinearReading;
-use super::{AbsoluteCase, Discrepancy};
+use super::residuals::LinearReading;
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, Tridiagonal, knots_among};
+use crate::numeric::posterior::Posterior;
+use crate::parameter::{ParameterSet, relative_precision};
 pub use known::VarianceComponents;
-use prediction::PredictedSquares;
 pub(super) use standard_errors::SumVariances;
 
 /// No joint has more knots.
@@ -72,9 +72,9 @@ pub(super) struct VisitReadings {
 /// The variances that are looked for.
 #[derive(Debug, Clone, PartialEq)]
 struct MixedVariances {
-    rest: [f64; 2],
-    joints: Vec<f64>,
-    waves: Vec<f64>,
+    /// Of what is new at visits, of positions and of rotations; of each joint's error; of the waves of each joint that has them.
+    all: Vec<f64>,
+    /// How far each joint's error reaches.
     process: Vec<OrnsteinUhlenbeck>,
 }
 
@@ -88,9 +88,9 @@ pub(super) struct MixedModel {
     /// The joints, and how the coordinates become parameters (p x r).
     joints: Vec<usize>,
     units: DMatrix<f64>,
-    /// Variances to start from, of positions and of rotations,
-    discrepancy_model: [f64; 2],
-    /// and those that readings of one visit do not share.
+    /// Variances to start from, of positions and of rotations, that readings of one visit share,
+    shared: [f64; 2],
+    /// and those that they do not share.
     within: [f64; 2],
     /// No joint has more knots.
     most_knots: usize,
@@ -101,7 +101,7 @@ pub(super) struct MixedModel {
 /// Variances after one more improvement.
 struct ImprovedVariances {
     next: MixedVariances,
-    /// How many numbers told each of those before: of what is new at visits, then of the joints.
+    /// How many numbers told each of those before.
     told: Vec<f64>,
 }
 
@@ -118,7 +118,7 @@ pub(super) struct MixedFit {
     pub predicted_by_others: [Option<f64>; 2],
 }
 
-/// A visit's equations at some variances.
+/// A visit's equations at some variances: which unknowns move it, by what, what is new at it, and what of each joint's variance is.
 struct VisitEquations {
     index: Vec<usize>,
     matrix: DMatrix<f64>,
@@ -126,34 +126,27 @@ struct VisitEquations {
     spare: Vec<f64>,
 }
 
-/// Sums over visits of what improves the variances: numerators and denominators.
-#[derive(Clone)]
-struct VarianceImprovement {
-    rest: [[f64; 2]; 2],
-    joints: Vec<[f64; 2]>,
-}
-
 impl MixedModel {
-    /// Of the readings of a case at what was fitted to them. `units` (p x r) spans what is determined, of which the prior
-    /// knows a precision (r x r) and wants a change (r).
+    /// Of a case's readings, each to first order (`rows`), at a fit to them with this discrepancy.
     pub fn new(
         case: &AbsoluteCase<'_>,
         rows: &[LinearReading],
         joints: Vec<usize>,
-        units: DMatrix<f64>,
-        [prior, pull]: [DMatrix<f64>; 2],
-        discrepancy: &Discrepancy,
+        (set, posterior): (&ParameterSet, &Posterior),
+        discrepancy: [f64; 2],
     ) -> Self {
-        let assumed = discrepancy.covariance();
-        let within = case.within.map(|each| each * each);
+        let off = DVector::from_column_slice(&posterior.mean) - &set.prior().mean;
+        let precision = relative_precision(set);
+        let pull = &precision * &off.component_div(&set.scales());
+        let basis = posterior.estimable.basis();
         let mut model = Self {
             visits: Vec::new(),
-            prior,
-            pull: pull.column(0).into_owned(),
+            prior: basis.tr_mul(&precision) * basis,
+            pull: -basis.tr_mul(&pull),
             joints,
-            units,
-            discrepancy_model: [assumed[(0, 0)] - within[0], assumed[(3, 3)] - within[1]],
-            within,
+            units: posterior.estimable.basis_in_units(),
+            shared: [0, 1].map(|part| discrepancy[part].powi(2) - case.within[part].powi(2)),
+            within: case.within.map(|each| each * each),
             most_knots: MOST_KNOTS,
             waving: Vec::new(),
         };
@@ -161,7 +154,7 @@ impl MixedModel {
         model
     }
 
-    /// Stands of readings at what was fitted, perhaps to others.
+    /// Visits of readings at what was fitted, perhaps to others.
     pub fn visits_of(&self, case: &AbsoluteCase<'_>, rows: &[LinearReading]) -> Vec<VisitReadings> {
         let (joints, units) = (&self.joints, &self.units);
         (case.visits.iter())
@@ -175,7 +168,7 @@ impl MixedModel {
                     own: DMatrix::zeros(size, size),
                     coordinates: Vec::new(),
                     angles: Vec::new(),
-                    assumed: self.discrepancy_model.map(|each| each.max(LEAST)),
+                    assumed: self.shared.map(|each| each.max(LEAST)),
                 };
                 for &index in visit {
                     let (rows, at) = (&rows[index], all.coordinates.len());
@@ -273,9 +266,7 @@ impl MixedModel {
             pull,
             joints: self.joints.clone(),
             units: corner(&self.units, &other.units),
-            discrepancy_model: [0, 1].map(|part| {
-                f64::midpoint(self.discrepancy_model[part], other.discrepancy_model[part])
-            }),
+            shared: [0, 1].map(|part| f64::midpoint(self.shared[part], other.shared[part])),
             within: [0, 1].map(|part| f64::midpoint(self.within[part], other.within[part])),
             most_knots: self.most_knots.min(other.most_knots),
             waving: self.waving.clone(),
@@ -289,14 +280,13 @@ impl MixedModel {
             Vec::new()
         } else {
             let (seen, _) = self.without_waves().likeliest()?;
-            self.waving
-                .iter()
-                .map(|&joint| seen.joints[joint])
-                .collect()
+            let joints = self.waving.iter();
+            joints.map(|&joint| seen.all[2 + joint]).collect()
         };
         let mut variances = self.first();
         let limit = |variances: &mut MixedVariances| {
-            for (variance, &most) in variances.waves.iter_mut().zip(&most) {
+            let waves = variances.all[2 + self.joints.len()..].iter_mut();
+            for (variance, &most) in waves.zip(&most) {
                 *variance = variance.min(most * LARGEST_WAVES).max(LEAST);
             }
         };
@@ -313,21 +303,6 @@ impl MixedModel {
             }
         }
         Some((variances, solved))
-    }
-
-    /// The likeliest variances with what follows from them; of some readings that were left out, too. None where the numbers have no factorisation.
-    pub fn fit(&self, left_out: &[VisitReadings]) -> Option<MixedFit> {
-        let (variances, solved) = self.likeliest()?;
-        let mut model = self.model(&variances, &solved);
-        let kept = self.squares_by_others();
-        let left_out: Vec<PredictedSquares<'_>> = (left_out.iter())
-            .flat_map(|visit| self.squares_at(visit, &variances, &solved))
-            .collect();
-        let predicted_by_others = [0, 1].map(|part| model.seen(part, &kept, &left_out));
-        Some(MixedFit {
-            model,
-            predicted_by_others,
-        })
     }
 
     /// Half of what is unexplained in the joints.
@@ -350,19 +325,11 @@ impl MixedModel {
                 rows += 1.0;
             }
         }
-        let [position, rotation] = self.discrepancy_model;
-        let of_joints = 0.5 * position * rows / f64::max(moved, f64::MIN_POSITIVE);
-        MixedVariances {
-            rest: [0.5 * position, 0.5 * rotation].map(|each| each.max(LEAST)),
-            joints: vec![of_joints.clamp(LEAST, 1e-4); process.len()],
-            waves: vec![of_joints.clamp(LEAST, 1e-4); self.waves() / (2 * HIDDEN_WAVES)],
-            process,
-        }
-    }
-
-    /// The number of waves of all joints.
-    fn waves(&self) -> usize {
-        self.visits.first().map_or(0, |visit| visit.waves.ncols())
+        let of_joints = 0.5 * self.shared[0] * rows / f64::max(moved, f64::MIN_POSITIVE);
+        let mut all = self.shared.map(|each| (0.5 * each).max(LEAST)).to_vec();
+        let count = all.len() + process.len() + self.waving.len();
+        all.resize(count, of_joints.clamp(LEAST, 1e-4));
+        MixedVariances { all, process }
     }
 
     /// Where the knots of each joint begin among all unknowns, where all waves do, and the number of unknowns.
@@ -371,7 +338,7 @@ impl MixedModel {
         for each in &variances.process {
             offsets.push(offsets[offsets.len() - 1] + each.knots.len());
         }
-        offsets.push(offsets[offsets.len() - 1] + self.waves());
+        offsets.push(offsets[offsets.len() - 1] + 2 * HIDDEN_WAVES * self.waving.len());
         offsets
     }
 
@@ -413,7 +380,7 @@ impl MixedModel {
         pull += &self.pull;
         for (joint, process) in variances.process.iter().enumerate() {
             let (precision, _) = process.precision();
-            let variance = variances.joints[joint];
+            let variance = variances.all[2 + joint];
             let scaled = |values: Vec<f64>| values.iter().map(|value| value / variance).collect();
             let precision = Tridiagonal {
                 diagonal: scaled(precision.diagonal),
@@ -423,7 +390,8 @@ impl MixedModel {
         }
         let first = offsets[variances.process.len()];
         for at in first..size {
-            information[(at, at)] += variances.of_wave(at - first).recip();
+            let wave = 2 + self.joints.len() + (at - first) / (2 * HIDDEN_WAVES);
+            information[(at, at)] += variances.all[wave].recip();
         }
         // Units apart: parameters in typical sizes, joints in rad.
         let sizes = information.diagonal().map(|each| each.sqrt().recip());
@@ -453,99 +421,173 @@ impl MixedModel {
         solved: &MixedSolution,
     ) -> Option<ImprovedVariances> {
         let offsets = self.offsets(variances);
-        let nothing = VarianceImprovement {
-            rest: [[0.0; 2]; 2],
-            joints: vec![[0.0; 2]; self.joints.len()],
-        };
-        let pieces: Vec<Option<VarianceImprovement>> = (self.pieces())
+        // Numerators and denominators of what improves each variance.
+        let nothing = vec![[0.0; 2]; variances.all.len()];
+        let pieces: Vec<Option<Vec<[f64; 2]>>> = (self.pieces())
             .map(|visits| {
-                let mut sum = nothing.clone();
+                let mut sums = nothing.clone();
                 for visit in visits {
-                    visit.improve(&visit.local(variances, &offsets), solved, &mut sum)?;
+                    visit.improve(&visit.local(variances, &offsets), solved, &mut sums)?;
                 }
-                Some(sum)
+                Some(sums)
             })
             .collect();
-        let mut sum = nothing;
+        let mut sums = nothing;
         for piece in pieces {
-            let piece = piece?;
-            for (sum, each) in (sum.rest.iter_mut().chain(&mut sum.joints))
-                .zip(piece.rest.iter().chain(&piece.joints))
-            {
-                sum[0] += each[0];
-                sum[1] += each[1];
+            for (sum, [square, trace]) in sums.iter_mut().zip(piece?) {
+                *sum = [sum[0] + square, sum[1] + trace];
             }
         }
-        let better = |variance: f64, [square, trace]: [f64; 2]| {
-            let ratio = if trace > 0.0 { square / trace } else { 1.0 };
-            (variance * ratio.max(0.0).sqrt()).max(LEAST)
-        };
         let mut next = variances.clone();
-        let mut told = Vec::new();
-        for part in 0..2 {
-            told.push(variances.rest[part] * sum.rest[part][1]);
-            next.rest[part] = better(variances.rest[part], sum.rest[part]);
-        }
         for (joint, process) in variances.process.iter().enumerate() {
             let (at, count) = (offsets[joint], process.knots.len());
-            let variance = variances.joints[joint];
-            let product = |one: usize, other: usize| solved.mean[one] * solved.mean[other];
-            let mut values = Tridiagonal {
-                diagonal: (at..at + count).map(|each| product(each, each)).collect(),
+            let variance = variances.all[2 + joint];
+            let neighbours = |of: &dyn Fn(usize, usize) -> f64| Tridiagonal {
+                diagonal: (at..at + count).map(|each| of(each, each)).collect(),
                 beside: (at + 1..at + count)
-                    .map(|each| product(each - 1, each))
+                    .map(|each| of(each - 1, each))
                     .collect(),
             };
-            let covariance = Tridiagonal {
-                diagonal: (at..at + count)
-                    .map(|each| solved.covariance[(each, each)])
-                    .collect(),
-                beside: (at + 1..at + count)
-                    .map(|each| solved.covariance[(each - 1, each)])
-                    .collect(),
-            };
+            let values = neighbours(&|one, other| solved.mean[one] * solved.mean[other]);
+            let covariance = neighbours(&|one, other| solved.covariance[(one, other)]);
             let (precision, _) = process.precision();
-            let square = precision.product_trace(&values) / (variance * variance);
             let known = precision.product_trace(&covariance) / variance;
-            let mut own = sum.joints[joint];
-            own[0] += square;
-            own[1] += (count as f64 - known).max(0.0) / variance;
-            told.push(variance * own[1]);
-            next.joints[joint] = better(variance, own);
-            let all = values.diagonal.iter_mut().chain(&mut values.beside);
-            for (value, known) in all.zip(covariance.diagonal.iter().chain(&covariance.beside)) {
-                *value += known;
-            }
-            next.process[joint].length = process.likeliest_length(&values);
+            let sum = &mut sums[2 + joint];
+            sum[0] += precision.product_trace(&values) / (variance * variance);
+            sum[1] += (count as f64 - known).max(0.0) / variance;
+            let expected = neighbours(&|one, other| {
+                solved.mean[one] * solved.mean[other] + solved.covariance[(one, other)]
+            });
+            next.process[joint].length = process.likeliest_length(&expected);
         }
-        for (joint, &variance) in variances.waves.iter().enumerate() {
+        for joint in 0..self.waving.len() {
             let count = 2 * HIDDEN_WAVES;
-            let at = offsets[variances.process.len()] + joint * count;
-            let square = solved.mean.rows(at, count).norm_squared() / (variance * variance);
+            let at = offsets[self.joints.len()] + joint * count;
+            let place = 2 + self.joints.len() + joint;
+            let variance = variances.all[place];
             let own = solved.covariance.view((at, at), (count, count)).trace();
-            let trace = (count as f64 - own / variance).max(0.0) / variance;
-            told.push(variance * trace);
-            next.waves[joint] = better(variance, [square, trace]);
+            sums[place] = [
+                solved.mean.rows(at, count).norm_squared() / (variance * variance),
+                (count as f64 - own / variance).max(0.0) / variance,
+            ];
+        }
+        let mut told = Vec::new();
+        for (variance, [square, trace]) in next.all.iter_mut().zip(sums) {
+            told.push(*variance * trace);
+            let ratio = if trace > 0.0 { square / trace } else { 1.0 };
+            *variance = (*variance * ratio.max(0.0).sqrt()).max(LEAST);
         }
         Some(ImprovedVariances { next, told })
     }
 }
 
 impl MixedVariances {
-    /// Of a wave: all of one joint have one.
-    fn of_wave(&self, wave: usize) -> f64 {
-        self.waves[wave / (2 * HIDDEN_WAVES)]
-    }
-
     /// The largest change of a deviation that matters, as a share of it.
     fn change_from(&self, other: &Self) -> f64 {
-        let rest = self.rest.iter().zip(&other.rest);
-        let joints = self.joints.iter().zip(&other.joints);
-        let waves = self.waves.iter().zip(&other.waves);
-        rest.chain(joints)
-            .chain(waves)
+        (self.all.iter().zip(&other.all))
             .filter(|(one, _)| **one > 10.0 * LEAST)
             .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
             .fold(0.0, f64::max)
     }
+}
+
+impl VisitReadings {
+    /// What is determined of the parameters (m x r), weighed as it was fitted.
+    fn weighed(&self) -> Option<DMatrix<f64>> {
+        let mut by = self.own.clone();
+        self.add_shared(&mut by, &self.assumed);
+        Some(Cholesky::new(by)?.solve(&self.fixed))
+    }
+
+    /// Adds what is new at the visit: variances of positions and rotations.
+    fn add_shared(&self, covariance: &mut DMatrix<f64>, variances: &[f64]) {
+        for (row, one) in self.coordinates.iter().enumerate() {
+            for (column, other) in self.coordinates.iter().enumerate() {
+                if one == other {
+                    covariance[(row, column)] += variances[one / 3];
+                }
+            }
+        }
+    }
+
+    fn local(&self, variances: &MixedVariances, offsets: &[usize]) -> VisitEquations {
+        let fixed = self.fixed.ncols();
+        let mut index: Vec<usize> = (0..fixed).collect();
+        let columns = fixed + 2 * self.angles.len() + self.waves.ncols();
+        let mut matrix = self.fixed.clone().resize_horizontally(columns, 0.0);
+        let mut covariance = self.own.clone();
+        self.add_shared(&mut covariance, &variances.all);
+        let mut spare = Vec::new();
+        for (joint, process) in variances.process.iter().enumerate() {
+            let between = process.between(self.angles[joint]);
+            let moved = self.joints.column(joint);
+            for (knot, weight) in between.knots.into_iter().zip(between.weights) {
+                matrix.column_mut(index.len()).copy_from(&(moved * weight));
+                index.push(offsets[joint] + knot);
+            }
+            let own = variances.all[2 + joint] * between.spare;
+            covariance.ger(own, &moved, &moved, 1.0);
+            spare.push(between.spare);
+        }
+        let first = offsets[variances.process.len()];
+        for (wave, moved) in self.waves.column_iter().enumerate() {
+            matrix.column_mut(index.len()).copy_from(&moved);
+            index.push(first + wave);
+        }
+        VisitEquations {
+            index,
+            matrix,
+            covariance,
+            spare,
+        }
+    }
+
+    /// Adds to the sums that improve the variances of what is new at visits and of joints' errors.
+    fn improve(
+        &self,
+        local: &VisitEquations,
+        solved: &MixedSolution,
+        sums: &mut [[f64; 2]],
+    ) -> Option<()> {
+        let weight = Cholesky::new(local.covariance.clone())?.inverse();
+        let left = &weight * local.left(self, solved);
+        let projected = &weight - &weight * local.known(solved) * &weight;
+        for (row, one) in self.coordinates.iter().enumerate() {
+            for (column, other) in self.coordinates.iter().enumerate() {
+                if one == other {
+                    let sum = &mut sums[one / 3];
+                    sum[0] += left[row] * left[column];
+                    sum[1] += projected[(row, column)];
+                }
+            }
+        }
+        for (joint, spare) in local.spare.iter().enumerate() {
+            let moved = self.joints.column(joint);
+            let sum = &mut sums[2 + joint];
+            sum[0] += spare * moved.dot(&left).powi(2);
+            sum[1] += spare * moved.dot(&(&projected * moved));
+        }
+        Some(())
+    }
+}
+
+impl VisitEquations {
+    /// What is left of the readings.
+    fn left(&self, visit: &VisitReadings, solved: &MixedSolution) -> DVector<f64> {
+        let mean = self.index.iter().map(|&at| solved.mean[at]);
+        &visit.residual - &self.matrix * DVector::from_iterator(self.index.len(), mean)
+    }
+
+    /// The covariance of what is predicted.
+    fn known(&self, solved: &MixedSolution) -> DMatrix<f64> {
+        let among = among(&solved.covariance, &self.index);
+        &self.matrix * among * self.matrix.transpose()
+    }
+}
+
+/// Some rows and columns of a covariance.
+pub(super) fn among(covariance: &DMatrix<f64>, index: &[usize]) -> DMatrix<f64> {
+    DMatrix::from_fn(index.len(), index.len(), |row, column| {
+        covariance[(index[row], index[column])]
+    })
 }

@@ -8,7 +8,7 @@ use super::super::super::spread::ErrorSpread;
 use super::super::super::tails::shares_of_tail;
 use super::super::Discrepancy;
 use super::super::joint_errors::{DiscrepancyModel, JointError, SQUARE_95, region_square};
-use super::{MixedModel, MixedSolution, MixedVariances, VisitReadings};
+use super::{MixedFit, MixedModel, MixedSolution, MixedVariances, VisitReadings};
 
 /// From so many readings on, regions are scaled by what was seen.
 const SCALED_FROM: usize = 40;
@@ -22,6 +22,21 @@ const LEAST_HELD: f64 = 0.92;
 const SELDOM: f64 = 0.1;
 
 impl MixedModel {
+    /// The likeliest variances with what follows from them; of some readings that were left out, too. None where the numbers have no factorisation.
+    pub fn fit(&self, left_out: &[VisitReadings]) -> Option<MixedFit> {
+        let (variances, solved) = self.likeliest()?;
+        let mut model = self.model(&variances, &solved);
+        let kept = self.squares_by_others();
+        let left_out: Vec<PredictedSquares<'_>> = (left_out.iter())
+            .flat_map(|visit| self.squares_at(visit, &variances, &solved))
+            .collect();
+        let predicted_by_others = [0, 1].map(|part| model.seen(part, &kept, &left_out));
+        Some(MixedFit {
+            model,
+            predicted_by_others,
+        })
+    }
+
     pub(super) fn model(
         &self,
         variances: &MixedVariances,
@@ -31,15 +46,15 @@ impl MixedModel {
         let fixed = self.units.ncols();
         let (parameters, knots) = (self.units.nrows(), solved.mean.len() - fixed);
         let mut units = DMatrix::zeros(parameters + knots, fixed + knots);
-        units
-            .view_mut((0, 0), (parameters, fixed))
-            .copy_from(&self.units);
-        units
-            .view_mut((parameters, fixed), (knots, knots))
-            .fill_with_identity();
+        let mut own = units.view_mut((0, 0), (parameters, fixed));
+        own.copy_from(&self.units);
+        let mut rest = units.view_mut((parameters, fixed), (knots, knots));
+        rest.fill_with_identity();
         let joints = variances.process.iter().enumerate();
         let [position_m, rotation_rad] =
-            [0, 1].map(|part| (variances.rest[part] + self.within[part]).sqrt());
+            [0, 1].map(|part| (variances.all[part] + self.within[part]).sqrt());
+        let mut coordinates = self.visits.iter().flat_map(|visit| &visit.coordinates);
+        let has_rotations = coordinates.any(|coordinate| *coordinate >= 3);
         DiscrepancyModel {
             joints: joints
                 .map(|(joint, process)| JointError {
@@ -49,7 +64,7 @@ impl MixedModel {
                         .copied()
                         .collect(),
                     process: process.clone(),
-                    deviation: variances.joints[joint].sqrt(),
+                    deviation: variances.all[2 + joint].sqrt(),
                     spread: [Vec::new(), Vec::new()],
                 })
                 .collect(),
@@ -57,24 +72,15 @@ impl MixedModel {
             covariance: &units * &solved.covariance * units.transpose(),
             rest: Discrepancy {
                 position_m,
-                rotation_rad: if self.has_rotations() {
-                    rotation_rad
-                } else {
-                    0.0
-                },
+                rotation_rad: if has_rotations { rotation_rad } else { 0.0 },
             },
             scale: [1.0; 2],
         }
     }
 
-    fn has_rotations(&self) -> bool {
-        let mut coordinates = self.visits.iter().flat_map(|visit| &visit.coordinates);
-        coordinates.any(|coordinate| *coordinate >= 3)
-    }
-
     /// The squares of position and rotation of each reading over their covariance, predicted by visits that its own was not among, variances
     /// and knots, too: those are chosen so that they suit what was fitted, at the angles where that stood.
-    pub(super) fn squares_by_others(&self) -> Vec<PredictedSquares<'_>> {
+    fn squares_by_others(&self) -> Vec<PredictedSquares<'_>> {
         let parts = (VISITS_OF_PARTS / self.visits.len().max(1)).clamp(2, PARTS);
         let each = (0..parts).into_par_iter().map(|part| {
             let others = self.of_visits(|number| number % parts != part);
@@ -88,14 +94,14 @@ impl MixedModel {
     }
 
     /// The same of a visit that was not fitted.
-    pub(super) fn squares_at<'a>(
+    fn squares_at<'a>(
         &self,
         visit: &'a VisitReadings,
         variances: &MixedVariances,
         solved: &MixedSolution,
     ) -> Vec<PredictedSquares<'a>> {
         let local = visit.local(variances, &self.offsets(variances));
-        let left = &visit.residual - &local.matrix * local.mean(solved);
+        let left = local.left(visit, solved);
         let covariance = &local.covariance + local.known(solved);
         let firsts = (visit.coordinates.iter().enumerate()).filter(|(_, each)| **each == 0);
         firsts
@@ -114,7 +120,7 @@ impl MixedModel {
 }
 
 /// Squares of a position and a rotation over the covariance of what was predicted for them.
-pub(super) struct PredictedSquares<'a> {
+struct PredictedSquares<'a> {
     /// The commanded angles of the joints.
     angles: &'a [f64],
     squares: [Option<f64>; 2],
@@ -124,7 +130,7 @@ impl DiscrepancyModel {
     /// Takes over how large errors of positions (0) or rotations (1) were that were seen: of readings that were fitted, and of others that were left
     /// out and count as far as they are no wrong ones but of a tail that the errors have. Returns the share of the former that lies in regions of
     /// 95 % as computed.
-    pub(super) fn seen(
+    fn seen(
         &mut self,
         part: usize,
         kept: &[PredictedSquares<'_>],

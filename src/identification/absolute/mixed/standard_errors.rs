@@ -1,9 +1,9 @@
 //! Standard errors of parameters from variance components, with degrees of freedom after Satterthwaite.
 
-use nalgebra::{Cholesky, DMatrix, DVectorView};
+use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
-use super::{HIDDEN_WAVES, ImprovedVariances, MixedModel, MixedVariances};
+use super::{HIDDEN_WAVES, ImprovedVariances, MixedModel, MixedVariances, VisitReadings};
 
 /// The variances of some sums of parameters, and how well they are known.
 pub(in super::super) struct SumVariances {
@@ -14,146 +14,137 @@ pub(in super::super) struct SumVariances {
     pub degrees: Vec<f64>,
 }
 
+/// Sums over visits: the curvature of the fit (r x r), the parts of the variance of its gradient (r x r each) that visits have for
+/// themselves, and how knots and waves move that (r x k).
+struct GradientSums {
+    curvature: DMatrix<f64>,
+    parts: Vec<DMatrix<f64>>,
+    through: DMatrix<f64>,
+}
+
 impl MixedModel {
     /// The variances of sums of parameters (p x n) that were fitted with readings weighed as independent. None where the numbers have no
     /// factorisation.
     pub fn of_sums(&self, sums: &DMatrix<f64>) -> Option<SumVariances> {
-        let (variances, solved) = self.likeliest()?;
-        let parts = self.parts(&variances, sums)?;
-        let ImprovedVariances { told, .. } = self.improved(&variances, &solved)?;
-        let (variances, degrees) = parts
-            .column_iter()
-            .map(|parts| satterthwaite(parts, &told))
-            .unzip();
+        let (parts, told) = self.parts()?;
+        let of_sum = |sum: DVectorView<'_, f64>| {
+            let sum = self.units.tr_mul(&sum);
+            let of_part = |part: &DMatrix<f64>| sum.dot(&(part * &sum));
+            let parts: Vec<f64> = parts.iter().map(of_part).collect();
+            satterthwaite(&parts, &told)
+        };
+        let (variances, degrees) = sums.column_iter().map(of_sum).unzip();
         Some(SumVariances { variances, degrees })
     }
 
     /// The covariance (p x p) of parameters that were fitted with readings weighed as independent, with the degrees of freedom of each
     /// variance. None where the numbers have no factorisation.
     pub fn of_parameters(&self) -> Option<(DMatrix<f64>, Vec<f64>)> {
-        let (variances, solved) = self.likeliest()?;
-        let each = DMatrix::identity(self.units.nrows(), self.units.nrows());
-        let ImprovedVariances { told, .. } = self.improved(&variances, &solved)?;
-        let parts = self.parts(&variances, &each)?;
-        let degrees = parts
-            .column_iter()
-            .map(|parts| satterthwaite(parts, &told).1);
-        Some((self.sandwich(&variances)?, degrees.collect()))
+        let (parts, told) = self.parts()?;
+        let in_units = |part: &DMatrix<f64>| &self.units * part * self.units.transpose();
+        let parts: Vec<DMatrix<f64>> = parts.iter().map(in_units).collect();
+        let degrees = (0..self.units.nrows()).map(|place| {
+            let own: Vec<f64> = parts.iter().map(|part| part[(place, place)]).collect();
+            satterthwaite(&own, &told).1
+        });
+        let degrees = degrees.collect();
+        Some((parts.into_iter().sum(), degrees))
     }
 
-    /// The covariance (p x p) of a fit that took readings of different visits as independent with this discrepancy, where the
-    /// variances are these: H^-1 (sum A^T V A) H^-1.
-    fn sandwich(&self, variances: &MixedVariances) -> Option<DMatrix<f64>> {
-        let offsets = self.offsets(variances);
+    /// The parts of the covariance (r x r each) of a fit that took readings of different visits as independent with this discrepancy,
+    /// where the variances are the likeliest: H^-1 (sum A^T V A) H^-1. The first is of what is known before and of the readings
+    /// themselves, then one of each variance, with how many numbers told it.
+    fn parts(&self) -> Option<(Vec<DMatrix<f64>>, Vec<f64>)> {
+        let (variances, solved) = self.likeliest()?;
+        let ImprovedVariances { told, .. } = self.improved(&variances, &solved)?;
+        let offsets = self.offsets(&variances);
         let fixed = self.units.ncols();
-        let knots = offsets.last()? - fixed;
-        let pieces: Vec<Option<[DMatrix<f64>; 3]>> = (self.pieces())
+        let mut sums = GradientSums {
+            curvature: self.prior.clone(),
+            parts: vec![DMatrix::zeros(fixed, fixed); 1 + variances.all.len()],
+            through: DMatrix::zeros(fixed, offsets.last()? - fixed),
+        };
+        sums.parts[0] += &self.prior;
+        let pieces: Vec<Option<GradientSums>> = (self.pieces())
             .map(|visits| {
-                let mut sums = [
-                    DMatrix::zeros(fixed, fixed),
-                    DMatrix::zeros(fixed, fixed),
-                    DMatrix::zeros(fixed, knots),
-                ];
+                let mut own = GradientSums {
+                    curvature: DMatrix::zeros(fixed, fixed),
+                    parts: vec![DMatrix::zeros(fixed, fixed); sums.parts.len()],
+                    through: DMatrix::zeros(fixed, sums.through.ncols()),
+                };
                 for visit in visits {
-                    let local = visit.local(variances, &offsets);
-                    let weighed = visit.weighed()?;
-                    sums[0] += weighed.tr_mul(&visit.fixed);
-                    sums[1] += weighed.tr_mul(&(&local.covariance * &weighed));
-                    let through = weighed.tr_mul(&local.matrix);
-                    for (column, &to) in local.index.iter().enumerate().skip(fixed) {
-                        let mut sum = sums[2].column_mut(to - fixed);
-                        sum += through.column(column);
-                    }
+                    own.add(visit, &variances, &offsets)?;
                 }
-                Some(sums)
+                Some(own)
             })
             .collect();
-        let mut curvature = self.prior.clone();
-        let mut square = self.prior.clone();
-        let mut through = DMatrix::zeros(fixed, knots);
         for piece in pieces {
-            let [one, other, joints] = piece?;
-            curvature += one;
-            square += other;
-            through += joints;
+            let piece = piece?;
+            sums.curvature += piece.curvature;
+            sums.through += piece.through;
+            for (sum, own) in sums.parts.iter_mut().zip(piece.parts) {
+                *sum += own;
+            }
         }
         for (joint, process) in variances.process.iter().enumerate() {
             let count = process.knots.len();
-            let own = through.columns(offsets[joint] - fixed, count);
+            let own = sums.through.columns(offsets[joint] - fixed, count);
             let among = DMatrix::from_fn(count, count, |row, column| {
-                variances.joints[joint] * process.correlation(row, column)
+                variances.all[2 + joint] * process.correlation(row, column)
             });
-            square += own * among * own.transpose();
+            sums.parts[3 + joint] += own * among * own.transpose();
         }
-        let first = offsets[variances.process.len()] - fixed;
-        for wave in 0..self.waves() {
-            let own = through.column(first + wave);
-            square += own * variances.of_wave(wave) * own.transpose();
+        let first = offsets[self.joints.len()] - fixed;
+        for joint in 0..self.waving.len() {
+            let count = 2 * HIDDEN_WAVES;
+            let own = sums.through.columns(first + joint * count, count);
+            let place = 2 + self.joints.len() + joint;
+            sums.parts[1 + place] = own * own.transpose() * variances.all[place];
         }
-        let inverse = &self.units * Cholesky::new(curvature)?.inverse();
-        Some(&inverse * square * inverse.transpose())
+        let inverse = Cholesky::new(sums.curvature)?.inverse();
+        let parts = sums.parts.iter().map(|part| &inverse * part * &inverse);
+        Some((parts.collect(), told))
     }
+}
 
-    /// The parts of the variances of sums (p x n) of parameters: what is known before and of the readings themselves, what is new at
-    /// stands, of positions and of rotations, and each joint's error.
-    fn parts(&self, variances: &MixedVariances, sums: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-        let offsets = self.offsets(variances);
-        let fixed = self.units.ncols();
-        let mut curvature = self.prior.clone();
-        for visit in &self.visits {
-            curvature += visit.weighed()?.tr_mul(&visit.fixed);
+impl GradientSums {
+    /// Adds a visit.
+    fn add(
+        &mut self,
+        visit: &VisitReadings,
+        variances: &MixedVariances,
+        offsets: &[usize],
+    ) -> Option<()> {
+        let local = visit.local(variances, offsets);
+        let weighed = visit.weighed()?;
+        let fixed = weighed.ncols();
+        self.curvature += weighed.tr_mul(&visit.fixed);
+        self.parts[0] += weighed.tr_mul(&(&visit.own * &weighed));
+        for coordinate in 0..6 {
+            let rows = visit.coordinates.iter().zip(weighed.row_iter());
+            let rows = rows.filter(|(each, _)| **each == coordinate);
+            let shared = rows.fold(DVector::zeros(fixed), |sum, (_, row)| sum + row.transpose());
+            let part = coordinate / 3;
+            self.parts[1 + part].ger(variances.all[part], &shared, &shared, 1.0);
         }
-        let sums = Cholesky::new(curvature)?.solve(&self.units.tr_mul(sums));
-        let joints = variances.process.len();
-        let mut parts = DMatrix::zeros(3 + joints + variances.waves.len(), sums.ncols());
-        let mut through = DMatrix::zeros(sums.ncols(), offsets.last()? - fixed);
-        for visit in &self.visits {
-            let local = visit.local(variances, &offsets);
-            let gains = visit.weighed()? * &sums;
-            let moved = gains.tr_mul(&local.matrix);
-            for (column, &to) in local.index.iter().enumerate().skip(fixed) {
-                let mut sum = through.column_mut(to - fixed);
-                sum += moved.column(column);
-            }
-            for (at, gain) in gains.column_iter().enumerate() {
-                parts[(0, at)] += gain.dot(&(&visit.own * gain));
-                for coordinate in 0..6 {
-                    let rows = visit.coordinates.iter().zip(gain.iter());
-                    let shared = rows.filter(|(each, _)| **each == coordinate);
-                    let shared = shared.map(|(_, gain)| gain).sum::<f64>();
-                    let part = coordinate / 3;
-                    parts[(1 + part, at)] += variances.rest[part] * shared * shared;
-                }
-                for joint in 0..joints {
-                    let own = variances.joints[joint] * local.spare[joint];
-                    parts[(3 + joint, at)] += own * gain.dot(&visit.joints.column(joint)).powi(2);
-                }
-            }
+        for (joint, spare) in local.spare.iter().enumerate() {
+            let moved = weighed.tr_mul(&visit.joints.column(joint));
+            let variance = variances.all[2 + joint] * spare;
+            self.parts[3 + joint].ger(variance, &moved, &moved, 1.0);
         }
-        for (at, sum) in sums.column_iter().enumerate() {
-            parts[(0, at)] += sum.dot(&(&self.prior * sum));
-            for (joint, process) in variances.process.iter().enumerate() {
-                let count = process.knots.len();
-                let own = through.view((at, offsets[joint] - fixed), (1, count));
-                let among = DMatrix::from_fn(count, count, |row, column| {
-                    variances.joints[joint] * process.correlation(row, column)
-                });
-                parts[(3 + joint, at)] += (own * among * own.transpose())[(0, 0)];
-            }
-            for wave in 0..self.waves() {
-                let own = through[(at, offsets[joints] - fixed + wave)];
-                let part = 3 + joints + wave / (2 * HIDDEN_WAVES);
-                parts[(part, at)] += variances.of_wave(wave) * own * own;
-            }
+        let through = weighed.tr_mul(&local.matrix);
+        for (column, &to) in local.index.iter().enumerate().skip(fixed) {
+            let mut sum = self.through.column_mut(to - fixed);
+            sum += through.column(column);
         }
-        Some(parts)
+        Some(())
     }
 }
 
 /// The sum of a variance's parts, the first of them known and the others told by so many numbers, by one at least, and its degrees
 /// of freedom: no end of them where all is known.
-fn satterthwaite(parts: DVectorView<'_, f64>, told: &[f64]) -> (f64, f64) {
-    let variance = parts.sum();
+fn satterthwaite(parts: &[f64], told: &[f64]) -> (f64, f64) {
+    let variance: f64 = parts.iter().sum();
     let estimated = parts.iter().skip(1).zip(told);
     let spread: f64 = estimated
         .filter(|(part, _)| **part > 0.0)

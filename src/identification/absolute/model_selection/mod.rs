@@ -7,20 +7,32 @@
 //!
 //! Readings that lie far out of the highest nested model are no matter of any: all nested models are fitted to the others and judged by them.
 
-mod climb;
-mod nested_model;
 mod recommendation;
-mod test;
 
-use super::blocks::FEWEST_BLOCKS;
-use super::{AbsoluteCase, AbsoluteError, ParameterGroup, ReadingWeights, RejectedReading};
-use climb::Climbed;
-pub use nested_model::{CrossValidation, NestedModel, ParameterChange};
-use nested_model::{NestedModelComparison, judged_by_all};
+use rayon::prelude::*;
+
+use super::super::gauss_newton::{FitError, ParameterFit, fit_parameters};
+use super::super::nominal::{UNKNOWN, with_nominal};
+use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
+use super::fit::WeighedFit;
+use super::unknowns::ToldApart;
+use super::{
+    AbsoluteCase, AbsoluteError, DistanceStatistics, ParameterGroup, ReadingResidual,
+    ReadingWeights, RejectedReading,
+};
+use crate::parameter::{ParameterKind, ParameterSet};
 pub use recommendation::Recommendation;
 use recommendation::recommended;
-pub use test::NestedModelTest;
 
+/// The groups in the order in which nested models add them: what moves everything first.
+const ORDER: [ParameterGroup; 6] = [
+    ParameterGroup::Frames,
+    ParameterGroup::Zeros,
+    ParameterGroup::Links,
+    ParameterGroup::Compliances,
+    ParameterGroup::Springs,
+    ParameterGroup::Payload,
+];
 /// At most so many blocks, each left out once.
 const BLOCKS: usize = 16;
 /// So many different configurations in each.
@@ -43,6 +55,52 @@ pub struct ModelSelection {
     pub rejected: Vec<RejectedReading>,
 }
 
+/// A model of the model selection.
+#[derive(Debug, Clone)]
+pub struct NestedModel {
+    /// What it has more than the one below.
+    pub added: ParameterGroup,
+    /// All that it has, as `identify --parameters` takes it.
+    pub groups: Vec<ParameterGroup>,
+    /// The number of unknowns, frames among them.
+    pub unknowns: usize,
+    /// What the readings do not determine of them, in sentences.
+    pub undetermined: Vec<String>,
+    /// Distances of the readings from their fit (m).
+    pub distances: Option<DistanceStatistics>,
+    /// Angles from it (rad); none where positions were read.
+    pub angles: Option<DistanceStatistics>,
+    /// The standard deviations of what it does not explain, of each coordinate of positions (m) and rotations (rad).
+    pub discrepancy: [f64; 2],
+    /// What it leaves of blocks that it was not fitted to; none with the reason where it cannot be fitted without one.
+    pub cross_validation: Result<CrossValidation, String>,
+}
+
+/// What a nested model leaves of readings that it was not fitted to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrossValidation {
+    /// Each block's weighted square over its numbers: one where the highest nested model's discrepancy is all that is left.
+    pub block_losses: Vec<f64>,
+    /// Their mean over all numbers.
+    pub loss: f64,
+    /// That less the best nested model's.
+    pub beyond_best: f64,
+    /// The standard error of this difference, from block to block.
+    pub standard_error: f64,
+    /// Distances from the predicted positions (m).
+    pub distances: Option<DistanceStatistics>,
+    /// Angles from the predicted orientations (rad).
+    pub angles: Option<DistanceStatistics>,
+}
+
+/// The fit of a nested model.
+struct NestedModelFit {
+    added: ParameterGroup,
+    groups: Vec<ParameterGroup>,
+    set: ParameterSet,
+    fit: ParameterFit,
+}
+
 impl AbsoluteCase<'_> {
     /// Fits models with more and more parameters, and compares them. The case is left with the frames of a fit.
     pub fn model_selection(
@@ -50,50 +108,58 @@ impl AbsoluteCase<'_> {
         weights: ReadingWeights,
     ) -> Result<ModelSelection, AbsoluteError> {
         self.check_frames()?;
-        self.model_selection_blocks()?;
+        self.count_of_blocks()?;
         let start = self.far_from_frames();
         let mut case = self.without(&start);
-        let mut climbed = case.climb(weights)?;
-        let far_out = (climbed.steps.last())
-            .filter(|_| !self.keeps_all)
-            .and_then(|top| {
-                let discrepancy = case.discrepancy(&top.fit).ok();
-                self.without_far_out(&top.set, weights, (&top.fit, discrepancy), &start)
-            });
-        let mut rejected = start.clone();
-        if let Some((kept, readings, _)) = far_out {
-            (case, rejected) = (kept, readings);
-            climbed = case.climb(weights)?;
+        let (mut steps, mut skipped) = case.climb(weights)?;
+        let far_out = (steps.last()).filter(|_| !self.keeps_all).and_then(|top| {
+            let first = WeighedFit {
+                discrepancy: case.discrepancy(&top.fit).ok(),
+                fit: top.fit.clone(),
+                consistency: None,
+            };
+            self.without_far_out(&top.set, weights, &first, &start)
+        });
+        let mut rejected = start;
+        if let Some(found) = far_out {
+            (case, rejected) = (found.case, found.rejected);
+            (steps, skipped) = case.climb(weights)?;
         }
         self.arm.clone_from(&case.arm);
-        let blocks = case.model_selection_blocks()?;
-        let count = blocks.iter().max().map_or(0, |&last| last + 1);
-        let Climbed {
-            steps,
-            skipped,
-            shared,
-        } = climbed;
-        let unfinished = case.unfinished(&steps, shared.as_ref(), &blocks, count);
-        let judged = judged_by_all(&unfinished, &blocks);
-        let comparison = NestedModelComparison {
-            case: &case,
-            shared: shared.as_ref(),
-            judged: &judged,
-            of_readings: &blocks,
-        };
-        let mut nested_models = comparison.finished(&steps, unfinished)?;
-        let recommendation = recommended(&mut nested_models);
+        let blocks = Blocks::new(&case, case.count_of_blocks()?);
+        let without: Vec<Result<Vec<Without>, String>> = (steps.par_iter())
+            .map(|step| blocks.without(&step.set, &step.fit))
+            .map(|found| found.map_err(|error| error.to_string()))
+            .collect();
+        let judged = judged_by_all(&blocks, &without);
+        let mut nested_models = Vec::new();
+        for (step, without) in steps.into_iter().zip(without) {
+            let left = case.left(&step.fit.belief)?;
+            let named = step.fit.freedoms.named.iter();
+            nested_models.push(NestedModel {
+                added: step.added,
+                unknowns: step.set.len(),
+                undetermined: named.map(|each| each.sentence.clone()).collect(),
+                distances: DistanceStatistics::of_positions(&left),
+                angles: DistanceStatistics::of_rotations(&left),
+                discrepancy: case.discrepancy(&step.fit)?,
+                cross_validation: without.and_then(|without| {
+                    cross_validation(&case, &blocks, &judged, &step.set, &without)
+                }),
+                groups: step.groups,
+            });
+        }
         Ok(ModelSelection {
+            recommendation: recommended(&mut nested_models),
             nested_models,
             skipped,
-            blocks: count,
+            blocks: blocks.len(),
             judged: judged.iter().filter(|&&is_judged| is_judged).count(),
-            recommendation,
             rejected,
         })
     }
 
-    fn model_selection_blocks(&self) -> Result<Vec<usize>, AbsoluteError> {
+    fn count_of_blocks(&self) -> Result<usize, AbsoluteError> {
         let different = self.different();
         let needed = FEWEST_BLOCKS * IN_A_BLOCK;
         if different < needed {
@@ -104,17 +170,157 @@ impl AbsoluteCase<'_> {
         while count < BLOCKS && 2 * count * IN_A_BLOCK <= different {
             count *= 2;
         }
-        Ok(self.blocks(count))
+        Ok(count)
     }
+
+    /// Fits all nested models, each from the one below, in the end all with the same weights; with the groups that make none.
+    fn climb(
+        &mut self,
+        weights: ReadingWeights,
+    ) -> Result<(Vec<NestedModelFit>, Vec<(ParameterGroup, String)>), AbsoluteError> {
+        let has_discrepancy = weights != ReadingWeights::Own;
+        let (mut steps, mut skipped): (Vec<NestedModelFit>, _) = (Vec::new(), Vec::new());
+        for added in ORDER {
+            let groups = named(&steps, added);
+            let ToldApart { set, .. } = self.unknowns(&groups)?;
+            let fit = if let Some(below) = steps.last() {
+                if kinds(&below.set).eq(kinds(&set)) {
+                    skipped.push((added, "adds nothing that this robot has".to_owned()));
+                    continue;
+                }
+                let mut start = set.prior().mean.clone();
+                for (place, kind) in kinds(&set).enumerate() {
+                    if let Some(known) = below.set.index_of(kind) {
+                        start[place] = below.fit.posterior.mean[known];
+                    }
+                }
+                self.fit_near(&set, start.as_slice())
+            } else {
+                let fit = fit_parameters(&self.arm, &set, &self.observations)?;
+                let values = self.rebased(&set, &fit);
+                if has_discrepancy {
+                    let discrepancy = self.estimated_discrepancy(&fit)?;
+                    self.weigh(discrepancy);
+                }
+                self.fit_near(&set, values.as_slice())
+            };
+            match fit.and_then(|fit| self.with_nominal_where_unknown(set, fit)) {
+                Ok((set, fit)) => {
+                    if has_discrepancy {
+                        let discrepancy = self.estimated_discrepancy(&fit)?;
+                        self.weigh(discrepancy);
+                    }
+                    steps.push(NestedModelFit {
+                        added,
+                        groups,
+                        set,
+                        fit,
+                    });
+                }
+                Err(error) if steps.is_empty() => return Err(error.into()),
+                Err(error) => skipped.push((added, error.to_string())),
+            }
+        }
+        for step in &mut steps {
+            step.fit = self.fit_near(&step.set, &step.fit.posterior.mean)?;
+        }
+        Ok((steps, skipped))
+    }
+
+    /// The same fit in which compliances stay nominal that it does not tell.
+    fn with_nominal_where_unknown(
+        &self,
+        mut set: ParameterSet,
+        mut fit: ParameterFit,
+    ) -> Result<(ParameterSet, ParameterFit), FitError> {
+        loop {
+            let posterior = &fit.posterior;
+            let other = with_nominal(&set, &posterior.mean, &posterior.covariance, UNKNOWN);
+            let Some(other) = other else {
+                return Ok((set, fit));
+            };
+            fit = self.fit_near(&other, &posterior.mean)?;
+            set = other;
+        }
+    }
+}
+
+fn kinds(set: &ParameterSet) -> impl Iterator<Item = ParameterKind> {
+    set.parameters().iter().map(|each| each.kind)
+}
+
+/// The nested models below and one group more, in the words of the command line.
+fn named(steps: &[NestedModelFit], added: ParameterGroup) -> Vec<ParameterGroup> {
+    let has = |group| steps.iter().any(|step| step.added == group) || added == group;
+    let mut groups = ORDER[1..].to_vec();
+    groups.retain(|&group| has(group));
+    if groups.starts_with(&[ParameterGroup::Zeros, ParameterGroup::Links]) {
+        groups.splice(..2, [ParameterGroup::Geometry]);
+    }
+    if groups.is_empty() {
+        groups.push(ParameterGroup::Frames);
+    }
+    groups
+}
+
+/// Which readings all nested models tell from the other blocks.
+fn judged_by_all(blocks: &Blocks<'_>, nested_models: &[Result<Vec<Without>, String>]) -> Vec<bool> {
+    let mut judged = vec![true; blocks.of_readings.len()];
+    for without in nested_models.iter().flatten() {
+        for (block, without) in without.iter().enumerate() {
+            for (place, is_told) in blocks.places(block).zip(&without.is_told) {
+                judged[place] &= is_told;
+            }
+        }
+    }
+    judged
+}
+
+/// What a nested model leaves of each block that it was not fitted to, of the readings that are judged.
+fn cross_validation(
+    case: &AbsoluteCase<'_>,
+    blocks: &Blocks<'_>,
+    judged: &[bool],
+    set: &ParameterSet,
+    without: &[Without],
+) -> Result<CrossValidation, String> {
+    let mut left: Vec<ReadingResidual> = Vec::new();
+    let (mut block_losses, mut square, mut numbers) = (Vec::new(), 0.0, 0);
+    for (block, each) in without.iter().enumerate() {
+        let own = blocks.places(block).zip(&each.left);
+        left.extend(
+            own.filter(|(index, _)| judged[*index])
+                .map(|(_, left)| left),
+        );
+        let part = case.part_of(|index| blocks.of_readings[index] == block && judged[index]);
+        if part.numbers() == 0 {
+            continue;
+        }
+        let own = part.equations(set, &each.values);
+        let own = own.map_err(|error| error.to_string())?.square;
+        block_losses.push(own / part.numbers() as f64);
+        square += own;
+        numbers += part.numbers();
+    }
+    if block_losses.len() < 2 {
+        return Err("no block of readings is determined by the others".to_owned());
+    }
+    Ok(CrossValidation {
+        block_losses,
+        loss: square / numbers as f64,
+        beyond_best: 0.0,
+        standard_error: 0.0,
+        distances: DistanceStatistics::of_positions(&left),
+        angles: DistanceStatistics::of_rotations(&left),
+    })
 }
 
 impl ModelSelection {
     /// What the recommended nested model fits, as `--parameters` takes it; frames alone where no nested model could be judged.
     pub fn groups(&self) -> &[ParameterGroup] {
-        let nested_model =
-            (self.recommendation.as_ref()).map(|each| &self.nested_models[each.nested_model]);
-        nested_model.map_or(&[ParameterGroup::Frames], |nested_model| {
-            &nested_model.groups
+        let recommended = self.recommendation.as_ref();
+        recommended.map_or(&[ParameterGroup::Frames], |each| {
+            &self.nested_models[each.nested_model].groups
         })
     }
 }

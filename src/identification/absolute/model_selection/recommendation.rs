@@ -1,6 +1,6 @@
 //! The recommended nested model: the rule of one standard error of cross-validation.
 
-use super::nested_model::NestedModel;
+use super::NestedModel;
 
 /// Losses that differ by less than this share of them are equal: of models whose further unknowns nothing determines.
 const ROUNDING: f64 = 1e-9;
@@ -18,21 +18,12 @@ pub struct Recommendation {
 
 /// Compares the nested models that could be judged; none where none could.
 pub(super) fn recommended(nested_models: &mut [NestedModel]) -> Option<Recommendation> {
-    let loss = |nested_model: &NestedModel| {
-        nested_model
-            .cross_validation
-            .as_ref()
-            .ok()
-            .map(|each| each.loss)
-    };
     let judged = nested_models.iter().enumerate();
-    let judged = judged.filter_map(|(place, nested_model)| Some((place, loss(nested_model)?)));
-    let (best, _) = judged.min_by(|one, other| one.1.total_cmp(&other.1))?;
-    let of_best = nested_models[best].cross_validation.clone().ok()?;
-    for nested_model in nested_models.iter_mut() {
-        let Ok(own) = &mut nested_model.cross_validation else {
-            continue;
-        };
+    let judged =
+        judged.filter_map(|(place, each)| Some((place, each.cross_validation.clone().ok()?)));
+    let (best, of_best) = judged.min_by(|one, other| one.1.loss.total_cmp(&other.1.loss))?;
+    let all = nested_models.iter_mut();
+    for own in all.filter_map(|each| each.cross_validation.as_mut().ok()) {
         let losses = own.block_losses.iter().zip(&of_best.block_losses);
         let apart: Vec<f64> = losses.map(|(own, best)| own - best).collect();
         let count = apart.len() as f64;
@@ -66,39 +57,32 @@ fn named(nested_model: &NestedModel) -> String {
 }
 
 fn sentences(nested_models: &[NestedModel], best: usize, nested_model: usize) -> Vec<String> {
-    let rms_mm = |nested_model: &NestedModel| {
-        let judged = nested_model.cross_validation.as_ref().ok();
+    // Its name, its rms distance in other blocks (mm), and by how many standard errors its loss is larger than the best.
+    let words = |place: usize| {
+        let judged = nested_models[place].cross_validation.as_ref().ok();
         let distances = judged.and_then(|each| each.distances.as_ref());
-        distances.map_or(0.0, |each| each.rms * 1e3)
+        let rms_mm = distances.map_or(0.0, |each| each.rms * 1e3);
+        let beyond = judged.map(|each| each.beyond_best / each.standard_error);
+        (named(&nested_models[place]), rms_mm, beyond)
     };
-    let chosen = &nested_models[nested_model];
+    let (chosen, rms_mm, beyond) = words(nested_model);
     let mut sentences = vec![format!(
-        "Use --parameters {}: its cross-validated residual, over blocks of joint space, is {:.4} mm (rms).",
-        named(chosen),
-        rms_mm(chosen)
+        "Use --parameters {chosen}: its cross-validated residual, over blocks of joint space, is {rms_mm:.4} mm (rms)."
     )];
-    if let Some(below) = nested_model
-        .checked_sub(1)
-        .map(|below| &nested_models[below])
-        && let Ok(judged) = &below.cross_validation
-    {
+    if let Some((name, rms_mm, Some(beyond))) = nested_model.checked_sub(1).map(words) {
         sentences.push(format!(
-            "With less, {} has {:.4} mm there: its loss is larger than the best by {:.1} standard errors.",
-            named(below),
-            rms_mm(below),
-            judged.beyond_best / judged.standard_error
+            "With less, {name} has {rms_mm:.4} mm there: its loss is larger than the best by {beyond:.1} standard errors."
         ));
     }
-    let more = nested_models[best].unknowns.saturating_sub(chosen.unknowns);
+    let (name, rms_mm, _) = words(best);
     if best != nested_model
-        && let Ok(judged) = &chosen.cross_validation
+        && let Some(beyond) = beyond
     {
+        let more =
+            (nested_models[best].unknowns).saturating_sub(nested_models[nested_model].unknowns);
         sentences.push(format!(
-            "The smallest loss is that of {}, {:.4} mm; that is {:.1} standard errors of the difference, no reason for {more} \
-             unknowns more.",
-            named(&nested_models[best]),
-            rms_mm(&nested_models[best]),
-            judged.beyond_best / judged.standard_error
+            "The smallest loss is that of {name}, {rms_mm:.4} mm; that is {beyond:.1} standard errors of the difference, no \
+             reason for {more} unknowns more."
         ));
     }
     if let Some(above) = nested_models.get(best + 1)
@@ -109,10 +93,9 @@ fn sentences(nested_models: &[NestedModel], best: usize, nested_model: usize) ->
         } else {
             "predicts no better"
         };
+        let (name, rms_mm, _) = words(best + 1);
         sentences.push(format!(
-            "With more, {} has {:.4} mm there: it {verdict}.",
-            named(above),
-            rms_mm(above)
+            "With more, {name} has {rms_mm:.4} mm there: it {verdict}."
         ));
     }
     sentences
@@ -121,7 +104,7 @@ fn sentences(nested_models: &[NestedModel], best: usize, nested_model: usize) ->
 #[cfg(test)]
 mod tests {
     use super::super::super::ParameterGroup;
-    use super::super::nested_model::CrossValidation;
+    use super::super::CrossValidation;
     use super::*;
 
     fn nested_model(block_losses: [f64; 3]) -> NestedModel {
@@ -141,8 +124,6 @@ mod tests {
                 distances: None,
                 angles: None,
             }),
-            test: None,
-            changes: Vec::new(),
         }
     }
 
