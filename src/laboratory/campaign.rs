@@ -117,16 +117,14 @@ impl Campaign {
         let sides: Vec<(Side, Option<DVector<f64>>)> = (0..plan.experiments.len())
             .map(|index| planner.side(index))
             .collect();
-        let groups = groups(plan, unloaded, keep_order, &sides);
-        for (number, group) in groups.iter().enumerate() {
+        for (number, group) in groups(plan, unloaded, keep_order).into_iter().enumerate() {
             let order = if keep_order {
-                (0..group.len()).collect()
+                (0..group.members.len()).collect()
             } else {
-                planner.order(stops.last(), group)
+                planner.order(stops.last(), &group)
             };
             for (place, &member) in order.iter().enumerate() {
-                let mut stop = group[member].clone();
-                stop.changes_load = place == 0 && stop.load.is_some();
+                let mut stop = group.stop(plan, member, place == 0, &sides);
                 stop.way = planner.way(stops.last(), &stop, number)?;
                 stops.push(stop);
             }
@@ -201,55 +199,79 @@ impl Costs {
     }
 }
 
+/// Stops under one load.
+struct Group {
+    load: Option<Load>,
+    /// The experiments that are measured together, with the number of readings.
+    members: Vec<(Vec<usize>, u32)>,
+}
+
+impl Group {
+    fn stop(
+        &self,
+        plan: &Plan,
+        member: usize,
+        is_first: bool,
+        sides: &[(Side, Option<DVector<f64>>)],
+    ) -> Stop {
+        let (experiments, readings) = &self.members[member];
+        let (side, approach) = &sides[experiments[0]];
+        Stop {
+            configuration: plan.experiments[experiments[0]].configuration_rad.clone(),
+            experiments: experiments.clone(),
+            load: self.load,
+            changes_load: is_first && self.load.is_some(),
+            readings: *readings,
+            side: side.clone(),
+            approach: approach.clone(),
+            way: Way::default(),
+        }
+    }
+}
+
 /// Whether the robot is approached alike for two experiments before a load is hung: to the bit, since a deflection is a
 /// difference at the same commanded angles. Plans that are designed have one configuration's angles alike.
 fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
     one.configuration_rad == other.configuration_rad && one.approach == other.approach
 }
 
-/// The stops, ways and changes of load to come: all configurations without a load, then those of each load.
-fn groups(
-    plan: &Plan,
-    unloaded_reading: Unloaded,
-    keep_order: bool,
-    sides: &[(Side, Option<DVector<f64>>)],
-) -> Vec<Vec<Stop>> {
-    let mut unloaded: Vec<Stop> = Vec::new();
-    let mut loaded: Vec<Vec<Stop>> = Vec::new();
+/// All configurations without a load, then those of each load.
+fn groups(plan: &Plan, unloaded_reading: Unloaded, keep_order: bool) -> Vec<Group> {
+    let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
+    let mut loaded: Vec<Group> = Vec::new();
     for (index, experiment) in plan.experiments.iter().enumerate() {
-        let stop = |load, readings| Stop {
-            experiments: vec![index],
-            configuration: experiment.configuration_rad.clone(),
-            load,
-            changes_load: false,
-            readings,
-            side: sides[index].0.clone(),
-            approach: sides[index].1.clone(),
-            way: Way::default(),
-        };
         let same = (unloaded.iter_mut())
-            .find(|stop| stand_alike(&plan.experiments[stop.experiments[0]], experiment));
+            .find(|(members, _)| stand_alike(&plan.experiments[members[0]], experiment));
         let needed = match unloaded_reading {
             // Each measurement has a reading without a load of its own: deflections share no error.
             Unloaded::Own => experiment.repeats,
             Unloaded::Shared => u32::from(same.is_none()),
         };
         match same {
-            Some(known) => {
-                known.experiments.push(index);
-                known.readings += needed;
+            Some((members, readings)) => {
+                members.push(index);
+                *readings += needed;
             }
-            None => unloaded.push(stop(None, needed)),
+            None => unloaded.push((vec![index], needed)),
         }
-        let stop = stop(Some(experiment.load), experiment.repeats);
-        let last = loaded.len().saturating_sub(1);
-        let mut groups = loaded.iter_mut().skip(if keep_order { last } else { 0 });
-        match groups.find(|group| group[0].load == stop.load) {
-            Some(group) => group.push(stop),
-            None => loaded.push(vec![stop]),
+        let member = (vec![index], experiment.repeats);
+        let known = (loaded.iter().enumerate())
+            .filter(|(place, _)| !keep_order || place + 1 == loaded.len())
+            .find(|(_, group)| group.load == Some(experiment.load))
+            .map(|(place, _)| place);
+        match known {
+            Some(place) => loaded[place].members.push(member),
+            None => loaded.push(Group {
+                load: Some(experiment.load),
+                members: vec![member],
+            }),
         }
     }
-    [unloaded].into_iter().chain(loaded).collect()
+    let first = Group {
+        load: None,
+        members: unloaded,
+    };
+    [first].into_iter().chain(loaded).collect()
 }
 
 /// Between which configurations there is something in the straight way of the unloaded robot.
@@ -301,12 +323,12 @@ impl Planner<'_> {
     }
 
     /// The order of a group's members.
-    fn order(&self, last: Option<&Stop>, group: &[Stop]) -> Vec<usize> {
-        let at = |member: usize| group[member].experiments[0];
+    fn order(&self, last: Option<&Stop>, group: &Group) -> Vec<usize> {
+        let at = |member: usize| group.members[member].0[0];
         let q = |member: usize| &self.plan.experiments[at(member)].configuration_rad;
         let start = last.map(|stop| &stop.configuration).or(self.home.as_ref());
         shortest(
-            group.len(),
+            group.members.len(),
             &|first| start.map_or(0.0, |start| apart(start, q(first))),
             &|one, other| {
                 let straight = apart(q(one), q(other));

@@ -22,6 +22,8 @@ pub struct GivingWay {
     pub element: String,
     /// The length of what is between the two (m, or rad where angles are coupled).
     pub distance: f64,
+    /// How far a weld lets the two turn against each other (rad).
+    pub weld_rad: Option<f64>,
     /// Whether the distance is an angle.
     pub is_angle: bool,
 }
@@ -29,10 +31,14 @@ pub struct GivingWay {
 impl GivingWay {
     /// The distance with its unit.
     pub fn words(&self) -> String {
+        let turned = |angle: f64| format!("{:.4} deg", angle.to_degrees());
         if self.is_angle {
-            format!("{:.4} deg", self.distance.to_degrees())
-        } else {
-            format!("{:.4} mm", self.distance * 1e3)
+            return turned(self.distance);
+        }
+        let moved = format!("{:.4} mm", self.distance * 1e3);
+        match self.weld_rad {
+            Some(angle) => format!("{moved} and {}", turned(angle)),
+            None => moved,
         }
     }
 }
@@ -157,18 +163,23 @@ impl State {
         self.model
             .equalities()
             .filter_map(|equality| {
-                let rows = (self.data.efc_type().iter())
+                let residual: Vec<f64> = (self.data.efc_type().iter())
                     .zip(self.data.efc_id())
                     .zip(self.data.efc_pos())
                     .filter(|((kind, id), _)| {
                         **kind == mujoco_rs::prelude::MjtConstraint::mjCNSTR_EQUALITY
                             && usize::try_from(**id) == Ok(equality)
-                    });
+                    })
+                    .map(|(_, position)| *position)
+                    .collect();
+                let length = |rows: &[f64]| rows.iter().map(|row| row * row).sum::<f64>().sqrt();
                 // A weld's rotation follows its position.
-                let square = rows.take(3).map(|(_, position)| position * position);
+                let (moved, turned) = residual.split_at(residual.len().min(3));
+                let scale = self.model.weld_scale(equality);
                 Some(GivingWay {
                     element: self.model.equality_element(equality),
-                    distance: square.sum::<f64>().sqrt(),
+                    distance: length(moved),
+                    weld_rad: scale.map(|scale| 2.0 * (length(turned) / scale).min(1.0).asin()),
                     is_angle: self.model.couples_angles(equality)?,
                 })
             })

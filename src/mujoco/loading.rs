@@ -8,7 +8,7 @@ use mujoco_rs::prelude::MjSpec;
 use super::error::refused;
 use super::messages::{self, refusal};
 use super::rehearsal::rehearse;
-use super::{Additions, Model, obstacle, unsuited, urdf};
+use super::{Additions, Model, beside, obstacle, unsuited, urdf};
 use crate::files::{FileError, read_bytes};
 
 impl Model {
@@ -61,9 +61,10 @@ pub(super) fn specification(path: &Path) -> Result<(MjSpec, Vec<String>), FileEr
     if let Some(text) = prepare(path)? {
         return urdf::specification(path, &text);
     }
-    let spec = MjSpec::from_xml(path);
-    let spec = spec.map_err(|error| refused(path, refusal(path, &error.to_string())))?;
-    Ok((spec, Vec::new()))
+    let mut spec =
+        MjSpec::from_xml(path).map_err(|error| refused(path, refusal(path, &error.to_string())))?;
+    let left_out = beside::leave_out(&mut spec).map_err(|error| refused(path, error))?;
+    Ok((spec, left_out))
 }
 
 /// Looks at a file before MuJoCo does; MuJoCo's messages are taken over, and the text of a URDF comes back.

@@ -4,6 +4,7 @@
 //! shared between threads; [`State`] is one thread's simulation of it.
 
 mod balance;
+mod beside;
 mod changes;
 mod error;
 mod geometry;

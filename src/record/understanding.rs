@@ -26,15 +26,17 @@ pub fn understanding_json(understanding: &Understanding) -> Value {
     json
 }
 
-/// A virtual robot that is more than a chain: what its equality constraints tie gives way by mm or deg.
+/// A virtual robot that is more than a chain: what its equality constraints tie gives way by mm, deg, or both in a weld.
 fn true_robot(truth: &UnderstoodTruth) -> Value {
     let gives_way = truth.gives_way.iter().map(|each| {
-        let (key, shown) = if each.is_angle {
-            ("angle_deg", each.distance.to_degrees())
-        } else {
-            ("distance_mm", each.distance * 1e3)
-        };
-        json!({ "element": each.element, (key): shown })
+        let mut json = json!({ "element": each.element });
+        if !each.is_angle {
+            json["distance_mm"] = (each.distance * 1e3).into();
+        }
+        if let Some(angle) = each.is_angle.then_some(each.distance).or(each.weld_rad) {
+            json["angle_deg"] = angle.to_degrees().into();
+        }
+        json
     });
     json!({
         "reason": truth.reason,

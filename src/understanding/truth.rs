@@ -97,7 +97,12 @@ impl UnderstoodTruth {
         for each in found {
             let known = (self.gives_way.iter_mut()).find(|known| known.element == each.element);
             match known {
-                Some(known) => known.distance = known.distance.max(each.distance),
+                Some(known) => {
+                    known.distance = known.distance.max(each.distance);
+                    known.weld_rad = (known.weld_rad.into_iter())
+                        .chain(each.weld_rad)
+                        .reduce(f64::max);
+                }
                 None => self.gives_way.push(each),
             }
         }
@@ -109,7 +114,7 @@ impl UnderstoodTruth {
             format!("the virtual robot does not rest at the test pose {pose:?}: {reason}")
         });
         let soft = (self.gives_way.iter())
-            .filter(|each| each.distance > GIVES_WAY)
+            .filter(|each| each.distance.max(each.weld_rad.unwrap_or(0.0)) > GIVES_WAY)
             .map(|each| {
                 format!(
                     "true_robot: {} gives way by {}: MuJoCo's constraints are soft; solref=\"0.002 1\" (at least two time steps) solimp=\"0.999 0.9999 0.001\" make it stiffer",

@@ -474,6 +474,29 @@ fn numbers_that_no_robot_has_are_refused_by_name() {
     checked.says("condition C0503: the centre of mass of what j2 moves with its link lies 500.0 m");
 }
 
+/// What lies loose beside the arm, or drags it in a simulation, is left out by name.
+#[test]
+fn loose_bodies_are_left_out_by_name() {
+    let loose = "<body name=\"cube\" pos=\"1 0 0.1\"><freejoint/><geom size=\"0.05\"/></body>\
+                 <body pos=\"1 1 0.1\"><freejoint/><geom size=\"0.05\"/></body>\
+                 <body name=\"drag\" mocap=\"true\" pos=\"0 0 1.2\"><geom size=\"0.05\" contype=\"0\" conaffinity=\"0\"/></body>";
+    let tied = "<equality><weld body1=\"drag\" body2=\"l3\"/></equality>\
+                <keyframe><key qpos=\"0 0 0 1 0 0 0 0 0 0 1 0 0 0 0 0 0\"/></keyframe>";
+    // What lies beside the arm is loose where it is tied to what lies beside it, too.
+    let among = tied.replace("l3", "cube");
+    for tied in [tied, &among] {
+        let (json, _) = drafted("scene.xml", &scene(loose, "-2 2", "0", END, tied));
+        assert_eq!(joints(&json), ["j1", "j2", "j3"]);
+        let warnings = json["warnings"].to_string();
+        let free = ["the free body \\\"cube", "free body without a name"];
+        // A mocap body that drags nothing of the arm stands in the scene as any other.
+        let dragging = tied.contains("l3").then_some("the mocap body \\\"drag");
+        for name in free.into_iter().chain(dragging) {
+            assert!(warnings.contains(name), "{warnings}");
+        }
+    }
+}
+
 /// A gripper's moving jaw that is called so is no joint of the arm; who says that it is gets it.
 #[test]
 fn a_moving_jaw_is_no_joint_of_the_arm() {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use elastocal::mujoco::Model;
-use elastocal::robot::{KnownJoint, Load, TrueRobot};
+use elastocal::robot::{KnownJoint, Load, TrueRobot, rotation_vector};
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Vector3};
 
@@ -368,6 +368,51 @@ fn robots_with_all_features_rest_where_mujoco_does() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// A plate that hangs on the forearm by a weld alone: how far the weld lets it turn is what
+/// their sites show.
+#[test]
+fn welds_give_way_by_angles_too() {
+    let workplace = Workplace::new();
+    for tail in [
+        "<equality><weld name=\"seam\" body1=\"plate\" body2=\"link_3\" solref=\"0.05 1\"/></equality>",
+        "<equality><weld body1=\"plate\" body2=\"link_3\" torquescale=\"0.3\" solref=\"0.05 1\"/></equality>",
+    ] {
+        let additions = Additions {
+            inside: vec![(
+                3,
+                "<site name=\"on_arm\" pos=\"-0.3 0 0\"/><body name=\"plate\" pos=\"-0.3 0 0\"><joint name=\"hang\" type=\"ball\" armature=\"0.1\" damping=\"8\"/><inertial pos=\"0.1 0.2 0\" mass=\"9\" diaginertia=\"0.1 0.1 0.1\"/><site name=\"on_plate\"/></body>",
+            )],
+            tail,
+            ..Additions::default()
+        };
+        let (mjcf, joints) = ur10(&additions);
+        workplace.write("robot.xml", mjcf);
+        let model = Model::load(&workplace.path("robot.xml")).expect("MuJoCo reads it");
+        let known: Vec<_> = (joints.iter())
+            .map(|name| KnownJoint {
+                name: name.clone(),
+                is_passive: false,
+            })
+            .collect();
+        let robot = TrueRobot::of_model(model, &known, Err(String::new())).expect("it rests");
+        let mut robot = VirtualRobot::new(&robot, "tool").expect("the site exists");
+        let q = DVector::from_column_slice(&[0.3, -1.1, 1.4, -0.6, 0.8, 0.5]);
+        robot.rest(&q, &Load::NONE).expect("stable");
+        let state = robot.simulation();
+        let site = |name: &str| state.site(state.model().site(name).expect("there is"));
+        let ((_, arm_axes), (_, plate_axes)) = (site("on_arm"), site("on_plate"));
+        let turned = rotation_vector(&(plate_axes * arm_axes.transpose())).norm();
+        let gives_way = robot.giving_way(&Load::NONE);
+        assert_eq!(gives_way.len(), 1);
+        let found = gives_way[0].weld_rad.expect("an angle");
+        assert!(
+            turned > 1e-4 && (found - turned).abs() < 1e-9,
+            "{found}, {turned}"
+        );
+        assert!(gives_way[0].words().ends_with(" deg"));
+    }
 }
 
 /// A scenario whose truth has a spring, flexible parts and a loop that the belief knows nothing of.

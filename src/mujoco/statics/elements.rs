@@ -103,6 +103,14 @@ impl Model {
         self.element(&format!("equality/{kind}"), equality)
     }
 
+    /// What multiplies the sine of half the angle in a weld's residual (m); none for other constraints, and
+    /// where a weld leaves the orientation free.
+    pub(in crate::mujoco) fn weld_scale(&self, equality: usize) -> Option<f64> {
+        // Where MuJoCo has the attribute torquescale.
+        let scale = self.inner.eq_data()[equality][10];
+        (self.inner.eq_type()[equality] == MjtEq::mjEQ_WELD && scale > 0.0).then_some(scale)
+    }
+
     /// Whether the residual of an equality constraint is an angle (true) or a length (false); none where it is neither.
     pub(in crate::mujoco) fn couples_angles(&self, equality: usize) -> Option<bool> {
         match self.inner.eq_type()[equality] {
