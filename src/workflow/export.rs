@@ -120,7 +120,10 @@ pub fn export(
     };
     let [place_m, rotation_rad, deflection_m] =
         differences(scenario, arm, format, &write).map_err(failed)?;
-    if !(place_m.max(rotation_rad).max(deflection_m) <= SAME) {
+    if ![place_m, rotation_rad, deflection_m]
+        .iter()
+        .all(|difference| *difference <= SAME)
+    {
         let problem = format!(
             "cannot be written exactly: read again, the robot's places differ by up to {:.2e} mm and {rotation_rad:.2e} rad and its deflections by up to {:.2e} mm",
             place_m * 1e3,

@@ -26,12 +26,17 @@ const ALL_SIGNS: usize = 7;
 /// How the columns of positions are called.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
+/// Changes commanded angles.
+type Commanded = dyn Fn(&mut DVector<f64>) + Send + Sync;
+/// Changes what was seen, by its place.
+type Seen = dyn Fn(usize, &mut Sight) + Send + Sync;
+
 /// How readings would have to be read.
 enum Reread {
     /// The commanded angles.
-    Commands(Box<dyn Fn(&mut DVector<f64>) + Send + Sync>),
+    Commands(Box<Commanded>),
     /// What was seen, by its place.
-    Sights(Box<dyn Fn(usize, &mut Sight) + Send + Sync>),
+    Sights(Box<Seen>),
 }
 
 /// A way in which a table may be wrong, with what to do about it.
@@ -174,7 +179,7 @@ impl AbsoluteCase<'_> {
                     AXES[one], AXES[other]
                 );
                 sights(words, move |_, sight| {
-                    sight.position_m.swap_rows(one, other)
+                    sight.position_m.swap_rows(one, other);
                 })
             }));
         }
@@ -235,7 +240,9 @@ impl AbsoluteCase<'_> {
             columns.join(", ")
         );
         commands(words, move |q| {
-            joints.iter().for_each(|&joint| q[joint] *= -1.0)
+            for &joint in &joints {
+                q[joint] *= -1.0;
+            }
         })
     }
 

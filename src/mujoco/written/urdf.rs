@@ -195,15 +195,15 @@ impl<'d, 't> UrdfEditor<'d, 't> {
     /// Gives an element's attribute this value.
     fn set(&mut self, node: Node<'d, 't>, name: &str, value: &str) {
         let value = escaped(value);
-        self.changes.push(match node.attribute_node(name) {
-            Some(attribute) => (attribute.range_value(), value),
-            None => {
-                let last = node.attributes().next_back();
-                let behind_tag = node.range().start + 1 + node.tag_name().name().len();
-                let place = last.map_or(behind_tag, |last| last.range().end);
-                (place..place, format!(" {name}=\"{value}\""))
-            }
-        });
+        let change = if let Some(attribute) = node.attribute_node(name) {
+            (attribute.range_value(), value)
+        } else {
+            let last = node.attributes().next_back();
+            let behind_tag = node.range().start + 1 + node.tag_name().name().len();
+            let place = last.map_or(behind_tag, |last| last.range().end);
+            (place..place, format!(" {name}=\"{value}\""))
+        };
+        self.changes.push(change);
     }
 
     /// Adds a child behind those that an element has.

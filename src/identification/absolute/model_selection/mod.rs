@@ -101,6 +101,9 @@ struct NestedModelFit {
     fit: ParameterFit,
 }
 
+/// Groups that make no model, with the reason.
+type Skipped = Vec<(ParameterGroup, String)>;
+
 impl AbsoluteCase<'_> {
     /// Fits models with more and more parameters, and compares them. The case is left with the frames of a fit.
     pub fn model_selection(
@@ -177,7 +180,7 @@ impl AbsoluteCase<'_> {
     fn climb(
         &mut self,
         weights: ReadingWeights,
-    ) -> Result<(Vec<NestedModelFit>, Vec<(ParameterGroup, String)>), AbsoluteError> {
+    ) -> Result<(Vec<NestedModelFit>, Skipped), AbsoluteError> {
         let has_discrepancy = weights != ReadingWeights::Own;
         let (mut steps, mut skipped): (Vec<NestedModelFit>, _) = (Vec::new(), Vec::new());
         for added in ORDER {
