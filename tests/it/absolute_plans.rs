@@ -358,7 +358,9 @@ fn commands_plan_absolute_readings() {
         .run("plan relative.toml --parameters zeros --quiet")
         .ends_with(1);
     assert!(
-        outcome.stderr.contains("plans deflections"),
+        outcome
+            .stderr
+            .contains("is \"relative\", and --parameters is for plans of absolute readings"),
         "{}",
         outcome.stderr
     );

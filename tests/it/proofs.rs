@@ -261,7 +261,7 @@ fn another_program_checks_the_proof_and_refuses_what_was_tampered_with() {
     }
 }
 
-/// Turned and oblique frames and mandatory experiments are known to the checker, too; torque limits are left out.
+/// Turned and oblique frames and mandatory experiments are known to the checker, too.
 #[test]
 fn another_program_checks_arms_of_every_kind() {
     let Some(python) = python() else { return };
@@ -284,10 +284,6 @@ fn another_program_checks_arms_of_every_kind() {
         .replace(
             "kind = \"any\"\nforce_max_n = 400",
             "kind = \"fixed\"\nforce_n = [0, 100, -300]",
-        )
-        .replace(
-            "tool_height_min_mm = 200",
-            "tool_height_min_mm = 200\njoint_torque_max_nm = [500, 420, 200]",
         );
     place.write("plain.toml", text.as_str());
     let outcome = place.run("plan plain.toml --experiments 1 --no-proof --plan-out first.csv");

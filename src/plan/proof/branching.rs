@@ -68,10 +68,10 @@ pub enum NoProof {
     /// The bound is by another criterion than the accuracy at the test poses.
     #[error("bounds of rho0 alone are proved: by any other criterion, the bound rests on searches")]
     Criterion,
-    /// More than hinges that are commanded, or measured rotations.
+    /// More than hinges that are commanded, measured rotations, or limited torques.
     #[error(
-        "there is no proof for arms with springs beside the joints' own, slides or passive joints, nor where rotations are measured: \
-         the bound rests on searches"
+        "there is no proof for arms with springs beside the joints' own, slides or passive joints, nor where rotations are measured or \
+         joint_torque_max_nm is given: the bound rests on searches"
     )]
     Springs,
     /// More is uncertain than the instrument's noise.

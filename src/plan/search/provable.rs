@@ -23,8 +23,8 @@ pub(super) struct ProvableTask {
 }
 
 impl ProvableTask {
-    /// Why nothing is proved about such a problem, whatever is assumed exact: bounds by other criteria, and arms of
-    /// which more than hinges bends.
+    /// Why nothing is proved about such a problem, whatever is assumed exact: bounds by other criteria, arms of
+    /// which more than hinges bends, and what would make a proved bound far weaker than that of searches.
     pub fn refused(problem: &Problem<'_>) -> Option<NoProof> {
         let chain = &problem.task.belief.nominal.chain;
         let is_hinge = |joint: &Joint| !joint.drive.slides && joint.drive.passive_at.is_none();
@@ -33,6 +33,7 @@ impl ProvableTask {
         } else if chain.elements.has_springs()
             || !chain.joints.iter().all(is_hinge)
             || problem.task.belief.instrument.rotation_sigma_rad.is_some()
+            || problem.task.region.joint_torque_max_nm.is_some()
         {
             Some(NoProof::Springs)
         } else {

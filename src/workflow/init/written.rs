@@ -60,8 +60,7 @@ pub(super) fn scenario(
     let mut text = format!(
         "#:schema {SCHEMA_FILE}\n\
          # A first scenario, made by `elastocal init`. Lines that say GUESS need your numbers.\n\
-         requires = \">={}\"\ndescription = {description}\nseed = 1\n\n[robot]\nmodel = {}\n",
-        crate::VERSION,
+         description = {description}\nseed = 1\n\n[robot]\nmodel = {}\n",
         quoted(model)
     );
     text += &robot(arm, tools, &stiffness);

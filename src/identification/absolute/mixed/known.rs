@@ -1,11 +1,13 @@
 //! Variance components that are known before, and those that are estimated for plans.
 
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
 use super::super::Discrepancy;
 use super::super::joint_errors::{DiscrepancyModel, JointError};
 use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS};
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
+use crate::numeric::tolerance;
 use crate::observation::Observation;
 use crate::parameter::JointFunction;
 
@@ -14,8 +16,8 @@ const EXACT: usize = 120;
 /// Knots in planning are so many correlation lengths apart, unless they would be more than so many a joint.
 const APART: f64 = 0.5;
 const MOST_PLANNED: u32 = 120;
-/// Where components are estimated for plans, each joint has so many knots at most.
-const FINE_KNOTS: usize = 128;
+/// Variance components are estimated from parts of so many visits at most.
+const SPARSE: usize = 100;
 /// Angles that are nearer to each other (rad) are one.
 const SAME_RAD: f64 = 1e-6;
 
@@ -81,45 +83,67 @@ impl VarianceComponents {
 }
 
 impl MixedModel {
-    /// The likeliest variance components, with more knots than a fit has: what lies between knots looks independent from visit to visit, and
-    /// functions smaller than they are. Of joints that turn.
+    /// The likeliest variance components of parts that are as sparse as plans (every k-th visit), with a knot at each angle; of all parts
+    /// the median. Of joints that turn.
+    ///
+    /// A real joint's error is no process of one length: read densely, with knots further apart than it changes, it looks smoother than
+    /// the few poses of a plan find it, and predictions from them are too good.
     pub fn components(&self, turns: &[bool]) -> Option<VarianceComponents> {
-        let (mut variances, _) = self.likeliest()?;
-        let mut fine = self.clone();
-        fine.most_knots = FINE_KNOTS;
-        for (process, fine) in variances.process.iter_mut().zip(fine.first().process) {
-            process.knots = fine.knots;
+        let parts = self.visits.len().div_ceil(SPARSE);
+        let found: Vec<MixedVariances> = (0..parts)
+            .into_par_iter()
+            .filter_map(|part| self.of_visits(|visit| visit % parts == part).exact())
+            .collect();
+        let median =
+            |of: &dyn Fn(&MixedVariances) -> f64| tolerance::median(found.iter().map(of).collect());
+        let of_joint = |(place, &joint): (usize, &usize)| {
+            Some(JointFunction {
+                joint,
+                deviation_rad: median(&|part| part.all[2 + place])?.sqrt(),
+                correlation_rad: median(&|part| part.process[place].length)?,
+            })
+        };
+        let joints = self.joints.iter().enumerate().zip(turns);
+        let functions = joints.filter_map(|(joint, turns)| turns.then_some(joint));
+        let rest = |part: usize| Some((median(&|of| of.all[part])? + self.within[part]).sqrt());
+        Some(VarianceComponents {
+            functions: functions.map(of_joint).collect::<Option<_>>()?,
+            rest: [rest(0)?, rest(1)?],
+        })
+    }
+
+    /// The likeliest variances with a knot at each angle.
+    fn exact(&self) -> Option<MixedVariances> {
+        let mut variances = self.first();
+        for (place, process) in variances.process.iter_mut().enumerate() {
+            process.knots = self.angles(place);
+            process.length = OrnsteinUhlenbeck::longest(&process.knots);
         }
         for _ in 0..ROUNDS {
-            let solved = fine.solved(&variances)?;
-            let next = fine.improved(&variances, &solved)?.next;
+            let solved = self.solved(&variances)?;
+            let next = self.improved(&variances, &solved)?.next;
             let change = next.change_from(&variances);
             variances = next;
             if change < FOUND {
                 break;
             }
         }
-        let joints = self.joints.iter().zip(turns).enumerate();
-        let functions = joints.filter(|(_, (_, turns))| **turns);
-        Some(VarianceComponents {
-            functions: functions
-                .map(|(place, (&joint, _))| JointFunction {
-                    joint,
-                    deviation_rad: variances.all[2 + place].sqrt(),
-                    correlation_rad: variances.process[place].length,
-                })
-                .collect(),
-            rest: [0, 1].map(|part| (variances.all[part] + self.within[part]).sqrt()),
-        })
+        Some(variances)
+    }
+
+    /// The angles of a joint, each once, in rising order.
+    fn angles(&self, place: usize) -> Vec<f64> {
+        let mut angles: Vec<f64> = self.visits.iter().map(|each| each.angles[place]).collect();
+        angles.sort_by(f64::total_cmp);
+        angles.dedup_by(|one, other| *one - *other < SAME_RAD);
+        angles
     }
 
     /// What the readings say with these variance components; the model's joints are those that have functions. None where the numbers have
     /// no factorisation.
     pub fn with_known(&self, known: &VarianceComponents) -> Option<DiscrepancyModel> {
         let process = |(place, function): (usize, &JointFunction)| {
-            let mut angles: Vec<f64> = self.visits.iter().map(|each| each.angles[place]).collect();
-            angles.sort_by(f64::total_cmp);
-            angles.dedup_by(|one, other| *one - *other < SAME_RAD);
+            let angles = self.angles(place);
             OrnsteinUhlenbeck {
                 knots: if angles.len() <= EXACT {
                     angles
