@@ -74,14 +74,14 @@ struct Head {
 }
 
 /// A place in a results file.
-struct Place<'a> {
+struct ResultPlace<'a> {
     path: &'a Path,
     /// Its dotted key.
     key: String,
     json: &'a Value,
 }
 
-impl<'a> Place<'a> {
+impl<'a> ResultPlace<'a> {
     fn wrong(&self, problem: String) -> FileError {
         let wrong = FileError::new(self.path, problem);
         match &*self.key {
@@ -94,7 +94,7 @@ impl<'a> Place<'a> {
     fn get(&self, name: &str) -> Result<Self, FileError> {
         let json = self.json.get(name);
         let dot = if self.key.is_empty() { "" } else { "." };
-        Ok(Place {
+        Ok(ResultPlace {
             path: self.path,
             key: format!("{}{dot}{name}", self.key),
             json: json.ok_or_else(|| self.wrong(format!("missing field `{name}`")))?,
@@ -112,7 +112,7 @@ impl<'a> Place<'a> {
         let list = self.get(name)?;
         let elements = list.json.as_array();
         let elements = elements.ok_or_else(|| list.wrong("is no list".to_owned()))?;
-        let element = |(index, json)| Place {
+        let element = |(index, json)| ResultPlace {
             path: self.path,
             key: format!("{}[{index}]", list.key),
             json,
@@ -139,7 +139,7 @@ impl ResultsFile {
             plans: Vec::new(),
             numbers: Vec::new(),
         };
-        let results = Place {
+        let results = ResultPlace {
             path,
             key: String::new(),
             json: &json,
@@ -187,7 +187,7 @@ impl ResultsFile {
             .insert(Aspect::Plans, Answer { identity, shown });
     }
 
-    fn run(&mut self, run: &Place<'_>) -> Result<(), FileError> {
+    fn run(&mut self, run: &ResultPlace<'_>) -> Result<(), FileError> {
         let experiments: u32 = run.read("experiments")?;
         self.answer(Aspect::Experiments, experiments.to_string());
         for plan in run.list("plans")? {
@@ -202,7 +202,7 @@ impl ResultsFile {
         Ok(())
     }
 
-    fn study(&mut self, study: &Place<'_>) -> Result<(), FileError> {
+    fn study(&mut self, study: &ResultPlace<'_>) -> Result<(), FileError> {
         let trials: u64 = study.read("trials")?;
         self.answer(Aspect::Trials, trials.to_string());
         self.answer(Aspect::Level, study.read("level")?);
@@ -232,7 +232,7 @@ impl ResultsFile {
     }
 
     /// What `plan` and `evaluate` say, and `run` of each plan.
-    fn prediction(&mut self, plan: &str, prediction: &Place<'_>) -> Result<(), FileError> {
+    fn prediction(&mut self, plan: &str, prediction: &ResultPlace<'_>) -> Result<(), FileError> {
         let names: Vec<String> = prediction.read("parameters")?;
         let key = "compliance_std_rad_per_nm";
         let errors: Vec<Option<f64>> = prediction.read(key)?;

@@ -172,6 +172,7 @@ impl MeasurementMessage {
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct IdentificationMessage {
     /// `linear` or `nonlinear`.
+    #[schemars(with = "String")]
     pub method: Method,
     /// The names of the identified joints.
     pub parameters: Vec<String>,

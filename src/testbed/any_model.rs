@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::rest::RestSolver;
-use super::virtual_robot::Rest;
+use super::virtual_robot::RestingBody;
 use crate::files::FileError;
 use crate::mujoco::{GivingWay, Model, ModelChange, State, TorqueLaw};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot};
@@ -144,7 +144,7 @@ impl MujocoRest {
     }
 }
 
-impl Rest for MujocoRest {
+impl RestingBody for MujocoRest {
     fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
         // The joints are held: `new` has seen that.
         let _ = self.become_compliant(compliance_rad_per_nm);

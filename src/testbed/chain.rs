@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::arm::MujocoArm;
-use super::virtual_robot::Rest;
+use super::virtual_robot::RestingBody;
 use crate::files::FileError;
 use crate::mujoco::{GivingWay, ModelChange, State, TorqueLaw};
 use crate::robot::{
@@ -58,7 +58,7 @@ impl ChainRest {
     }
 }
 
-impl Rest for ChainRest {
+impl RestingBody for ChainRest {
     fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
         for (known, &value) in self.known.iter().zip(compliance_rad_per_nm) {
             if let Some((index, _)) = *known {

@@ -37,7 +37,7 @@ pub struct MeasurementError {
 }
 
 /// How equilibria are found, with the last of them.
-pub(super) trait Rest: std::fmt::Debug + Send + Sync {
+pub(super) trait RestingBody: std::fmt::Debug + Send + Sync {
     /// Replaces the compliances of the belief's joints (rad/(N m)).
     fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]);
     /// Lets joints hold by laws of their own, by the belief's numbers of them; those that it has.
@@ -59,7 +59,7 @@ pub(super) trait Rest: std::fmt::Debug + Send + Sync {
 /// A compliant robot in MuJoCo with one tool mounted.
 #[derive(Debug)]
 pub struct VirtualRobot {
-    body: Box<dyn Rest>,
+    body: Box<dyn RestingBody>,
     compliance_rad_per_nm: Vec<f64>,
 }
 

@@ -30,9 +30,9 @@ enum Obeyed {
 }
 
 /// Finds the first element of a kind that can move the rest.
-type Check = fn(&Model) -> Option<FileError>;
+type StaticsCheck = fn(&Model) -> Option<FileError>;
 
-const CHECKS: [(Obeyed, Check); 16] = [
+const CHECKS: [(Obeyed, StaticsCheck); 16] = [
     (Obeyed::InTruth, elements::wind),
     (Obeyed::Never, elements::flags),
     (Obeyed::InTruth, elements::joint_springs),
