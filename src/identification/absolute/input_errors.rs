@@ -27,16 +27,16 @@ const ALL_SIGNS: usize = 7;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Changes commanded angles.
-type Commanded = dyn Fn(&mut DVector<f64>) + Send + Sync;
+type CommandChange = dyn Fn(&mut DVector<f64>) + Send + Sync;
 /// Changes what was seen, by its place.
-type Seen = dyn Fn(usize, &mut Sight) + Send + Sync;
+type SightChange = dyn Fn(usize, &mut Sight) + Send + Sync;
 
 /// How readings would have to be read.
 enum Reread {
     /// The commanded angles.
-    Commands(Box<Commanded>),
+    Commands(Box<CommandChange>),
     /// What was seen, by its place.
-    Sights(Box<Seen>),
+    Sights(Box<SightChange>),
 }
 
 /// A way in which a table may be wrong, with what to do about it.

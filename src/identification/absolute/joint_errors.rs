@@ -14,8 +14,6 @@
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 
 use super::super::spread::logarithm;
-use super::mixed::among;
-use super::prognoses::ReadingPrognosis;
 use super::residuals::LinearReading;
 use super::{Discrepancy, ReadingResidual};
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
@@ -66,6 +64,17 @@ impl JointError {
     }
 }
 
+/// A reading beside its prediction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReadingPrognosis {
+    /// Read less predicted, with what joints are off by.
+    pub left: ReadingResidual,
+    /// The covariance of that: of what was fitted, of what is unexplained, of the reading (m^2, m rad, rad^2).
+    pub covariance: Matrix6<f64>,
+    /// Whether position and rotation lie in their regions of 95 %.
+    pub is_within: [Option<bool>; 2],
+}
+
 /// What readings leave unexplained by parameters, for predictions elsewhere.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DiscrepancyModel {
@@ -89,6 +98,26 @@ pub(super) struct LocalRows {
     pub matrix: DMatrix<f64>,
     pub left: DVector<f64>,
     pub new: DMatrix<f64>,
+}
+
+/// What parameters leave of readings, told apart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unexplained {
+    /// Errors of joints and what is new at each visit, to predict with.
+    pub model: DiscrepancyModel,
+    /// The covariance of the parameters (p x p), if that is what they leave.
+    pub covariance: DMatrix<f64>,
+    /// The degrees of freedom of each parameter's variance.
+    pub degrees: Vec<f64>,
+    /// What is left of each reading that was not rejected beside the parameters and the joints' errors.
+    pub left: Vec<ReadingResidual>,
+    /// Visits.
+    pub visits: usize,
+    /// As many with errors of their own would tell as much of the parameters.
+    pub effective_sample_size: f64,
+    /// The shares of positions and of rotations that lie in their regions of 95 % as computed, each predicted by a fit to other
+    /// stands.
+    pub predicted_by_others: [Option<f64>; 2],
 }
 
 impl DiscrepancyModel {
@@ -209,4 +238,11 @@ pub(super) fn region_square(
     let part = residual.fixed_rows::<3>(first).into_owned();
     let own = covariance.fixed_view::<3, 3>(first, first).into_owned();
     Some(part.dot(&own.cholesky()?.solve(&part)))
+}
+
+/// Some rows and columns of a covariance.
+pub(super) fn among(covariance: &DMatrix<f64>, index: &[usize]) -> DMatrix<f64> {
+    DMatrix::from_fn(index.len(), index.len(), |row, column| {
+        covariance[(index[row], index[column])]
+    })
 }

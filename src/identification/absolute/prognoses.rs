@@ -1,25 +1,14 @@
 //! Readings that were not fitted beside what a fit predicts for them.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::FitError;
-use super::{AbsoluteCase, DiscrepancyModel, ReadingResidual};
+use super::{AbsoluteCase, DiscrepancyModel, ReadingPrognosis};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 
 /// Stations that stand as far off with a smaller probability were moved.
 const MOVED: f64 = 1e-6;
-
-/// A reading beside its prediction.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ReadingPrognosis {
-    /// Read less predicted, with what joints are off by.
-    pub left: ReadingResidual,
-    /// The covariance of that: of what was fitted, of what is unexplained, of the reading (m^2, m rad, rad^2).
-    pub covariance: Matrix6<f64>,
-    /// Whether position and rotation lie in their regions of 95 %.
-    pub is_within: [Option<bool>; 2],
-}
 
 /// How far the base of a station stands from where it was identified.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,37 +1,15 @@
 //! What parameters leave of readings, told apart by a mixed model: errors of joints, and what is new at each visit.
 
-use nalgebra::DMatrix;
-
 use super::super::gauss_newton::ParameterFit;
 use super::mixed::{MixedModel, VarianceComponents};
 use super::residuals::LinearReading;
-use super::{AbsoluteCase, AbsoluteFit, DiscrepancyModel, ReadingResidual};
+use super::{AbsoluteCase, AbsoluteFit, Unexplained};
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::ParameterSet;
 
 /// Fewer visits tell nothing of what the parameters leave but its size.
 const LEAST_VISITS: usize = 20;
-
-/// What parameters leave of readings, told apart.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Unexplained {
-    /// Errors of joints and what is new at each visit, to predict with.
-    pub model: DiscrepancyModel,
-    /// The covariance of the parameters (p x p), if that is what they leave.
-    pub covariance: DMatrix<f64>,
-    /// The degrees of freedom of each parameter's variance.
-    pub degrees: Vec<f64>,
-    /// What is left of each reading that was not rejected beside the parameters and the joints' errors.
-    pub left: Vec<ReadingResidual>,
-    /// Visits.
-    pub visits: usize,
-    /// As many with errors of their own would tell as much of the parameters.
-    pub effective_sample_size: f64,
-    /// The shares of positions and of rotations that lie in their regions of 95 % as computed, each predicted by a fit to other
-    /// stands.
-    pub predicted_by_others: [Option<f64>; 2],
-}
 
 impl AbsoluteCase<'_> {
     /// A mixed model of what the parameters leave, with the readings; none where there is too little to tell.

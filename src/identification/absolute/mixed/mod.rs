@@ -20,7 +20,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::AbsoluteCase;
-use super::joint_errors::DiscrepancyModel;
+use super::joint_errors::{DiscrepancyModel, among};
 use super::residuals::LinearReading;
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, Tridiagonal, knots_among};
 use crate::numeric::posterior::Posterior;
@@ -583,11 +583,4 @@ impl VisitEquations {
         let among = among(&solved.covariance, &self.index);
         &self.matrix * among * self.matrix.transpose()
     }
-}
-
-/// Some rows and columns of a covariance.
-pub(super) fn among(covariance: &DMatrix<f64>, index: &[usize]) -> DMatrix<f64> {
-    DMatrix::from_fn(index.len(), index.len(), |row, column| {
-        covariance[(index[row], index[column])]
-    })
 }
