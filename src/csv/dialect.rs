@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Fields, kind_of, wrong_table};
+use super::{kind_of, wrong_table};
 use crate::files::FileError;
 
 /// What may separate fields, and what several are called.
@@ -45,11 +45,11 @@ pub struct Decimals<'a> {
 }
 
 impl<'a> Decimals<'a> {
-    /// Those of these fields of a file.
-    pub const fn new(path: &'a Path, fields: &Fields) -> Self {
+    /// Those of a file with this between its fields.
+    pub const fn new(path: &'a Path, delimiter: u8) -> Self {
         Self {
             path,
-            delimiter: fields.delimiter,
+            delimiter,
             point: None,
             comma: None,
             is_decimal: false,

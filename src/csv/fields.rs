@@ -17,7 +17,8 @@ pub struct Fields {
     /// Its rows, all as wide as the header.
     pub rows: Vec<(usize, StringRecord)>,
     pub(super) header_line: usize,
-    pub(super) delimiter: u8,
+    /// What separates its fields.
+    pub delimiter: u8,
 }
 
 impl Fields {

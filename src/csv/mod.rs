@@ -137,7 +137,7 @@ impl<'a> Table<'a> {
         let is_word: Vec<bool> = (columns.iter())
             .map(|column| wanted.words.contains(column))
             .collect();
-        let mut decimals = Decimals::new(path, &fields);
+        let mut decimals = Decimals::new(path, fields.delimiter);
         let mut filled = Vec::new();
         for (line, fields) in rows {
             if wanted.is_left_out(columns, fields) {

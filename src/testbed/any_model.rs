@@ -2,8 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::rest::RestSolver;
-use super::virtual_robot::RestingBody;
+use super::rest::{RestSolver, RestingBody};
 use crate::files::FileError;
 use crate::mujoco::{GivingWay, Model, ModelChange, State, TorqueLaw};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot};

@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::arm::MujocoArm;
-use super::virtual_robot::RestingBody;
+use super::rest::RestingBody;
 use crate::files::FileError;
 use crate::mujoco::{GivingWay, ModelChange, State, TorqueLaw};
 use crate::robot::{

@@ -16,12 +16,9 @@ use crate::parameter::{
 use crate::robot::{Approach, Load};
 use crate::task::Instrument;
 
-use super::instrument::measurement;
+use super::instrument::{OF_ONE_READING, measurement};
 use super::truth::SampledValue;
 use super::virtual_robot::{Displacement, MeasurementError, VirtualRobot};
-
-/// Two readings make a deflection: each has this share of the standard deviation of what is new in both.
-pub(super) const OF_ONE_READING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Where a run's robot, loads and instrument differ from what is said of them.
 #[derive(Debug, Clone)]

@@ -2,7 +2,6 @@
 
 use nalgebra::Vector3;
 
-use super::circumstances::OF_ONE_READING;
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::experiment::{Experiment, Plan};
 use crate::measurement::{Measurement, RotationMeasurement, by_configuration};
@@ -10,6 +9,9 @@ use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
 use crate::parameter::Unloaded;
 use crate::task::Instrument;
+
+/// Two readings make a deflection: each has this share of the standard deviation of what is new in both.
+pub(super) const OF_ONE_READING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 impl VirtualRobot {
     /// Measures every experiment of a plan as often as it says, with the noise of run `run` under

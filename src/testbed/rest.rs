@@ -5,10 +5,11 @@
 //! the forces as the robot itself would, weighted by its mass matrix M. The stiffness is kept as long as
 //! steps shrink fast, since its errors cost steps and no precision.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix3, Vector3};
 
-use crate::mujoco::State;
-use crate::robot::{Equilibrium, EquilibriumError, Load};
+use crate::files::FileError;
+use crate::mujoco::{GivingWay, ModelChange, State, TorqueLaw};
+use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot};
 
 /// The last step of a converged solution is no larger than this (rad, m).
 const CONVERGED: f64 = 1e-12;
@@ -25,6 +26,26 @@ const SLOW: f64 = 0.05;
 /// A joint without any stiffness is one with less than this share of what its mass would have at one
 /// radian per second.
 const WEIGHTLESS: f64 = 1e-9;
+
+/// How equilibria are found, with the last of them.
+pub(super) trait RestingBody: std::fmt::Debug + Send + Sync {
+    /// Replaces the compliances of the belief's joints (rad/(N m)).
+    fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]);
+    /// Lets joints hold by laws of their own, by the belief's numbers of them; those that it has.
+    fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]);
+    /// Makes the robot another than the model says.
+    fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError>;
+    /// Lets the robot come to rest at the commands of the belief's joints (rad, m).
+    fn rest(&mut self, commanded: &[f64], load: &Load) -> Result<Equilibrium, EquilibriumError>;
+    /// The tool's position (m) and axes.
+    fn tool(&self) -> (Vector3<f64>, Matrix3<f64>);
+    /// The coordinates of the belief's joints that it has (rad, m).
+    fn joint_angles(&self) -> Vec<f64>;
+    /// MuJoCo's simulation.
+    fn state(&self) -> &State;
+    /// How far the model's equality constraints give way under its load.
+    fn giving_way(&mut self, load: &Load) -> Vec<GivingWay>;
+}
 
 /// Finds the rest of a simulation; keeps its workspace.
 #[derive(Debug, Clone)]

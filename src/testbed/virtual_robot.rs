@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::any_model::MujocoRest;
 use super::chain::ChainRest;
+use super::rest::RestingBody;
 use crate::experiment::Experiment;
 use crate::files::FileError;
 use crate::mujoco::{GivingWay, ModelChange, State, TorqueLaw};
@@ -34,26 +35,6 @@ pub struct MeasurementError {
     pub loaded: bool,
     /// What is wrong.
     pub source: EquilibriumError,
-}
-
-/// How equilibria are found, with the last of them.
-pub(super) trait RestingBody: std::fmt::Debug + Send + Sync {
-    /// Replaces the compliances of the belief's joints (rad/(N m)).
-    fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]);
-    /// Lets joints hold by laws of their own, by the belief's numbers of them; those that it has.
-    fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]);
-    /// Makes the robot another than the model says.
-    fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError>;
-    /// Lets the robot come to rest at the commands of the belief's joints (rad, m).
-    fn rest(&mut self, commanded: &[f64], load: &Load) -> Result<Equilibrium, EquilibriumError>;
-    /// The tool's position (m) and axes.
-    fn tool(&self) -> (Vector3<f64>, Matrix3<f64>);
-    /// The coordinates of the belief's joints that it has (rad, m).
-    fn joint_angles(&self) -> Vec<f64>;
-    /// MuJoCo's simulation.
-    fn state(&self) -> &State;
-    /// How far the model's equality constraints give way under its load.
-    fn giving_way(&mut self, load: &Load) -> Vec<GivingWay>;
 }
 
 /// A compliant robot in MuJoCo with one tool mounted.

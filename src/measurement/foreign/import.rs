@@ -59,7 +59,7 @@ fn imported(table: &Path, mapping: &Path) -> Result<ImportedTable, FileError> {
         mapping,
         path: table,
         columns: &fields.columns,
-        decimals: Decimals::new(table, &fields),
+        decimals: Decimals::new(table, fields.delimiter),
         read: BTreeSet::new(),
     };
     if file.joint.is_empty() || file.joint.len() > MOST_JOINTS {
