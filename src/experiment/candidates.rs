@@ -44,7 +44,7 @@ pub struct Candidate {
 /// Reads candidates for an arm.
 ///
 /// # Errors
-/// See [`Table::read`]; the columns of a load come together, `repeats` must be a whole number from 1, and no load faint.
+/// See [`Table::read_with`]; the columns of a load come together, `repeats` must be a whole number from 1, and no load faint.
 pub fn read_candidates(
     path: &Path,
     commands: impl Into<Commands>,
@@ -107,7 +107,7 @@ fn table<'p, 'c>(
 /// Reads a plan for an arm, which may be given by its number of joints.
 ///
 /// # Errors
-/// See [`Table::read`]; `repeats` must be a whole number from 1, and no load zero.
+/// See [`Table::read_with`]; `repeats` must be a whole number from 1, and no load zero.
 pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, FileError> {
     plan_of(path, &commands.into()).map_err(|wrong| wrong.or_code(ErrorCode::PlanFile))
 }

@@ -24,7 +24,7 @@ use crate::task::Belief;
 /// with the load of which they are the differences.
 ///
 /// # Errors
-/// See [`Table::read`]; a standard deviation must be positive, the columns of a group
+/// See [`Table::read_with`]; a standard deviation must be positive, the columns of a group
 /// (`sx_mm,sy_mm,sz_mm`; `rx_mrad,ry_mrad,rz_mrad,srx_mrad,sry_mrad,srz_mrad`) come together, and no two rows have
 /// the same reading without a load, or all of one configuration have, as deflections rest on one of their own or on one that they
 /// share.
