@@ -23,15 +23,15 @@ UNITS = {"joints": "deg", "position": "mm", "rotation": "deg", "force": "N", "to
 #: Columns with words; what is not a column's name is the word of all rows.
 WORDS = ["target", "station", "visit", "approach"]
 #: SciPy's words for rotations, and elastocal's.
-CONVENTIONS = {"quat": "quaternion xyzw", "rotvec": "rotation_vector", "matrix": "matrix"}
+CONVENTIONS = {"quat": "quaternion wxyz", "matrix": "quaternion wxyz", "rotvec": "rotation_vector"}
 
 
 def convention(rotation: str) -> str:
-    """Elastocal's words for SciPy's: capital axes turn with the target, small ones stand still."""
+    """Elastocal's words for SciPy's: capital axes turn with the target, small ones stand still (the same angles in reverse)."""
     if rotation in CONVENTIONS:
         return CONVENTIONS[rotation]
     if re.fullmatch(r"[xyz]{3}|[XYZ]{3}", rotation):
-        return f"{'intrinsic' if rotation.isupper() else 'extrinsic'} {rotation.lower()}"
+        return f"intrinsic {rotation.lower() if rotation.isupper() else rotation[::-1]}"
     wanted = "'XYZ' (axes that turn with the target), 'xyz' (axes that stand still), 'quat' (x, y, z, w), 'rotvec' or 'matrix'"
     raise UsageError(f"rotation is not {rotation!r}; as in SciPy it is {wanted}")
 
@@ -62,6 +62,8 @@ def read_table(
     for what in [*places, *unit]:
         if what not in known:
             raise UsageError(f"columns have no {what!r}; they have: {', '.join(sorted(known))}", nearest(what, known))
+    if rotation == "matrix" and "rotation" in places:
+        rotation = _rotations(made, places["rotation"])
     if rotation is not None and not isinstance(rotation, str):
         turned = rotation.as_quat()
         if len(turned) != len(made):
@@ -102,16 +104,37 @@ def read_table(
         return Readings(read(out))
 
 
+def _rotations(frame: pd.DataFrame, names: list[str]) -> Rotation:
+    """Rotations of matrices, row by row."""
+    from scipy.spatial.transform import Rotation as Turn
+
+    for name in names:
+        if name not in frame:
+            raise UsageError(f"columns['rotation']: the frame has no column {name!r}", nearest(name, map(str, frame.columns)))
+    if len(names) != 9:
+        raise UsageError(f"columns['rotation'] has {len(names)} names; a matrix has 9, row by row")
+    return Turn.from_matrix(frame[names].to_numpy(dtype=float).reshape(-1, 3, 3))
+
+
 def _mapping(places: dict[str, Any], unit: dict[str, str], rotation: Any, there: set[str]) -> dict[str, Any]:
     """What the columns are, as `import` takes it."""
-    said: dict[str, Any] = {"delimiter": ",", "joint": [{"column": each, "unit": unit["joints"]} for each in places["joints"]]}
+    is_quaternion = not isinstance(rotation, str) or rotation in ("quat", "matrix")
+
+    def in_order(names: list[str]) -> list[str]:
+        """Quaternions with the real part first; angles about axes that stand still in reverse."""
+        if is_quaternion:
+            return [*names[3:], *names[:3]]
+        return names[::-1] if rotation.islower() and rotation not in CONVENTIONS else names
+
+    said: dict[str, Any] = {"joint": [{"column": each, "unit": unit["joints"]} for each in places["joints"]]}
     for what in ("position", "rotation", "force", "torque"):
         if what in places:
-            said[what] = {"columns": places[what]}
+            said[what] = {"columns": in_order(places[what]) if what == "rotation" else places[what]}
             if what != "rotation" or isinstance(rotation, str) and rotation not in ("quat", "matrix"):
                 said[what]["unit"] = unit[what]
             if f"{what}_std" in places:
-                said[what]["std_columns"] = places[f"{what}_std"]
+                stds = places[f"{what}_std"]
+                said[what]["std_columns"] = in_order(stds) if what == "rotation" else stds
     if "rotation" in places:
         said["rotation"]["convention"] = convention(rotation) if isinstance(rotation, str) else CONVENTIONS["quat"]
     for what in ("time", "temperature"):

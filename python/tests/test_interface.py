@@ -404,7 +404,7 @@ def test_data_frames_become_readings(tmp_path: Path) -> None:
         ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "Xyz"}, "rotation is not 'Xyz'"),
         ({"rotation": "XYZ"}, "columns have no 'rotation'"),
         ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "quat"}, "^rotation.columns: found 3; 4 are needed"),
-        ({"columns": columns | {"position": ["x", "y"]}}, "^position.columns: invalid length 2"),
+        ({"columns": columns | {"position": ["x", "y"]}}, "^position.columns: found 2; 3 are needed"),
         ({"units": {"joints": "degree"}}, '^joint.0..unit: found "degree"; one of rad, deg'),
         ({"frame": frame.to_numpy()}, "a data frame of pandas is wanted, not ndarray"),
     ]:
