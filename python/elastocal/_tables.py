@@ -118,7 +118,7 @@ def _rotations(frame: pd.DataFrame, names: list[str]) -> Rotation:
 
 def _mapping(places: dict[str, Any], unit: dict[str, str], rotation: Any, there: set[str]) -> dict[str, Any]:
     """What the columns are, as `import` takes it."""
-    is_quaternion = not isinstance(rotation, str) or rotation in ("quat", "matrix")
+    is_quaternion = not isinstance(rotation, str) or rotation == "quat"
 
     def in_order(names: list[str]) -> list[str]:
         """Quaternions with the real part first; angles about axes that stand still in reverse."""
@@ -130,13 +130,13 @@ def _mapping(places: dict[str, Any], unit: dict[str, str], rotation: Any, there:
     for what in ("position", "rotation", "force", "torque"):
         if what in places:
             said[what] = {"columns": in_order(places[what]) if what == "rotation" else places[what]}
-            if what != "rotation" or isinstance(rotation, str) and rotation not in ("quat", "matrix"):
+            if what != "rotation" or not is_quaternion:
                 said[what]["unit"] = unit[what]
             if f"{what}_std" in places:
                 stds = places[f"{what}_std"]
                 said[what]["std_columns"] = in_order(stds) if what == "rotation" else stds
     if "rotation" in places:
-        said["rotation"]["convention"] = convention(rotation) if isinstance(rotation, str) else CONVENTIONS["quat"]
+        said["rotation"]["convention"] = CONVENTIONS["quat"] if is_quaternion else convention(rotation)
     for what in ("time", "temperature"):
         if what in places:
             said[what] = {"column": places[what][0], "unit": unit[what]}
