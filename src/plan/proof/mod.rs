@@ -29,7 +29,7 @@
 //! remainder; all rounding goes into the remainder. A box is done with where d + sum of lambda g <= T, with
 //! multipliers lambda >= 0 for margins g that are not negative in the region, or where some g < 0.
 //!
-//! - `rounding`: what double precision can lose; sine and cosine; `taylor`: the models; `vectors`: with three parts.
+//! - `rounding`: what double precision can lose; sine and cosine; `taylor`, `products`: the models and their arithmetic; `vectors`: with three parts.
 //! - [`question`](Question): what is to be proved, in plain numbers; `constant`, `chain`: the arm in simple frames; `domain`: the
 //!   variables, and what symmetry leaves of their ranges.
 //! - `geometry`: where everything is over a box, told in a frame in the middle of the chain; `enclosure`: d and the margins, `rows`: its sum of
@@ -53,6 +53,7 @@ mod form;
 mod geometry;
 mod judgement;
 mod polynomial;
+mod products;
 mod question;
 mod rounding;
 mod rows;
