@@ -20,7 +20,7 @@ use elastocal::study::runner::RunsInBlocks;
 use elastocal::study::{StudyError, account::Account, verdict::Kept};
 use elastocal::text::wording::counted;
 use elastocal::view::report::{AbsolutePageRecord, absolute_page};
-use elastocal::view::stills;
+use elastocal::view::stills::Stills;
 use serde_json::json;
 
 use super::conditions::{search_stopped, undetermined_by_plan};
@@ -103,7 +103,7 @@ impl PlanArgs {
             report.text += &written.noted(path, rows);
         }
         if let Some(path) = stills_out {
-            report.text += &written.save(path, &stills::sheet_of_readings(scenario, &readings));
+            report.text += &written.save(path, &Stills::of_readings(scenario, &readings).sheet());
         }
         let shown = (&message, &provenance);
         self.write_page(scenario, shown, &readings, None, (&mut report, written))?;
@@ -173,7 +173,7 @@ impl PlanArgs {
                 plan,
                 trials,
                 provenance,
-                stills: &stills::figures_of_readings(scenario, readings),
+                stills: &Stills::of_readings(scenario, readings).figures(),
                 conditions: &report.conditions,
                 command: &command_line(),
             })?;

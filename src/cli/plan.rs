@@ -18,7 +18,7 @@ use elastocal::record::messages::{AssessmentMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
-use elastocal::view::stills;
+use elastocal::view::stills::Stills;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
 use serde_json::json;
 
@@ -270,7 +270,7 @@ impl PlanCommand {
             text += &written.noted(path, write_plan(path, task.belief.commands(), plan));
         }
         if let Some(path) = &self.stills_out {
-            text += &written.save(path, &stills::sheet(&scenario, plan));
+            text += &written.save(path, &Stills::of_plan(&scenario, plan).sheet());
         }
         let [experiments, configurations] = wanted.sizes();
         let mut json = json!({

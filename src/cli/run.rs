@@ -10,7 +10,7 @@ use elastocal::plan::{UncertaintyBudget, search::RepeatsNeeded, take_nearest_tur
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
-use elastocal::view::{report::RunRecord, stills};
+use elastocal::view::{report::RunRecord, stills::Stills};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
@@ -98,7 +98,7 @@ impl Run {
             random_repeats: outcome.random_repeats,
             conditions: &outcome.conditions,
             command: &command_line(),
-            stills: &stills::figures(&scenario, &main.plan),
+            stills: &Stills::of_plan(&scenario, &main.plan).figures(),
         };
         let views = RunViews::new(&record, &calibrations)?;
         let mut written = Written::default();

@@ -78,6 +78,8 @@ pub struct ChartAxis {
     pub ticks: Vec<f64>,
     /// Where lines without a number stand between them.
     pub minor: Vec<f64>,
+    /// Whether it is of logarithms (base 10).
+    pub is_logarithmic: bool,
 }
 
 impl ChartAxis {
@@ -92,7 +94,17 @@ impl ChartAxis {
             range,
             ticks,
             minor: Vec::new(),
+            is_logarithmic: false,
         }
+    }
+
+    /// The number at a tick.
+    pub fn number(&self, tick: f64) -> String {
+        short(if self.is_logarithmic {
+            10_f64.powf(tick)
+        } else {
+            tick
+        })
     }
 
     /// Of logarithms (base 10): numbers at 1, 2, 5, 10, ..., lines at all of 1, 2, 3, ... 10, 20, ...
@@ -115,6 +127,7 @@ impl ChartAxis {
             range,
             ticks,
             minor,
+            is_logarithmic: true,
         }
     }
 }
@@ -145,15 +158,42 @@ impl Ranged for ChartAxis {
 /// A chart with two of them.
 pub type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<ChartAxis, ChartAxis>>;
 
+/// What is read at a point of a drawing when it is pointed at.
+pub struct Tip {
+    at: (i32, i32),
+    words: String,
+}
+
+impl Tip {
+    /// At a point of a chart.
+    pub fn new(chart: &Chart<'_, '_>, at: (f64, f64), words: String) -> Self {
+        let at = chart.backend_coord(&at);
+        Self { at, words }
+    }
+
+    fn svg(&self) -> String {
+        let ((x, y), words) = (self.at, escaped(&self.words));
+        format!(
+            "<circle class=\"tip\" cx=\"{x}\" cy=\"{y}\" r=\"22\"><title>{words}</title></circle>\n"
+        )
+    }
+}
+
 /// An SVG drawing with a name, which takes the width that it is given and the colours of its page.
 pub fn drawing(
     size: (u32, u32),
     name: &str,
-    draw: impl FnOnce(&Area<'_>) -> Result<(), PlotError>,
+    draw: impl FnOnce(&Area<'_>) -> Result<Vec<Tip>, PlotError>,
 ) -> Result<String, PlotError> {
-    let svg = svg(size, draw)?;
+    let mut tips = Vec::new();
+    let svg = svg(size, |area| {
+        tips = draw(area)?;
+        Ok(())
+    })?;
     let content = svg.split_once('>').map_or("", |(_, content)| content);
-    let content = (OF_PAGE.iter()).fold(content.to_owned(), |content, (own, of_page)| {
+    let tips: String = tips.iter().map(Tip::svg).collect();
+    let content = content.replace("</svg>", &(tips + "</svg>"));
+    let content = (OF_PAGE.iter()).fold(content, |content, (own, of_page)| {
         content.replace(own, of_page)
     });
     let class = if size.0 >= WHOLE { "whole" } else { "half" };
@@ -229,7 +269,10 @@ impl Rows<'_> {
         label: &dyn Fn(&f64) -> String,
         fill: impl FnOnce(&mut Chart<'_, '_>) -> Result<(), PlotError>,
     ) -> Result<String, PlotError> {
-        drawing(self.size(), name, |area| fill(&mut self.draw(area, label)?))
+        drawing(self.size(), name, |area| {
+            fill(&mut self.draw(area, label)?)?;
+            Ok(Vec::new())
+        })
     }
 
     /// Draws names, notes and axis; `label` writes a tick.
@@ -307,11 +350,12 @@ pub fn ticks(low: f64, high: f64, about: u32) -> Vec<f64> {
 }
 
 /// Draws its axes with their names and the grid; `label` writes a tick of x.
-pub fn draw_axes(
+fn draw_axes(
     chart: &mut Chart<'_, '_>,
     [x, y]: [&str; 2],
     label: &dyn Fn(&f64) -> String,
 ) -> Result<(), PlotError> {
+    let height = chart.as_coord_spec().y_spec().clone();
     chart
         .configure_mesh()
         .light_line_style(GRID.mix(0.5))
@@ -322,7 +366,7 @@ pub fn draw_axes(
         .x_desc(x)
         .y_desc(y)
         .x_label_formatter(&label)
-        .y_label_formatter(&|y| short(*y))
+        .y_label_formatter(&|y| height.number(*y))
         .draw()?;
     Ok(())
 }
@@ -338,8 +382,23 @@ pub enum Mark {
     Dot,
     /// An open circle.
     Ring,
+    /// A filled square.
+    Square,
     /// A filled triangle.
     Triangle,
+    /// A filled diamond.
+    Diamond,
+    /// A cross.
+    Cross,
+}
+
+/// The corners of a filled mark with straight sides (pixels from its middle).
+const fn corners(mark: Mark) -> &'static [(i32, i32)] {
+    match mark {
+        Mark::Square => &[(-10, -10), (10, -10), (10, 10), (-10, 10)],
+        Mark::Diamond => &[(-14, 0), (0, -14), (14, 0), (0, 14)],
+        _ => &[(-13, 10), (13, 10), (0, -13)],
+    }
 }
 
 /// A series' name with its colour and mark.
@@ -362,32 +421,48 @@ impl Series {
     /// Draws its points.
     pub fn draw(&self, chart: &mut Chart<'_, '_>, points: &[(f64, f64)]) -> Result<(), PlotError> {
         let points = points.iter().copied();
+        let thick = self.colour.stroke_width(3);
+        match self.mark {
+            Mark::Line => drop(chart.draw_series(LineSeries::new(points, thick))?),
+            Mark::Dashed => drop(chart.draw_series(DashedLineSeries::new(points, 10, 7, thick))?),
+            _ => {
+                let area = chart.plotting_area().strip_coord_spec();
+                let (left, top) = area.get_base_pixel();
+                for point in points {
+                    let (x, y) = chart.backend_coord(&point);
+                    self.draw_mark(&area, (x - left, y - top))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn draw_mark(&self, area: &Area<'_>, (x, y): (i32, i32)) -> Result<(), PlotError> {
         let (thick, filled) = (self.colour.stroke_width(3), self.colour.filled());
         match self.mark {
-            Mark::Line => chart.draw_series(LineSeries::new(points, thick))?,
-            Mark::Dashed => chart.draw_series(DashedLineSeries::new(points, 10, 7, thick))?,
-            Mark::Dot => chart.draw_series(points.map(|at| Circle::new(at, 6, filled)))?,
-            Mark::Ring => chart.draw_series(points.map(|at| Circle::new(at, 15, thick)))?,
-            Mark::Triangle => {
-                chart.draw_series(points.map(|at| TriangleMarker::new(at, 13, filled)))?
+            Mark::Dot => area.draw(&Circle::new((x, y), 6, filled))?,
+            Mark::Ring => area.draw(&Circle::new((x, y), 15, thick))?,
+            Mark::Cross => area.draw(&Cross::new((x, y), 9, self.colour.stroke_width(5)))?,
+            mark => {
+                let corners = corners(mark).iter().map(|(dx, dy)| (x + dx, y + dy));
+                area.draw(&Polygon::new(corners.collect::<Vec<_>>(), filled))?;
             }
-        };
+        }
         Ok(())
     }
 
     /// Draws its entry of a legend.
     fn draw_entry(&self, area: &Area<'_>, (x, y): (i32, i32)) -> Result<(), PlotError> {
-        let (thick, filled) = (self.colour.stroke_width(3), self.colour.filled());
-        let line = |from: i32, to: i32| PathElement::new([(x + from, y), (x + to, y)], thick);
+        let line = |from: i32, to: i32| {
+            PathElement::new([(x + from, y), (x + to, y)], self.colour.stroke_width(3))
+        };
         match self.mark {
             Mark::Line => area.draw(&line(0, 34))?,
             Mark::Dashed => {
                 area.draw(&line(0, 13))?;
                 area.draw(&line(21, 34))?;
             }
-            Mark::Dot => area.draw(&Circle::new((x + 17, y), 6, filled))?,
-            Mark::Ring => area.draw(&Circle::new((x + 17, y), 12, thick))?,
-            Mark::Triangle => area.draw(&TriangleMarker::new((x + 17, y), 13, filled))?,
+            _ => self.draw_mark(area, (x + 17, y))?,
         }
         let style = text(INK).pos(Pos::new(HPos::Left, VPos::Center));
         area.draw(&Text::new(self.name.clone(), (x + 48, y), style))?;
@@ -395,7 +470,7 @@ impl Series {
     }
 }
 
-/// A chart with named axes, and the names of its series in a column beside it, off the data; `label` writes a tick of x.
+/// A chart with named axes, and the names of its series off the data, beside it or, where it is narrow, above; `label` writes a tick of x.
 pub fn chart_of<'a, 'b>(
     area: &'a Area<'b>,
     axes: [ChartAxis; 2],
@@ -403,26 +478,35 @@ pub fn chart_of<'a, 'b>(
     series: &[Series],
     label: &dyn Fn(&f64) -> String,
 ) -> Result<Chart<'a, 'b>, PlotError> {
-    const LINE: i32 = 46;
+    const LINE: u32 = 46;
     let entries: Vec<String> = series.iter().map(|each| each.name.clone()).collect();
-    let room = if entries.is_empty() {
-        14
-    } else {
-        84 + width_of(&entries)
+    let width = area.dim_in_pixel().0;
+    let is_wide = width >= WHOLE;
+    let (above, beside) = match series.len() as u32 {
+        0 => (0, 0),
+        _ if is_wide => (0, 70 + width_of(&entries)),
+        count => (count.div_ceil(2) * LINE, 0),
     };
     let [x, y] = axes;
     let mut chart = ChartBuilder::on(area)
         .margin(14)
-        .margin_right(room)
+        .margin_top(14 + above)
+        .margin_right(14 + beside)
         .x_label_area_size(78)
         .y_label_area_size(112)
         .build_cartesian_2d(x, y)?;
     draw_axes(&mut chart, names, label)?;
-    let plotted = chart.plotting_area().get_pixel_range();
-    let mut at = (plotted.0.end + 24, plotted.1.start + LINE / 2);
-    for each in series {
+    let (across, down) = chart.plotting_area().get_pixel_range();
+    for (row, each) in (0..).zip(series) {
+        let at = if is_wide {
+            (across.end + 24, down.start + LINE as i32 * row + 23)
+        } else {
+            (
+                112 + row % 2 * (width as i32 / 2 - 50),
+                28 + LINE as i32 * (row / 2),
+            )
+        };
         each.draw_entry(area, at)?;
-        at.1 += LINE;
     }
     Ok(chart)
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use nalgebra::DVector;
 
 use super::markup::{escaped, page, paragraph, section, table_of};
-use super::stills::{self, Pictures};
+use super::stills::{Pictures, Stills};
 use crate::experiment::{Plan, in_words};
 use crate::laboratory::{Campaign, Stop, hung_kg};
 use crate::record::messages::ProvenanceMessage;
@@ -32,7 +32,7 @@ const FIELDS: [&str; 10] = [
 
 /// The sheet as a page for print, which loads nothing.
 pub fn run_sheet(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
-    let pictures = stills::pictures(scenario, plan);
+    let pictures = Stills::of_plan(scenario, plan).pictures();
     let places = places(campaign);
     let title = format!("{}: run sheet", scenario.name);
     let fields = FIELDS.map(|field| format!("<p class=\"blank\">{}</p>\n", escaped(field)));

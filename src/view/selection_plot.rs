@@ -1,5 +1,7 @@
 //! Selections of readings, as SVG: every random one a dot, every planned one a mark.
 
+use std::ops::Range;
+
 use plotters::style::RGBColor;
 
 use super::charts::{COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot};
@@ -13,7 +15,13 @@ const RANDOM: f64 = 0.35;
 /// # Errors
 /// There are no choices, or the drawing fails.
 pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String, PlotError> {
-    let [lowest, top] = heights(message)?;
+    let means = |of_size: &SelectionSizeMessage| {
+        let planned = of_size.planned.iter();
+        let planned = planned.filter_map(|each| Some(each.distance_mm.as_ref()?.mean));
+        [of_size.random.means_mm.clone(), planned.collect()]
+    };
+    let of_sizes: Vec<_> = message.sizes.iter().map(means).collect();
+    let heights = heights(message.all_mm.mean, &of_sizes)?;
     let sizes = || (0..).map(f64::from).zip(&message.sizes);
     let count = message.sizes.len() as f64;
     let all = message.all_mm.mean;
@@ -52,7 +60,7 @@ pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String,
     let (series, points): (Vec<Series>, Vec<Vec<(f64, f64)>>) = drawn.into_iter().unzip();
     let axes = [
         ChartAxis::new(-0.5..count - 0.5, sizes().map(|(place, _)| place).collect()),
-        ChartAxis::linear(0.85 * lowest..top, 8),
+        ChartAxis::logarithmic(heights.clone()),
     ];
     let label = |place: &f64| {
         let mut here = sizes().filter(|(at, _)| (at - place).abs() < 1e-9);
@@ -63,29 +71,56 @@ pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String,
         "readings that were chosen",
         "mean distance at all others [mm]",
     ];
-    plot(SIZE, title, |area| {
+    let (mut above, mut drawn) = (0, Vec::new());
+    for points in points {
+        let logarithms = points
+            .into_iter()
+            .map(|(place, mean)| (place, mean.log10()));
+        let (seen, higher): (Vec<_>, Vec<_>) = logarithms.partition(|(_, at)| *at < heights.end);
+        above += higher.len();
+        drawn.push(seen);
+    }
+    let title = match above {
+        0 => title.to_owned(),
+        _ => format!("{title} ({above} lie above)"),
+    };
+    plot(SIZE, &title, |area| {
         let mut chart = chart_of(area, axes, names, &series, &label)?;
-        for (each, points) in series.iter().zip(points) {
-            let seen = points.into_iter().filter(|(_, mean)| *mean < top);
-            each.draw(&mut chart, &seen.collect::<Vec<_>>())?;
-        }
-        Ok(())
+        (series.iter().zip(&drawn)).try_for_each(|(each, points)| each.draw(&mut chart, points))
     })
 }
 
-/// The lowest mean (mm), and how high the picture goes.
-fn heights(message: &SelectionMessage) -> Result<[f64; 2], PlotError> {
-    let means = |of_size: &SelectionSizeMessage| -> Vec<f64> {
-        let planned = of_size.planned.iter();
-        let planned = planned.filter_map(|each| Some(each.distance_mm.as_ref()?.mean));
-        planned.chain(of_size.random.means_mm.clone()).collect()
-    };
-    let all: Vec<f64> = message.sizes.iter().flat_map(means).collect();
-    let highest = all.iter().copied().fold(0.0, f64::max);
-    if highest <= 0.0 {
+/// From the lowest mean to the highest that matters (logarithms of mm), of the fit to all readings and of each size's random and planned
+/// choices (mm): all of them up to three times what three quarters of the size's random ones stay below.
+fn heights(all_mm: f64, sizes: &[[Vec<f64>; 2]]) -> Result<Range<f64>, PlotError> {
+    let mut ends = [all_mm; 2];
+    for [random, planned] in sizes {
+        let mut usual = if random.is_empty() { planned } else { random }.clone();
+        usual.sort_by(f64::total_cmp);
+        let limit = 3.0 * usual.get(usual.len() * 3 / 4).copied().unwrap_or(0.0);
+        for mean in random.iter().chain(planned).filter(|mean| **mean <= limit) {
+            ends = [ends[0].min(*mean), ends[1].max(*mean)];
+        }
+    }
+    if ends[0] <= 0.0 {
         return Err(PlotError::new("there is nothing to draw"));
     }
-    let lowest = all.iter().copied().fold(message.all_mm.mean, f64::min);
-    // A choice that failed altogether does not hide the others.
-    Ok([lowest, highest.min(4.0 * lowest) * 1.05])
+    Ok((0.9 * ends[0]).log10()..(1.1 * ends[1]).log10())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A size whose choices are all far worse than the best of another, but for one that failed altogether.
+    #[test]
+    fn all_sizes_are_on_the_picture() {
+        let sizes = [
+            [vec![0.7, 40.0, 0.9, 0.8, 0.75], vec![0.2, 1.1]],
+            [vec![0.1, 0.11, 0.12, 0.13], vec![]],
+        ];
+        let heights = heights(0.08, &sizes).expect("something to draw");
+        assert!(heights.contains(&1.1_f64.log10()) && heights.contains(&0.08_f64.log10()));
+        assert!(!heights.contains(&40_f64.log10()));
+    }
 }

@@ -65,6 +65,14 @@ LOOK = r"""
       outside, overlaps,
     };
   });
+  // A view that turns is drawn, and shows another picture after a step.
+  const views = [...document.querySelectorAll(".turning canvas")].filter(each => box(each).width > 0).map(canvas => {
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    const drawn = data.filter((value, i) => i % 4 === 3 && value === 255).length / (data.length / 4);
+    const before = canvas.toDataURL();
+    canvas.parentElement.querySelector("button[aria-label=next]").click();
+    return { drawn, steps: canvas.toDataURL() !== before, words: canvas.parentElement.innerText };
+  });
   const parts = colour => colour.match(/[\d.]+/g).map(Number);
   const luminance = colour => parts(colour).slice(0, 3).map(each => each / 255)
     .map(each => each <= 0.04045 ? each / 12.92 : ((each + 0.055) / 1.055) ** 2.4)
@@ -93,7 +101,7 @@ LOOK = r"""
     faint, cut,
     title: document.title, text: document.body.innerText,
     scripts: document.scripts.length,
-    page_px: [root.scrollWidth, root.scrollHeight], window_px: root.clientWidth, figures,
+    page_px: [root.scrollWidth, root.scrollHeight], window_px: root.clientWidth, figures, views,
   };
 })()
 """

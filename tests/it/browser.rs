@@ -74,7 +74,18 @@ pub fn looks_well(page: &Path, figures: usize) {
         assert!(is_empty(&seen["faint"]), "{place}: {}", seen["faint"]);
         assert!(is_empty(&seen["errors"]), "{place}: {}", seen["errors"]);
         assert!(is_empty(&seen["console"]), "{place}: {}", seen["console"]);
-        assert_eq!(seen["scripts"], 0);
+        // The view that turns has the only scripts: its data, and what draws it.
+        let views = seen["views"].as_array().expect("an array");
+        assert_eq!(seen["scripts"].as_u64(), Some(2 * views.len() as u64));
+        for view in views {
+            assert!(view["drawn"].as_f64() > Some(0.02), "{place}: {view}");
+            let stills = found_stills(&seen);
+            assert_eq!(view["steps"], stills > 1, "{place}: {view}");
+            assert!(
+                view["words"].as_str().expect("text").contains("q = "),
+                "{place}"
+            );
+        }
         assert_eq!(
             seen["requests"].as_array().map(Vec::len),
             Some(1),
@@ -106,6 +117,26 @@ pub fn looks_well(page: &Path, figures: usize) {
     for (paper, size_mm) in [("a4", [210.0, 297.0]), ("letter", [215.9, 279.4])] {
         prints_well(page, paper, size_mm);
     }
+}
+
+fn found_stills(seen: &Value) -> usize {
+    let figures = seen["figures"].as_array().expect("an array").iter();
+    let labels = figures.filter_map(|figure| figure["label"].as_str());
+    labels
+        .filter(|label| label.starts_with("Experiment "))
+        .count()
+}
+
+/// Asserts that a person would see a plot that is a file of its own.
+pub fn plot_looks_well(svg: &Path) {
+    let page = svg.with_extension("html");
+    let drawing = std::fs::read_to_string(svg).expect("it is there");
+    let html = format!(
+        "<!DOCTYPE html><html lang='en'><head><title>plot</title><link rel='icon' href='data:,'><style>svg {{ width: 100%; \
+         height: auto }}</style></head><body style='margin: 0; background: #fff'><div aria-label='plot'>{drawing}</div></body></html>"
+    );
+    std::fs::write(&page, html).expect("it can be written");
+    looks_well(&page, 1);
 }
 
 /// Asserts that a page comes out on sheets of a size, and that none of it is cut off there.

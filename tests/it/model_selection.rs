@@ -164,6 +164,7 @@ fn the_command_recommends_fits_and_draws() {
         );
     }
     assert!(place.read("l.svg").contains("recommended"));
+    crate::browser::plot_looks_well(&place.path("l.svg"));
     let json = place.run(&format!("{command} --json")).json();
     assert_eq!(json["groups"][0], "frames");
     let nested_models = json["model_selection"]["nested_models"]

@@ -153,6 +153,7 @@ fn the_command_names_and_draws_them() {
         "{found}"
     );
     assert!(place.read("p.svg").contains("order"));
+    crate::browser::plot_looks_well(&place.path("p.svg"));
     let json = place.run(&format!("{command} --json")).json();
     let first = &json["patterns"]["found"][0];
     assert_eq!(first["against"], "order");

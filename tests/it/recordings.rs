@@ -195,6 +195,8 @@ fn mcap_holds_the_calibration_in_messages_that_meet_their_schemas() {
         ("/identification", 2),
         ("/test_poses", 2),
         ("/tf", 9),
+        // Without a load and under it.
+        ("/joint_states", 18),
         // The arm once, a change of tools four times, and arrows in every step.
         ("/scene", 1 + 4 + 9),
     ]);
@@ -216,12 +218,30 @@ fn mcap_holds_the_calibration_in_messages_that_meet_their_schemas() {
             assert!((near - exact).abs() < 6.0 * 0.03, "{near} against {exact}");
         }
     }
-    let times: Vec<_> = on(&messages, "/measurements")
-        .map(|each| each.time_ns)
+    // A minute to go there, as many readings without a load, ten minutes to hang it, and half a minute a reading.
+    let minutes: Vec<_> = on(&messages, "/measurements")
+        .map(|each| each.time_ns as f64 / 60e9)
         .collect();
-    assert_eq!(
-        times[..4],
-        [1_000_000_000, 2_000_000_000, 2_500_000_000, 3_000_000_000]
+    assert_eq!(minutes[..4], [12.0, 24.5, 25.0, 37.0]);
+    let loaded = on(&messages, "/joint_states").skip(1).step_by(2);
+    for (joints, step) in loaded.zip(on(&messages, "/steps")) {
+        assert!(joints.time_ns > step.time_ns);
+        let joints = joints.json["joints"].as_array().expect("an array");
+        for (joint, deg) in joints.iter().zip(numbers(&step.json["q_loaded_deg"])) {
+            let position = joint["position"].as_f64().expect("a number");
+            assert!((position.to_degrees() - deg).abs() < 1e-9, "{joint}");
+        }
+    }
+    // The layout shows what there is.
+    let layout =
+        std::fs::read_to_string(project("docs/foxglove_layout.json")).expect("it is there");
+    let shown: BTreeSet<&str> = (layout.split('"').skip(1).step_by(2))
+        .filter(|text| text.starts_with('/'))
+        .map(|path| path.split(['.', '[']).next().unwrap_or_default())
+        .collect();
+    assert!(
+        shown.len() >= 5 && shown.iter().all(|topic| counts.contains_key(topic)),
+        "{shown:?}"
     );
     let identified = &on(&messages, "/identification")
         .next()
@@ -326,9 +346,10 @@ fn mcap_scene_is_drawn_in_frames_that_exist() {
         lines, 2,
         "the tracker's line in each experiment, and no other"
     );
+    let test_pose = on(&messages, "/steps").nth(2).expect("there is").time_ns / 1_000_000_000;
     let taken_off: Vec<_> = on(&messages, "/scene")
         .flat_map(|message| message.json["deletions"].as_array().expect("an array"))
-        .filter(|deletion| deletion["timestamp"]["sec"] == 3)
+        .filter(|deletion| deletion["timestamp"]["sec"] == test_pose)
         .map(|deletion| deletion["id"].as_str().expect("a name"))
         .collect();
     assert_eq!(

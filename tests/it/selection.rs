@@ -26,6 +26,7 @@ fn predictions_of_choices_are_kept() {
     let found = place.json(&format!("{SELECT} --threads 1 --plot-out p.svg"));
     assert_eq!(found["readings"], 150);
     assert!(place.read("p.svg").contains("absolute accuracy"));
+    crate::browser::plot_looks_well(&place.path("p.svg"));
     for of_size in found["sizes"].as_array().expect("sizes") {
         let planned = of_size["planned"].as_array().expect("choices");
         assert_eq!(planned.len(), 6);

@@ -95,7 +95,7 @@ fn a_study_writes_recordings_that_others_can_read() {
     }
     assert_eq!(last("/provenance").json, result["provenance"]);
     let progress = last("/study/progress");
-    assert_eq!(progress.time_ns, 10_000_000_000, "the tenth snapshot");
+    assert_eq!(progress.time_ns, 600_000_000_000, "the tenth snapshot");
     for key in ["name", "mean_mm", "mean_ci95_mm", "rms_mm"] {
         assert_eq!(progress.json["plans"][1][key], result["plans"][1][key]);
     }

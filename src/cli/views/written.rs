@@ -7,7 +7,7 @@ use elastocal::scenario::Scenario;
 use elastocal::text::wording::shell_word;
 use elastocal::view::report::{RunRecord, run_page};
 use elastocal::view::rerun_file::{messages, write_rerun};
-use elastocal::view::{mcap_file::write_mcap, recording::Recording, stills};
+use elastocal::view::{mcap_file::write_mcap, recording::Recording, stills::Stills};
 
 use crate::cli::written::{Written, warn};
 
@@ -40,7 +40,7 @@ impl RunViews {
     ) -> anyhow::Result<Self> {
         Ok(Self {
             recording: Recording::new(run.scenario, calibrations)?,
-            stills: stills::sheet(run.scenario, &calibrations[0].1.plan),
+            stills: Stills::of_plan(run.scenario, &calibrations[0].1.plan).sheet(),
             page: run_page(run)?,
         })
     }

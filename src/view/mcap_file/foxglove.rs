@@ -1,6 +1,7 @@
-//! Foxglove's message types for transforms and scenes, in JSON, with the field names of its
-//! published schemas; viewers know them by the names `foxglove.FrameTransforms` and
-//! `foxglove.SceneUpdate`.
+//! Foxglove's message types for joints, transforms and scenes, in JSON, with the field names of its published schemas; viewers know
+//! them by the names `foxglove.JointStates`, `foxglove.FrameTransforms` and `foxglove.SceneUpdate`, and take what is absent as empty.
+
+use std::time::Duration;
 
 use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
@@ -11,6 +12,21 @@ use serde::Serialize;
 pub(super) struct Time {
     sec: u32,
     nsec: u32,
+}
+
+/// A joint's position (rad, m).
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub(super) struct JointState {
+    pub(super) name: String,
+    pub(super) position: f64,
+}
+
+/// How the joints stand.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+#[schemars(title = "foxglove.JointStates")]
+pub(super) struct JointStates {
+    pub(super) timestamp: Time,
+    pub(super) joints: Vec<JointState>,
 }
 
 /// A place, a translation or a size.
@@ -90,22 +106,10 @@ pub(super) struct SceneEntity {
     lifetime: Time,
     /// Whether it follows its frame as that moves.
     frame_locked: bool,
-    metadata: Vec<KeyValuePair>,
     pub(super) arrows: Vec<ArrowPrimitive>,
-    cubes: Vec<CubePrimitive>,
-    spheres: Vec<SpherePrimitive>,
-    cylinders: Vec<CylinderPrimitive>,
     pub(super) lines: Vec<LinePrimitive>,
     pub(super) triangles: Vec<TriangleListPrimitive>,
     pub(super) texts: Vec<TextPrimitive>,
-    models: Vec<ModelPrimitive>,
-}
-
-/// A note on an entity.
-#[derive(Debug, Clone, Serialize, JsonSchema)]
-pub(super) struct KeyValuePair {
-    key: String,
-    value: String,
 }
 
 /// An arrow from the origin of its pose along its x axis.
@@ -119,33 +123,7 @@ pub(super) struct ArrowPrimitive {
     color: Color,
 }
 
-/// A box; not used here, as the types below, but part of the schema.
-#[derive(Debug, Clone, Serialize, JsonSchema)]
-pub(super) struct CubePrimitive {
-    pose: Pose,
-    size: Vector,
-    color: Color,
-}
-
-/// A sphere or ellipsoid.
-#[derive(Debug, Clone, Serialize, JsonSchema)]
-pub(super) struct SpherePrimitive {
-    pose: Pose,
-    size: Vector,
-    color: Color,
-}
-
-/// A cylinder or cone.
-#[derive(Debug, Clone, Serialize, JsonSchema)]
-pub(super) struct CylinderPrimitive {
-    pose: Pose,
-    size: Vector,
-    bottom_scale: f64,
-    top_scale: f64,
-    color: Color,
-}
-
-/// A line through points (type 0), a closed one (1), or one for each pair of points (2).
+/// A line through points (type 0).
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub(super) struct LinePrimitive {
     #[serde(rename = "type")]
@@ -155,8 +133,6 @@ pub(super) struct LinePrimitive {
     scale_invariant: bool,
     points: Vec<Vector>,
     color: Color,
-    colors: Vec<Color>,
-    indices: Vec<u32>,
 }
 
 /// A surface of triangles.
@@ -165,7 +141,6 @@ pub(super) struct TriangleListPrimitive {
     pose: Pose,
     points: Vec<Vector>,
     color: Color,
-    colors: Vec<Color>,
     indices: Vec<u32>,
 }
 
@@ -180,22 +155,19 @@ pub(super) struct TextPrimitive {
     text: String,
 }
 
-/// A 3D model from elsewhere.
-#[derive(Debug, Clone, Serialize, JsonSchema)]
-pub(super) struct ModelPrimitive {
-    pose: Pose,
-    scale: Vector,
-    color: Color,
-    override_color: bool,
-    url: String,
-    media_type: String,
-    data: String,
-}
-
 impl Time {
-    /// The moment this many seconds after the recording's beginning.
-    pub(super) fn seconds(sec: u32) -> Self {
-        Self { sec, nsec: 0 }
+    /// So many minutes later.
+    pub(super) fn later(self, minutes: f64) -> Self {
+        let ns = Duration::from_nanos(self.ns()) + Duration::from_secs_f64(60.0 * minutes);
+        Self {
+            sec: u32::try_from(ns.as_secs()).unwrap_or(u32::MAX),
+            nsec: ns.subsec_nanos(),
+        }
+    }
+
+    /// Since the recording's beginning (ns).
+    pub(super) fn ns(self) -> u64 {
+        u64::from(self.sec) * 1_000_000_000 + u64::from(self.nsec)
     }
 }
 
@@ -303,8 +275,6 @@ impl LinePrimitive {
             scale_invariant: false,
             points: vec![(*from).into(), (*to).into()],
             color: color.into(),
-            colors: Vec::new(),
-            indices: Vec::new(),
         }
     }
 }
@@ -319,7 +289,6 @@ impl TriangleListPrimitive {
                 .map(|point| point.coords.map(round).into())
                 .collect(),
             color: color.into(),
-            colors: Vec::new(),
             indices: triangles.iter().flatten().copied().collect(),
         }
     }

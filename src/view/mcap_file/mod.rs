@@ -1,9 +1,8 @@
 //! The MCAP file: plan, measurements and results as JSON with schemas, and the robot in Foxglove's
 //! message types.
 //!
-//! Step i (experiments, then test poses, of one calibration after the other) takes place at second
-//! i, what holds for all at second 0: the times are no times of day, and the same recording gives
-//! the same bytes.
+//! Time is that of the laboratory from the recording's beginning, as long as its `[laboratory]` says: a move, the readings without a
+//! load, the load, the readings with it. The times are no times of day, and the same recording gives the same bytes.
 
 mod foxglove;
 mod scene;
@@ -20,15 +19,27 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::Serialize;
 
-use super::recording::{RecordedCalibration, Recording, Step, StepKind};
+use super::recording::{RecordedCalibration, Recording, Stance, Step, StepKind};
 use crate::files::{FileError, output::Output};
+use crate::laboratory::Costs;
 use crate::record::messages::{
     ExperimentMessage, IdentificationMessage, MeasurementMessage, ProvenanceMessage,
     TestPoseMessage, thousandfold,
 };
-use foxglove::{FrameTransforms, SceneUpdate, Time};
+use foxglove::{JointState, JointStates, Time};
 
-const NANOSECONDS: u64 = 1_000_000_000;
+/// Where messages of one type are.
+struct Topic(&'static str, &'static str);
+
+const PROVENANCE: Topic = Topic("/provenance", "elastocal.Provenance");
+const PLAN: Topic = Topic("/plan", "elastocal.Plan");
+const STEPS: Topic = Topic("/steps", "elastocal.Step");
+const MEASUREMENTS: Topic = Topic("/measurements", "elastocal.Measurement");
+const IDENTIFICATION: Topic = Topic("/identification", "elastocal.Identification");
+const TEST_POSES: Topic = Topic("/test_poses", "elastocal.TestPose");
+const JOINTS: Topic = Topic("/joint_states", "foxglove.JointStates");
+const TRANSFORMS: Topic = Topic("/tf", "foxglove.FrameTransforms");
+const SCENE: Topic = Topic("/scene", "foxglove.SceneUpdate");
 
 /// A plan with its name.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -122,7 +133,13 @@ fn write_file(
         .library(format!("elastocal {}", provenance.version));
     let written = options
         .create(BufWriter::new(output.file()))
-        .and_then(|writer| write(Channels::new(writer)?));
+        .and_then(|writer| {
+            write(Channels {
+                writer,
+                ids: BTreeMap::new(),
+                sequence: 0,
+            })
+        });
     match written {
         Ok(()) => output.publish(),
         Err(McapError::Io(error)) => Err(output.error(&error)),
@@ -130,45 +147,14 @@ fn write_file(
     }
 }
 
-/// The file's writer with a channel for each kind of message.
+/// The file's writer, with a channel for each topic that has messages.
 struct Channels<W: Write + Seek> {
     writer: Writer<W>,
-    provenance: u16,
-    plan: u16,
-    steps: u16,
-    measurements: u16,
-    identification: u16,
-    test_poses: u16,
-    transforms: u16,
-    scene: u16,
+    ids: BTreeMap<&'static str, u16>,
     sequence: u32,
 }
 
 impl<W: Write + Seek> Channels<W> {
-    fn new(mut writer: Writer<W>) -> Result<Self, McapError> {
-        let w = &mut writer;
-        Ok(Self {
-            provenance: channel::<ProvenanceMessage>(w, "/provenance", "elastocal.Provenance")?,
-            plan: channel::<PlanRecord<'_>>(w, "/plan", "elastocal.Plan")?,
-            steps: channel::<StepRecord<'_>>(w, "/steps", "elastocal.Step")?,
-            measurements: channel::<MeasurementRecord<'_>>(
-                w,
-                "/measurements",
-                "elastocal.Measurement",
-            )?,
-            identification: channel::<IdentificationRecord<'_>>(
-                w,
-                "/identification",
-                "elastocal.Identification",
-            )?,
-            test_poses: channel::<TestPoseRecord<'_>>(w, "/test_poses", "elastocal.TestPose")?,
-            transforms: channel::<FrameTransforms>(w, "/tf", "foxglove.FrameTransforms")?,
-            scene: channel::<SceneUpdate>(w, "/scene", "foxglove.SceneUpdate")?,
-            writer,
-            sequence: 0,
-        })
-    }
-
     fn write_recording(&mut self, recording: &Recording) -> Result<(), McapError> {
         let ProvenanceMessage {
             version,
@@ -190,16 +176,16 @@ impl<W: Write + Seek> Channels<W> {
                 ("platform".to_owned(), platform),
             ]),
         })?;
-        self.write(self.provenance, 0, &recording.provenance)?;
+        let start = Time::default();
+        self.write(&PROVENANCE, start, &recording.provenance)?;
         for calibration in &recording.calibrations {
             let plan = PlanRecord {
                 calibration: &calibration.record.name,
                 plan: &calibration.record.plan,
             };
-            self.write(self.plan, 0, &plan)?;
+            self.write(&PLAN, start, &plan)?;
         }
-        let scenery = scene::scenery(recording, Time::seconds(0));
-        self.write(self.scene, 0, &scenery)?;
+        self.write(&SCENE, start, &scene::scenery(recording, start))?;
         self.write_steps(recording)
     }
 
@@ -209,48 +195,47 @@ impl<W: Write + Seek> Channels<W> {
     }
 
     fn write_steps(&mut self, recording: &Recording) -> Result<(), McapError> {
+        let costs = &recording.costs;
         let mut mounted = None;
-        let mut now = 0;
+        let mut now = Time::default();
         for calibration in &recording.calibrations {
             for step in &calibration.steps {
-                now += 1;
-                let time_ns = u64::from(now) * NANOSECONDS;
-                let now = Time::seconds(now);
-                let tool = step.tool();
-                if mounted != Some(tool) {
-                    let change = scene::change_tool(recording, tool, now);
-                    self.write(self.scene, time_ns, &change)?;
-                    mounted = Some(tool);
+                now = now.later(costs.move_min);
+                if mounted.replace(step.tool()) != Some(step.tool()) {
+                    let change = scene::change_tool(recording, step.tool(), now);
+                    self.write(&SCENE, now, &change)?;
                 }
-                self.write(self.steps, time_ns, &step_record(calibration, step))?;
-                let transforms = scene::transforms(recording, step, now);
-                self.write(self.transforms, time_ns, &transforms)?;
+                self.write(&STEPS, now, &step_record(calibration, step))?;
+                self.write(&TRANSFORMS, now, &scene::transforms(recording, step, now))?;
                 let annotations = scene::annotations(recording, calibration, step, now);
-                self.write(self.scene, time_ns, &annotations)?;
-                self.write_measurements(calibration, step, time_ns)?;
+                self.write(&SCENE, now, &annotations)?;
+                self.write(&JOINTS, now, &joints(recording, &step.unloaded, now))?;
+                now = now.later(costs.reading_min * step.readings() as f64 + costs.load_change_min);
+                self.write(&JOINTS, now, &joints(recording, &step.loaded, now))?;
+                now = self.write_measurements(calibration, step, costs, now)?;
             }
-            self.write_results(calibration, u64::from(now) * NANOSECONDS)?;
+            self.write_results(calibration, now)?;
         }
         Ok(())
     }
 
-    /// Repeats share out the second of their experiment.
+    /// One reading after the other; returns when the last one is done.
     fn write_measurements(
         &mut self,
         calibration: &RecordedCalibration,
         step: &Step,
-        time_ns: u64,
-    ) -> Result<(), McapError> {
+        costs: &Costs,
+        mut now: Time,
+    ) -> Result<Time, McapError> {
         let StepKind::Experiment {
             number,
             measurements,
         } = &step.kind
         else {
-            return Ok(());
+            return Ok(now.later(costs.reading_min));
         };
-        let interval_ns = NANOSECONDS / (measurements.len() as u64).max(1);
+        let record = &calibration.record;
         for (repeat, index) in (1..).zip(measurements.clone()) {
-            let record = &calibration.record;
             let Some(measurement) = record.measurements.get(index) else {
                 break;
             };
@@ -262,17 +247,17 @@ impl<W: Write + Seek> Channels<W> {
                 true_deflection_mm: record.truth.deflections_mm.get(index).copied(),
                 residual_mm: record.identification.residuals_mm.get(index).copied(),
             };
-            let later_ns = interval_ns * (repeat as u64 - 1);
-            self.write(self.measurements, time_ns + later_ns, &message)?;
+            now = now.later(costs.reading_min);
+            self.write(&MEASUREMENTS, now, &message)?;
         }
-        Ok(())
+        Ok(now)
     }
 
     /// Results come with the last step of their calibration.
     fn write_results(
         &mut self,
         calibration: &RecordedCalibration,
-        time_ns: u64,
+        now: Time,
     ) -> Result<(), McapError> {
         let record = &calibration.record;
         let identification = IdentificationRecord {
@@ -280,29 +265,31 @@ impl<W: Write + Seek> Channels<W> {
             identification: &record.identification,
             true_compliance_rad_per_nm: &record.truth.compliance_rad_per_nm,
         };
-        self.write(self.identification, time_ns, &identification)?;
+        self.write(&IDENTIFICATION, now, &identification)?;
         for pose in &record.test_poses {
-            let message = TestPoseRecord {
-                calibration: &record.name,
-                pose,
-            };
-            self.write(self.test_poses, time_ns, &message)?;
+            let calibration = &record.name;
+            self.write(&TEST_POSES, now, &TestPoseRecord { calibration, pose })?;
         }
         Ok(())
     }
 
-    fn write(
+    fn write<T: Serialize + JsonSchema>(
         &mut self,
-        channel_id: u16,
-        time_ns: u64,
-        message: &impl Serialize,
+        Topic(topic, schema): &Topic,
+        now: Time,
+        message: &T,
     ) -> Result<(), McapError> {
         let data = serde_json::to_vec(message).map_err(std::io::Error::from)?;
+        let channel_id = match self.ids.get(topic) {
+            Some(id) => *id,
+            None => channel::<T>(&mut self.writer, topic, schema)?,
+        };
+        self.ids.insert(topic, channel_id);
         let header = MessageHeader {
             channel_id,
             sequence: self.sequence,
-            log_time: time_ns,
-            publish_time: time_ns,
+            log_time: now.ns(),
+            publish_time: now.ns(),
         };
         self.sequence += 1;
         self.writer.write_to_known_channel(&header, &data)
@@ -324,6 +311,18 @@ fn channel<T: JsonSchema>(
     let schema = serde_json::to_vec(&schema).map_err(std::io::Error::from)?;
     let schema = writer.add_schema(name, "jsonschema", &schema)?;
     writer.add_channel(schema, topic, "json", &BTreeMap::new())
+}
+
+fn joints(recording: &Recording, stance: &Stance, now: Time) -> JointStates {
+    let joints = recording.joints.iter().zip(&stance.q_rad);
+    let joint = |(name, position): (&String, &f64)| JointState {
+        name: name.clone(),
+        position: *position,
+    };
+    JointStates {
+        timestamp: now,
+        joints: joints.map(joint).collect(),
+    }
 }
 
 fn step_record<'a>(calibration: &'a RecordedCalibration, step: &Step) -> StepRecord<'a> {

@@ -1,16 +1,20 @@
 //! The MCAP file of a study: one calibration with each plan as in a run's file, then what the runs
-//! say. Snapshot k is at second k, and the final record comes with the last one.
+//! say. Snapshot k is at minute k, and the final record comes with the last one.
 
 use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{NANOSECONDS, channel, write_file};
+use super::foxglove::Time;
+use super::{Topic, write_file};
 use crate::files::FileError;
 use crate::record::study::StudyPlanMessage;
 use crate::study::Level;
 use crate::view::study_recording::{Snapshot, StudyRecording};
+
+const PROGRESS: Topic = Topic("/study/progress", "elastocal.StudyProgress");
+const STUDY: Topic = Topic("/study", "elastocal.Study");
 
 /// What the runs so far say.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -61,17 +65,13 @@ pub fn write_study_mcap(
 ) -> Result<(), FileError> {
     write_file(path, &study.header.provenance, |mut channels| {
         channels.write_recording(&study.arms)?;
-        let writer = &mut channels.writer;
-        let progress =
-            channel::<ProgressRecord>(writer, "/study/progress", "elastocal.StudyProgress")?;
-        let result = channel::<StudyRecord<'_>>(writer, "/study", "elastocal.Study")?;
-        let mut time_ns = 0;
+        let mut now = Time::default();
         for snapshot in snapshots {
-            time_ns += NANOSECONDS;
-            channels.write(progress, time_ns, &progress_record(snapshot))?;
+            now = now.later(1.0);
+            channels.write(&PROGRESS, now, &progress_record(snapshot))?;
         }
         if let Some(last) = snapshots.last() {
-            channels.write(result, time_ns, &study_record(study, last))?;
+            channels.write(&STUDY, now, &study_record(study, last))?;
         }
         channels.finish()
     })

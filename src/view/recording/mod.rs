@@ -10,6 +10,7 @@ use nalgebra::{DVector, Isometry3, Vector3};
 
 use super::mesh::Mesh;
 use crate::calibration::{Calibration, CalibrationError};
+use crate::laboratory::Costs;
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
@@ -35,6 +36,8 @@ pub struct Recording {
     pub links: Vec<Body>,
     /// Where the tracker stands (m), if the scenario has one.
     pub tracker_m: Option<Vector3<f64>>,
+    /// How long work takes.
+    pub costs: Costs,
     /// The calibrations; the first is the main one.
     pub calibrations: Vec<RecordedCalibration>,
 }
@@ -142,6 +145,14 @@ impl Step {
         }
     }
 
+    /// How often the tool is read, without a load and under it.
+    pub fn readings(&self) -> usize {
+        match &self.kind {
+            StepKind::Experiment { measurements, .. } => measurements.len(),
+            StepKind::TestPose { .. } => 1,
+        }
+    }
+
     /// The deflection of the tool as it is drawn, in words.
     pub fn displacement_label(&self) -> String {
         let micrometres = self.displacement_m().norm() * 1e6;
@@ -225,6 +236,7 @@ impl Recording {
                 .instrument
                 .tracker_site
                 .map(|site| stage.place(site)),
+            costs: scenario.laboratory.costs,
             calibrations: recorded,
         })
     }

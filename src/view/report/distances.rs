@@ -168,7 +168,8 @@ pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
         (lines.iter().zip(&series)).try_for_each(|(line, series)| {
             let points = below(line.runs).filter(|(x, _)| inside.contains(x));
             series.draw(&mut chart, &points.collect::<Vec<_>>())
-        })
+        })?;
+        Ok(Vec::new())
     })?;
     Ok(figure(
         &svg,

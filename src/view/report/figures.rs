@@ -7,17 +7,20 @@ use plotters::prelude::*;
 use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
 use crate::text::wording::{micrometres, percent};
 use crate::view::charts::{
-    Area, Chart, ChartAxis, GRID, HALF, INK, Rows, WHOLE, draw_axes, drawing, interval, short,
-    text, whole_ticks,
+    COLOURS, ChartAxis, GRID, HALF, INK, Mark, PlotError, Rows, Series, Tip, WHOLE, chart_of,
+    drawing, interval, short, whole_ticks,
 };
-use crate::view::charts::{COLOURS, PlotError};
 
 /// The height of the figures that are no row charts.
 const HEIGHT: u32 = 620;
 /// The half width of a 95 % interval of a standard normal.
 const NORMAL_95: f64 = 1.96;
-/// Name, shift from the measurement's place, and place in the legend of each coordinate.
-const AXES: [(&str, f64, i32); 3] = [("x", -0.2, 150), ("y", 0.0, 240), ("z", 0.2, 330)];
+/// Name, colour, mark (the colour is not all that tells them apart) and shift from the measurement's place of each coordinate.
+const AXES: [(&str, RGBColor, Mark, f64); 3] = [
+    ("x", COLOURS[0], Mark::Square, -0.2),
+    ("y", COLOURS[1], Mark::Triangle, 0.0),
+    ("z", COLOURS[2], Mark::Diamond, 0.2),
+];
 
 /// `rho_0` against the number of measurements: what was searched, this plan, this plan repeated,
 /// and the bound.
@@ -40,52 +43,43 @@ pub fn accuracy_figure(
     let repeated: Vec<(f64, f64)> = repeated.iter().map(micro).collect();
     let all = found.iter().chain(&bound).map(|point| point.1);
     let top = all.fold(0.0, f64::max) * 1.12;
+    let [blue, orange, ..] = COLOURS;
+    let series = [
+        (Series::new("no plan is below", INK, Mark::Dashed), bound),
+        (Series::new("best plan found", blue, Mark::Dot), found),
+        (
+            Series::new("this plan, repeated", orange, Mark::Cross),
+            repeated,
+        ),
+        (
+            Series::new("this plan", INK, Mark::Ring),
+            own.map(micro).into_iter().collect(),
+        ),
+    ];
+    let (series, points): (Vec<Series>, Vec<Vec<(f64, f64)>>) = series.into_iter().unzip();
     let x = (first - 0.4).max(0.0)..last + 0.4;
     drawing(
         (HALF, HEIGHT),
         "Accuracy against the number of measurements",
         |area| {
-            let mut chart = over_measurements(area, 14, &x, (0.0..top, 5))?;
             let names = [
                 "measurements",
                 "\u{3c1}\u{2080}, rms residual error [\u{b5}m]",
             ];
-            draw_axes(&mut chart, names, &|x: &f64| short(*x))?;
-            let [blue, orange, ..] = COLOURS;
-            chart
-                .draw_series(DashedLineSeries::new(bound, 10, 7, INK.stroke_width(3)))?
-                .label("no plan is below")
-                .legend(|(x, y)| {
-                    let dash = |from| {
-                        PathElement::new([(x + from, y), (x + from + 13, y)], INK.stroke_width(3))
-                    };
-                    EmptyElement::at((0, 0)) + dash(0) + dash(20)
-                });
-            chart
-                .draw_series(
-                    (repeated.iter()).map(|at| Cross::new(*at, 9, orange.stroke_width(5))),
-                )?
-                .label("this plan, repeated")
-                .legend(move |(x, y)| Cross::new((x + 17, y), 9, orange.stroke_width(5)));
-            chart
-                .draw_series(found.iter().map(|at| Circle::new(*at, 9, blue.filled())))?
-                .label("best plan found")
-                .legend(move |(x, y)| Circle::new((x + 17, y), 9, blue.filled()));
-            if let Some(own) = own {
-                chart
-                    .draw_series([Circle::new(micro(own), 17, INK.stroke_width(3))])?
-                    .label("this plan")
-                    .legend(|(x, y)| Circle::new((x + 17, y), 12, INK.stroke_width(3)));
+            let axes = over_numbers(&x, ChartAxis::linear(0.0..top, 5));
+            let mut chart = chart_of(area, axes, names, &series, &|x| short(*x))?;
+            let mut tips = Vec::new();
+            for (each, points) in series.iter().zip(&points) {
+                each.draw(&mut chart, points)?;
+                tips.extend(points.iter().map(|&(x, y)| {
+                    Tip::new(
+                        &chart,
+                        (x, y),
+                        format!("{}, {x}: {y:.2} \u{b5}m", each.name),
+                    )
+                }));
             }
-            chart
-                .configure_series_labels()
-                .position(SeriesLabelPosition::UpperRight)
-                .legend_area_size(44)
-                .margin(16)
-                .background_style(WHITE)
-                .label_font(text(INK))
-                .draw()?;
-            Ok(())
+            Ok(tips)
         },
     )
 }
@@ -100,17 +94,18 @@ pub fn path_figure(values_um: &[f64], over_all_um: Option<f64>) -> Result<String
     let top = values_um.iter().copied().fold(0.0, f64::max) * 1.12;
     let x = 0.0..last + 1.0;
     drawing((WHOLE, HEIGHT), "Accuracy along the test poses", |area| {
-        let mut chart = over_measurements(area, 14, &x, (0.0..top.max(f64::MIN_POSITIVE), 5))?;
+        let axes = over_numbers(&x, ChartAxis::linear(0.0..top.max(f64::MIN_POSITIVE), 5));
         let names = ["test pose", "\u{3c1}\u{2080} [\u{b5}m]"];
-        draw_axes(&mut chart, names, &|x: &f64| short(*x))?;
-        let blue = COLOURS[0];
+        let mut chart = chart_of(area, axes, names, &[], &|x| short(*x))?;
         if let Some(all) = over_all_um {
             let across = [(x.start, all), (x.end, all)];
-            chart.draw_series(DashedLineSeries::new(across, 10, 7, INK.stroke_width(3)))?;
+            Series::new("", INK, Mark::Dashed).draw(&mut chart, &across)?;
         }
-        chart.draw_series(LineSeries::new(points.clone(), blue.stroke_width(2)))?;
-        chart.draw_series(points.iter().map(|at| Circle::new(*at, 5, blue.filled())))?;
-        Ok(())
+        for mark in [Mark::Line, Mark::Dot] {
+            Series::new("", COLOURS[0], mark).draw(&mut chart, &points)?;
+        }
+        let tip = |&(x, y): &(f64, f64)| Tip::new(&chart, (x, y), format!("{x}: {y:.2} \u{b5}m"));
+        Ok(points.iter().map(tip).collect())
     })
 }
 
@@ -212,60 +207,30 @@ pub fn residuals_figure(standardised: &[[Option<f64>; 3]]) -> Result<String, Plo
     let largest = all.map(|value| value.abs());
     let high = largest.fold(2.6, f64::max) * 1.12;
     let x = 0.5..count + 0.5;
+    let series = AXES.map(|(name, colour, mark, _)| Series::new(name, colour, mark));
     drawing((HALF, HEIGHT), "Standardised residuals", |area| {
-        let mut chart = over_measurements(area, 52, &x, (-high..high, 6))?;
+        let names = ["measurement", "standardised residual"];
+        let axes = over_numbers(&x, ChartAxis::linear(-high..high, 6));
+        let mut chart = chart_of(area, axes, names, &series, &|x| short(*x))?;
         let band = [(x.start, -NORMAL_95), (x.end, NORMAL_95)];
         chart.draw_series([Rectangle::new(band, GRID.mix(0.6).filled())])?;
-        draw_axes(
-            &mut chart,
-            ["measurement", "standardised residual"],
-            &|x: &f64| short(*x),
-        )?;
         chart.draw_series([PathElement::new([(x.start, 0.0), (x.end, 0.0)], INK)])?;
-        for (axis, (name, offset, x)) in AXES.into_iter().enumerate() {
-            let colour = COLOURS[axis];
-            let points: Vec<(f64, f64)> = (1..)
-                .map(|number| f64::from(number) + offset)
-                .zip(standardised)
-                .filter_map(|(x, residual)| Some((x, residual[axis]?)))
-                .collect();
-            let stem =
-                |&(x, y): &(f64, f64)| PathElement::new([(x, 0.0), (x, y)], colour.stroke_width(3));
-            chart.draw_series(points.iter().map(stem))?;
-            let mark = |at: &(f64, f64)| EmptyElement::at(*at) + marker(axis, (0, 0), colour);
-            chart.draw_series(points.iter().map(mark))?;
-            // The legend stands above the chart, where no residual is.
-            area.draw(&marker(axis, (x, 28), colour))?;
-            area.draw(&Text::new(name, (x + 22, 14), text(INK)))?;
+        let mut tips = Vec::new();
+        for (axis, (name, colour, _, offset)) in AXES.into_iter().enumerate() {
+            for (number, residual) in (1..).map(f64::from).zip(standardised) {
+                let Some(y) = residual[axis] else { continue };
+                let at = (number + offset, y);
+                let stem = [(at.0, 0.0), at];
+                chart.draw_series([PathElement::new(stem, colour.stroke_width(3))])?;
+                series[axis].draw(&mut chart, &[at])?;
+                tips.push(Tip::new(&chart, at, format!("{number}, {name}: {y:.2}")));
+            }
         }
-        Ok(())
+        Ok(tips)
     })
 }
 
-/// A chart over numbers of measurements, with so much room above it and about so many ticks along y.
-fn over_measurements<'a, 'b>(
-    area: &'a Area<'b>,
-    room_above: u32,
-    x: &Range<f64>,
-    (y, about): (Range<f64>, u32),
-) -> Result<Chart<'a, 'b>, PlotError> {
-    let along_x = ChartAxis::new(x.clone(), whole_ticks(x.start, x.end));
-    let along_y = ChartAxis::linear(y, about);
-    Ok(ChartBuilder::on(area)
-        .margin(14)
-        .margin_top(room_above)
-        .x_label_area_size(78)
-        .y_label_area_size(104)
-        .build_cartesian_2d(along_x, along_y)?)
-}
-
-/// A mark of its own shape for each coordinate: the colour is not all that tells them apart.
-fn marker(axis: usize, (x, y): (i32, i32), colour: RGBColor) -> Polygon<(i32, i32)> {
-    let corners: &[(i32, i32)] = match axis {
-        0 => &[(-10, -10), (10, -10), (10, 10), (-10, 10)],
-        1 => &[(-13, 10), (13, 10), (0, -13)],
-        _ => &[(-14, 0), (0, -14), (14, 0), (0, 14)],
-    };
-    let corners: Vec<_> = corners.iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
-    Polygon::new(corners, colour.filled())
+/// Axes over whole numbers.
+fn over_numbers(x: &Range<f64>, y: ChartAxis) -> [ChartAxis; 2] {
+    [ChartAxis::new(x.clone(), whole_ticks(x.start, x.end)), y]
 }
