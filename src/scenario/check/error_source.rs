@@ -301,9 +301,9 @@ impl<'a> UncertaintyEntry<'a> {
         &self,
         of_angle: &str,
     ) -> Result<impl Iterator<Item = (usize, f64)> + use<>, FileError> {
-        let key = |joint: usize| match self.drive(joint).slides {
-            true => "std_mm",
-            false => of_angle,
+        let key = |joint: usize| {
+            let slides = self.drive(joint).slides;
+            if slides { "std_mm" } else { of_angle }
         };
         let passive = |joint: usize| {
             let is_passive = self.drive(joint).passive_at.is_some();
