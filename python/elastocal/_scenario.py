@@ -259,7 +259,7 @@ class Scenario:
 
     @takes("export")
     def export(self, identified: Identified | FilePath, model_out: FilePath, **given: Unpack[options.ExportGiven]) -> Results:
-        """Writes the calibrated robot as a model: MJCF where the file ends in ``.xml``, URDF where it ends in ``.urdf``."""
+        """Writes the calibrated robot as a model (MJCF)."""
         with self._files(identified=identified) as files:
             return self.command("export", **files, model_out=model_out, **given)
 

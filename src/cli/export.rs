@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::files::output::write_whole;
 use elastocal::record::messages::ProvenanceMessage;
-use elastocal::workflow::export::{ExportedModel, ModelFormat, export};
+use elastocal::workflow::export::{ExportedModel, export};
 use serde_json::json;
 
 use super::identified::{ScenarioRobot, read_robot};
@@ -21,7 +21,7 @@ pub struct Export {
     /// What `identify --identified-out` wrote.
     #[arg(long, value_name = "FILE")]
     identified: PathBuf,
-    /// Where to write the model: MJCF if it ends in .xml, URDF if it ends in .urdf.
+    /// Where to write the model (MJCF).
     #[arg(long, value_name = "FILE")]
     model_out: PathBuf,
 }
@@ -34,12 +34,10 @@ impl Export {
             conditions,
             ..
         } = read_robot(&self.common, "export", &self.identified)?;
-        let format = ModelFormat::of(&self.model_out)?;
         let mut roles = inputs(&scenario);
         roles.reads("what was identified", &self.identified);
         check_outputs(&mut roles, &[("--model-out", Some(&self.model_out))])?;
-        self.common
-            .say(&format!("writing the robot as {}", format.name()));
+        self.common.say("writing the robot as MJCF");
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
         let exported = export(&scenario, &robot, &provenance, &self.model_out)?;
@@ -52,12 +50,11 @@ impl Export {
                 &provenance,
                 json!({
                     "model_file": self.model_out,
-                    "format": format.name(),
                     "parameters": robot.unknowns.iter().map(|each| &each.name).collect::<Vec<_>>(),
                     "configurations": exported.configurations,
                     "place_difference_mm": exported.place_difference_m * 1e3,
                     "rotation_difference_mrad": exported.rotation_difference_rad * 1e3,
-                    "deflection_difference_mm": exported.deflection_difference_m.map(|each| each * 1e3),
+                    "deflection_difference_mm": exported.deflection_difference_m * 1e3,
                     "not_expressed": exported.not_expressed,
                     "to_leave_out": exported.to_leave_out,
                 }),
@@ -70,17 +67,12 @@ impl Export {
 
 fn describe(exported: &ExportedModel) -> String {
     let mut text = format!(
-        "In {} configurations the robot that MuJoCo reads from the file is within {:.1e} mm of the identified one",
+        "In {} configurations the robot that MuJoCo reads from the file is within {:.1e} mm of the identified one, and bent by \
+         gravity and load within {:.1e} mm.\n",
         exported.configurations,
-        exported.place_difference_m * 1e3
+        exported.place_difference_m * 1e3,
+        exported.deflection_difference_m * 1e3
     );
-    text += &match exported.deflection_difference_m {
-        Some(difference) => format!(
-            ", and bent by gravity and load within {:.1e} mm.\n",
-            difference * 1e3
-        ),
-        None => ".\n".to_owned(),
-    };
     for each in &exported.not_expressed {
         text += &format!("not in the file: {each}\n");
     }

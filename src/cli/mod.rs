@@ -172,9 +172,9 @@ enum Command {
         after_help = "Examples:\n  elastocal compensate --identified identified.json\n  elastocal compensate --identified identified.json --static-compliance\n  elastocal compensate --identified identified.json --targets path.csv --angles-out angles.csv"
     )]
     Compensate(compensate::Compensate),
-    /// Write the calibrated robot as a model: MJCF with its stiffnesses, or URDF
+    /// Write the calibrated robot as a model (MJCF) with its stiffnesses
     #[command(
-        after_help = "Examples:\n  elastocal export --identified identified.json --model-out calibrated.xml\n  elastocal export --identified identified.json --model-out calibrated.urdf"
+        after_help = "Examples:\n  elastocal export --identified identified.json --model-out calibrated.xml"
     )]
     Export(export::Export),
     /// Take a plan to the laboratory: order, run sheet, robot program, table to fill in

@@ -1,20 +1,19 @@
 //! What lies loose beside the arm: free bodies that are tied to nothing, and mocap bodies that something is tied to. Scenes for simulation have them, and no
 //! statics: they are left out by name.
 
+use mujoco_rs::error::MjEditError;
 use mujoco_rs::prelude::{MjSpec, MjtJoint};
 use mujoco_rs::wrappers::mj_editing::{MjsBody, SpecElement, SpecObject};
 
+/// The joints of arms.
+const OF_ARM: [MjtJoint; 2] = [MjtJoint::mjJNT_HINGE, MjtJoint::mjJNT_SLIDE];
+
 /// Takes everything loose out of a specification; what was left out, in words.
-pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, String> {
+pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, MjEditError> {
     let mut said = Vec::new();
-    if !has(
-        spec.world_body_mut(),
-        true,
-        &[MjtJoint::mjJNT_HINGE, MjtJoint::mjJNT_SLIDE],
-    ) {
+    if !has(spec.world_body_mut(), true, &OF_ARM) {
         return Ok(said);
     }
-    let mut place = 0;
     loop {
         let beside: Vec<String> = (spec.world_body_mut().body_iter(false))
             .filter(|body| is_beside(body))
@@ -26,44 +25,39 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, String> {
             .filter(|ends| !ends.iter().all(|name| beside.contains(name)))
             .flatten()
             .collect();
-        let Some(body) = spec.world_body_mut().body_iter_mut().nth(place) else {
-            break;
-        };
-        let Some(what) = loose(body, &tied) else {
-            place += 1;
-            continue;
-        };
+        let mut bodies = spec.world_body_mut().body_iter_mut();
+        let found = bodies.find_map(|body| loose(body, &tied).map(|what| (body, what)));
+        let Some((body, what)) = found else { break };
         let names = names_in(body);
-        said.push(match body.name() {
-            "" => format!("{what} without a name is no part of the arm: it is left out"),
-            name => format!("{what} {name:?} is no part of the arm: it is left out"),
-        });
-        // SAFETY: nothing refers to the body any more once this is over: the iterator and the handle end with the statement.
-        #[expect(unsafe_code, reason = "the bindings leave the care to who deletes")]
-        let deleted = unsafe { body.delete() };
-        deleted.map_err(|error| error.to_string())?;
-        let mut index = 0;
-        while let Some(equality) = spec.equality_iter_mut().nth(index) {
-            if !(names.iter()).any(|name| name == equality.name1() || name == equality.name2()) {
-                index += 1;
-                continue;
-            }
-            // SAFETY: as above.
-            #[expect(unsafe_code, reason = "the bindings leave the care to who deletes")]
-            let deleted = unsafe { equality.delete() };
-            deleted.map_err(|error| error.to_string())?;
+        let called = match body.name() {
+            "" => "without a name".to_owned(),
+            name => format!("{name:?}"),
+        };
+        said.push(format!(
+            "{what} {called} is no part of the arm: it is left out"
+        ));
+        delete(body)?;
+        let is_of_it = |name: &str| names.iter().any(|each| each == name);
+        while let Some(equality) =
+            (spec.equality_iter_mut()).find(|each| is_of_it(each.name1()) || is_of_it(each.name2()))
+        {
+            delete(equality)?;
         }
-    }
-    if !said.is_empty() {
         // They have coordinates of what is gone.
         while let Some(key) = spec.key_iter_mut().next() {
-            // SAFETY: as above.
-            #[expect(unsafe_code, reason = "the bindings leave the care to who deletes")]
-            let deleted = unsafe { key.delete() };
-            deleted.map_err(|error| error.to_string())?;
+            delete(key)?;
         }
     }
     Ok(said)
+}
+
+/// Deletes an element.
+pub(super) fn delete(element: &mut impl SpecObject) -> Result<(), MjEditError> {
+    // SAFETY: each caller has found it just now by the only handle, which it gives up.
+    #[expect(unsafe_code, reason = "the bindings leave the care to who deletes")]
+    unsafe {
+        element.delete()
+    }
 }
 
 /// Whether a body has a joint of these kinds.
@@ -73,8 +67,7 @@ fn has(body: &MjsBody, recurse: bool, of: &[MjtJoint]) -> bool {
 
 /// Whether a body of the world is free, or a mocap body, and nothing in it is an arm.
 fn is_beside(body: &MjsBody) -> bool {
-    !has(body, true, &[MjtJoint::mjJNT_HINGE, MjtJoint::mjJNT_SLIDE])
-        && (has(body, false, &[MjtJoint::mjJNT_FREE]) || body.mocap())
+    !has(body, true, &OF_ARM) && (has(body, false, &[MjtJoint::mjJNT_FREE]) || body.mocap())
 }
 
 /// What a body of the world is, if it is loose.

@@ -78,10 +78,7 @@ impl Model {
     /// holds it at its command or, where it is passive, of its spring; `None` if there is neither.
     pub fn joint_compliance(&self, joint: usize) -> Option<f64> {
         match self.position(joint) {
-            Some(servo) => {
-                let spring = -self.inner.actuator_biasprm()[servo.actuator][1];
-                Some((spring * servo.gear * servo.gear).recip())
-            }
+            Some(servo) => Some(servo.stiffness(&self.inner).recip()),
             None => self
                 .joint_spring(joint)
                 .map(|[stiffness, _]| stiffness.recip()),

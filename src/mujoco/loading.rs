@@ -40,14 +40,8 @@ impl Model {
         let inner = spec.compile().map_err(|error| {
             let shortened = error.to_string();
             let is_of_file = plain.is_none();
-            refused(
-                path,
-                if is_of_file {
-                    refusal(path, &shortened)
-                } else {
-                    shortened
-                },
-            )
+            let message = is_of_file.then(|| refusal(path, &shortened));
+            refused(path, message.unwrap_or(shortened))
         })?;
         Ok(Self {
             left_out: Arc::new(left_out),
@@ -63,7 +57,8 @@ pub(super) fn specification(path: &Path) -> Result<(MjSpec, Vec<String>), FileEr
     }
     let mut spec =
         MjSpec::from_xml(path).map_err(|error| refused(path, refusal(path, &error.to_string())))?;
-    let left_out = beside::leave_out(&mut spec).map_err(|error| refused(path, error))?;
+    let left_out =
+        beside::leave_out(&mut spec).map_err(|error| refused(path, error.to_string()))?;
     Ok((spec, left_out))
 }
 

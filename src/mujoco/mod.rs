@@ -9,7 +9,6 @@ mod changes;
 mod error;
 mod geometry;
 mod holding;
-mod idle;
 mod joints;
 mod loading;
 mod locked;

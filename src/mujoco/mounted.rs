@@ -1,7 +1,7 @@
 //! What a scenario mounts on the robot: tools and payloads, added to a model when it is loaded.
 
 use mujoco_rs::prelude::MjSpec;
-use mujoco_rs::wrappers::mj_editing::SpecItem;
+use mujoco_rs::wrappers::mj_editing::{MjsBody, SpecItem};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::error::refused;
@@ -53,24 +53,28 @@ impl Additions {
 }
 
 impl Model {
-    /// A body by its name, or that of a site, with the frame of what was named in the body's.
-    pub(super) fn carrier(&self, name: &str) -> Result<(usize, Isometry3<f64>), FileError> {
-        if let Some(body) = self.body(name) {
-            return Ok((body, Isometry3::identity()));
-        }
-        let (body, body_from_site) = self.site_body(self.site(name).map_err(|error| {
-            let known: Vec<String> = (1..self.bodies())
-                .map(|body| self.body_name(body))
-                .collect();
-            refused(
-                self.path(),
-                format!(
-                    "{error}; nor a body of that name; bodies: {}",
-                    known.join(", ")
-                ),
-            )
-        })?);
-        Ok((body, body_from_site))
+    /// The element of a body in the file, by its name or that of a site on it, and the frame of what was named in the body's.
+    fn carrier<'s>(
+        &self,
+        spec: &'s mut MjSpec,
+        name: &str,
+    ) -> Result<(&'s mut MjsBody, Isometry3<f64>), FileError> {
+        let failed = |problem: String| refused(self.path(), problem);
+        let (body, body_from) = match self.body(name) {
+            Some(body) => (body, Isometry3::identity()),
+            None => self.site_body(self.site(name).map_err(|error| {
+                let bodies = (1..self.bodies()).map(|body| self.body_name(body));
+                let bodies = bodies.collect::<Vec<_>>().join(", ");
+                failed(format!(
+                    "{error}; nor a body of that name; bodies: {bodies}"
+                ))
+            })?),
+        };
+        let body = self.body_name(body);
+        let found = spec.body_mut(&body);
+        let found =
+            found.ok_or_else(|| failed(format!("the body {body:?} has no name in the file")));
+        Ok((found?, body_from))
     }
 
     /// Adds tools and payloads to the file's elements; the model is what the file says alone.
@@ -87,11 +91,8 @@ impl Model {
                     tool.name
                 )));
             }
-            let (body, body_from) = self.carrier(&tool.on)?;
-            let body = self.body_name(body);
+            let (body, body_from) = self.carrier(spec, &tool.on)?;
             let frame = body_from * tool.from_tool;
-            let body = (spec.body_mut(&body))
-                .ok_or_else(|| failed(format!("the body {body:?} has no name in the file")))?;
             let [x, y, z, w] = frame.rotation.coords.into();
             let site = body.add_site();
             site.set_name(&tool.name)
@@ -109,11 +110,8 @@ impl Model {
             )));
         }
         for (payload, number) in additions.payloads.iter().zip(1..) {
-            let (body, body_from) = self.carrier(&payload.on)?;
-            let body = self.body_name(body);
+            let (body, body_from) = self.carrier(spec, &payload.on)?;
             let centre = body_from * Point3::from(payload.centre_m);
-            let body = (spec.body_mut(&body))
-                .ok_or_else(|| failed(format!("the body {body:?} has no name in the file")))?;
             // A point is no body to MuJoCo: a decimetre's radius of gyration, which no rest sees.
             let inertia = payload.mass_kg * 1e-2;
             let own = body.add_body();

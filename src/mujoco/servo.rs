@@ -19,11 +19,7 @@ impl Servo {
     /// The servos of a joint: all actuators that are not disabled and act on it alone.
     pub fn of(model: &MjModel, joint: usize) -> impl Iterator<Item = Self> {
         (0..model.actuator_trntype().len())
-            .filter(move |&actuator| {
-                is_enabled(model, actuator)
-                    && acts_on_a_joint(model, actuator)
-                    && usize::try_from(model.actuator_trnid()[actuator][0]) == Ok(joint)
-            })
+            .filter(move |&actuator| is_enabled(model, actuator) && acts_on(model, actuator, joint))
             .map(|actuator| Self::new(model, actuator))
     }
 
@@ -33,6 +29,11 @@ impl Servo {
             && model.actuator_biastype()[self.actuator] == MjtBias::mjBIAS_AFFINE
             && model.actuator_gainprm()[self.actuator][0] > 0.0
             && model.actuator_biasprm()[self.actuator][1] < 0.0
+    }
+
+    /// The stiffness that it gives its joint (N m/rad, N/m).
+    pub fn stiffness(&self, model: &MjModel) -> f64 {
+        -model.actuator_biasprm()[self.actuator][1] * self.gear * self.gear
     }
 
     pub fn new(model: &MjModel, actuator: usize) -> Self {

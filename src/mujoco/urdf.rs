@@ -125,7 +125,7 @@ fn neighbours(root: Node<'_, '_>) -> Vec<[String; 2]> {
 }
 
 /// An attribute that is a number.
-pub(super) fn number(node: Node<'_, '_>, name: &str) -> Option<f64> {
+fn number(node: Node<'_, '_>, name: &str) -> Option<f64> {
     node.attribute(name)?.trim().parse().ok()
 }
 
@@ -286,7 +286,7 @@ impl UrdfWriter {
 }
 
 /// A text as an attribute's value.
-pub(super) fn escaped(text: &str) -> String {
+fn escaped(text: &str) -> String {
     (text.replace('&', "&amp;").replace('<', "&lt;"))
         .replace('>', "&gt;")
         .replace('"', "&quot;")

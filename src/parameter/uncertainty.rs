@@ -11,7 +11,9 @@ use super::{ParameterKind, SourceLevel};
 
 /// The distribution from which a standard uncertainty was evaluated (GUM 4.3). Errors are sampled from normal ones of that
 /// standard uncertainty.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, serde::Serialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorDistribution {
     /// All values within bounds alike.

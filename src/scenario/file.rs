@@ -147,7 +147,7 @@ impl SigmaOf {
     }
 }
 
-#[derive(Debug, Clone, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct InstrumentTable {
     pub sigma_mm: Option<f64>,
@@ -286,7 +286,15 @@ pub(super) struct StationTable {
 
 /// What is uncertain.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema, strum::IntoStaticStr,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Deserialize,
+    Serialize,
+    schemars::JsonSchema,
+    strum::IntoStaticStr,
 )]
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
@@ -323,51 +331,35 @@ impl UncertaintyKind {
         self.into()
     }
 
-    /// The keys that its size may have.
-    pub const fn sizes(self) -> &'static [&'static str] {
+    /// The keys that its size may have, and those that it has besides what all have.
+    pub const fn keys(self) -> [&'static [&'static str]; 2] {
         match self {
-            Self::Compliance
-            | Self::LinkMass
-            | Self::SpringStiffness
-            | Self::Stiffening
-            | Self::LoadScale => &["std_relative"],
-            Self::LinkPosition
-            | Self::LinkCentre
-            | Self::SpringRest
-            | Self::ToolPosition
-            | Self::LoadPoint
-            | Self::Discrepancy => &["std_mm"],
-            Self::LinkRotation | Self::BaseRotation | Self::LoadDirection => &["std_mrad"],
-            Self::JointZero | Self::TransmissionError => &["std_mrad", "std_mm"],
-            Self::JointRepeatability => &["std_mrad", "std_mm", "rp_mm"],
-            Self::Backlash => &["std_arcsec", "std_mm"],
-            Self::LoadOffset => &["std_n"],
-            Self::TaskForce => &["std_relative", "std_n"],
-            Self::TrackerRange => &["std_um_per_m", "along_um_per_m"],
-            Self::Drift => &["std_um_per_h"],
+            Self::Compliance | Self::LinkMass => [&["std_relative"], &["joints"]],
+            Self::SpringStiffness | Self::LoadScale => [&["std_relative"], &[]],
+            Self::Stiffening => [&["std_relative"], &["joints", "at_nm"]],
+            Self::LinkPosition | Self::LinkCentre => [&["std_mm"], &["joints"]],
+            Self::SpringRest | Self::ToolPosition | Self::LoadPoint | Self::Discrepancy => {
+                [&["std_mm"], &[]]
+            }
+            Self::LinkRotation => [&["std_mrad"], &["joints"]],
+            Self::BaseRotation | Self::LoadDirection => [&["std_mrad"], &[]],
+            Self::JointZero => [&["std_mrad", "std_mm"], &["joints"]],
+            Self::TransmissionError => [
+                &["std_mrad", "std_mm"],
+                &["joints", "harmonics", "correlation_deg"],
+            ],
+            Self::JointRepeatability => [&["std_mrad", "std_mm", "rp_mm"], &["joints"]],
+            Self::Backlash => [&["std_arcsec", "std_mm"], &["joints", "turned_over_at_nm"]],
+            Self::LoadOffset => [&["std_n"], &[]],
+            Self::TaskForce => [&["std_relative", "std_n"], &[]],
+            Self::TrackerRange => [&["std_um_per_m", "along_um_per_m"], &[]],
+            Self::Drift => [&["std_um_per_h"], &[]],
         }
-    }
-
-    /// Whether it is one of joints, or of the links that they move.
-    pub const fn is_of_joints(self) -> bool {
-        matches!(
-            self,
-            Self::Compliance
-                | Self::JointZero
-                | Self::LinkPosition
-                | Self::LinkRotation
-                | Self::LinkMass
-                | Self::LinkCentre
-                | Self::JointRepeatability
-                | Self::Backlash
-                | Self::Stiffening
-                | Self::TransmissionError
-        )
     }
 }
 
 /// One of `[[uncertainty]]`.
-#[derive(Debug, Clone, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct UncertaintyTable {
     pub kind: UncertaintyKind,
@@ -405,21 +397,6 @@ impl UncertaintyTable {
     pub fn knows_compliance_of(&self, joint: &str) -> bool {
         let is_named = (self.joints.iter().flatten()).any(|name| name == joint);
         self.kind == UncertaintyKind::Compliance && !self.hidden && is_named
-    }
-
-    /// The sizes by their keys.
-    pub const fn given(&self) -> [(&'static str, Option<f64>); 9] {
-        [
-            ("std_relative", self.std_relative),
-            ("std_mm", self.std_mm),
-            ("std_mrad", self.std_mrad),
-            ("std_arcsec", self.std_arcsec),
-            ("std_n", self.std_n),
-            ("std_um_per_m", self.std_um_per_m),
-            ("along_um_per_m", self.along_um_per_m),
-            ("std_um_per_h", self.std_um_per_h),
-            ("rp_mm", self.rp_mm),
-        ]
     }
 }
 

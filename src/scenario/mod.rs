@@ -6,7 +6,6 @@
 
 mod check;
 mod file;
-mod permissible;
 mod schema;
 
 use std::path::PathBuf;

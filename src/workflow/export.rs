@@ -1,4 +1,4 @@
-//! The calibrated robot as a model's file: MJCF or URDF.
+//! The calibrated robot as a model's file (MJCF).
 //!
 //! Nothing is written that does not come back: the text is read again by MuJoCo, and the robot in it stands where the
 //! identified one stands, and bends as it does.
@@ -22,49 +22,6 @@ const CONFIGURATIONS: usize = 100;
 /// What is written may differ from what was identified by so much (m, rad).
 const SAME: f64 = 1e-9;
 
-/// In which language a model is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ModelFormat {
-    /// MuJoCo's own, with stiffnesses.
-    Mjcf,
-    /// The one of ROS: geometry and masses.
-    Urdf,
-}
-
-impl ModelFormat {
-    /// By a file's ending.
-    ///
-    /// # Errors
-    /// It is none of those known.
-    pub fn of(path: &Path) -> Result<Self, FileError> {
-        let ending = path.extension().unwrap_or_default().to_string_lossy();
-        match ending.to_lowercase().as_str() {
-            "xml" | "mjcf" => Ok(Self::Mjcf),
-            "urdf" => Ok(Self::Urdf),
-            _ => Err(
-                FileError::new(path, "its ending does not say what to write")
-                    .hint("end it in .xml for MJCF or in .urdf")
-                    .code(ErrorCode::ModelNotWritten),
-            ),
-        }
-    }
-
-    /// Its name.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Mjcf => "MJCF",
-            Self::Urdf => "URDF",
-        }
-    }
-
-    const fn ending(self) -> &'static str {
-        match self {
-            Self::Mjcf => "xml",
-            Self::Urdf => "urdf",
-        }
-    }
-}
-
 /// A model that was written, and what is to be known about it.
 #[derive(Debug, Clone)]
 pub struct ExportedModel {
@@ -77,8 +34,8 @@ pub struct ExportedModel {
     pub place_difference_m: f64,
     /// See [`Self::place_difference_m`].
     pub rotation_difference_rad: f64,
-    /// The same of the deflection under gravity and a load (m); none where the format has no stiffness.
-    pub deflection_difference_m: Option<f64>,
+    /// The same of the deflection under gravity and a load (m).
+    pub deflection_difference_m: f64,
     /// How many configurations were looked at.
     pub configurations: usize,
     /// What a scenario that takes the file for its model must no longer say.
@@ -95,15 +52,9 @@ pub fn export(
     provenance: &ProvenanceMessage,
     path: &Path,
 ) -> Result<ExportedModel, FileError> {
-    let format = ModelFormat::of(path)?;
+    check_ending(path)?;
     let arm = &robot.arm;
     let mut calibration = calibration(&robot.nominal, arm);
-    if format == ModelFormat::Urdf {
-        // It has none: no stiffness is impossible there.
-        calibration
-            .compliance
-            .clone_from(&robot.nominal.compliance_rad_per_nm);
-    }
     calibration.additions = scenario.mounted.clone();
     keep(&mut calibration, robot, provenance);
     let model = &scenario.task.belief.nominal.model;
@@ -114,12 +65,9 @@ pub fn export(
             ..wrong.code(error.code)
         }
     };
-    let write = |folder: &Path| match format {
-        ModelFormat::Mjcf => model.calibrated_mjcf(&calibration, folder),
-        ModelFormat::Urdf => model.calibrated_urdf(&calibration, folder),
-    };
+    let write = |folder: &Path| model.calibrated_mjcf(&calibration, folder);
     let [place_m, rotation_rad, deflection_m] =
-        differences(scenario, arm, format, &write).map_err(failed)?;
+        differences(scenario, arm, &write).map_err(failed)?;
     if ![place_m, rotation_rad, deflection_m]
         .iter()
         .all(|difference| *difference <= SAME)
@@ -144,10 +92,21 @@ pub fn export(
             .collect(),
         place_difference_m: place_m,
         rotation_difference_rad: rotation_rad,
-        deflection_difference_m: (format == ModelFormat::Mjcf).then_some(deflection_m),
+        deflection_difference_m: deflection_m,
         configurations: CONFIGURATIONS,
-        to_leave_out: to_leave_out(scenario, format),
+        to_leave_out: to_leave_out(scenario),
     })
+}
+
+/// The ending of a file says that it is MJCF.
+fn check_ending(path: &Path) -> Result<(), FileError> {
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    if ["xml", "mjcf"].contains(&ending.to_lowercase().as_str()) {
+        return Ok(());
+    }
+    let wrong = FileError::new(path, "its ending is not that of a model that is written");
+    let hint = "end it in .xml: MJCF is written, since URDF has no stiffnesses";
+    Err(wrong.hint(hint).code(ErrorCode::ModelNotWritten))
 }
 
 /// What is different about an arm.
@@ -234,10 +193,7 @@ fn keep(
 }
 
 /// What a scenario says that is in the file now.
-fn to_leave_out(scenario: &Scenario, format: ModelFormat) -> Vec<String> {
-    if format == ModelFormat::Urdf {
-        return Vec::new();
-    }
+fn to_leave_out(scenario: &Scenario) -> Vec<String> {
     let robot = &scenario.task.belief.nominal;
     let mut all = Vec::new();
     if !scenario.mounted.tools.is_empty() {
@@ -264,7 +220,6 @@ fn to_leave_out(scenario: &Scenario, format: ModelFormat) -> Vec<String> {
 fn differences(
     scenario: &Scenario,
     arm: &ElasticArm,
-    format: ModelFormat,
     write: &dyn Fn(&Path) -> Result<WrittenModel, FileError>,
 ) -> Result<[f64; 3], FileError> {
     let own = &scenario.task.belief.nominal.model;
@@ -272,15 +227,12 @@ fn differences(
         FileError::new(own.path(), format!("cannot be written again: {error}"))
     };
     let folder = tempfile::tempdir().map_err(failed)?;
-    let file = folder.path().join(format!("model.{}", format.ending()));
+    let file = folder.path().join("model.xml");
     std::fs::write(&file, write(folder.path())?.text).map_err(failed)?;
     let locked: Vec<(String, f64)> = (own.locked().iter())
         .map(|&(joint, value)| (own.joint_name(joint), value))
         .collect();
-    let mut model = Model::load(&file)?.with_locked(&locked)?;
-    if format == ModelFormat::Urdf {
-        model = model.without_actuators();
-    }
+    let model = Model::load(&file)?.with_locked(&locked)?;
     let again = SerialChain::from_model(&model)?;
     let own_chain = arm.loaded_chain();
     let compliance: Vec<f64> = (again.joints.iter())
@@ -292,12 +244,7 @@ fn differences(
     let mut solvers = [(); 2].map(|()| EquilibriumSolver::new(again.len()));
     let mut largest = [0.0_f64; 3];
     for tool in &arm.tools {
-        let tool_again = match (format, model.body(&tool.name)) {
-            (ModelFormat::Mjcf, _) => SerialChain::tool(&model, &tool.name)?,
-            (ModelFormat::Urdf, Some(link)) => SerialChain::on_body(&model, link)?,
-            // A site that is in the model alone is no link of a description.
-            (ModelFormat::Urdf, None) => continue,
-        };
+        let tool_again = SerialChain::tool(&model, &tool.name)?;
         let (mut ours, mut theirs) = (own_chain.at(tool), again.at(&tool_again));
         for number in 1..=CONFIGURATIONS {
             let commanded = configuration(&own_chain, number);
@@ -307,8 +254,7 @@ fn differences(
             let turned = rotation_vector(&(one.tool_rotation.transpose() * other.tool_rotation));
             let apart_m = (one.tool_position - other.tool_position).norm();
             let mut found = [apart_m, turned.norm(), 0.0];
-            let loads = loads.iter().filter(|_| format == ModelFormat::Mjcf);
-            for load in loads {
+            for load in &loads {
                 let [one, other] = &mut solvers;
                 let solved = one.solve(&mut ours, &arm.compliance_rad_per_nm, q, load);
                 let also = other.solve(&mut theirs, &compliance, others, load);

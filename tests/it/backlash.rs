@@ -345,7 +345,7 @@ fn wrong_entries() {
         (
             "std_arcsec = 20\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 1\nturned_over_at_nm = 20",
             "uncertainty[1].turned_over_at_nm",
-            "no gap",
+            "a joint_zero has no such key",
         ),
     ] {
         assert_refused(&format!("kind = \"backlash\"\n{text}"), key, says);

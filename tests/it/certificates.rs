@@ -163,7 +163,7 @@ fn wrong_certificates_are_refused_by_name() {
         (
             "mpe_um = 10\ncoverage_factor = 2",
             "uncertainty[0].mpe_um",
-            "a load_scale has no such size; it has std_relative",
+            "a load_scale has no such key; it has std_relative",
         ),
         (
             "std_relative = 0.01\ncoverage_factor = 2",

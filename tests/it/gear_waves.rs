@@ -200,6 +200,6 @@ fn wrong_entries() {
     assert_refused(
         "kind = \"joint_zero\"\nstd_mrad = 1\nharmonics = [3]",
         "uncertainty[0].harmonics",
-        "no waves",
+        "a joint_zero has no such key",
     );
 }

@@ -24,7 +24,7 @@
 //! - `init`: a first scenario for models of all kinds, and URDF.
 //! - `absolute_studies`: studies of absolute plans, and their pages.
 //! - `absolute_targets`: compensated angles for absolute poses.
-//! - `exported_models`: the calibrated robot as MJCF and URDF, read again.
+//! - `exported_models`: the calibrated robot as MJCF, read again.
 //! - `foreign_tables`: tables of other programs become measurement files.
 //! - `patterns`: what residuals go with is named where there is something.
 //! - `inconsistencies`: two series, or the halves of one, that cannot both be right.

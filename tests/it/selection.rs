@@ -183,7 +183,7 @@ fn wrong_correlations_are_refused() {
     for (table, wanted) in [
         (
             "kind = \"joint_zero\"\nstd_mrad = 1\ncorrelation_deg = 5",
-            "only a transmission_error without harmonics",
+            "a joint_zero has no such key",
         ),
         (
             "kind = \"transmission_error\"\nstd_mrad = 1\nharmonics = [3]\ncorrelation_deg = 5",

@@ -144,12 +144,12 @@ fn wrong_entries() {
         (
             "std_relative = 0.1\nat_nm = 10\nturned_over_at_nm = 5",
             "uncertainty[0].turned_over_at_nm",
-            "no gap",
+            "a stiffening has no such key",
         ),
         (
             "std_relative = 0.1\nat_nm = 10\n[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.1\nat_nm = 5",
             "uncertainty[1].at_nm",
-            "not one at a torque",
+            "a load_scale has no such key",
         ),
         (
             "std_relative = 0.1\nat_nm = 10\n[[uncertainty]]\nkind = \"stiffening\"\nname = \"more\"\nstd_relative = 0.1\n\

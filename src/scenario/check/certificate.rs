@@ -1,4 +1,4 @@
-//! Maximum permissible errors as certificates and data sheets print them become the standard deviations in whose place they are given.
+//! Standard deviations by their keys, given as such or as the maximum permissible errors of certificates and data sheets.
 //!
 //! A certificate bounds an error by +-a, or has an expanded uncertainty U = k u. The standard uncertainty follows from the
 //! distribution that is assumed within the bounds (GUM 4.3.7, 4.3.9; JCGM 101, 6.4):
@@ -7,63 +7,113 @@
 //! uniform u = a / sqrt(3)   triangular u = a / sqrt(6)   arcsine u = a / sqrt(2)   normal u = a / k
 //! ```
 
+use std::f64::consts::{PI, SQRT_2};
+
+use toml::{Table, Value};
+
 use super::Checker;
 use crate::files::FileError;
 use crate::parameter::ErrorDistribution;
-use crate::quantities::plausible::COVERAGE;
-use crate::scenario::file::UncertaintyTable;
-use crate::scenario::permissible::{CertifiedError, Permissible};
+use crate::quantities::plausible::{
+    COVERAGE, DEVIATION, FORCE_LIMIT, GAP_DEVIATION as GAP, Kind, PER_HOUR_DEVIATION as PER_HOUR,
+    PER_METRE_DEVIATION as PER_METRE, RELATIVE_DEVIATION as RELATIVE,
+    ROTATION_DEVIATION as ROTATION,
+};
+
+/// A standard deviation that a table may give.
+pub(super) struct Size {
+    /// Its key.
+    pub key: &'static str,
+    /// The key of the maximum permissible error in whose place it may be given, none if empty, ...
+    pub mpe: &'static str,
+    /// ... and that one's unit in its own. An instrument's error is of one reading, and two make a deflection.
+    mpe_unit: f64,
+    range: &'static Kind,
+    /// Its unit in SI.
+    unit: f64,
+}
+
+const fn size(
+    [key, mpe]: [&'static str; 2],
+    mpe_unit: f64,
+    range: &'static Kind,
+    unit: f64,
+) -> Size {
+    Size {
+        key,
+        mpe,
+        mpe_unit,
+        range,
+        unit,
+    }
+}
+
+/// An arc second (rad).
+const ARCSEC: f64 = 1.0 / 3600.0 * (PI / 180.0);
+
+/// Of uncertainties.
+pub(super) const SIZES: [Size; 9] = [
+    size(["std_relative", "mpe_relative"], 1.0, &RELATIVE, 1.0),
+    size(["std_mm", "mpe_um"], 1e-3, &DEVIATION, 1e-3),
+    size(["std_mrad", "mpe_mrad"], 1.0, &ROTATION, 1e-3),
+    size(["std_arcsec", "mpe_arcsec"], 1.0, &GAP, ARCSEC),
+    size(["std_n", "mpe_n"], 1.0, &FORCE_LIMIT, 1.0),
+    size(["std_um_per_m", "mpe_um_per_m"], SQRT_2, &PER_METRE, 1e-6),
+    size(ALONG, SQRT_2, &PER_METRE, 1e-6),
+    size(["std_um_per_h", "mpe_um_per_h"], 1.0, &PER_HOUR, 1e-6),
+    size(["rp_mm", ""], 1.0, &DEVIATION, 1e-3),
+];
+
+const ALONG: [&str; 2] = ["along_um_per_m", "mpe_along_um_per_m"];
+
+/// Of the instrument's noise.
+pub(super) const NOISE: [Size; 2] = [
+    size(["sigma_mm", "mpe_um"], 1e-3, &DEVIATION, 1e-3),
+    size(OF_ROTATION, 1.0, &ROTATION, 1e-3),
+];
+
+const OF_ROTATION: [&str; 2] = ["rotation_sigma_mrad", "rotation_mpe_mrad"];
 
 impl Checker<'_> {
-    /// The tables with standard deviations alone.
-    pub(super) fn with_standard_deviations(
-        &self,
-        tables: &[UncertaintyTable],
-    ) -> Result<Vec<UncertaintyTable>, FileError> {
-        let one = |(index, table): (usize, &UncertaintyTable)| {
-            let mut table = table.clone();
-            let certificate = table.certificate();
-            let source = format!("a {}", table.kind.name());
-            let sizes = table.kind.sizes();
-            let key = format!("uncertainty[{index}]");
-            self.convert_permissible(&key, (&source, sizes), &certificate, table.permissible())?;
-            Ok(table)
-        };
-        tables.iter().enumerate().map(one).collect()
-    }
-
-    /// Writes the standard deviations of what is given by maximum permissible errors of a table. `source` is what they are of; it
-    /// has these sizes.
-    pub(super) fn convert_permissible<'a>(
+    /// A standard deviation (SI) that a table gives by itself or as a maximum permissible error.
+    pub(super) fn deviation(
         &self,
         key: &str,
-        (source, sizes): (&str, &[&str]),
-        certificate: &CertifiedError,
-        errors: impl IntoIterator<Item = Permissible<'a>>,
-    ) -> Result<(), FileError> {
-        let mut is_given = false;
-        for ((name, value), (standard_key, standard), unit) in errors {
-            let Some(value) = value else { continue };
-            is_given = true;
-            let own = format!("{key}.{name}");
-            if !sizes.contains(&standard_key) {
-                let problem = format!("{source} has no such size; it has {}", sizes.join(" or "));
-                return Err(self.wrong(&own, problem));
+        table: &Table,
+        size: &Size,
+    ) -> Result<Option<f64>, FileError> {
+        let given = |name: &str| table.get(name).and_then(Value::as_float);
+        let own = format!("{key}.{}", size.mpe);
+        let deviation = match (given(size.key), given(size.mpe)) {
+            (deviation, None) => deviation,
+            (Some(_), Some(_)) => {
+                let wrong = self.wrong(&own, format!("{} is given, too", size.key));
+                return Err(wrong.hint("leave out one of the two"));
             }
-            if standard.is_some() {
-                let problem = format!("{standard_key} is given, too");
-                return Err(self.wrong(&own, problem).hint("leave out one of the two"));
+            (None, Some(error)) if error > 0.0 => {
+                Some(error * size.mpe_unit / self.divisor(key, table)?)
             }
-            if value.is_nan() || value <= 0.0 {
+            (None, Some(error)) => {
                 let problem = format!(
-                    "found {value}; a positive number is allowed: half of the width between the bounds"
+                    "found {error}; a positive number is allowed: half of the width between the bounds"
                 );
                 return Err(self.wrong(&own, problem));
             }
-            *standard = Some(value * unit / self.divisor(key, certificate)?);
-        }
-        match first_given(certificate) {
-            Some(word) if !is_given => {
+        };
+        let deviation = self.optional(&format!("{key}.{}", size.key), deviation, size.range)?;
+        Ok(deviation.map(|deviation| deviation * size.unit))
+    }
+
+    /// What a table says of maximum permissible errors is of one that it gives.
+    pub(super) fn certificate_is_used(
+        &self,
+        key: &str,
+        table: &Table,
+        sizes: &[Size],
+    ) -> Result<(), FileError> {
+        let words = ["distribution", "coverage_factor"];
+        match words.iter().find(|word| table.contains_key(**word)) {
+            Some(word) if !sizes.iter().any(|size| table.contains_key(size.mpe)) => {
                 let problem = "is of a maximum permissible error, and none is given";
                 let wrong = self.wrong(&format!("{key}.{word}"), problem);
                 Err(wrong.hint("leave it out, or give mpe_... in place of the standard deviation"))
@@ -73,10 +123,12 @@ impl Checker<'_> {
     }
 
     /// How many standard uncertainties a maximum permissible error is.
-    fn divisor(&self, key: &str, certificate: &CertifiedError) -> Result<f64, FileError> {
+    fn divisor(&self, key: &str, table: &Table) -> Result<f64, FileError> {
+        let distribution = (table.get("distribution").cloned())
+            .and_then(|distribution| distribution.try_into::<ErrorDistribution>().ok());
+        let factor = table.get("coverage_factor").and_then(Value::as_float);
         let factor_key = format!("{key}.coverage_factor");
-        let square = certificate.distribution.and_then(bounds_square);
-        match (square, certificate.coverage_factor) {
+        match (distribution.and_then(bounds_square), factor) {
             (Some(square), None) => Ok(square.sqrt()),
             (Some(_), Some(_)) => {
                 let problem = "is given beside a distribution with bounds";
@@ -86,7 +138,7 @@ impl Checker<'_> {
             }
             (None, Some(factor)) => (self.number(&factor_key, factor, &COVERAGE))
                 .map_err(|wrong| wrong.hint("k of U = k u is usually 2")),
-            (None, None) if certificate.distribution.is_none() => {
+            (None, None) if distribution.is_none() => {
                 let problem = "is missing, and so is coverage_factor";
                 let wrong = self.wrong(&format!("{key}.distribution"), problem);
                 Err(wrong.hint(
@@ -100,13 +152,6 @@ impl Checker<'_> {
             }
         }
     }
-}
-
-/// The first key that is given.
-fn first_given(certificate: &CertifiedError) -> Option<&'static str> {
-    let distribution = certificate.distribution.map(|_| "distribution");
-    let factor = certificate.coverage_factor.map(|_| "coverage_factor");
-    distribution.or(factor)
 }
 
 /// The square of half of the width between the bounds of a distribution over its standard deviation; none where it has no bounds.

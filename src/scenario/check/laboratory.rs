@@ -28,39 +28,29 @@ impl Checker<'_> {
             Ok::<_, FileError>(given(name, value, &MINUTES)?.unwrap_or(usual))
         };
         let count = |name: &str, value: Option<u32>, usual: u32, allowed| {
-            self.count(
-                &format!("laboratory.{name}"),
-                value.unwrap_or(usual),
-                allowed,
-            )
+            let value = value.unwrap_or(usual);
+            self.count(&format!("laboratory.{name}"), value, allowed)
         };
-        let (tool, base) = (usual.tool_number, usual.base_number);
+        let (numbers, percent) = (0..=LARGEST_NUMBER, 1..=100);
+        let (tool, base, speed) = (table.tool_number, table.base_number, table.speed_percent);
+        let (axis_speed, change) = (table.axis_speed_deg_s, table.load_change_min);
         let costs = usual.costs;
         Ok(Laboratory {
             costs: Costs {
                 station_min: minutes("station_min", table.station_min, costs.station_min)?,
                 move_min: minutes("move_min", table.move_min, costs.move_min)?,
-                load_change_min: minutes(
-                    "load_change_min",
-                    table.load_change_min,
-                    costs.load_change_min,
-                )?,
+                load_change_min: minutes("load_change_min", change, costs.load_change_min)?,
                 reading_min: minutes("reading_min", table.reading_min, costs.reading_min)?,
             },
-            axis_speed_per_s: given("axis_speed_deg_s", table.axis_speed_deg_s, &AXIS_SPEED)?
+            axis_speed_per_s: given("axis_speed_deg_s", axis_speed, &AXIS_SPEED)?
                 .map_or(usual.axis_speed_per_s, f64::to_radians),
             approach: given("approach_deg", table.approach_deg, &APPROACH)?
                 .map_or(usual.approach, f64::to_radians),
             safe_poses: self.safe_poses(&table.safe_deg, chain, commands)?,
             dialect: table.dialect.clone().unwrap_or(usual.dialect),
-            speed_percent: count(
-                "speed_percent",
-                table.speed_percent,
-                usual.speed_percent,
-                1..=100,
-            )?,
-            tool_number: count("tool_number", table.tool_number, tool, 0..=LARGEST_NUMBER)?,
-            base_number: count("base_number", table.base_number, base, 0..=LARGEST_NUMBER)?,
+            speed_percent: count("speed_percent", speed, usual.speed_percent, percent)?,
+            tool_number: count("tool_number", tool, usual.tool_number, numbers.clone())?,
+            base_number: count("base_number", base, usual.base_number, numbers)?,
         })
     }
 
@@ -72,12 +62,8 @@ impl Checker<'_> {
     ) -> Result<Vec<DVector<f64>>, FileError> {
         self.at_most("laboratory.safe_deg", poses.len(), MOST_NAMED)?;
         let pose = |(index, q_deg): (usize, &Vec<f64>)| {
-            self.configuration(
-                &format!("laboratory.safe_deg[{index}]"),
-                q_deg,
-                chain,
-                commands,
-            )
+            let key = format!("laboratory.safe_deg[{index}]");
+            self.configuration(&key, q_deg, chain, commands)
         };
         poses.iter().enumerate().map(pose).collect()
     }

@@ -2,6 +2,7 @@
 
 mod certificate;
 mod design;
+mod error_source;
 mod gate;
 mod inputs;
 mod instrument;
@@ -25,9 +26,9 @@ mod uncertainty;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
+use self::error_source::ReadingPlaces;
 use self::inputs::Inputs;
 use self::mounted::Locked;
-use self::uncertainty::ReadingPlaces;
 use super::Scenario;
 use super::file::{Actuators, File};
 use crate::codes::ErrorCode;

@@ -1,6 +1,7 @@
 //! The tables `[[robot.tool]]` and `[[robot.payload]]`, and the locked joints.
 
 use super::Checker;
+use super::number::in_si;
 use crate::files::FileError;
 use crate::mujoco::{MountedPayload, MountedTool};
 use crate::quantities::limits::MOST_NAMED;
@@ -62,11 +63,7 @@ impl Checker<'_> {
                 let value = self.number(&key, value, kind)?;
                 locked.push(Locked {
                     joint: joint.clone(),
-                    at: if unit == "deg" {
-                        value.to_radians()
-                    } else {
-                        value * 1e-3
-                    },
+                    at: in_si(unit, value),
                     key,
                     unit,
                 });

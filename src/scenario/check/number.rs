@@ -201,6 +201,14 @@ impl Checker<'_> {
     }
 }
 
+/// A coordinate in mm or deg, in SI units.
+pub(super) fn in_si(unit: &str, value: f64) -> f64 {
+    match unit {
+        "mm" => value * 1e-3,
+        _ => value.to_radians(),
+    }
+}
+
 /// The joints' names, for messages.
 pub(super) fn names_of(chain: &SerialChain) -> String {
     let names = chain.joints.iter().map(|joint| joint.name.as_str());

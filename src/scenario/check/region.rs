@@ -1,6 +1,7 @@
 //! The table `[region]`: where experiments are possible.
 
 use super::Checker;
+use super::number::in_si;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_LISTED;
 use crate::quantities::plausible::{
@@ -66,28 +67,14 @@ impl Checker<'_> {
             return Err(self.wrong(key, "the joint is passive: nothing commands it"));
         }
         self.check_unit(key, (&joint.name, slides), [unit, "deg"])?;
-        let written = |value: f64| {
-            if slides {
-                value * 1e3
-            } else {
-                value.to_degrees()
-            }
-        };
-        let [low, high] = joint.range_rad.map(written);
+        let [low, high] = joint.range_rad.map(|end| joint.drive.shown(end).0);
         let [from, to] = self.numbers(key, range, &ANGLE)?;
         if from > to || from < low - 1e-9 || to > high + 1e-9 {
             let problem =
                 format!("found {from} to {to}; a range within {low:.4} to {high:.4} is allowed");
             return Err(self.wrong(key, problem));
         }
-        let read = |value: f64| {
-            if slides {
-                value * 1e-3
-            } else {
-                value.to_radians()
-            }
-        };
-        Ok([from, to].map(read))
+        Ok([from, to].map(|end| in_si(unit, end)))
     }
 
     fn forbidden(

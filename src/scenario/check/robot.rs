@@ -69,14 +69,8 @@ impl Checker<'_> {
             let whose = format!("joint {:?}: ", joint.name);
             let place_mm = joint.previous_from_link.translation.vector * 1e3;
             let centre_mm = joint.centre_of_mass_m * 1e3;
-            let shown = |end: f64| {
-                if joint.drive.slides {
-                    end * 1e3
-                } else {
-                    end.to_degrees()
-                }
-            };
             let compliance = joint.model_compliance_rad_per_nm;
+            let range = joint.range_rad.map(|end| joint.drive.shown(end).0);
             check(&whose, "its place", &POSITION, place_mm.as_slice())?;
             let turn = &joint.previous_from_link.rotation.coords;
             if !joint.axis.iter().chain(turn).all(|value| value.is_finite()) {
@@ -85,7 +79,7 @@ impl Checker<'_> {
             }
             check(&whose, "mass that it moves", &MASS, &[joint.mass_kg])?;
             check(&whose, "centre of mass", &POSITION, centre_mm.as_slice())?;
-            check(&whose, "range", &ANGLE, &joint.range_rad.map(shown))?;
+            check(&whose, "range", &ANGLE, &range)?;
             check(&whose, "compliance", &COMPLIANCE, compliance.as_slice())?;
         }
         Ok(chain)

@@ -9,7 +9,7 @@ use crate::files::FileError;
 use crate::plan::search::SearchError;
 use crate::plan::{Criterion, Experiment, Plan};
 use crate::quantities::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
-use crate::quantities::plausible::{DEVIATION, FACTOR, SPREAD};
+use crate::quantities::plausible::{DEVIATION, FACTOR, Kind, SPREAD};
 use crate::robot::{Commands, Load};
 use crate::scenario::PlanFile;
 use crate::scenario::file::{SigmaOf, Spread, StudyPlanTable, StudyTable, SweepTable};
@@ -92,64 +92,55 @@ impl Checker<'_> {
         base: Conditions,
         context: &Context<'_>,
     ) -> Result<Vec<Conditions>, FileError> {
-        let counts = [
-            table.experiments.as_ref().map_or(1, Vec::len),
-            table.load_scale.as_ref().map_or(1, Vec::len),
-            table.sigma_mm.as_ref().map_or(1, Vec::len),
-        ];
-        let combinations = counts.into_iter().fold(1, usize::saturating_mul);
-        self.at_most("study.sweep", combinations, MOST_CONDITIONS)?;
-        let base = vec![base];
-        let conditions = self.swept(
-            ("study.sweep.experiments", table.experiments.as_deref()),
-            base,
-            |key, &experiments| self.enough(key, experiments, context.parameters),
-            |base, &experiments| Conditions {
-                experiments,
-                ..base
-            },
-        )?;
-        let conditions = self.swept(
-            ("study.sweep.load_scale", table.load_scale.as_deref()),
-            conditions,
-            |key, &factor| self.number(key, factor, &FACTOR).map(drop),
-            |base, &load_scale| Conditions { load_scale, ..base },
-        )?;
-        let factor = context.sigma_of.deflection_factor();
-        self.swept(
-            ("study.sweep.sigma_mm", table.sigma_mm.as_deref()),
-            conditions,
-            |key, &sigma_mm| self.number(key, sigma_mm, &DEVIATION).map(drop),
-            |base, &sigma_mm| Conditions {
-                sigma_m: sigma_mm * 1e-3 * factor,
-                ..base
-            },
-        )
-    }
-
-    /// Every one of the conditions with every one of the values, where there are any.
-    fn swept<T: PartialEq + std::fmt::Display>(
-        &self,
-        (key, values): (&str, Option<&[T]>),
-        conditions: Vec<Conditions>,
-        check: impl Fn(&str, &T) -> Result<(), FileError>,
-        with: impl Fn(Conditions, &T) -> Conditions,
-    ) -> Result<Vec<Conditions>, FileError> {
-        let Some(values) = values else {
-            return Ok(conditions);
+        let number = |kind: Kind, unit: f64| {
+            move |key: &str, &value: &f64| Ok(self.number(key, value, &kind)? * unit)
         };
-        if values.is_empty() {
-            return Err(self.wrong(key, "is empty; at least one number is needed"));
-        }
-        for (index, value) in values.iter().enumerate() {
-            check(key, value)?;
-            if values[..index].contains(value) {
-                return Err(self.wrong(key, format!("found {value} twice")));
+        let enough = |key: &str, &m: &u32| self.enough(key, m, context.parameters).map(|()| m);
+        let mm = 1e-3 * context.sigma_of.deflection_factor();
+        let (counts, sigmas) = (table.experiments.as_ref(), table.sigma_mm.as_ref());
+        let scales = table.load_scale.as_ref();
+        let counts = self.swept("experiments", counts, base.experiments, enough)?;
+        let scales = self.swept("load_scale", scales, base.load_scale, number(FACTOR, 1.0))?;
+        let sigmas_m = self.swept("sigma_mm", sigmas, base.sigma_m, number(DEVIATION, mm))?;
+        let lengths = [counts.len(), scales.len(), sigmas_m.len()];
+        let combinations = lengths.into_iter().fold(1, usize::saturating_mul);
+        self.at_most("study.sweep", combinations, MOST_CONDITIONS)?;
+        let mut all = Vec::with_capacity(combinations);
+        for &experiments in &counts {
+            for &load_scale in &scales {
+                all.extend(sigmas_m.iter().map(|&sigma_m| Conditions {
+                    sigma_m,
+                    experiments,
+                    load_scale,
+                }));
             }
         }
-        let each = |base: Conditions| values.iter().map(move |value| (base, value));
-        let all = conditions.into_iter().flat_map(each);
-        Ok(all.map(|(base, value)| with(base, value)).collect())
+        Ok(all)
+    }
+
+    /// The values of a condition that is swept, each once; the one that it has where none are given.
+    fn swept<T: PartialEq + std::fmt::Display>(
+        &self,
+        name: &str,
+        values: Option<&Vec<T>>,
+        base: T,
+        check: impl Fn(&str, &T) -> Result<T, FileError>,
+    ) -> Result<Vec<T>, FileError> {
+        let Some(values) = values else {
+            return Ok(vec![base]);
+        };
+        let key = format!("study.sweep.{name}");
+        if values.is_empty() {
+            return Err(self.wrong(&key, "is empty; at least one number is needed"));
+        }
+        self.at_most("study.sweep", values.len(), MOST_CONDITIONS)?;
+        let one = |(index, value): (usize, &T)| {
+            if values[..index].contains(value) {
+                return Err(self.wrong(&key, format!("found {value} twice")));
+            }
+            check(&key, value)
+        };
+        values.iter().enumerate().map(one).collect()
     }
 
     fn enough(&self, key: &str, experiments: u32, parameters: usize) -> Result<(), FileError> {

@@ -1,110 +1,79 @@
-//! Transmission errors of the tables `[[uncertainty]]` that the robot keeps: harmonics, and functions of the joints' own angles.
+//! Transmission errors of the tables `[[uncertainty]]`: independent between configurations, harmonics, and functions of the joints'
+//! own angles.
 
 use std::num::NonZeroU32;
 
-use super::Checker;
+use super::error_source::UncertaintyEntry;
 use crate::files::FileError;
-use crate::parameter::{GearWave, ParameterKind};
+use crate::parameter::{GearWave, ParameterKind, ReadingSource, Source, TransmissionError};
 use crate::quantities::plausible::ANGLE_WIDTH;
-use crate::scenario::file::{UncertaintyKind, UncertaintyTable};
-use crate::task::Belief;
 
 /// More waves are no list of what a gear has ...
 const MOST_WAVES: usize = 20;
 /// ... and more of one in a turn than any gear has teeth.
 const MOST_PER_TURN: u32 = 1000;
 
-impl Checker<'_> {
-    /// The angle (rad) over which joints' errors forget, where these are functions of the joints' own angles.
-    pub(super) fn correlation(
-        &self,
-        key: &str,
-        table: &UncertaintyTable,
-        belief: &Belief,
-        sizes: &[f64],
-    ) -> Result<Option<f64>, FileError> {
-        let Some(value) = table.correlation_deg else {
-            return Ok(None);
-        };
-        let own = format!("{key}.correlation_deg");
-        let joints = belief.nominal.chain.joints.iter();
-        if let Some((joint, _)) =
-            (joints.zip(sizes)).find(|(joint, size)| joint.drive.slides && **size > 0.0)
-        {
-            let problem = format!(
-                "{} slides: its error is no function of an angle",
-                joint.name
-            );
-            let wrong = self.wrong(&own, problem);
-            return Err(wrong.hint("give slides a transmission_error of their own without it"));
+impl UncertaintyEntry<'_> {
+    pub fn transmission_error(&self) -> Result<Source, FileError> {
+        let (harmonics, correlation_deg) = (&self.table.harmonics, self.table.correlation_deg);
+        let is_of_angle = harmonics.is_some() || correlation_deg.is_some();
+        if is_of_angle && self.gives("std_mm") {
+            let problem = "a joint that slides has no turn: its error is no function of an angle";
+            let hint = "give std_mrad, and slides a transmission_error of their own";
+            return Err(self.wrong("std_mm", problem).hint(hint));
         }
-        Ok(Some(self.number(&own, value, &ANGLE_WIDTH)?.to_radians()))
+        // Joints that slide have no size then, and are none of those that are not named.
+        let turning = is_of_angle.then(|| self.turning_joints()).transpose()?;
+        if let (Some(harmonics), Some(joints)) = (harmonics, turning) {
+            if correlation_deg.is_some() {
+                let problem =
+                    "only a transmission_error without harmonics has a correlation length";
+                return Err(self.wrong("correlation_deg", problem));
+            }
+            return self.waves(harmonics, &joints);
+        }
+        let key = self.path("correlation_deg");
+        let correlation_deg = self.checker.optional(&key, correlation_deg, &ANGLE_WIDTH)?;
+        let error = TransmissionError {
+            deviations: self.all_sizes()?,
+            correlation_rad: correlation_deg.map(f64::to_radians),
+        };
+        Ok(Source::Reading(ReadingSource::TransmissionError(error)))
     }
 
     /// Gear error in waves of which so many come in a turn: two parameters for each of them and each joint.
-    pub(super) fn waves(
-        &self,
-        key: &str,
-        table: &UncertaintyTable,
-        belief: &Belief,
-        harmonics: &[i64],
-    ) -> Result<Vec<(ParameterKind, f64)>, FileError> {
-        let own = format!("{key}.harmonics");
-        if table.kind != UncertaintyKind::TransmissionError {
-            let problem = format!("a {} has no waves", table.kind.name());
-            return Err(self.wrong(&own, problem));
-        }
-        if table.std_mm.is_some() {
-            let problem = "a joint that slides has no turn, and so no harmonics";
-            let wrong = self.wrong(&format!("{key}.std_mm"), problem);
-            return Err(wrong.hint(
-                "give std_mrad, and slides a transmission_error of their own without harmonics",
-            ));
-        }
-        self.at_most(&own, harmonics.len(), MOST_WAVES)?;
+    fn waves(&self, harmonics: &[i64], joints: &[usize]) -> Result<Source, FileError> {
+        let own = self.path("harmonics");
+        self.checker.at_most(&own, harmonics.len(), MOST_WAVES)?;
         let mut counts: Vec<NonZeroU32> = Vec::new();
         for (index, &count) in harmonics.iter().enumerate() {
-            let own = format!("{own}[{index}]");
+            let wrong = |problem: String| self.wrong(&format!("harmonics[{index}]"), problem);
             let per_turn = u32::try_from(count).ok().and_then(NonZeroU32::new);
-            let Some(per_turn) = per_turn.filter(|count| count.get() <= MOST_PER_TURN) else {
-                let problem = format!(
+            let per_turn = per_turn.filter(|count| count.get() <= MOST_PER_TURN);
+            let per_turn = per_turn.ok_or_else(|| {
+                let hint = (count == 0).then_some("a constant transmission error is a joint_zero");
+                wrong(format!(
                     "found {count}; a whole number of periods a turn from 1 to {MOST_PER_TURN} is needed"
-                );
-                let wrong = self.wrong(&own, problem);
-                return Err(match count {
-                    0 => wrong.hint("a constant transmission error is a joint_zero"),
-                    _ => wrong,
-                });
-            };
+                ))
+                .hinted(hint)
+            })?;
             if counts.contains(&per_turn) {
-                return Err(self.wrong(&own, format!("found {per_turn} twice")));
+                return Err(wrong(format!("found {per_turn} twice")));
             }
             counts.push(per_turn);
         }
         if counts.is_empty() {
-            let wrong = self.wrong(&own, "is empty");
+            let wrong = self.wrong("harmonics", "is empty");
             return Err(wrong.hint(
                 "leave it out for a transmission error that is independent between configurations",
             ));
         }
-        let slides = |joint: usize| belief.nominal.chain.joints[joint].drive.slides;
-        if table.joints.is_some()
-            && let Some(joint) = (self
-                .uncertain_joints(key, table, belief, &|_| true)?
-                .into_iter())
-            .find(|&joint| slides(joint))
-        {
-            let name = &belief.nominal.chain.joints[joint].name;
-            let problem = format!("{name} slides: it has no turn, and so no harmonics");
-            return Err(self.wrong(&format!("{key}.joints"), problem));
-        }
         // All waves together are off by the size that is given, at every angle.
-        let share = (counts.len() as f64).sqrt().recip();
-        let joints = self.joint_sizes(key, table, belief, "std_mrad")?;
-        let of = |(joint, size): (usize, f64)| {
+        let size = self.size("std_mrad")? * (counts.len() as f64).sqrt().recip();
+        let of = |&joint: &usize| {
             let waves = counts.iter().flat_map(|&count| GearWave::both(count));
-            waves.map(move |wave| (ParameterKind::JointWave { joint, wave }, size * share))
+            waves.map(move |wave| (ParameterKind::JointWave { joint, wave }, size))
         };
-        Ok(joints.into_iter().flat_map(of).collect())
+        Ok(Source::Plan(joints.iter().flat_map(of).collect()))
     }
 }

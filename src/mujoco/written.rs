@@ -1,97 +1,79 @@
-//! MJCF with what was identified, as MuJoCo itself writes a model: one file, in radians and quaternions, without comments.
+//! A robot's model as a file again, with what was identified: MJCF as MuJoCo itself writes it, one file, in radians and quaternions,
+//! without comments.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use mujoco_rs::error::MjEditError;
 use mujoco_rs::mujoco_c::mj_copyBack;
 use mujoco_rs::prelude::{MjModel, MjSpec, MjtJoint};
-use mujoco_rs::wrappers::mj_editing::{
-    MjtLimited, PositionConfig, SpecElement, SpecItem, SpecObject,
-};
+use mujoco_rs::wrappers::mj_editing::{MjtLimited, PositionConfig, SpecElement, SpecItem};
 use mujoco_rs::wrappers::mj_model::MjtTrn;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 
-use super::{ModelCalibration, RIGID, WrittenModel, folder_of, way};
+use super::{
+    Additions, KEPT, Model, ModelChange, beside::delete, loading::specification, variants::IDLE,
+};
+use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::mujoco::{KEPT, Model, ModelChange, idle::IDLE, loading::specification};
 
 /// So many digits give a number back.
 const DIGITS: i32 = 17;
 
-/// The text of a model, calibrated, for a folder.
-pub(super) fn written(
-    model: &Model,
-    calibration: &ModelCalibration,
-    folder: &Path,
-) -> Result<WrittenModel, FileError> {
-    let Calibrated {
-        mut spec,
-        model: calibrated,
-        not_expressed,
-    } = Calibrated::new(model, calibration)?;
-    spec.compiler_mut().set_saveinertial(true);
-    assets(&mut spec, model.path(), folder);
-    let text = text(&mut spec, &calibrated.inner);
-    Ok(WrittenModel {
-        text: text.map_err(|error| model.not_written(error.to_string()))?,
-        not_expressed,
-    })
+/// What a written model says that the file does not. Joints are counted as in the chain of the model, without
+/// those that are locked.
+#[derive(Debug, Clone, Default)]
+pub struct ModelCalibration {
+    /// How the frame of each joint's link is displaced, along its own axes, the joint's zero included.
+    pub links: Vec<Isometry3<f64>>,
+    /// What is added to each joint's commanded coordinate (rad, m); it is in `links` already.
+    pub zero: Vec<f64>,
+    /// The compliance of each joint (rad/(N m), m/N).
+    pub compliance: Vec<f64>,
+    /// What each link weighs with all that is fixed to it, over what it weighs in the file.
+    pub mass_factor: Vec<f64>,
+    /// How far the centre of that mass lies from where it is in the file (m, link's frame).
+    pub centre_shift_m: Vec<Vector3<f64>>,
+    /// Sites that stand elsewhere: displacements along their own axes.
+    pub sites: Vec<(String, Isometry3<f64>)>,
+    /// Springs of tendons by name: stiffness (N/m) and lengths at which they are relaxed (m).
+    pub springs: Vec<(String, f64, [f64; 2])>,
+    /// What a scenario mounts: it stands in the written model. Obstacles do not.
+    pub additions: Additions,
+    /// Texts to keep with the model, by name.
+    pub texts: Vec<(String, String)>,
 }
 
-/// What a model's file says with what a scenario mounts and what was identified.
-pub(super) struct Calibrated {
-    spec: MjSpec,
-    /// The model with the numbers of the calibration.
-    pub model: Model,
-    not_expressed: Vec<String>,
+/// The stiffness of a joint that is held to be rigid (N m/rad, N/m).
+pub const RIGID: f64 = 1e14;
+
+/// A written model.
+#[derive(Debug, Clone)]
+pub struct WrittenModel {
+    /// Its text.
+    pub text: String,
+    /// What of the calibration or of the model the format has no words for.
+    pub not_expressed: Vec<String>,
 }
 
-impl Calibrated {
-    pub fn new(model: &Model, calibration: &ModelCalibration) -> Result<Self, FileError> {
-        let path = model.path();
-        let failed = |error: MjEditError| model.not_written(error.to_string());
-        let is_idle = model.ignores_actuators();
-        let acting = |own: Model| {
-            if is_idle {
-                own.without_actuators()
-            } else {
-                own
-            }
+impl Model {
+    /// The model's file as MJCF, calibrated, for a folder. This model has been read from that file, and may have locked
+    /// joints and additions.
+    ///
+    /// # Errors
+    /// Something of it cannot be changed in the file, by name.
+    pub fn calibrated_mjcf(
+        &self,
+        calibration: &ModelCalibration,
+        folder: &Path,
+    ) -> Result<WrittenModel, FileError> {
+        let failed = |error: MjEditError| self.not_written(error.to_string());
+        let (mut spec, mut not_expressed) = self.elements(calibration)?;
+        let whole = Self {
+            without_actuators: self.ignores_actuators(),
+            ..Self::new(spec.compile().map_err(failed)?, self.path())?
         };
-        let plain = Model::load(path)?;
-        let (mut spec, mut not_expressed) = specification(path)?;
-        if is_idle {
-            idle(&mut spec);
-            if plain.actuators() > 0 {
-                not_expressed.push(format!(
-                    "the file's actuators do not count: they stand in group {IDLE}, which is switched off"
-                ));
-            }
-        }
-        plain.mount(&mut spec, &calibration.additions)?;
-        let joints = model.chain_joints();
-        let plain = acting(plain);
-        let mut is_any_loose = false;
-        for (&joint, compliance) in joints.iter().zip(&calibration.compliance) {
-            let is_held = plain.is_actuated(joint) || plain.joint_spring(joint).is_some();
-            if !is_held && plain.joint_compliance(joint) != Some(*compliance) {
-                is_any_loose = true;
-                let held = hold(&mut spec, &plain.joint_name(joint));
-                held.map_err(|problem| model.not_written(problem))?;
-            }
-        }
-        if is_any_loose && drop_controls(&mut spec) {
-            not_expressed.push(
-                "the controls of keyframes, which have no numbers for the new actuators".to_owned(),
-            );
-        }
-        keep(&mut spec, &calibration.texts).map_err(failed)?;
-        let whole = Model::new(spec.compile().map_err(failed)?, path)?;
-        let whole = Model {
-            without_actuators: is_idle,
-            ..whole
-        };
+        let joints = self.chain_joints();
         let stiff = stiff(&whole, &joints, calibration, &mut not_expressed)?;
         let chain: Vec<Option<usize>> = joints.iter().copied().map(Some).collect();
         let changed = whole.with_changes(&chain, &changes(calibration))?;
@@ -108,11 +90,53 @@ impl Calibrated {
             numbers.tendon_stiffness_mut()[tendon] = *stiffness;
             numbers.tendon_lengthspring_mut()[tendon] = *rest;
         }
-        Ok(Self {
-            spec,
-            model: whole.changed(numbers),
+        spec.compiler_mut().set_saveinertial(true);
+        assets(&mut spec, self.path(), folder);
+        Ok(WrittenModel {
+            text: text(&mut spec, &numbers).map_err(failed)?,
             not_expressed,
         })
+    }
+
+    /// The elements of the file with what a scenario mounts, and an actuator for each joint that needs one; and what the file has no
+    /// words for.
+    fn elements(&self, calibration: &ModelCalibration) -> Result<(MjSpec, Vec<String>), FileError> {
+        let mut plain = Self::load(self.path())?;
+        let (mut spec, mut not_expressed) = specification(self.path())?;
+        plain.mount(&mut spec, &calibration.additions)?;
+        if self.ignores_actuators() {
+            idle(&mut spec);
+            if plain.actuators() > 0 {
+                not_expressed.push(format!(
+                    "the file's actuators do not count: they stand in group {IDLE}, which is switched off"
+                ));
+            }
+            plain = plain.without_actuators();
+        }
+        let mut is_any_loose = false;
+        for (&joint, compliance) in self.chain_joints().iter().zip(&calibration.compliance) {
+            let is_held = plain.is_actuated(joint) || plain.joint_spring(joint).is_some();
+            if !is_held && plain.joint_compliance(joint) != Some(*compliance) {
+                is_any_loose = true;
+                let held = hold(&mut spec, &plain.joint_name(joint));
+                held.map_err(|problem| self.not_written(problem))?;
+            }
+        }
+        if is_any_loose && drop_controls(&mut spec) {
+            not_expressed.push(
+                "the controls of keyframes, which have no numbers for the new actuators".to_owned(),
+            );
+        }
+        let kept = keep(&mut spec, &calibration.texts);
+        kept.map_err(|error| self.not_written(error.to_string()))?;
+        Ok((spec, not_expressed))
+    }
+
+    /// The error for a file that cannot be written again with other numbers.
+    fn not_written(&self, problem: impl Into<String>) -> FileError {
+        let problem = problem.into();
+        let problem = format!("cannot be written with what was identified: {problem}");
+        FileError::new(self.path(), problem).code(ErrorCode::ModelNotWritten)
     }
 }
 
@@ -204,16 +228,11 @@ fn drop_controls(spec: &mut MjSpec) -> bool {
 
 /// Texts that stay with the model; those of an earlier identification go.
 fn keep(spec: &mut MjSpec, texts: &[(String, String)]) -> Result<(), MjEditError> {
-    let mut place = 0;
-    while let Some(text) = spec.text_iter_mut().nth(place) {
-        if !text.name().starts_with(KEPT) {
-            place += 1;
-            continue;
-        }
-        // SAFETY: nothing refers to the text any more once this is over: the iterator and the handle end with the statement.
-        #[expect(unsafe_code, reason = "the bindings leave the care to who deletes")]
-        let deleted = unsafe { text.delete() };
-        deleted?;
+    while let Some(text) = spec
+        .text_iter_mut()
+        .find(|text| text.name().starts_with(KEPT))
+    {
+        delete(text)?;
     }
     for (name, data) in texts {
         let text = spec.add_text();
@@ -264,4 +283,26 @@ fn text(spec: &mut MjSpec, numbers: &MjModel) -> Result<String, MjEditError> {
     _mjPRIVATE__set_xml_precision(before);
     drop(guard);
     written
+}
+
+/// How a file is named from a folder: relative to it where both hang on the same root.
+fn way(folder: &Path, file: &Path) -> PathBuf {
+    let absolute = |path: &Path| {
+        let is_here = path.as_os_str().is_empty();
+        let path = if is_here { Path::new(".") } else { path };
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        path.canonicalize().unwrap_or(path)
+    };
+    let (folder, file) = (absolute(folder), absolute(file));
+    let same = (folder.components().zip(file.components()))
+        .take_while(|(one, other)| one == other)
+        .count();
+    let mut way: PathBuf = folder.components().skip(same).map(|_| "..").collect();
+    way.extend(file.components().skip(same));
+    way
+}
+
+/// The folder of a file.
+fn folder_of(path: &Path) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).to_owned()
 }

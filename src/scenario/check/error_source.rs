@@ -1,0 +1,338 @@
+//! One of the tables `[[uncertainty]]`: the error source that it is.
+
+use nalgebra::{DVector, Vector3};
+use toml::Table;
+
+use super::Checker;
+use super::certificate::{SIZES, Size};
+use crate::files::FileError;
+use crate::mujoco::State;
+use crate::parameter::{Axis, ParameterKind as Of, RangeNoise, ReadingSource, Source};
+use crate::quantities::plausible::TORQUE_LIMIT;
+use crate::robot::Drive;
+use crate::scenario::file::{UncertaintyKind as Kind, UncertaintyTable};
+use crate::task::{Belief, Station};
+
+/// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, where the
+/// instrument may stand, and the first test pose.
+#[derive(Clone, Copy)]
+pub(super) struct ReadingPlaces<'a> {
+    pub between_h: f64,
+    pub stations: &'a [Station],
+    pub test_pose_rad: &'a DVector<f64>,
+}
+
+/// One table under its key, of a belief.
+pub(super) struct UncertaintyEntry<'a> {
+    pub checker: &'a Checker<'a>,
+    key: String,
+    pub table: &'a UncertaintyTable,
+    /// The same by its keys, of those that are given.
+    given: Table,
+    pub belief: &'a Belief,
+    pub places: ReadingPlaces<'a>,
+}
+
+impl<'a> UncertaintyEntry<'a> {
+    /// A table in which only keys of its kind are given, a size among them.
+    pub fn new(
+        checker: &'a Checker<'a>,
+        key: String,
+        table: &'a UncertaintyTable,
+        (belief, places): (&'a Belief, ReadingPlaces<'a>),
+    ) -> Result<Self, FileError> {
+        let given = Table::try_from(table).unwrap_or_default();
+        let entry = Self {
+            checker,
+            key,
+            table,
+            given,
+            belief,
+            places,
+        };
+        let [sizes, further] = table.kind.keys();
+        let kind = table.kind.name();
+        for key in entry.given.keys() {
+            let of_mpe = SIZES.iter().find(|size| size.mpe == key);
+            let meant = of_mpe.map_or(key.as_str(), |size| size.key);
+            let is_of_all =
+                ["kind", "name", "hidden", "distribution", "coverage_factor"].contains(&meant);
+            if !is_of_all && !sizes.contains(&meant) && !further.contains(&meant) {
+                let all = [sizes, further].concat().join(" or ");
+                return Err(entry.wrong(key, format!("a {kind} has no such key; it has {all}")));
+            }
+        }
+        checker.certificate_is_used(&entry.key, &entry.given, &SIZES)?;
+        if !sizes.iter().any(|size| entry.gives(size)) {
+            let all = sizes.join(" or ");
+            let problem = format!("a {kind} needs its standard deviation: {all}");
+            return Err(checker.wrong(&entry.key, problem));
+        }
+        Ok(entry)
+    }
+
+    pub fn wrong(&self, key: &str, problem: impl Into<String>) -> FileError {
+        self.checker.wrong(&self.path(key), problem)
+    }
+
+    /// The dotted path of a key.
+    pub fn path(&self, key: &str) -> String {
+        format!("{}.{key}", self.key)
+    }
+
+    /// What is uncertain, and by how much.
+    pub fn source(&self) -> Result<Source, FileError> {
+        use ReadingSource as New;
+        let key = self.table.kind.keys()[0][0];
+        Ok(Source::Reading(match self.table.kind {
+            Kind::LoadDirection => New::LoadDirection(self.size(key)?),
+            Kind::LoadPoint => New::LoadPoint(self.size(key)?),
+            Kind::Discrepancy => New::Discrepancy(self.size(key)?),
+            Kind::JointRepeatability => self.joint_repeatability()?,
+            Kind::TrackerRange => New::Range(self.tracker_range()?),
+            Kind::TransmissionError => return self.transmission_error(),
+            Kind::TaskForce => return self.task_force(),
+            Kind::JointZero | Kind::Backlash => {
+                let of = |(joint, size)| match self.table.kind {
+                    Kind::Backlash => (Of::JointBacklash { joint }, size),
+                    _ => (Of::JointZero { joint }, size),
+                };
+                return Ok(Source::Plan(self.joint_sizes(key)?.map(of).collect()));
+            }
+            kind => {
+                let times = if kind == Kind::Drift {
+                    self.places.between_h
+                } else {
+                    1.0
+                };
+                let (parameters, size) = (self.parameters()?, self.size(key)? * times);
+                let sized = parameters.into_iter().map(|kind| (kind, size));
+                return Ok(Source::Plan(sized.collect()));
+            }
+        }))
+    }
+
+    /// The parameters of a kind that are all alike uncertain.
+    fn parameters(&self) -> Result<Vec<Of>, FileError> {
+        let axes = |of: &dyn Fn(Axis) -> Of| Axis::ALL.map(of).to_vec();
+        let each = |which: Vec<usize>, of: fn(usize) -> Of| which.into_iter().map(of).collect();
+        let axes_of_each = |which: Vec<usize>, of: fn(usize, Axis) -> Of| {
+            let axes = |link| Axis::ALL.map(|axis| of(link, axis));
+            which.into_iter().flat_map(axes).collect()
+        };
+        let links = || self.joints(|_| true, |_| None);
+        Ok(match self.table.kind {
+            Kind::Compliance => each(self.elastic()?, |joint| Of::JointCompliance { joint }),
+            Kind::Stiffening => each(self.stiffening()?, |joint| Of::JointStiffening { joint }),
+            Kind::LinkMass => each(self.heavy()?, |link| Of::LinkMass { link }),
+            Kind::LinkCentre => {
+                axes_of_each(self.heavy()?, |link, axis| Of::LinkCentre { link, axis })
+            }
+            Kind::LinkPosition => {
+                axes_of_each(links()?, |link, axis| Of::LinkPosition { link, axis })
+            }
+            Kind::LinkRotation => {
+                axes_of_each(links()?, |link, axis| Of::LinkRotation { link, axis })
+            }
+            Kind::SpringStiffness => each(self.springs()?, |spring| Of::SpringStiffness { spring }),
+            Kind::SpringRest => each(self.springs()?, |spring| Of::SpringRest { spring }),
+            Kind::ToolPosition => axes(&|axis| Of::ToolPosition { tool: 0, axis }),
+            Kind::BaseRotation => axes(&|axis| Of::BaseRotation { station: 0, axis }),
+            Kind::Drift => axes(&|axis| Of::Drift { axis }),
+            Kind::LoadOffset => vec![Of::LoadOffset],
+            _ => vec![Of::LoadScale],
+        })
+    }
+
+    /// Joints that give and whose compliances are not to be found, or those that are named.
+    fn elastic(&self) -> Result<Vec<usize>, FileError> {
+        let is_known = |joint: usize| !self.belief.parameters.contains(&joint);
+        self.joints(is_known, |joint| self.rigid(joint))
+    }
+
+    fn rigid(&self, joint: usize) -> Option<&'static str> {
+        let is_rigid = self.belief.nominal.compliance_rad_per_nm[joint] <= 0.0;
+        is_rigid.then_some("is rigid: its compliance is zero and cannot be wrong by a share")
+    }
+
+    /// Commanded joints that give, under the torque that is given.
+    fn stiffening(&self) -> Result<Vec<usize>, FileError> {
+        if self.torque("at_nm")?.is_none() {
+            let problem = "is missing: the torque (N m; N where a joint slides) at which a joint gives less by this share than \
+                           its spring would";
+            return Err(self.wrong("at_nm", problem));
+        }
+        let passive = |joint: usize| {
+            let is_passive = self.drive(joint).passive_at.is_some();
+            is_passive.then_some("is passive: its spring is the model's")
+        };
+        self.joints(
+            |_| true,
+            |joint| passive(joint).or_else(|| self.rigid(joint)),
+        )
+    }
+
+    /// Links that weigh something.
+    fn heavy(&self) -> Result<Vec<usize>, FileError> {
+        let chain = &self.belief.nominal.chain;
+        let weightless = |link: usize| chain.joints[link].mass_kg <= 0.0;
+        let obstacle = |link| weightless(link).then_some("moves a link that has no mass");
+        self.joints(|_| true, obstacle)
+    }
+
+    fn task_force(&self) -> Result<Source, FileError> {
+        let scale = self.optional_size("std_relative")?;
+        let force = self.optional_size("std_n")?;
+        let axes = force.map(|size| Axis::ALL.map(|axis| (Of::TaskForce { axis }, size)));
+        let all = scale.map(|size| (Of::TaskScale, size)).into_iter();
+        Ok(Source::Plan(
+            all.chain(axes.into_iter().flatten()).collect(),
+        ))
+    }
+
+    /// The noise that grows with the distance from the tracker.
+    fn tracker_range(&self) -> Result<RangeNoise, FileError> {
+        let per_metre = self.size("std_um_per_m")?;
+        let along = self.optional_size("along_um_per_m")?;
+        let from_m = tracker_m(self.belief, self.places.stations).ok_or_else(|| {
+            let problem =
+                "the noise grows with the distance from the tracker, and nothing says where it is";
+            let wrong = self.wrong("kind", problem);
+            wrong.hint("name a site of the model by instrument.tracker_site")
+        })?;
+        Ok(RangeNoise {
+            from_m,
+            per_metre,
+            along_per_metre: along.unwrap_or(per_metre),
+        })
+    }
+
+    /// The springs between places of the arm.
+    fn springs(&self) -> Result<Vec<usize>, FileError> {
+        let count = self.belief.nominal.chain.elements.springs.len();
+        if count == 0 {
+            let wrong = self.wrong("kind", "the model has no springs between places of the arm");
+            return Err(wrong.hint("a spring is a spatial tendon through sites with a stiffness"));
+        }
+        Ok((0..count).collect())
+    }
+
+    /// A torque (N m; N where a joint slides).
+    pub fn torque(&self, key: &str) -> Result<Option<f64>, FileError> {
+        let value = self.given.get(key).and_then(toml::Value::as_float);
+        self.checker.optional(&self.path(key), value, &TORQUE_LIMIT)
+    }
+
+    /// Whether it gives a size, as such or by a maximum permissible error.
+    pub fn gives(&self, key: &str) -> bool {
+        let by_mpe = |size: &Size| size.key == key && self.given.contains_key(size.mpe);
+        self.given.contains_key(key) || SIZES.iter().any(by_mpe)
+    }
+
+    /// A standard deviation in SI units.
+    pub fn size(&self, key: &str) -> Result<f64, FileError> {
+        self.optional_size(key)?.ok_or_else(|| {
+            let kind = self.table.kind.name();
+            self.wrong(
+                key,
+                format!("is missing: the standard deviation of a {kind}"),
+            )
+        })
+    }
+
+    fn optional_size(&self, key: &str) -> Result<Option<f64>, FileError> {
+        let size = SIZES.iter().find(|size| size.key == key);
+        let given = size.map(|size| self.checker.deviation(&self.key, &self.given, size));
+        Ok(given.transpose()?.flatten())
+    }
+
+    pub fn drive(&self, joint: usize) -> &Drive {
+        &self.belief.nominal.chain.joints[joint].drive
+    }
+
+    /// The joints that are named, or all of those that are meant, in ascending order; `obstacle` says of a joint why it cannot be one.
+    pub fn joints(
+        &self,
+        is_meant: impl Fn(usize) -> bool,
+        obstacle: impl Fn(usize) -> Option<&'static str>,
+    ) -> Result<Vec<usize>, FileError> {
+        let chain = &self.belief.nominal.chain;
+        let Some(names) = &self.table.joints else {
+            let can_be = |joint: &usize| is_meant(*joint) && obstacle(*joint).is_none();
+            let joints: Vec<usize> = (0..chain.len()).filter(can_be).collect();
+            if joints.is_empty() {
+                let kind = self.table.kind.name();
+                let wrong = self.wrong("joints", format!("no joint is left for a {kind}"));
+                return Err(wrong.hint(
+                    "name the joints that are meant; std_mm is the size of those that slide",
+                ));
+            }
+            return Ok(joints);
+        };
+        let mut joints = Vec::new();
+        for name in names {
+            let joint = self.checker.joint(&self.path("joints"), chain, name)?;
+            if joints.contains(&joint) {
+                return Err(self.wrong("joints", format!("found {name:?} twice")));
+            }
+            if let Some(obstacle) = obstacle(joint) {
+                return Err(self.wrong("joints", format!("{name} {obstacle}")));
+            }
+            joints.push(joint);
+        }
+        if joints.is_empty() {
+            return Err(self.wrong("joints", "is empty; leave it out to mean all joints"));
+        }
+        joints.sort_unstable();
+        Ok(joints)
+    }
+
+    /// The joints that are named, or all that turn at a command.
+    pub fn turning_joints(&self) -> Result<Vec<usize>, FileError> {
+        let obstacle = |joint: usize| {
+            let drive = self.drive(joint);
+            (drive.slides || drive.passive_at.is_some()).then_some("does not turn at a command")
+        };
+        self.joints(|_| true, obstacle)
+    }
+
+    /// Commanded joints with a size each: angles of those that turn, lengths of those that slide.
+    fn joint_sizes(
+        &self,
+        of_angle: &str,
+    ) -> Result<impl Iterator<Item = (usize, f64)> + use<>, FileError> {
+        let key = |joint: usize| {
+            let slides = self.drive(joint).slides;
+            if slides { "std_mm" } else { of_angle }
+        };
+        let passive = |joint: usize| {
+            let is_passive = self.drive(joint).passive_at.is_some();
+            is_passive.then_some("is passive: nothing commands it")
+        };
+        let joints = self.joints(|joint| self.gives(key(joint)), passive)?;
+        let sizes: Result<Vec<f64>, _> =
+            joints.iter().map(|&joint| self.size(key(joint))).collect();
+        Ok(joints.into_iter().zip(sizes?))
+    }
+
+    /// The same of all joints; zero of those that are not meant.
+    pub fn all_sizes(&self) -> Result<Vec<f64>, FileError> {
+        let mut all = vec![0.0; self.belief.nominal.chain.len()];
+        for (joint, size) in self.joint_sizes("std_mrad")? {
+            all[joint] = size;
+        }
+        Ok(all)
+    }
+}
+
+/// Where the tracker stands, if the scenario says so: its site, or the first of its stations.
+fn tracker_m(belief: &Belief, stations: &[Station]) -> Option<Vector3<f64>> {
+    match belief.instrument.tracker_site {
+        Some(site) => {
+            let mut state = State::new(&belief.nominal.model);
+            state.update_kinematics();
+            Some(state.site(site).0)
+        }
+        None => stations.first().map(|station| station.position_m),
+    }
+}
