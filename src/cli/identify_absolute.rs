@@ -11,7 +11,7 @@ use elastocal::quantities::units::shown_unit;
 use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
 use elastocal::record::uncertainties::uncertainty_tables;
 use elastocal::record::{inconsistencies::InconsistenciesMessage, json::merge};
-use elastocal::record::{messages::ProvenanceMessage, model_selection::ModelSelectionMessage};
+use elastocal::record::{messages::ProvenanceMessage, model_selection::model_selection_json};
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use elastocal::text::wording::counted;
@@ -76,13 +76,15 @@ pub fn execute(
     let mut text = String::new();
     let plot = |title: &str| format!("{}: {title}", scenario.name);
     if let Some(model_selection) = &model_selection {
-        let model_selection = ModelSelectionMessage::from(model_selection);
-        text += &format!("{}\n", super::model_selection::describe(&model_selection));
+        text += &format!("{}\n", super::model_selection::describe(model_selection));
         if let Some(path) = asked.plot_out {
             let title = plot("which model the readings pay for");
-            text += &written.save(path, &model_selection_plot(&title, &model_selection)?);
+            text += &written.save(path, &model_selection_plot(&title, model_selection)?);
         }
-        merge(&mut json, json!({ "model_selection": model_selection }));
+        merge(
+            &mut json,
+            json!({ "model_selection": model_selection_json(model_selection) }),
+        );
     } else if let Some(path) = asked.plot_out {
         let title = plot("patterns in the residuals");
         text += &written.save(path, &patterns_plot(&title, &identified.patterns)?);

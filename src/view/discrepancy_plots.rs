@@ -5,8 +5,7 @@ use plotters::prelude::*;
 use super::charts::{
     Area, COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, short, text,
 };
-use crate::identification::DistanceStatistics;
-use crate::record::model_selection::{ModelSelectionMessage, NestedModelMessage};
+use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
 use crate::record::patterns::{PatternMessage, PatternsMessage};
 
 /// What each nested model of a model selection leaves of the readings that it was fitted to and of blocks that it was not; the recommended one
@@ -16,19 +15,19 @@ use crate::record::patterns::{PatternMessage, PatternsMessage};
 /// There are no nested models, or the drawing fails.
 pub fn model_selection_plot(
     title: &str,
-    model_selection: &ModelSelectionMessage,
+    model_selection: &ModelSelection,
 ) -> Result<String, PlotError> {
     let nested_models = &model_selection.nested_models;
     if nested_models.is_empty() {
         return Err(PlotError("there are no models".to_owned()));
     }
-    let rms = |lengths: Option<&DistanceStatistics>| lengths.map(|lengths| lengths.rms);
-    let fitted = |nested_model: &NestedModelMessage| rms(nested_model.distance_mm.as_ref());
-    let predicted = |nested_model: &NestedModelMessage| {
-        let judged = nested_model.cross_validation.as_ref()?;
-        rms(judged.distance_mm.as_ref())
+    let rms = |lengths: Option<&DistanceStatistics>| lengths.map(|lengths| lengths.rms * 1e3);
+    let fitted = |nested_model: &NestedModel| rms(nested_model.distances.as_ref());
+    let predicted = |nested_model: &NestedModel| {
+        let judged = nested_model.cross_validation.as_ref().ok()?;
+        rms(judged.distances.as_ref())
     };
-    let line = |of: &dyn Fn(&NestedModelMessage) -> Option<f64>| -> Vec<(f64, f64)> {
+    let line = |of: &dyn Fn(&NestedModel) -> Option<f64>| -> Vec<(f64, f64)> {
         let all = nested_models.iter().enumerate();
         all.filter_map(|(place, nested_model)| Some((place as f64, of(nested_model)?)))
             .collect()
@@ -41,10 +40,15 @@ pub fn model_selection_plot(
         let nested_model = all.find(|(index, _)| (index - place).abs() < 1e-6);
         nested_model.map_or_else(String::new, |(_, nested_model)| {
             let plus = if *place > 0.5 { "+ " } else { "" };
-            format!("{plus}{} ({})", nested_model.added, nested_model.unknowns)
+            format!(
+                "{plus}{} ({})",
+                nested_model.added.word(),
+                nested_model.unknowns
+            )
         })
     };
-    let chosen = model_selection.recommended.and_then(|place| {
+    let chosen = model_selection.recommendation.as_ref().and_then(|each| {
+        let place = each.nested_model;
         let nested_model = nested_models.get(place)?;
         Some((place as f64, predicted(nested_model)?))
     });
