@@ -399,7 +399,7 @@ fn describe_trials(trials: &AbsoluteTrialsMessage) -> String {
     text + &format!(
         ". The prediction {}.\n",
         match trials.prediction {
-            "holds" => "holds".to_owned(),
+            Kept::Holds => "holds".to_owned(),
             _ => format!("is {}", trials.verdict),
         }
     )
@@ -416,7 +416,7 @@ fn unkept(trials: &AbsoluteTrialsMessage) -> Vec<Condition> {
             counted(trials.robots, "simulated robot")
         )));
     }
-    if trials.prediction == Kept::Exceeded.name() {
+    if trials.prediction == Kept::Exceeded {
         conditions.push(ConditionCode::PredictionExceeded.with(format!(
             "residual error of simulated robots {:.2} +- {:.2} um rms, predicted {:.2} um",
             trials.rms_mm * 1e3,

@@ -18,18 +18,16 @@ use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
-use elastocal::text::wording::{counted, shell_path};
+use elastocal::text::wording::counted;
 use elastocal::workflow::identify::{HowIdentified, identify_measurements};
 use serde_json::json;
 
 use super::conditions::search_stopped;
-use super::identify::explained;
+use super::identify::deflections::{self, explained};
 use super::interruption::ask_search;
 use super::progress::{bar, show};
 use super::written::Written;
-use super::{
-    Common, Report, check_outputs, identify, inputs, named_by_file, results, without_effect,
-};
+use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
 /// Arguments of `next`.
 #[derive(Debug, Args)]
@@ -74,9 +72,8 @@ fn angle(text: &str) -> Result<f64, String> {
 impl Next {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let origin = Origin::read(&self.measurements)?;
-        let file = shell_path(&self.measurements);
-        let usage = format!("elastocal next SCENARIO --measurements {file}");
-        let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
+        let input = ["next", "--measurements"];
+        let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
         let measurements = read_measurements_so_far(&self.measurements, &task.belief)?;
         let given = (self.plan.as_ref()).map(|path| read_plan(path, commands.clone()));
@@ -103,7 +100,7 @@ impl Next {
             .or_else(|| given.as_ref().map(Plan::measurements))
             .unwrap_or(task.design.experiments);
         let mut conditions: Vec<Condition> = identified.conditions().collect();
-        let mut text = identify::describe(identification);
+        let mut text = deflections::describe(identification);
         text += &format!(
             "\n{} of {} so far: {}\n",
             counted(measured.into(), "measurement"),

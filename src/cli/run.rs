@@ -15,6 +15,7 @@ use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
 use super::evaluate::budget;
+use super::identify::deflections;
 use super::interruption::{STOP, proceed};
 use super::plan::design;
 use super::proof::ProofArgs;
@@ -22,7 +23,7 @@ use super::table::{number, table};
 use super::uncertainty_budget::BudgetArgs;
 use super::views::{RUN_FILES, RunViews, TARGETS, ViewerTarget, command_line};
 use super::written::{Written, record_text, warn};
-use super::{Common, Report, check_outputs, identify, inputs};
+use super::{Common, Report, check_outputs, inputs};
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -161,7 +162,7 @@ fn write_all(
 /// What it means, for a person.
 fn summary(folder: &Path, entries: &[TriedPlan], random: Option<(f64, RepeatsNeeded)>) -> String {
     let main = &entries[0];
-    let mut text = identify::describe(&main.calibration.1.identification);
+    let mut text = deflections::describe(&main.calibration.1.identification);
     text.push('\n');
     let micro = |value: f64| number(Some(value * 1e6), 2);
     let rows = entries.iter().map(|entry| {

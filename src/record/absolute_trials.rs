@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
-use super::account::ContributionMessage;
 use super::study::{HistogramMessage, StudyPlanMessage};
 use crate::plan::absolute::PredictedAccuracy;
+use crate::study::account::{Account, Contribution};
 use crate::study::summary::Measured;
-use crate::study::{Conditions, account::Account, tally::Tally, verdict::Kept};
+use crate::study::{Conditions, tally::Tally, verdict::Kept};
 use crate::task::Task;
 
 /// Robots that were drawn, read as the plan says, identified and looked at.
@@ -29,11 +29,11 @@ pub struct AbsoluteTrialsMessage {
     /// The share of test poses at which the tool was within the region of 95 % that was predicted there.
     pub coverage95: Option<f64>,
     /// `holds`: within three standard errors and 2 %; `exceeded`, or `conservative`.
-    pub prediction: &'static str,
+    pub prediction: Kept,
     /// The same in words, with what breaks it most.
     pub verdict: String,
     /// The contributions that are predicted, and those of what the planner's model does not know.
-    pub contributions: Vec<ContributionMessage>,
+    pub contributions: Vec<Contribution>,
     /// How often which distances were left.
     pub histogram: HistogramMessage,
     /// The same as a study has it.
@@ -68,7 +68,7 @@ impl AbsoluteTrialsMessage {
             rms_std_mm: observed_mm.standard_error,
             below_quantile95: prediction.quantile95_m.and_then(below),
             coverage95: as_study.coverage95,
-            prediction: Kept::of(predicted_rms_mm, observed_mm).name(),
+            prediction: Kept::of(predicted_rms_mm, observed_mm),
             verdict: as_study.verdict.clone()?,
             contributions: as_study.contributions.clone(),
             histogram: as_study.histogram.clone(),

@@ -17,7 +17,6 @@
 pub mod absolute;
 pub mod absolute_plan;
 pub mod absolute_trials;
-pub mod account;
 pub mod campaign;
 pub mod evidence;
 pub mod inconsistencies;

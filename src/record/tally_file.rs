@@ -262,7 +262,7 @@ struct WrittenTallyFile<'a> {
     part: &'a TallyFile,
 }
 
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 impl TallyFile {
     /// A shard of which nothing is done.

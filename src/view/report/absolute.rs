@@ -11,6 +11,7 @@ use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
 use crate::record::{absolute_trials::AbsoluteTrialsMessage, messages::ProvenanceMessage};
 use crate::scenario::Scenario;
+use crate::study::verdict::Kept;
 use crate::text::wording::{counted, dash, micrometres, number, percent};
 use crate::view::charts::{COLOURS, PlotError};
 use crate::view::charts::{ChartAxis, Rows, WHOLE, short};
@@ -72,7 +73,7 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
 fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &bound_card(shown.plan);
     if let Some(trials) = shown.trials {
-        let is_kept = trials.prediction == "holds";
+        let is_kept = trials.prediction == Kept::Holds;
         let about = format!(
             "{} were sampled in MuJoCo, read by the plan and identified: residual error {} rms, predicted {}.",
             counted(trials.robots, "virtual robot"),
@@ -197,7 +198,7 @@ fn of_trials(trials: &AbsoluteTrialsMessage) -> Result<String, PlotError> {
         micrometres(Some(trials.rms_mm)),
         micrometres(Some(trials.rms_std_mm)),
         match trials.prediction {
-            "holds" => trials.verdict.clone(),
+            Kept::Holds => trials.verdict.clone(),
             _ => format!("is {}", trials.verdict),
         }
     );
