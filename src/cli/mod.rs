@@ -42,7 +42,6 @@ mod select;
 mod static_compliance;
 mod study;
 mod table;
-mod targets;
 mod tolerance;
 mod uncertainty_budget;
 mod validate;

@@ -103,7 +103,7 @@ pub fn patterns_plot(title: &str, patterns: &PatternsMessage) -> Result<String, 
 }
 
 fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotError> {
-    let (factor, unit) = match pattern.unit.as_str() {
+    let (factor, unit) = match pattern.unit {
         "rad" => (1e3, "mrad"),
         "m" => (1e3, "mm"),
         "1" => (1e6, "\u{b5}m/m"),
@@ -123,15 +123,15 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
     };
     let ends = points.iter().flat_map(|point| {
         [
-            point.observed - point.standard_error,
-            point.observed + point.standard_error,
+            point.seen - point.standard_error,
+            point.seen + point.standard_error,
             point.pattern,
         ]
     });
     let x = reach(&mut points.iter().map(|point| point.at));
     let y = reach(&mut ends.map(|value| value * factor));
     let panel = panel.titled(&panel_title(pattern), text(INK))?;
-    let at = pattern.joint.as_ref().unwrap_or(&pattern.against);
+    let at = pattern.joint.as_deref().unwrap_or(pattern.against);
     let names = [
         format!("{at} [{}]", pattern.at_unit),
         format!("residual [{unit}]"),
@@ -139,16 +139,16 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
     let axes = [ChartAxis::linear(x, 6), ChartAxis::linear(y, 6)];
     let mut chart = chart_of(&panel, axes, [&names[0], &names[1]], &[], &|x| short(*x))?;
     chart.draw_series(points.iter().map(|point| {
-        let [low, high] = [-1.0, 1.0].map(|side| point.observed + side * point.standard_error);
+        let [low, high] = [-1.0, 1.0].map(|side| point.seen + side * point.standard_error);
         PathElement::new(
             [(point.at, low * factor), (point.at, high * factor)],
             COLOURS[0].stroke_width(3),
         )
     }))?;
-    chart
-        .draw_series((points.iter()).map(|point| {
-            Circle::new((point.at, point.observed * factor), 5, COLOURS[0].filled())
-        }))?;
+    chart.draw_series(
+        (points.iter())
+            .map(|point| Circle::new((point.at, point.seen * factor), 5, COLOURS[0].filled())),
+    )?;
     chart.draw_series(LineSeries::new(
         (points.iter()).map(|point| (point.at, point.pattern * factor)),
         COLOURS[1].stroke_width(4),
@@ -158,11 +158,11 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
 
 fn panel_title(pattern: &PatternMessage) -> String {
     let joint = pattern.joint.as_deref();
-    let share = 100.0 * pattern.share;
+    let share = 100.0 * pattern.pattern.share;
     let what = match (pattern.harmonic, joint) {
         (Some(waves), Some(joint)) => format!("{joint}, harmonic {waves}"),
         (None, Some(joint)) => format!("{joint}, {}", pattern.against),
-        _ => pattern.against.clone(),
+        _ => pattern.against.to_owned(),
     };
     format!("{what}: {share:.1} % of the residuals' variance")
 }
