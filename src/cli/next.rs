@@ -6,13 +6,11 @@ use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::Experiment;
 use elastocal::files::FileError;
-use elastocal::laboratory::next::{
-    Goal, Remaining, Rest, accuracy, measured_plan, not_measured, rest,
-};
+use elastocal::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
 use elastocal::measurement::{Origin, read_measurements_so_far};
 use elastocal::plan::search::Watch;
 use elastocal::plan::{
-    Feasibility, Plan, Violation, posterior, read_plan, take_nearest_turns, write_plan,
+    Feasibility, Plan, Violation, posterior, read_plan, rho0_m, take_nearest_turns, write_plan,
 };
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
@@ -95,7 +93,7 @@ impl Next {
         let impossible = self.impossible(given.as_ref())?;
         let within_rad = self.skip_within_deg.to_radians();
         let left = Remaining::new(task, identification, &measurements, &impossible, within_rad);
-        let reached_m = accuracy(&left.task, &identification.posterior).ok();
+        let reached_m = rho0_m(&left.task, &identification.posterior);
         let total = (self.experiments)
             .or_else(|| given.as_ref().map(Plan::measurements))
             .unwrap_or(task.design.experiments);
@@ -183,9 +181,7 @@ impl Next {
         let experiments = kept.map(|(_, each)| each.clone()).collect();
         let old = not_measured(&Plan { experiments }, measured);
         let is_as_large = old.measurements() == next.measurements();
-        accuracy(left, &posterior(&left.belief, &old))
-            .ok()
-            .filter(|_| is_as_large)
+        rho0_m(left, &posterior(&left.belief, &old)).filter(|_| is_as_large)
     }
 
     /// Searches the rest of the campaign.

@@ -10,7 +10,8 @@ use elastocal::plan::{UncertaintyBudget, search::RepeatsNeeded, take_nearest_tur
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
-use elastocal::view::{report::RunRecord, stills};
+use elastocal::view::report::{RunRecord, run_page};
+use elastocal::view::{recording::Recording, stills};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
@@ -21,7 +22,7 @@ use super::plan::design;
 use super::proof::ProofArgs;
 use super::table::{number, table};
 use super::uncertainty_budget::BudgetArgs;
-use super::views::{RUN_FILES, RunViews, TARGETS, ViewerTarget, command_line};
+use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
 use super::written::{Written, record_text, warn};
 use super::{Common, Report, check_outputs, inputs};
 
@@ -101,11 +102,19 @@ impl Run {
             command: &command_line(),
             stills: &stills::figures(&scenario, &main.plan),
         };
-        let views = RunViews::new(&record, &calibrations)?;
+        let recording = Recording::new(&scenario, &calibrations)?;
+        let page = run_page(&record)?;
         let mut written = Written::default();
         let text = record_text(&mut json, &outcome.conditions)?;
         write_all(&scenario, &folder, main, &text, &mut written);
-        views.write(&folder, self.rerun.as_ref(), &mut written)?;
+        let [svg, html, rerun] =
+            ["stills.svg", "report.html", "run.rrd"].map(|name| folder.join(name));
+        written.save(&svg, &stills::sheet(&scenario, &main.plan));
+        written.save(&html, &page);
+        write_recording(&recording, &rerun, &mut written);
+        if let Some(target) = &self.rerun {
+            show(target, &recording, &mut written)?;
+        }
         let mut text = summary(
             &folder,
             &outcome.tried,

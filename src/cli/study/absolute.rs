@@ -78,10 +78,7 @@ impl StudyCommand {
         let watch = |name: &str, readings: u32| {
             let readings = counted(readings.into(), "absolute reading");
             common.say(&format!("designing the plan {name:?} of {readings}"));
-            Watch {
-                stop: &STOP,
-                progress: &|_, _, _| {},
-            }
+            Watch::quiet(&STOP)
         };
         let path = given.path().unwrap_or(&scenario.path);
         let entries =
