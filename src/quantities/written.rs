@@ -39,7 +39,6 @@ pub fn thousandfold<S: Serializer>(value: &impl Thousandfold, to: S) -> Result<S
 ///
 /// # Errors
 /// Those of the serialiser.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
 pub fn from_one<S: Serializer>(index: &usize, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_u64(*index as u64 + 1)
 }
