@@ -8,8 +8,9 @@ use crate::numeric::tolerance::length_quantile;
 use crate::quantities::plausible::TOLERANCE;
 
 /// What a value says of a tolerance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, strum::Display)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Decision {
     /// The value and its guard band are within.
     Accept,
@@ -28,15 +29,6 @@ impl Decision {
             Self::Reject
         } else {
             Self::Inconclusive
-        }
-    }
-
-    /// Its word, as in JSON.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Accept => "accept",
-            Self::Inconclusive => "inconclusive",
-            Self::Reject => "reject",
         }
     }
 }

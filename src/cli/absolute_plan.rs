@@ -10,7 +10,7 @@ use elastocal::parameter::ParameterKind;
 use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use elastocal::plan::search::{PlanBound, Watch};
 use elastocal::record::absolute_plan::AbsolutePlanMessage;
-use elastocal::record::absolute_trials::AbsoluteTrialsMessage;
+use elastocal::record::absolute_trials::AbsoluteTrials;
 use elastocal::record::json::{merge, results};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
@@ -19,7 +19,7 @@ use elastocal::study::absolute::{AbsoluteEntry, AbsoluteRunner};
 use elastocal::study::runner::RunsInBlocks;
 use elastocal::study::{StudyError, account::Account, verdict::Kept};
 use elastocal::text::wording::counted;
-use elastocal::view::report::{AbsolutePageRecord, absolute_page};
+use elastocal::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
 use elastocal::view::stills::Stills;
 use serde_json::json;
 
@@ -32,9 +32,6 @@ use super::table::{number, or_dash, table};
 use super::views::command_line;
 use super::written::Written;
 use super::{Report, uncertainty_budget};
-
-/// Which accuracy it is.
-pub const ABSOLUTE: &str = "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.";
 
 impl PlanArgs {
     /// Designs a plan of absolute readings of candidates, or of so many configurations that are drawn; and writes it, and stills of
@@ -144,7 +141,10 @@ impl PlanArgs {
             .map(|robots| self.try_plan(scenario, planning, plan, robots))
             .transpose()?;
         let tried = trials.as_ref();
-        merge(&mut report.json, json!({ "trials": tried }));
+        merge(
+            &mut report.json,
+            json!({ "trials": tried.map(AbsoluteTrials::json) }),
+        );
         if let Some(tried) = tried {
             report.text += &describe_trials(tried);
             report.conditions.extend(unkept(tried));
@@ -164,7 +164,7 @@ impl PlanArgs {
         scenario: &Scenario,
         (plan, provenance): (&AbsolutePlanMessage, &ProvenanceMessage),
         readings: &[(&Candidate, u32)],
-        trials: Option<&AbsoluteTrialsMessage>,
+        trials: Option<&AbsoluteTrials>,
         (report, mut written): (&mut Report, Written),
     ) -> anyhow::Result<()> {
         if let Some(path) = &self.report_out {
@@ -190,7 +190,7 @@ impl PlanArgs {
         planning: AbsolutePlanning<'_>,
         plan: Vec<(usize, u32)>,
         robots: u64,
-    ) -> anyhow::Result<AbsoluteTrialsMessage> {
+    ) -> anyhow::Result<AbsoluteTrials> {
         let (task, truth) = (&scenario.task, &scenario.truth);
         let entries = [AbsoluteEntry {
             name: "plan".to_owned(),
@@ -215,7 +215,7 @@ impl PlanArgs {
         let account = account.ok_or(StudyError::NoPrediction)?;
         let first = runner.first_failure();
         let runs = (&tallies[0], first.clone());
-        let message = AbsoluteTrialsMessage::new(task, prediction, &account, runs);
+        let message = AbsoluteTrials::new(task, prediction, &account, runs);
         let first = first.unwrap_or_default();
         Ok(message.ok_or(StudyError::AllFailed { robots, first })?)
     }
@@ -342,7 +342,7 @@ fn describe(message: &AbsolutePlanMessage) -> String {
     if let Some(quantile) = message.quantile95_mm {
         text += &format!("95 % stay below {quantile:.5} mm\n");
     }
-    text += &format!("{ABSOLUTE}\n");
+    text += &format!("{ABSOLUTE_ACCURACY}\n");
     if message.task_force_mm > 0.0 {
         text += &format!(
             "Of it, {:.5} mm are what the task's force is uncertain by, whatever is read\n",
@@ -384,44 +384,40 @@ fn drawn_words(drawn: DrawnWanted, planning: &AbsolutePlanning<'_>) -> String {
 }
 
 /// What was seen of a prediction, for a person.
-fn describe_trials(trials: &AbsoluteTrialsMessage) -> String {
-    let judged = trials.robots - trials.failed;
+fn describe_trials(trials: &AbsoluteTrials) -> String {
+    let runs = &trials.runs;
     let mut text = format!(
-        "\nOf {} sampled, read by the plan and identified: residual error {:.5} +- {:.5} mm rms, predicted {:.5} mm",
-        counted(judged, "virtual robot"),
-        trials.rms_mm,
-        trials.rms_std_mm,
-        trials.predicted_rms_mm
+        "\nOf {} sampled, read by the plan and identified: residual error {} +- {} mm rms, predicted {} mm",
+        counted(runs.runs, "virtual robot"),
+        number(runs.rms_mm, 5),
+        number(runs.rms_std_mm, 5),
+        number(runs.combined_rms_mm, 5)
     );
     if let Some(share) = trials.below_quantile95 {
         text += &format!("; {:.1} % stay below what 95 % should", share * 100.0);
     }
-    text + &format!(
-        ". The prediction {}.\n",
-        match trials.prediction {
-            "holds" => "holds".to_owned(),
-            _ => format!("is {}", trials.verdict),
-        }
-    )
+    text + &format!(". The prediction {}.\n", trials.outcome())
 }
 
 /// What must be looked at of simulated robots.
-fn unkept(trials: &AbsoluteTrialsMessage) -> Vec<Condition> {
+fn unkept(trials: &AbsoluteTrials) -> Vec<Condition> {
+    let runs = &trials.runs;
     let mut conditions = Vec::new();
-    if trials.failed > 0 {
+    if runs.failed > 0 {
         let first = trials.first_failure.as_deref().unwrap_or_default();
         conditions.push(ConditionCode::FailedRuns.with(format!(
             "{} of {} gave no result; the first: {first}",
-            trials.failed,
-            counted(trials.robots, "simulated robot")
+            runs.failed,
+            counted(runs.runs + runs.failed, "simulated robot")
         )));
     }
-    if trials.prediction == Kept::Exceeded.name() {
+    if trials.prediction == Kept::Exceeded {
+        let micro = |value_mm: Option<f64>| number(value_mm.map(|value_mm| value_mm * 1e3), 2);
         conditions.push(ConditionCode::PredictionExceeded.with(format!(
-            "residual error of simulated robots {:.2} +- {:.2} um rms, predicted {:.2} um",
-            trials.rms_mm * 1e3,
-            trials.rms_std_mm * 1e3,
-            trials.predicted_rms_mm * 1e3
+            "residual error of simulated robots {} +- {} um rms, predicted {} um",
+            micro(runs.rms_mm),
+            micro(runs.rms_std_mm),
+            micro(runs.combined_rms_mm)
         )));
     }
     conditions

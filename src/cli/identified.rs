@@ -42,10 +42,9 @@ pub struct ScenarioRobot {
 
 /// Reads what `identify --identified-out` wrote of whatever readings, for a command that takes it.
 pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result<ScenarioRobot> {
-    let file = shell_path(path);
-    let usage = format!("elastocal {command} SCENARIO --identified {file}");
+    let input = [command, "--identified"];
     if let Some(stored) = StoredRobot::read(path)? {
-        let scenario = common.load_for(path, stored.origin.as_ref(), &usage)?;
+        let scenario = common.load_for(input, path, stored.origin.as_ref())?;
         let trust = trust(path, &scenario, Some(&stored.identified_with))?;
         let mut conditions: Vec<Condition> = trust.into_iter().collect();
         conditions.extend(doubts(path, &stored.message.conditions));
@@ -60,7 +59,7 @@ pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result
         });
     }
     let origin = StoredIdentification::origin(path)?;
-    let scenario = common.load_for(path, origin.as_ref(), &usage)?;
+    let scenario = common.load_for(input, path, origin.as_ref())?;
     let identified = read_identified(path, &scenario)?;
     let (posterior, compliance) = (identified.posterior, identified.compliance_rad_per_nm);
     let simulated = origin
@@ -165,7 +164,7 @@ fn all_of(compliances: &Posterior, others: OtherUnknowns, sizes: &[f64]) -> Post
 }
 
 /// Whether it was identified with the robot of the scenario: another one's is refused.
-fn trust(
+pub fn trust(
     path: &Path,
     scenario: &Scenario,
     found: Option<&Fingerprint>,

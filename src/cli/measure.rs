@@ -1,5 +1,6 @@
 //! `measure`: virtual measurements of a plan.
 
+use std::fmt::Display;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -44,24 +45,32 @@ pub struct Measure {
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
-        if scenario.task.design.accuracy == AccuracyKind::Absolute {
-            return self.absolute(&scenario);
-        }
-        let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
+        refuse_others(&scenario, &[("--noise-free", self.noise_free)], &[])?;
         let outputs = [("--measurements-out", self.measurements_out.as_deref())];
-        let mut roles = inputs(&scenario);
-        check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
+        check_outputs(inputs(&scenario).reads("the plan", &self.plan), &outputs)?;
+        match scenario.task.design.accuracy {
+            AccuracyKind::Absolute => self.absolute(&scenario),
+            AccuracyKind::Relative => self.deflections(&scenario),
+        }
+    }
+
+    fn wrong(&self, error: &dyn Display) -> FileError {
+        FileError::new(&self.plan, error.to_string()).code(ErrorCode::Simulation)
+    }
+
+    /// A plan of deflections.
+    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Report> {
+        let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         self.common.say(&format!(
             "measuring {} on the virtual robot {}",
             counted(plan.measurements().into(), "experiment"),
             scenario.truth.robot.model.path().display()
         ));
         let (task, truth) = (&scenario.task, &scenario.truth);
-        let wrong = |error: String| FileError::new(&self.plan, error).code(ErrorCode::Simulation);
         let (measurements, of_run) = if self.noise_free && self.run.is_none() {
             let mut robot = VirtualRobot::new(&truth.robot, &task.belief.calibration_tool.name)?;
             let measured = robot.measure_noise_free(&plan, &task.belief.instrument);
-            (measured.map_err(|error| wrong(error.to_string()))?, None)
+            (measured.map_err(|error| self.wrong(&error))?, None)
         } else {
             let mut robots = TrueRobots::new(&task.belief, truth)?;
             let read = if self.noise_free {
@@ -74,7 +83,7 @@ impl Measure {
                 measurements,
                 truth,
             } = read(&mut robots, task, truth, &plan, seed, run)
-                .map_err(|error| wrong(error.to_string()))?;
+                .map_err(|error| self.wrong(&error))?;
             let joints = task.belief.parameters.iter().copied();
             (measurements, Some(TruthMessage::new(joints, &truth)))
         };
@@ -105,7 +114,7 @@ impl Measure {
         Ok(Report::new(
             results(
                 "measure",
-                &ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?,
+                &ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?,
                 json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             ),
             text,
@@ -115,18 +124,13 @@ impl Measure {
 
     /// A plan of absolute readings, each by itself.
     fn absolute(&self, scenario: &Scenario) -> anyhow::Result<Report> {
-        refuse_others(scenario, &[("--noise-free", self.noise_free)], &[])?;
         let (task, seed, run) = (&scenario.task, scenario.seed, self.run.unwrap_or(0));
         let commands = task.belief.commands();
         let rows = read_candidates(&self.plan, commands.clone())?;
-        let outputs = [("--measurements-out", self.measurements_out.as_deref())];
-        let mut roles = inputs(scenario);
-        check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
         let planning = AbsolutePlanning::of_plan(task, &[], &rows)
             .map_err(|error| error.in_file(&self.plan))?;
-        let wrong = |error: String| FileError::new(&self.plan, error).code(ErrorCode::Simulation);
         let readings = virtual_readings(task, &scenario.truth, &planning, [seed, run])
-            .map_err(|error| wrong(error.to_string()))?;
+            .map_err(|error| self.wrong(&error))?;
         let mut text = format!(
             "{} of the virtual robot of run {run}\n",
             counted(readings.len() as u64, "absolute reading")

@@ -16,7 +16,6 @@ mod explain;
 mod export;
 mod identified;
 mod identify;
-mod identify_absolute;
 mod import;
 mod init;
 pub mod interruption;
@@ -43,11 +42,9 @@ mod select;
 mod static_compliance;
 mod study;
 mod table;
-mod targets;
 mod tolerance;
 mod uncertainty_budget;
 mod validate;
-mod validate_absolute;
 mod view;
 mod views;
 mod written;
@@ -64,7 +61,7 @@ use elastocal::numeric::random::draws::Draws;
 use elastocal::record::{json::results, platform::platform};
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
-use elastocal::text::{diagnostics::say, plain};
+use elastocal::text::{diagnostics::say, plain, wording::shell_path};
 use elastocal::understanding::collapse;
 use serde_json::{Value, json};
 
@@ -446,14 +443,14 @@ impl Common {
     }
 
     /// Loads the scenario that was given; if none was, the one under which an input file was made, as
-    /// the file says. No other is taken for somebody's file. `file` is the input, `usage` how a
-    /// scenario is given.
+    /// the file says. No other is taken for somebody's file. The input is that of an option of a command.
     fn load_for(
         &self,
+        [command, option]: [&str; 2],
         file: &Path,
         origin: Option<&Origin>,
-        usage: &str,
     ) -> anyhow::Result<Scenario> {
+        let usage = format!("elastocal {command} SCENARIO {option} {}", shell_path(file));
         let Some(given) = &self.scenario else {
             let Some(origin) = origin else {
                 let problem =

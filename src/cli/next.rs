@@ -6,30 +6,26 @@ use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::Experiment;
 use elastocal::files::FileError;
-use elastocal::laboratory::next::{
-    Goal, Remaining, Rest, accuracy, measured_plan, not_measured, rest,
-};
+use elastocal::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
 use elastocal::measurement::{Origin, read_measurements_so_far};
 use elastocal::plan::search::Watch;
 use elastocal::plan::{
-    Feasibility, Plan, Violation, posterior, read_plan, take_nearest_turns, write_plan,
+    Feasibility, Plan, Violation, posterior, read_plan, rho0_m, take_nearest_turns, write_plan,
 };
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
-use elastocal::text::wording::{counted, shell_path};
+use elastocal::text::wording::counted;
 use elastocal::workflow::identify::{HowIdentified, identify_measurements};
 use serde_json::json;
 
 use super::conditions::search_stopped;
-use super::identify::explained;
+use super::identify::deflections::{self, explained};
 use super::interruption::ask_search;
 use super::progress::{bar, show};
 use super::written::Written;
-use super::{
-    Common, Report, check_outputs, identify, inputs, named_by_file, results, without_effect,
-};
+use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
 /// Arguments of `next`.
 #[derive(Debug, Args)]
@@ -74,9 +70,8 @@ fn angle(text: &str) -> Result<f64, String> {
 impl Next {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let origin = Origin::read(&self.measurements)?;
-        let file = shell_path(&self.measurements);
-        let usage = format!("elastocal next SCENARIO --measurements {file}");
-        let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
+        let input = ["next", "--measurements"];
+        let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
         let measurements = read_measurements_so_far(&self.measurements, &task.belief)?;
         let given = (self.plan.as_ref()).map(|path| read_plan(path, commands.clone()));
@@ -98,12 +93,12 @@ impl Next {
         let impossible = self.impossible(given.as_ref())?;
         let within_rad = self.skip_within_deg.to_radians();
         let left = Remaining::new(task, identification, &measurements, &impossible, within_rad);
-        let reached_m = accuracy(&left.task, &identification.posterior).ok();
+        let reached_m = rho0_m(&left.task, &identification.posterior);
         let total = (self.experiments)
             .or_else(|| given.as_ref().map(Plan::measurements))
             .unwrap_or(task.design.experiments);
         let mut conditions: Vec<Condition> = identified.conditions().collect();
-        let mut text = identify::describe(identification);
+        let mut text = deflections::describe(identification);
         text += &format!(
             "\n{} of {} so far: {}\n",
             counted(measured.into(), "measurement"),
@@ -186,9 +181,7 @@ impl Next {
         let experiments = kept.map(|(_, each)| each.clone()).collect();
         let old = not_measured(&Plan { experiments }, measured);
         let is_as_large = old.measurements() == next.measurements();
-        accuracy(left, &posterior(&left.belief, &old))
-            .ok()
-            .filter(|_| is_as_large)
+        rho0_m(left, &posterior(&left.belief, &old)).filter(|_| is_as_large)
     }
 
     /// Searches the rest of the campaign.

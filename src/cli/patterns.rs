@@ -1,6 +1,7 @@
 //! Patterns in residuals, for a person.
 
-use elastocal::record::patterns::{PatternMessage, PatternsMessage};
+use elastocal::identification::patterns::Pattern;
+use elastocal::record::patterns::PatternsMessage;
 use elastocal::text::wording::{counted, percent};
 
 use super::residuals::probability;
@@ -26,7 +27,8 @@ pub fn describe(patterns: &PatternsMessage) -> String {
     if patterns.found.is_empty() {
         return format!("  No pattern in the residuals: {looked}.\n");
     }
-    let row = |pattern: &PatternMessage| {
+    let found = || patterns.found.iter().map(|each| &each.pattern);
+    let row = |pattern: &Pattern| {
         format!(
             "    {}; {} of the residuals' variance, p = {}\n",
             pattern.sentence,
@@ -34,11 +36,11 @@ pub fn describe(patterns: &PatternsMessage) -> String {
             probability(pattern.probability)
         )
     };
-    let rows: String = patterns.found.iter().map(row).collect();
+    let rows: String = found().map(row).collect();
     let mut causes: Vec<&str> = Vec::new();
-    for pattern in &patterns.found {
-        if !causes.contains(&pattern.cause.as_str()) {
-            causes.push(&pattern.cause);
+    for pattern in found() {
+        if !causes.contains(&pattern.cause) {
+            causes.push(pattern.cause);
         }
     }
     format!(

@@ -1,6 +1,6 @@
 //! What repeated visits show, for a person.
 
-use elastocal::record::repeats::{RepeatedPoseMessage, RepeatsMessage};
+use elastocal::identification::{RepeatedPose, Repeats};
 use elastocal::text::wording::counted;
 
 use super::table::{number, table};
@@ -9,7 +9,7 @@ use super::table::{number, table};
 const SHOWN: usize = 10;
 
 /// Repeatability, accuracy and drift of `what` is read.
-pub fn describe(repeats: Option<&RepeatsMessage>, what: &str) -> String {
+pub fn describe(repeats: Option<&Repeats>, what: &str) -> String {
     let Some(repeats) = repeats else {
         return String::new();
     };
@@ -18,12 +18,13 @@ pub fn describe(repeats: Option<&RepeatsMessage>, what: &str) -> String {
         "\n  {} of {}: pose repeatability RP = {:.4} mm of {what} (ISO 9283; pooled, {} of freedom)\n",
         counted(visits as u64, "visit"),
         counted(repeats.poses.len() as u64, "pose"),
-        repeats.rp_mm,
+        repeats.repeatability_m * 1e3,
         counted(repeats.degrees_of_freedom as u64, "degree"),
     );
     if let Some(drift) = &repeats.drift {
-        let [x, y, z] = drift.slope_mm.map(|slope| format!("{slope:.2e}"));
-        let [sx, sy, sz] = drift.standard_error_mm.map(|error| format!("{error:.1e}"));
+        let [x, y, z] = <[f64; 3]>::from(drift.slope_m).map(|slope| format!("{:.2e}", slope * 1e3));
+        let [sx, sy, sz] =
+            <[f64; 3]>::from(drift.standard_error_m).map(|error| format!("{:.1e}", error * 1e3));
         let p = drift
             .probability
             .map_or_else(String::new, |p| format!("; p = {p:.2e}"));
@@ -32,12 +33,12 @@ pub fn describe(repeats: Option<&RepeatsMessage>, what: &str) -> String {
             drift.by
         );
     }
-    let row = |pose: &RepeatedPoseMessage| {
+    let row = |pose: &RepeatedPose| {
         vec![
-            pose.first.to_string(),
+            (pose.first + 1).to_string(),
             pose.visits.to_string(),
-            number(pose.rp_mm, 4),
-            number(pose.ap_mm, 4),
+            number(pose.repeatability_m.map(|length| length * 1e3), 4),
+            number(pose.accuracy_m.map(|length| length * 1e3), 4),
         ]
     };
     let rows = repeats.poses.iter().take(SHOWN).map(row);

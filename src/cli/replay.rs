@@ -7,12 +7,13 @@ use elastocal::plan::{Plan, search::random_plan};
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
+use elastocal::view::recording::Recording;
 use serde_json::json;
 
 use super::interruption::proceed;
 use super::study::entries;
 use super::table::table_of;
-use super::views::{REPLAY_ENDINGS, ReplayViews};
+use super::views::{REPLAY_ENDINGS, write_recording};
 use super::written::Written;
 use super::{Common, Report, inputs, results};
 
@@ -75,16 +76,14 @@ impl Replay {
         let keys = json!({ "run": self.run, "plans": messages });
         let json = results("replay", &ProvenanceMessage::new(&scenario), keys);
         let text = serde_json::to_string_pretty(&json)? + "\n";
-        let views = ReplayViews::new(&scenario, &calibrations)?;
+        let recording = Recording::new(&scenario, &calibrations)?;
         let mut written = Written::default();
         let record = folder.join(record);
         written.save(&record, &text);
-        let where_it_is = views.write(&record, &mut written);
-        Ok(Report::new(
-            json,
-            describe(&scenario, &calibrations) + &where_it_is,
-            written.conditions(),
-        ))
+        let shown = write_recording(&recording, &record, &mut written);
+        let mut text = describe(&scenario, &calibrations);
+        text += &format!("recorded in {}, .mcap and .json\n", shown.display());
+        Ok(Report::new(json, text, written.conditions()))
     }
 
     /// What an entry measures in the run.

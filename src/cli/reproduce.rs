@@ -42,10 +42,7 @@ impl Reproduce {
         let trials = self.trials.unwrap_or(scenario.study.trials);
         common.say("designing a plan for each number of Table 6");
         let bar = bar(common.quiet, "designing plans");
-        let watch = Watch {
-            stop: &STOP,
-            progress: &|_, _, _| {},
-        };
+        let watch = Watch::quiet(&STOP);
         let reproduction = reproduce(&scenario, trials, watch, &|done, all| show(&bar, done, all));
         bar.finish_and_clear();
         proceed()?;

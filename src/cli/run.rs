@@ -10,19 +10,21 @@ use elastocal::plan::{UncertaintyBudget, search::RepeatsNeeded, take_nearest_tur
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
-use elastocal::view::{report::RunRecord, stills::Stills};
+use elastocal::view::report::{RunRecord, run_page};
+use elastocal::view::{recording::Recording, stills::Stills};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
 use super::evaluate::budget;
+use super::identify::deflections;
 use super::interruption::{STOP, proceed};
 use super::plan::design;
 use super::proof::ProofArgs;
 use super::table::{number, table};
 use super::uncertainty_budget::BudgetArgs;
-use super::views::{RUN_FILES, RunViews, TARGETS, ViewerTarget, command_line};
+use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
 use super::written::{Written, record_text, warn};
-use super::{Common, Report, check_outputs, identify, inputs};
+use super::{Common, Report, check_outputs, inputs};
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -90,6 +92,7 @@ impl Run {
             .collect();
         let random_rho0_m = outcome.random_rho0_m;
         let main = &outcome.tried[0].calibration.1;
+        let stills = Stills::of_plan(&scenario, &main.plan);
         let record = RunRecord {
             scenario: &scenario,
             plans: &outcome.records,
@@ -98,13 +101,21 @@ impl Run {
             random_repeats: outcome.random_repeats,
             conditions: &outcome.conditions,
             command: &command_line(),
-            stills: &Stills::of_plan(&scenario, &main.plan).figures(),
+            stills: &stills.figures(),
         };
-        let views = RunViews::new(&record, &calibrations)?;
+        let recording = Recording::new(&scenario, &calibrations)?;
+        let page = run_page(&record)?;
         let mut written = Written::default();
         let text = record_text(&mut json, &outcome.conditions)?;
         write_all(&scenario, &folder, main, &text, &mut written);
-        views.write(&folder, self.rerun.as_ref(), &mut written)?;
+        let [svg, html, rerun] =
+            ["stills.svg", "report.html", "run.rrd"].map(|name| folder.join(name));
+        written.save(&svg, &stills.sheet());
+        written.save(&html, &page);
+        write_recording(&recording, &rerun, &mut written);
+        if let Some(target) = &self.rerun {
+            show(target, &recording, &mut written)?;
+        }
         let mut text = summary(
             &folder,
             &outcome.tried,
@@ -161,7 +172,7 @@ fn write_all(
 /// What it means, for a person.
 fn summary(folder: &Path, entries: &[TriedPlan], random: Option<(f64, RepeatsNeeded)>) -> String {
     let main = &entries[0];
-    let mut text = identify::describe(&main.calibration.1.identification);
+    let mut text = deflections::describe(&main.calibration.1.identification);
     text.push('\n');
     let micro = |value: f64| number(Some(value * 1e6), 2);
     let rows = entries.iter().map(|entry| {

@@ -12,11 +12,11 @@ use elastocal::quantities::limits::MOST_EXPERIMENTS;
 use elastocal::record::selection::{PlannedChoiceMessage, SelectionMessage, SelectionSizeMessage};
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::study::selection::{CHOICES, SelectionWanted, WITH_FUNCTIONS, select};
-use elastocal::text::wording::{counted, shell_path};
+use elastocal::text::wording::counted;
 use elastocal::view::selection_plot::selection_plot;
 use serde_json::json;
 
-use super::identify_absolute::explained;
+use super::identify::absolute::explained;
 use super::interruption::ask_search;
 use super::progress::{bar, show};
 use super::table::{number, table};
@@ -52,9 +52,8 @@ pub struct Select {
 impl Select {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let origin = Origin::read(&self.measurements)?;
-        let file = shell_path(&self.measurements);
-        let usage = format!("elastocal select SCENARIO --measurements {file}");
-        let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
+        let input = ["select", "--measurements"];
+        let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);
         check_outputs(&mut roles, &[("--plot-out", self.plot_out.as_deref())])?;

@@ -53,7 +53,7 @@ pub fn report_judged(
         tolerance.guard_band,
         largest(|each| each.expanded_uncertainty_m),
         largest(|each| each.distance_m),
-        decision.name()
+        decision
     );
     let all = each.len();
     report.conditions.extend(match decision {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use elastocal::plan::{BudgetSource, UncertaintyBudget};
-use elastocal::record::account::ContributionMessage;
+use elastocal::study::account::Contribution;
 use elastocal::text::wording::significant;
 
 use super::table::{number, or_dash, table};
@@ -72,11 +72,11 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
 }
 
 /// The contributions to the errors of a simulated truth.
-pub fn contributions(sources: &[ContributionMessage]) -> String {
+pub fn contributions(sources: &[Contribution]) -> String {
     let total: f64 = (sources.iter())
         .map(|each| each.contribution_um.powi(2))
         .sum();
-    let row = |each: &ContributionMessage| {
+    let row = |each: &Contribution| {
         let hidden = if each.hidden { " (hidden)" } else { "" };
         let share = each.contribution_um.powi(2) / total * 100.0;
         vec![

@@ -8,11 +8,13 @@
 //! All of it has the instrument's noise in it. Readings of one visit are averaged first: they say nothing of how a robot returns.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use crate::experiment::{is_one_configuration, together};
 use crate::measurement::{AbsoluteReading, Measurement, by_experiment};
 use crate::numeric::tolerance::pose_repeatability;
+use crate::quantities::written::{from_one, thousandfold};
 
 /// Two visits are as far from their mean, and say nothing of how distances scatter.
 const FEWEST: usize = 3;
@@ -29,37 +31,43 @@ struct RepeatedVisit {
 }
 
 /// The visits of one pose.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RepeatedPose {
-    /// Its first row, from 0.
+    /// Its first row, from 0; from 1 in records.
+    #[serde(serialize_with = "from_one")]
     pub first: usize,
     /// The number of visits.
     pub visits: usize,
     /// RP (m); none of two visits.
+    #[serde(rename = "rp_mm", serialize_with = "thousandfold")]
     pub repeatability_m: Option<f64>,
     /// AP (m), where readings are absolute.
+    #[serde(rename = "ap_mm", serialize_with = "thousandfold")]
     pub accuracy_m: Option<f64>,
 }
 
 /// How the places move over the visits of a file.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PlaceDrift {
-    /// Whether it is by hour; else by row of the file.
-    pub is_by_hour: bool,
+    /// What the slope is by: `row`, in the file's order, or `hour`.
+    pub by: &'static str,
     /// How far places move (m) in an hour, or from row to row.
+    #[serde(rename = "slope_mm", serialize_with = "thousandfold")]
     pub slope_m: Vector3<f64>,
     /// The standard errors.
+    #[serde(rename = "standard_error_mm", serialize_with = "thousandfold")]
     pub standard_error_m: Vector3<f64>,
     /// The probability of slopes at least as large where there is no drift; none where the visits are too few.
     pub probability: Option<f64>,
 }
 
 /// What repeated visits show.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Repeats {
     /// The poses that were visited more than once.
     pub poses: Vec<RepeatedPose>,
     /// RP (m) by the covariance pooled over them.
+    #[serde(rename = "rp_mm", serialize_with = "thousandfold")]
     pub repeatability_m: f64,
     /// Its degrees of freedom in each coordinate.
     pub degrees_of_freedom: usize,
@@ -220,7 +228,7 @@ fn drift(
     let freedom = freedom as f64 - 1.0;
     let covariance = (scatter - slope_m * slope_m.transpose() * spread) / (freedom * spread);
     Some(PlaceDrift {
-        is_by_hour,
+        by: if is_by_hour { "hour" } else { "row" },
         slope_m,
         standard_error_m: covariance
             .diagonal()

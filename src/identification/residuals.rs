@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
@@ -12,6 +13,7 @@ use super::error::IdentificationError;
 use super::estimate::Identification;
 use super::outliers::RejectedReading;
 use crate::numeric::least_squares::LeastSquares;
+use crate::quantities::written::from_one;
 use crate::task::Method;
 
 /// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes
@@ -19,7 +21,7 @@ use crate::task::Method;
 const NO_VARIANCE: f64 = 1e-8;
 
 /// The residual of one measurement against its own uncertainty.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MeasurementResidual {
     /// Its coordinates, those of the deflection before those of the rotation, each over its own
     /// standard deviation: that of the measurement, less what the fit took up (leverage). `None`
@@ -32,6 +34,7 @@ pub struct MeasurementResidual {
     /// sum of squares loses if the measurement is left out.
     pub distance: f64,
     /// The number of independent coordinates in that.
+    #[serde(rename = "degrees_of_freedom")]
     pub freedom: usize,
     /// The probability of a distance at least as large if the measurement is like the others;
     /// `None` where nothing is left to judge by.
@@ -39,17 +42,20 @@ pub struct MeasurementResidual {
 }
 
 /// The measurement that fits least, and what would be without it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Suspect {
-    /// Its index, from 0.
+    /// Its index, from 0; from 1 in records.
+    #[serde(serialize_with = "from_one")]
     pub measurement: usize,
     /// The probability that chance alone puts any of the measurements as far out.
     pub probability_of_any: f64,
     /// The change of each compliance if it is left out, in standard errors; `None` where it is not
     /// determined with the measurement, or not without it.
+    #[serde(rename = "compliance_change_standard_errors")]
     pub change: Vec<Option<f64>>,
     /// The probability of residuals as large as those of the others, see
     /// [`Identification::consistency`].
+    #[serde(rename = "consistency_without")]
     pub consistency: Option<f64>,
 }
 

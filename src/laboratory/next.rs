@@ -2,13 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::compensation::{predicted_error, test_pose_rows};
 use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_printed_as};
 use crate::identification::{Case, Identification, Sigma};
 use crate::measurement::{Measurement, by_experiment};
-use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::plan::search::{Bound, Problem, SearchError, Watch, approximate_design, exact_design};
-use crate::plan::{Criterion, posterior};
+use crate::plan::{Criterion, posterior, rho0_m};
 use crate::task::{Forbidden, Method, Task};
 
 /// The plan that measurements have carried out: experiments in the order of their first measurement.
@@ -99,19 +97,6 @@ impl Remaining {
     }
 }
 
-/// The rms distance that compensation leaves over a task's test poses (m), by what is known.
-///
-/// # Errors
-/// A test pose depends on what is not determined.
-pub fn accuracy(task: &Task, posterior: &Posterior) -> Result<f64, NotDetermined> {
-    let mut sum = 0.0;
-    for pose in &task.test_poses {
-        let matrix = test_pose_rows(&task.belief, pose);
-        sum += pose.weight * predicted_error(&matrix, posterior)?.powi(2);
-    }
-    Ok(sum.sqrt())
-}
-
 /// How many measurements a campaign is to have in all.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
@@ -183,7 +168,7 @@ fn planned(task: &Task, count: u32, seed: u64, watch: Watch<'_>) -> Result<Rest,
     let design = exact_design(&problem, &approximate, count, count, seed, watch)?;
     let bound = Bound::new(&task, &approximate);
     // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
-    let prediction = accuracy(&task, &posterior(&task.belief, &design.plan));
+    let prediction = rho0_m(&task, &posterior(&task.belief, &design.plan));
     Ok(Rest {
         rho0_m: prediction.unwrap_or(design.cost.sqrt()),
         bound_m: bound.of_size(count).ok().map(|bound| bound.best),

@@ -1,13 +1,12 @@
 //! Plans by the minutes that they take, in place of the number of measurements: repeats are cheap, changes are
 //! not.
 
-use super::next::accuracy;
 use super::{Campaign, Laboratory};
 use crate::experiment::{Loads, Plan};
 use crate::plan::search::{
     ApproximateDesign, Problem, SearchError, Watch, approximate_design, exact_design,
 };
-use crate::plan::{Criterion, posterior};
+use crate::plan::{Criterion, posterior, rho0_m};
 use crate::task::Task;
 
 /// Searches for each number of configurations: fewer than for a single plan.
@@ -181,8 +180,7 @@ impl TimeSearch<'_> {
             ways_min = campaign.minutes - work_min;
             if campaign.minutes <= minutes {
                 let timed = TimedPlan {
-                    rho0_m: accuracy(task, &posterior(&task.belief, &plan))
-                        .unwrap_or(f64::INFINITY),
+                    rho0_m: rho0_m(task, &posterior(&task.belief, &plan)).unwrap_or(f64::INFINITY),
                     plan,
                     experiments,
                     configurations,

@@ -2,8 +2,9 @@
 //!
 //! - [`limits`]: how large things may be that are counted.
 //! - [`plausible`]: for each kind of quantity the range that every reader takes.
-//! - [`units`]: from SI units to those of files.
+//! - [`units`]: from SI units to those of files; [`written`]: serialisers of such fields.
 
 pub mod limits;
 pub mod plausible;
 pub mod units;
+pub mod written;

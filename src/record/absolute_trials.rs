@@ -1,48 +1,28 @@
 //! The reference simulation of a plan of absolute readings, as a record.
 
-use serde::Serialize;
+use serde_json::{Value, json};
 
-use super::account::ContributionMessage;
-use super::study::{HistogramMessage, StudyPlanMessage};
+use super::study::StudyPlanMessage;
 use crate::plan::absolute::PredictedAccuracy;
 use crate::study::summary::Measured;
 use crate::study::{Conditions, account::Account, tally::Tally, verdict::Kept};
 use crate::task::Task;
 
 /// Robots that were drawn, read as the plan says, identified and looked at.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct AbsoluteTrialsMessage {
-    /// How many robots were drawn.
-    pub robots: u64,
-    /// How many of them could not be identified, or not looked at.
-    pub failed: u64,
-    /// What the first of these failed by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AbsoluteTrials {
+    /// What a study says of as many runs; there is at least one.
+    pub runs: StudyPlanMessage,
+    /// What the first robot failed by that could not be identified, or not looked at.
     pub first_failure: Option<String>,
-    /// The predicted rms distance (mm).
-    pub predicted_rms_mm: f64,
-    /// The rms distance that was left (mm).
-    pub rms_mm: f64,
-    /// Its standard error (mm).
-    pub rms_std_mm: f64,
     /// The share of robots that stayed below what 95 % were predicted to.
     pub below_quantile95: Option<f64>,
-    /// The share of test poses at which the tool was within the region of 95 % that was predicted there.
-    pub coverage95: Option<f64>,
-    /// `holds`: within three standard errors and 2 %; `exceeded`, or `conservative`.
-    pub prediction: &'static str,
-    /// The same in words, with what breaks it most.
-    pub verdict: String,
-    /// The contributions that are predicted, and those of what the planner's model does not know.
-    pub contributions: Vec<ContributionMessage>,
-    /// How often which distances were left.
-    pub histogram: HistogramMessage,
-    /// The same as a study has it.
-    #[serde(skip)]
-    pub as_study: StudyPlanMessage,
+    /// Whether the prediction holds: within three standard errors and 2 %.
+    pub prediction: Kept,
 }
 
-impl AbsoluteTrialsMessage {
-    /// The record of a plan's runs, with what was predicted, and is hidden; `None` where no run says anything.
+impl AbsoluteTrials {
+    /// A plan's runs, with what was predicted, and is hidden; `None` where no run says anything.
     pub fn new(
         task: &Task,
         prediction: &PredictedAccuracy,
@@ -52,27 +32,45 @@ impl AbsoluteTrialsMessage {
         let conditions = Conditions::plain(task, prediction.readings);
         let predicted = (Some(account), prediction.quantile95_m);
         let name = "virtual robots";
-        let as_study = StudyPlanMessage::new(name, &conditions, 0, (tally, None), predicted);
-        let predicted_rms_mm = account.predicted_m * 1e3;
+        let runs = StudyPlanMessage::new(name, &conditions, 0, (tally, None), predicted);
         let observed_mm = Measured {
-            value: as_study.rms_mm?,
-            standard_error: as_study.rms_std_mm?,
+            value: runs.rms_mm?,
+            standard_error: runs.rms_std_mm?,
         };
         let below = |quantile95_m: f64| tally.share_below(quantile95_m / conditions.sigma_m);
         Some(Self {
-            robots: tally.runs + tally.failures(),
-            failed: as_study.failed,
             first_failure,
-            predicted_rms_mm,
-            rms_mm: observed_mm.value,
-            rms_std_mm: observed_mm.standard_error,
             below_quantile95: prediction.quantile95_m.and_then(below),
-            coverage95: as_study.coverage95,
-            prediction: Kept::of(predicted_rms_mm, observed_mm).name(),
-            verdict: as_study.verdict.clone()?,
-            contributions: as_study.contributions.clone(),
-            histogram: as_study.histogram.clone(),
-            as_study,
+            prediction: Kept::of(account.predicted_m * 1e3, observed_mm),
+            runs,
+        })
+    }
+
+    /// What became of the prediction, in words that follow it.
+    pub fn outcome(&self) -> String {
+        let verdict = self.runs.verdict.as_deref().unwrap_or_default();
+        match self.prediction {
+            Kept::Holds => verdict.to_owned(),
+            Kept::Exceeded | Kept::Conservative => format!("is {verdict}"),
+        }
+    }
+
+    /// The record.
+    pub fn json(&self) -> Value {
+        let runs = &self.runs;
+        json!({
+            "robots": runs.runs + runs.failed,
+            "failed": runs.failed,
+            "first_failure": self.first_failure,
+            "predicted_rms_mm": runs.combined_rms_mm,
+            "rms_mm": runs.rms_mm,
+            "rms_std_mm": runs.rms_std_mm,
+            "below_quantile95": self.below_quantile95,
+            "coverage95": runs.coverage95,
+            "prediction": self.prediction,
+            "verdict": runs.verdict,
+            "contributions": runs.contributions,
+            "histogram": runs.histogram,
         })
     }
 }

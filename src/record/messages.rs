@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::codes::Condition;
 use crate::files::{FileError, hexadecimal, schema::RESULTS_VERSION, sha256_of};
-use crate::identification::{Identification, UncertainEstimate};
+use crate::identification::{Identification, MeasurementResidual, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
 use crate::plan::{
@@ -20,7 +20,7 @@ use crate::plan::{
     Violation,
 };
 use crate::quantities::units;
-use crate::record::{platform::platform, residuals::ResidualMessage};
+use crate::record::{platform::platform, residuals};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Method};
@@ -518,7 +518,8 @@ pub struct CalibrationMessage {
     /// What was identified from the measurements.
     pub identification: IdentificationMessage,
     /// Each measurement's residual, standardised.
-    pub residuals: Vec<ResidualMessage>,
+    #[serde(serialize_with = "residuals::written")]
+    pub residuals: Vec<MeasurementResidual>,
     /// What that achieves at each test pose.
     pub test_poses: Vec<TestPoseMessage>,
 }
@@ -539,7 +540,7 @@ impl CalibrationMessage {
                 &calibration.truth,
             ),
             identification: (&calibration.identification).into(),
-            residuals: ResidualMessage::of(&calibration.residuals),
+            residuals: calibration.residuals.clone(),
             test_poses: poses
                 .map(|each| TestPoseMessage::new(commands, each))
                 .collect(),

@@ -5,7 +5,7 @@
 //! - [`platform`]: what results may depend on beyond the program, the scenario and the seed.
 //! - [`inconsistencies`]: two series of readings that cannot both be right.
 //! - [`model_selection`]: models with more and more parameters, compared.
-//! - [`residuals`], [`patterns`], [`repeats`]: what `identify` says of residuals, likely mistakes and repeated visits.
+//! - [`residuals`], [`patterns`]: what `identify` says of residuals and likely mistakes.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
@@ -17,7 +17,6 @@
 pub mod absolute;
 pub mod absolute_plan;
 pub mod absolute_trials;
-pub mod account;
 pub mod campaign;
 pub mod evidence;
 pub mod inconsistencies;
@@ -26,7 +25,6 @@ pub mod messages;
 pub mod model_selection;
 pub mod patterns;
 pub mod platform;
-pub mod repeats;
 pub mod residuals;
 pub mod selection;
 pub mod study;

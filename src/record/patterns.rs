@@ -1,76 +1,49 @@
 //! Patterns in residuals, as a record.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::identification::RejectedReading;
 use crate::identification::patterns::{
-    Against, Course, Drifting, LEVEL, Pattern, Patterns, WAVES_TO_SEE,
+    Against, Course, Drifting, LEVEL, Pattern, PatternPoint, Patterns, WAVES_TO_SEE,
 };
 
 /// What residuals go with.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Serialize)]
 pub struct PatternsMessage {
     /// What was found, the strongest first.
     pub found: Vec<PatternMessage>,
     /// How many candidates were looked at.
     pub looked_at: usize,
     /// Against which things.
-    pub kinds: Vec<String>,
+    pub kinds: Vec<&'static str>,
     /// The probability that anything at all is found in residuals without a pattern.
     pub false_alarm_rate: f64,
     /// The share of the residuals' weighted squares that all found explain together.
     pub share: f64,
     /// The numbers, from 1, of readings that were not looked at, since they lie far out of what the others leave.
-    #[serde(default)]
     pub without: Vec<usize>,
 }
 
 /// Something that residuals go with.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Serialize)]
 pub struct PatternMessage {
     /// Against what: `joint angle`, `joint torque`, `approach`, `order`, `time`, `temperature` or `range`.
-    pub against: String,
+    pub against: &'static str,
     /// The joint; null where it is none's.
     pub joint: Option<String>,
     /// How many waves in a revolution, against a joint's angle.
     pub harmonic: Option<usize>,
     /// What drifts, with order, time and temperature: `base`, `size` or `joint`.
-    pub drifting: Option<String>,
-    /// The pattern in words.
-    pub sentence: String,
-    /// What may cause it.
-    pub cause: String,
-    /// How large it is: the amplitude of waves, the whole range of all else.
-    pub size: f64,
-    /// The unit of that: `rad`, `m`, `1` or, of deflections, `rad/(N m)`.
-    pub unit: String,
-    /// The share of the residuals' weighted squares that it explains.
-    pub share: f64,
-    /// F, over the design effect.
-    pub statistic: f64,
-    /// Its first number of degrees of freedom.
-    pub degrees_of_freedom: usize,
-    /// By how much discrepancies that are alike in a block of joint space count less than independent ones.
-    pub design_effect: f64,
-    /// The probability that chance makes any of all that were looked at as strong.
-    pub probability: f64,
+    pub drifting: Option<&'static str>,
+    /// Its words and numbers.
+    #[serde(flatten)]
+    pub pattern: Pattern,
+    /// The unit of its size: `rad`, `m`, `1` or, of deflections, `rad/(N m)`.
+    pub unit: &'static str,
     /// The unit of `at` in the points.
-    pub at_unit: String,
+    pub at_unit: &'static str,
     /// Means over the readings.
-    pub points: Vec<PatternPointMessage>,
-}
-
-/// The mean of what some readings show.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct PatternPointMessage {
-    /// Where, in `at_unit`.
-    pub at: f64,
-    /// What is seen there, in `unit`; other patterns are taken off.
-    pub observed: f64,
-    /// Its standard error.
-    pub standard_error: f64,
-    /// What the pattern says.
-    pub pattern: f64,
+    pub points: Vec<PatternPoint>,
 }
 
 impl PatternsMessage {
@@ -82,7 +55,7 @@ impl PatternsMessage {
                 .map(|pattern| message(pattern, joints, is_of_deflections))
                 .collect(),
             looked_at: patterns.looked_at,
-            kinds: patterns.kinds.iter().map(|&kind| kind.to_owned()).collect(),
+            kinds: patterns.kinds.clone(),
             false_alarm_rate: LEVEL,
             share: patterns.share,
             without: Vec::new(),
@@ -120,32 +93,23 @@ fn message(pattern: &Pattern, joints: &[String], is_of_deflections: bool) -> Pat
     };
     let points = pattern.points.iter();
     PatternMessage {
-        against: against.kind().to_owned(),
+        against: against.kind(),
         joint: against.joint().and_then(|joint| joints.get(joint).cloned()),
         harmonic: match against {
             Against::Angle { waves, .. } => Some(waves),
             _ => None,
         },
         drifting: match against {
-            Against::Course(_, drifting) => Some(drifting.word().to_owned()),
+            Against::Course(_, drifting) => Some(drifting.word()),
             _ => None,
         },
-        sentence: pattern.sentence.clone(),
-        cause: pattern.cause.to_owned(),
-        size: pattern.size,
-        unit: unit.to_owned(),
-        share: pattern.share,
-        statistic: pattern.statistic,
-        degrees_of_freedom: pattern.degrees_of_freedom,
-        design_effect: pattern.design_effect,
-        probability: pattern.probability,
-        at_unit: at_unit.to_owned(),
+        pattern: pattern.clone(),
+        unit,
+        at_unit,
         points: points
-            .map(|point| PatternPointMessage {
+            .map(|point| PatternPoint {
                 at: point.at * at_factor,
-                observed: point.seen,
-                standard_error: point.standard_error,
-                pattern: point.pattern,
+                ..*point
             })
             .collect(),
     }

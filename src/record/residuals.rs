@@ -1,105 +1,49 @@
 //! Residuals by measurement and likely mistakes, the record of `identify`.
 
-use serde::{Deserialize, Serialize};
+use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
 
 use crate::identification::diagnoses::{Diagnosis, Mistake};
 use crate::identification::{MeasurementResidual, Residuals};
 
-/// The residual of one measurement against its own uncertainty.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct ResidualMessage {
-    /// The measurement's number, from 1.
-    pub measurement: usize,
-    /// The residual's coordinates x, y, z (of a rotation, too, where it is measured) over their own
-    /// standard deviations; null where the fit goes through the measurement.
-    pub standardised: Vec<Option<f64>>,
-    /// How many of its coordinates the fit takes up (the trace of its block of the hat matrix): over all measurements the
-    /// effective number of parameters.
-    #[serde(default)]
-    pub leverage: f64,
-    /// The Mahalanobis distance of the residual.
-    pub distance: f64,
-    /// The number of independent coordinates in that.
-    pub degrees_of_freedom: usize,
-    /// The probability of a distance at least as large by chance.
-    pub probability: Option<f64>,
+/// A measurement's residual with the measurement's number, from 1.
+#[derive(Serialize)]
+struct NumberedResidual<'a> {
+    measurement: usize,
+    #[serde(flatten)]
+    residual: &'a MeasurementResidual,
 }
 
-impl ResidualMessage {
-    /// The records of measurements' residuals in their order.
-    pub fn of(residuals: &[MeasurementResidual]) -> Vec<Self> {
-        let message = |(measurement, each): (usize, &MeasurementResidual)| Self {
-            measurement,
-            standardised: each.standardised.clone(),
-            leverage: each.leverage,
-            distance: each.distance,
-            degrees_of_freedom: each.freedom,
-            probability: each.probability,
-        };
-        (1..).zip(residuals).map(message).collect()
-    }
+fn numbered(residuals: &[MeasurementResidual]) -> impl Iterator<Item = NumberedResidual<'_>> {
+    let number = |(measurement, residual)| NumberedResidual {
+        measurement,
+        residual,
+    };
+    (1..).zip(residuals).map(number)
 }
 
-/// The measurement that fits least, and what would be without it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct SuspectMessage {
-    /// The measurement's number, from 1.
-    pub measurement: usize,
-    /// The probability that chance alone puts any of the measurements as far out.
-    pub probability_of_any: f64,
-    /// The change of each compliance without it, in standard errors.
-    pub compliance_change_standard_errors: Vec<Option<f64>>,
-    /// The consistency of the others.
-    pub consistency_without: Option<f64>,
-}
-
-/// A likely mistake.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisMessage {
-    /// What kind of mistake.
-    pub kind: String,
-    /// What may be wrong, what shows it and what to do.
-    pub text: String,
-    /// The natural logarithm of how many times more probable the measurements are with the mistake
-    /// than without; null for what the file itself shows.
-    pub log_evidence_ratio: Option<f64>,
+/// Writes the residuals of measurements in their order, numbered.
+pub(super) fn written<S: Serializer>(
+    residuals: &[MeasurementResidual],
+    to: S,
+) -> Result<S::Ok, S::Error> {
+    to.collect_seq(numbered(residuals))
 }
 
 /// What `identify` says of residuals and mistakes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct ResidualsMessage {
-    /// Each measurement's residual.
-    pub residuals: Vec<ResidualMessage>,
-    /// The measurement that fits least.
-    pub most_suspicious: Option<SuspectMessage>,
-    /// Likely mistakes.
-    pub diagnoses: Vec<DiagnosisMessage>,
-}
-
-impl ResidualsMessage {
-    /// The record of residuals and diagnoses.
-    pub fn new(residuals: &Residuals, diagnoses: &[Diagnosis]) -> Self {
-        Self {
-            residuals: ResidualMessage::of(&residuals.measurements),
-            most_suspicious: residuals.suspect.as_ref().map(|suspect| SuspectMessage {
-                measurement: suspect.measurement + 1,
-                probability_of_any: suspect.probability_of_any,
-                compliance_change_standard_errors: suspect.change.clone(),
-                consistency_without: suspect.consistency,
-            }),
-            diagnoses: diagnoses.iter().map(Into::into).collect(),
-        }
-    }
-}
-
-impl From<&Diagnosis> for DiagnosisMessage {
-    fn from(diagnosis: &Diagnosis) -> Self {
-        Self {
-            kind: kind(&diagnosis.mistake).to_owned(),
-            text: diagnosis.text.clone(),
-            log_evidence_ratio: diagnosis.log_evidence_ratio,
-        }
-    }
+pub fn residuals_json(residuals: &Residuals, diagnoses: &[Diagnosis]) -> Value {
+    let diagnosis = |each: &Diagnosis| {
+        json!({
+            "kind": kind(&each.mistake),
+            "text": each.text,
+            "log_evidence_ratio": each.log_evidence_ratio,
+        })
+    };
+    json!({
+        "residuals": numbered(&residuals.measurements).collect::<Vec<_>>(),
+        "most_suspicious": residuals.suspect,
+        "diagnoses": diagnoses.iter().map(diagnosis).collect::<Vec<_>>(),
+    })
 }
 
 const fn kind(mistake: &Mistake) -> &'static str {

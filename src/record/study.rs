@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use super::account::{ContributionMessage, verdict};
 use super::messages::CommonSourcesMessage;
 use crate::csv::word_field;
+use crate::study::Conditions;
+use crate::study::account::{Account, Contribution};
 use crate::study::summary::{Measured, Summary};
 use crate::study::tally::{Failure, Tally};
 use crate::study::verdict::{MonteCarloOutcome, numerical_tolerance};
-use crate::study::{Conditions, account::Account};
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -49,7 +49,7 @@ pub struct StudyPlanMessage {
     /// The contributions to the errors of the simulated truth, to first order; their squares add up to the square of what is to be
     /// expected.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub contributions: Vec<ContributionMessage>,
+    pub contributions: Vec<Contribution>,
     /// The error sources in common with the campaign of `robot.prior`, which the runs take as independent; null where there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub common_sources: Option<CommonSourcesMessage>,
@@ -93,7 +93,8 @@ pub struct ValidationMessage {
     /// The numerical tolerance of the predicted standard uncertainty with two significant digits (um).
     pub numerical_tolerance_um: f64,
     /// `validated`, `not validated`, or `undecided` by so few runs.
-    pub outcome: &'static str,
+    #[schemars(with = "String")]
+    pub outcome: MonteCarloOutcome,
 }
 
 impl ValidationMessage {
@@ -106,7 +107,7 @@ impl ValidationMessage {
             monte_carlo_um: observed_m.value * 1e6,
             monte_carlo_std_um: observed_m.standard_error * 1e6,
             numerical_tolerance_um: tolerance_m * 1e6,
-            outcome: outcome.name(),
+            outcome,
         }
     }
 }
@@ -164,15 +165,11 @@ impl StudyPlanMessage {
             predicted_rms_mm: of(&|each| each.predicted_rms_m * 1e3),
             combined_rms_mm: account.map(|account| account.predicted_m * 1e3),
             predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
-            contributions: account.map_or_else(Vec::new, |account| {
-                (account.parts.iter())
-                    .map(ContributionMessage::from)
-                    .collect()
-            }),
+            contributions: account.map_or_else(Vec::new, |account| account.parts.clone()),
             common_sources: account
                 .and_then(|account| account.common.clone())
                 .map(CommonSourcesMessage::from),
-            verdict: (account.zip(summary)).map(|(account, each)| verdict(account, each.rms_m)),
+            verdict: (account.zip(summary)).map(|(account, each)| account.verdict(each.rms_m)),
             validation: (predicted_quantile95_m.zip(summary)).map(|(predicted_m, each)| {
                 let standard_m =
                     account.map_or(each.predicted_rms_m, |account| account.predicted_m);

@@ -81,77 +81,73 @@ pub struct PlanHeader {
     pub predicted_quantile95_m: Option<f64>,
 }
 
-impl Header {
-    /// The header of a study in so many shards.
-    pub fn new(
+impl PlanHeader {
+    /// The plans of a study of deflections.
+    pub fn of_deflections(
         scenario: &Scenario,
         settings: &[Setting<'_>],
-        level: Level,
-        trials: u64,
-        shards: u64,
         entries: &[Entry],
-    ) -> Self {
+    ) -> Vec<Self> {
         let plan = |(entry, reference): (&Entry, Option<usize>)| {
-            let conditions = &settings[entry.setting].conditions;
-            PlanHeader {
+            let setting = &settings[entry.setting];
+            let (task, fixed) = (&setting.task, entry.kind.plan());
+            Self {
                 name: entry.name.clone(),
-                conditions: *conditions,
+                conditions: setting.conditions,
                 reference,
-                sha256: entry.kind.plan().map(fingerprint),
-                account: (entry.kind.plan())
+                sha256: fixed.map(fingerprint),
+                account: fixed
                     .filter(|_| scenario.truth.leaves_more_than_noise())
-                    .and_then(|plan| {
-                        let setting = &settings[entry.setting];
-                        Account::new(&setting.task, setting.truth, plan)
-                    }),
-                predicted_quantile95_m: (entry.kind.plan())
-                    .and_then(|plan| {
-                        let task = &settings[entry.setting].task;
-                        quantile95_m(task, &posterior(&task.belief, plan))
-                    })
+                    .and_then(|plan| Account::new(task, setting.truth, plan)),
+                predicted_quantile95_m: fixed
+                    .and_then(|plan| quantile95_m(task, &posterior(&task.belief, plan)))
                     .map(to_ten_digits),
             }
         };
+        let entries = entries.iter().zip(runner::references(entries));
+        entries.map(plan).collect()
+    }
+
+    /// The plans of a study of absolute readings.
+    pub fn of_absolute(
+        scenario: &Scenario,
+        entries: &[AbsoluteEntry<'_>],
+        runner: &AbsoluteRunner<'_>,
+    ) -> Vec<Self> {
+        let (task, truth) = (&scenario.task, &scenario.truth);
+        let plan = |((entry, prediction), reference): ((&AbsoluteEntry<'_>, _), _)| {
+            let prediction: &PredictedAccuracy = prediction;
+            Self {
+                name: entry.name.clone(),
+                conditions: Conditions::plain(task, prediction.readings),
+                reference,
+                sha256: Some(fingerprint(&rows(entry))),
+                account: Account::of_absolute(task, truth, entry, prediction),
+                predicted_quantile95_m: prediction.quantile95_m.map(to_ten_digits),
+            }
+        };
+        let predicted = entries.iter().zip(runner.predictions());
+        predicted.zip(runner.references()).map(plan).collect()
+    }
+}
+
+impl Header {
+    /// The header of a study of so many runs in so many shards.
+    pub fn new(
+        scenario: &Scenario,
+        level: Level,
+        [trials, shards]: [u64; 2],
+        plans: Vec<PlanHeader>,
+    ) -> Self {
         Self {
             provenance: ProvenanceMessage::new(scenario),
             trials,
             level,
             absolute: None,
             parameters: scenario.task.belief.parameter_names(),
-            plans: (entries.iter().zip(runner::references(entries)))
-                .map(plan)
-                .collect(),
+            plans,
             shards,
             gate: scenario.gate.clone(),
-        }
-    }
-
-    /// The same of a study of absolute readings, on virtual robots.
-    pub fn of_absolute(
-        scenario: &Scenario,
-        absolute: AbsoluteStudyHeader,
-        [trials, shards]: [u64; 2],
-        (entries, runner): (&[AbsoluteEntry<'_>], &AbsoluteRunner<'_>),
-    ) -> Self {
-        let header = Self::new(scenario, &[], Level::Robot, trials, shards, &[]);
-        let plan = |((entry, prediction), reference): ((&AbsoluteEntry<'_>, _), _)| {
-            let prediction: &PredictedAccuracy = prediction;
-            PlanHeader {
-                name: entry.name.clone(),
-                conditions: Conditions::plain(&scenario.task, prediction.readings),
-                reference,
-                sha256: Some(fingerprint(&rows(entry))),
-                account: Account::of_absolute(&scenario.task, &scenario.truth, entry, prediction),
-                predicted_quantile95_m: prediction.quantile95_m.map(to_ten_digits),
-            }
-        };
-        Self {
-            absolute: Some(absolute),
-            plans: (entries.iter().zip(runner.predictions()))
-                .zip(runner.references())
-                .map(plan)
-                .collect(),
-            ..header
         }
     }
 
@@ -262,7 +258,7 @@ struct WrittenTallyFile<'a> {
     part: &'a TallyFile,
 }
 
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 impl TallyFile {
     /// A shard of which nothing is done.

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::absolute::AbsoluteEntry;
 use super::deviations::{Deviations, by_repeats};
+use super::{summary::Measured, verdict::Kept};
 use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::PredictedAccuracy;
@@ -24,24 +25,23 @@ use crate::plan::{
 use crate::task::Task;
 use crate::testbed::Truth;
 
-/// A part of the errors.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct AccountPart {
-    /// What leaves it.
-    pub name: String,
-    /// Whether the belief does not know of it.
-    #[serde(rename = "hidden")]
-    pub is_hidden: bool,
-    /// Its contribution, rms over the test poses (m).
-    pub rms_m: f64,
+/// The contribution of a source to the errors of the simulated truth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Contribution {
+    /// Its name: "noise", "earlier identification", "true robot", or that of an uncertainty.
+    pub source: String,
+    /// Whether the planner's model does not know of it.
+    pub hidden: bool,
+    /// The contribution `u_i` (um), to first order, rms over the test poses.
+    pub contribution_um: f64,
 }
 
-impl AccountPart {
-    fn new(name: &str, is_hidden: bool, rms_m: f64) -> Self {
+impl Contribution {
+    fn new(source: &str, hidden: bool, contribution_m: f64) -> Self {
         Self {
-            name: name.to_owned(),
-            is_hidden,
-            rms_m,
+            source: source.to_owned(),
+            hidden,
+            contribution_um: contribution_m * 1e6,
         }
     }
 }
@@ -52,7 +52,7 @@ pub struct Account {
     /// The belief's prediction `rho_0` (m).
     pub predicted_m: f64,
     /// What the errors are made of, to first order.
-    pub parts: Vec<AccountPart>,
+    pub parts: Vec<Contribution>,
     /// The error sources in common with the campaign of `robot.prior`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub common: Option<CommonSources>,
@@ -61,8 +61,34 @@ pub struct Account {
 impl Account {
     /// The rms distance that is to be expected (m).
     pub fn expected_m(&self) -> f64 {
-        let squares = self.parts.iter().map(|part| part.rms_m * part.rms_m);
-        squares.sum::<f64>().sqrt()
+        let squares = self.parts.iter().map(|part| part.contribution_um.powi(2));
+        squares.sum::<f64>().sqrt() * 1e-6
+    }
+
+    /// What an observed rms distance (m) says of the prediction, in words.
+    pub fn verdict(&self, observed_m: Measured) -> String {
+        let ratio = observed_m.value / self.predicted_m;
+        match Kept::of(self.predicted_m, observed_m) {
+            Kept::Holds if self.common.is_some() => {
+                return "holds where the two campaigns are independent".to_owned();
+            }
+            Kept::Holds => return "holds".to_owned(),
+            Kept::Conservative => return format!("conservative: {ratio:.3} of what is predicted"),
+            Kept::Exceeded => {}
+        }
+        let hidden = self.parts.iter().filter(|part| part.hidden);
+        let worst =
+            hidden.max_by(|one, other| one.contribution_um.total_cmp(&other.contribution_um));
+        let why = match worst {
+            Some(part) if part.contribution_um > 0.0 => format!(
+                "; the largest hidden contribution is {:?}, {:.3} um",
+                part.source, part.contribution_um
+            ),
+            // What it leaves was not computed, or is no first order.
+            Some(part) => format!("; {:?} is hidden", part.source),
+            None => ", though nothing is hidden: the model is not linear enough".to_owned(),
+        };
+        format!("exceeded: {ratio:.3} times what is predicted{why}")
     }
 
     /// The account of a plan of absolute readings; `None` where it predicts nothing.
@@ -78,11 +104,14 @@ impl Account {
             .filter(|each| each.is_hidden || task.belief.uncertain.is_none())
             .collect();
         let left_m = planning.left_by_hidden(task, (plan, prediction), &hidden);
-        let believed = (believed.iter())
-            .map(|each| AccountPart::new(&each.source, false, each.contribution_um * 1e-6));
+        let believed = (believed.iter()).map(|each| Contribution {
+            source: each.source.clone(),
+            hidden: false,
+            contribution_um: each.contribution_um,
+        });
         let hidden = hidden.iter().zip(left_m);
-        let hidden = hidden.map(|(each, rms_m)| AccountPart::new(&each.name, true, rms_m));
-        let mut parts: Vec<AccountPart> = believed.chain(hidden).collect();
+        let hidden = hidden.map(|(each, rms_m)| Contribution::new(&each.name, true, rms_m));
+        let mut parts: Vec<Contribution> = believed.chain(hidden).collect();
         // How much a robot of another kind leaves is not computed.
         let nominal = &task.belief.nominal;
         let is_found = |joint: usize| {
@@ -97,7 +126,7 @@ impl Account {
             || !truth.robot.torque_laws.is_empty()
             || truth.robot.model.path() != nominal.model.path();
         if is_another {
-            parts.push(AccountPart::new("true robot", true, 0.0));
+            parts.push(Contribution::new("true robot", true, 0.0));
         }
         Some(Self {
             predicted_m: prediction.rho0_m()?,
@@ -155,7 +184,7 @@ impl Account {
         }
 
         let part = |name: &str, is_hidden, square: f64| {
-            AccountPart::new(name, is_hidden, square.max(0.0).sqrt())
+            Contribution::new(name, is_hidden, square.max(0.0).sqrt())
         };
         let mut parts = vec![part(NOISE, false, noise)];
         if let Some(prior) = &belief.prior {
@@ -207,5 +236,48 @@ impl Account {
             parts,
             common: CommonSources::of_deflections(task, &posterior, predicted_m),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn account() -> Account {
+        Account {
+            common: None,
+            predicted_m: 6e-6,
+            parts: vec![
+                Contribution::new("noise", false, 6e-6),
+                Contribution::new("scale", true, 8e-6),
+                Contribution::new("offset", true, 1e-6),
+            ],
+        }
+    }
+
+    #[test]
+    fn verdicts_name_what_breaks_a_prediction() {
+        let account = account();
+        let said = |value, standard_error| {
+            account.verdict(Measured {
+                value,
+                standard_error,
+            })
+        };
+        assert_eq!(said(6.1e-6, 1e-9), "holds");
+        assert_eq!(said(6.4e-6, 1e-7), "holds");
+        assert!(said(5.5e-6, 1e-8).starts_with("conservative: 0.917"));
+        let broken = said(1e-5, 1e-7);
+        assert!(
+            broken.contains("1.667 times") && broken.contains("\"scale\""),
+            "{broken}"
+        );
+    }
+
+    #[test]
+    fn an_account_comes_back_from_its_text() {
+        let text = serde_json::to_string(&account()).expect("JSON");
+        let read: Account = serde_json::from_str(&text).expect("an account");
+        assert_eq!(read, account());
     }
 }

@@ -1,5 +1,7 @@
 //! Whether a prediction holds: decided here, for deflections and for absolute readings alike.
 
+use serde::Serialize;
+
 use super::summary::Measured;
 
 /// More standard errors than this are not chance ...
@@ -8,7 +10,8 @@ const STANDARD_ERRORS: f64 = 3.0;
 const LINEAR: f64 = 0.02;
 
 /// How a prediction came off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Kept {
     /// Within three standard errors and 2 %.
     Holds,
@@ -30,23 +33,18 @@ impl Kept {
             Self::Holds
         }
     }
-
-    /// Its name in records.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Holds => "holds",
-            Self::Exceeded => "exceeded",
-            Self::Conservative => "conservative",
-        }
-    }
 }
 
 /// What a Monte Carlo study says of a predicted expanded uncertainty U.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, strum::Display)]
+#[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum MonteCarloOutcome {
     /// They differ by the numerical tolerance at most.
     Validated,
     /// They differ by more.
+    #[serde(rename = "not validated")]
+    #[strum(serialize = "not validated")]
     NotValidated,
     /// So few runs tell neither.
     Undecided,
@@ -64,15 +62,6 @@ impl MonteCarloOutcome {
             Self::Validated
         } else {
             Self::Undecided
-        }
-    }
-
-    /// Its name in records.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Validated => "validated",
-            Self::NotValidated => "not validated",
-            Self::Undecided => "undecided",
         }
     }
 }

@@ -5,8 +5,7 @@ use plotters::prelude::*;
 use super::charts::{
     Area, COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, short, text,
 };
-use crate::identification::DistanceStatistics;
-use crate::record::model_selection::{ModelSelectionMessage, NestedModelMessage};
+use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
 use crate::record::patterns::{PatternMessage, PatternsMessage};
 
 /// What each nested model of a model selection leaves of the readings that it was fitted to and of blocks that it was not; the recommended one
@@ -16,19 +15,19 @@ use crate::record::patterns::{PatternMessage, PatternsMessage};
 /// There are no nested models, or the drawing fails.
 pub fn model_selection_plot(
     title: &str,
-    model_selection: &ModelSelectionMessage,
+    model_selection: &ModelSelection,
 ) -> Result<String, PlotError> {
     let nested_models = &model_selection.nested_models;
     if nested_models.is_empty() {
         return Err(PlotError("there are no models".to_owned()));
     }
-    let rms = |lengths: Option<&DistanceStatistics>| lengths.map(|lengths| lengths.rms);
-    let fitted = |nested_model: &NestedModelMessage| rms(nested_model.distance_mm.as_ref());
-    let predicted = |nested_model: &NestedModelMessage| {
-        let judged = nested_model.cross_validation.as_ref()?;
-        rms(judged.distance_mm.as_ref())
+    let rms = |lengths: Option<&DistanceStatistics>| lengths.map(|lengths| lengths.rms * 1e3);
+    let fitted = |nested_model: &NestedModel| rms(nested_model.distances.as_ref());
+    let predicted = |nested_model: &NestedModel| {
+        let judged = nested_model.cross_validation.as_ref().ok()?;
+        rms(judged.distances.as_ref())
     };
-    let line = |of: &dyn Fn(&NestedModelMessage) -> Option<f64>| -> Vec<(f64, f64)> {
+    let line = |of: &dyn Fn(&NestedModel) -> Option<f64>| -> Vec<(f64, f64)> {
         let all = nested_models.iter().enumerate();
         all.filter_map(|(place, nested_model)| Some((place as f64, of(nested_model)?)))
             .collect()
@@ -41,10 +40,15 @@ pub fn model_selection_plot(
         let nested_model = all.find(|(index, _)| (index - place).abs() < 1e-6);
         nested_model.map_or_else(String::new, |(_, nested_model)| {
             let plus = if *place > 0.5 { "+ " } else { "" };
-            format!("{plus}{} ({})", nested_model.added, nested_model.unknowns)
+            format!(
+                "{plus}{} ({})",
+                nested_model.added.word(),
+                nested_model.unknowns
+            )
         })
     };
-    let chosen = model_selection.recommended.and_then(|place| {
+    let chosen = model_selection.recommendation.as_ref().and_then(|each| {
+        let place = each.nested_model;
         let nested_model = nested_models.get(place)?;
         Some((place as f64, predicted(nested_model)?))
     });
@@ -99,7 +103,7 @@ pub fn patterns_plot(title: &str, patterns: &PatternsMessage) -> Result<String, 
 }
 
 fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotError> {
-    let (factor, unit) = match pattern.unit.as_str() {
+    let (factor, unit) = match pattern.unit {
         "rad" => (1e3, "mrad"),
         "m" => (1e3, "mm"),
         "1" => (1e6, "\u{b5}m/m"),
@@ -119,15 +123,15 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
     };
     let ends = points.iter().flat_map(|point| {
         [
-            point.observed - point.standard_error,
-            point.observed + point.standard_error,
+            point.seen - point.standard_error,
+            point.seen + point.standard_error,
             point.pattern,
         ]
     });
     let x = reach(&mut points.iter().map(|point| point.at));
     let y = reach(&mut ends.map(|value| value * factor));
     let panel = panel.titled(&panel_title(pattern), text(INK))?;
-    let at = pattern.joint.as_ref().unwrap_or(&pattern.against);
+    let at = pattern.joint.as_deref().unwrap_or(pattern.against);
     let names = [
         format!("{at} [{}]", pattern.at_unit),
         format!("residual [{unit}]"),
@@ -135,16 +139,16 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
     let axes = [ChartAxis::linear(x, 6), ChartAxis::linear(y, 6)];
     let mut chart = chart_of(&panel, axes, [&names[0], &names[1]], &[], &|x| short(*x))?;
     chart.draw_series(points.iter().map(|point| {
-        let [low, high] = [-1.0, 1.0].map(|side| point.observed + side * point.standard_error);
+        let [low, high] = [-1.0, 1.0].map(|side| point.seen + side * point.standard_error);
         PathElement::new(
             [(point.at, low * factor), (point.at, high * factor)],
             COLOURS[0].stroke_width(3),
         )
     }))?;
-    chart
-        .draw_series((points.iter()).map(|point| {
-            Circle::new((point.at, point.observed * factor), 5, COLOURS[0].filled())
-        }))?;
+    chart.draw_series(
+        (points.iter())
+            .map(|point| Circle::new((point.at, point.seen * factor), 5, COLOURS[0].filled())),
+    )?;
     chart.draw_series(LineSeries::new(
         (points.iter()).map(|point| (point.at, point.pattern * factor)),
         COLOURS[1].stroke_width(4),
@@ -154,11 +158,11 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
 
 fn panel_title(pattern: &PatternMessage) -> String {
     let joint = pattern.joint.as_deref();
-    let share = 100.0 * pattern.share;
+    let share = 100.0 * pattern.pattern.share;
     let what = match (pattern.harmonic, joint) {
         (Some(waves), Some(joint)) => format!("{joint}, harmonic {waves}"),
         (None, Some(joint)) => format!("{joint}, {}", pattern.against),
-        _ => pattern.against.clone(),
+        _ => pattern.against.to_owned(),
     };
     format!("{what}: {share:.1} % of the residuals' variance")
 }

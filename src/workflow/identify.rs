@@ -14,8 +14,7 @@ use crate::record::absolute::RejectedMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
 use crate::record::patterns::PatternsMessage;
-use crate::record::repeats::RepeatsMessage;
-use crate::record::residuals::ResidualsMessage;
+use crate::record::residuals::residuals_json;
 use crate::scenario::Scenario;
 use crate::task::{Belief, Method};
 
@@ -59,7 +58,7 @@ pub struct Identified {
     /// What the residuals go with.
     pub patterns: PatternsMessage,
     /// What repeated measurements show, where there are some.
-    pub repeats: Option<RepeatsMessage>,
+    pub repeats: Option<Repeats>,
 }
 
 /// Why nothing was identified.
@@ -112,7 +111,7 @@ pub fn identify_measurements(
     let all: Vec<usize> = (0..measurements.len()).collect();
     let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
     Ok(Identified {
-        repeats: repeats.as_ref().map(RepeatsMessage::from),
+        repeats,
         patterns: PatternsMessage::new(&patterns, &joints, true).without(&robust.rejected),
         identification: robust.identification,
         rejected: robust.rejected,
@@ -173,8 +172,7 @@ impl Identified {
         });
         let mut json = results("identify", provenance, keys);
         merge(&mut json, serde_json::to_value(&message)?);
-        let more = ResidualsMessage::new(&self.residuals, &self.diagnoses);
-        merge(&mut json, serde_json::to_value(&more)?);
+        merge(&mut json, residuals_json(&self.residuals, &self.diagnoses));
         let more = json!({
             "discrepancy_mm": discrepancy.map(|discrepancy| discrepancy.position_m * 1e3),
             "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|discrepancy| discrepancy.rotation_rad * 1e3),

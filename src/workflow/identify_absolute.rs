@@ -14,7 +14,6 @@ use crate::record::inconsistencies::InconsistenciesMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::ProvenanceMessage;
 use crate::record::patterns::PatternsMessage;
-use crate::record::repeats::RepeatsMessage;
 use crate::scenario::Scenario;
 use crate::task::Belief;
 
@@ -28,7 +27,7 @@ pub struct IdentifiedRobot<'a> {
     /// What its residuals go with.
     pub patterns: PatternsMessage,
     /// What repeated visits show, where there are some.
-    pub repeats: Option<RepeatsMessage>,
+    pub repeats: Option<Repeats>,
     /// The input error that explains what frames alone leave.
     pub likely: Option<Condition>,
     /// The halves of joint space beside each other, where each has enough readings; and other series.
@@ -69,7 +68,7 @@ pub fn identify_absolute<'a>(
     let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
     let repeats = Repeats::of_readings(readings, &residuals_m, &fit.of_kept(&all));
     Ok(IdentifiedRobot {
-        repeats: repeats.as_ref().map(RepeatsMessage::from),
+        repeats,
         patterns: PatternsMessage::new(&patterns, &joints, false).without(&fit.rejected),
         inconsistencies: halves.into_iter().collect(),
         likely,

@@ -273,61 +273,46 @@ fn joint_errors(
 ) -> Result<Vec<JointError>, KeyProblem> {
     let mut joints: Vec<JointError> = Vec::new();
     for (index, each) in messages.iter().enumerate() {
+        let wrong = |key: &str, problem: String| Err((format!("joints[{index}].{key}"), problem));
         let joint = (arm.chain.joints.iter()).position(|joint| joint.name == each.joint);
+        let Some(joint) = joint else {
+            return wrong("joint", format!("the robot has no joint {:?}", each.joint));
+        };
+        if joints.iter().any(|known| known.joint == joint) {
+            return wrong("joint", format!("found {:?} twice", each.joint));
+        }
         let [knots, values] = [each.knots.len(), each.values.len()];
-        let ascends = knots > 0 && each.knots.windows(2).all(|pair| pair[0] < pair[1]);
+        if knots == 0 || !each.knots.windows(2).all(|pair| pair[0] < pair[1]) {
+            let problem = "wants finite numbers in ascending order";
+            return wrong("knots", problem.to_owned());
+        }
+        if knots != values {
+            return wrong("values", format!("found {values}; there are {knots} knots"));
+        }
+        if each.length <= 0.0 {
+            return wrong("length", format!("found {}; a size is needed", each.length));
+        }
+        if each.deviation < 0.0 {
+            let problem = format!("found {}; a size is needed", each.deviation);
+            return wrong("deviation", problem);
+        }
         let [positions, rotations] = [&each.spread_of_positions, &each.spread_of_rotations];
-        let is_too_large = |value: &&f64| value.abs() > MOST_SPREAD;
-        let mut problems = vec![
-            (
-                "joint",
-                joint.is_none(),
-                format!("the robot has no joint {:?}", each.joint),
-            ),
-            (
-                "joint",
-                joints.iter().any(|known| Some(known.joint) == joint),
-                format!("found {:?} twice", each.joint),
-            ),
-            (
-                "knots",
-                !ascends,
-                "wants finite numbers in ascending order".to_owned(),
-            ),
-            (
-                "values",
-                knots != values,
-                format!("found {values}; there are {knots} knots"),
-            ),
-            (
-                "length",
-                each.length <= 0.0,
-                format!("found {}; a size is needed", each.length),
-            ),
-            (
-                "deviation",
-                each.deviation < 0.0,
-                format!("found {}; a size is needed", each.deviation),
-            ),
-        ];
         for (key, spread) in [
             ("spread_of_positions", positions),
             ("spread_of_rotations", rotations),
         ] {
-            let (count, most) = (spread.len(), spread.iter().find(is_too_large));
-            let allowed = format!(
-                "found {}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed",
-                most.copied().unwrap_or_default()
-            );
-            problems.push((key, most.is_some(), allowed));
-            let fewer = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
-            problems.push((key, count > SPREAD_ORDERS, fewer));
-        }
-        if let Some((key, _, problem)) = problems.into_iter().find(|each| each.1) {
-            return Err((format!("joints[{index}].{key}"), problem));
+            if let Some(most) = spread.iter().find(|value| value.abs() > MOST_SPREAD) {
+                let allowed = format!("numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed");
+                return wrong(key, format!("found {most}; {allowed}"));
+            }
+            if spread.len() > SPREAD_ORDERS {
+                let count = spread.len();
+                let problem = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
+                return wrong(key, problem);
+            }
         }
         joints.push(JointError {
-            joint: joint.unwrap_or_default(),
+            joint,
             process: OrnsteinUhlenbeck {
                 knots: each.knots.clone(),
                 length: each.length,

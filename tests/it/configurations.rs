@@ -315,8 +315,8 @@ fn contributions_add_up_under_several_loads() {
         let account = account.expect("it is determined");
         assert!((account.predicted_m / rho0_m - 1.0).abs() < 1e-9);
         for (each, part) in budget.sources.iter().zip(&account.parts) {
-            assert_eq!(each.source, part.name);
-            let error = (each.contribution_um * 1e-6 / part.rms_m - 1.0).abs();
+            assert_eq!(each.source, part.source);
+            let error = (each.contribution_um / part.contribution_um - 1.0).abs();
             assert!(error < 1e-9, "{}: {error}", each.source);
         }
     }

@@ -639,13 +639,14 @@ fn shards_and_resumption_change_no_bit() {
 /// What was done before an interruption counts, and the rest is done.
 #[test]
 fn an_interrupted_study_goes_on() {
-    use elastocal::record::tally_file::{Header, TallyFile};
+    use elastocal::record::tally_file::{Header, PlanHeader, TallyFile};
     let scenario = scenario("klimchik2012");
     let entries = paper_plans(&[3], 12);
     let settings = setting(&scenario, 12);
     let runner = Runner::new(&settings, scenario.seed, Level::Model, &entries).expect("works");
     let trials = 10_000;
-    let header = Header::new(&scenario, &settings, Level::Model, trials, 1, &entries);
+    let plans = PlanHeader::of_deflections(&scenario, &settings, &entries);
+    let header = Header::new(&scenario, Level::Model, [trials, 1], plans);
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("t.json");
     let mut part = TallyFile::resume(&path, header.clone(), 1).expect("nothing is done");

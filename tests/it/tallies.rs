@@ -43,7 +43,7 @@ fn changed_tallies() {
     let good = tally(&workplace);
     workplace.run("merge t.json").ends_with(0);
     for (path, value, says) in [
-        ("elastocal_tally", json!(5), "elastocal_tally: found 5"),
+        ("elastocal_tally", json!(6), "elastocal_tally: found 6"),
         ("sha256", json!("0"), "is not as it was written"),
         ("study/trials", json!(5001), "is not as it was written"),
         ("study/shards", json!(0), "is not as it was written"),

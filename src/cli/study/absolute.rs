@@ -7,7 +7,7 @@ use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, hexadecimal, sha256_of};
 use elastocal::identification::ParameterGroup;
 use elastocal::plan::search::Watch;
-use elastocal::record::tally_file::{AbsoluteStudyHeader, Header};
+use elastocal::record::tally_file::{AbsoluteStudyHeader, Header, PlanHeader};
 use elastocal::scenario::Scenario;
 use elastocal::study::{Level, absolute::AbsoluteRunner};
 use elastocal::task::AccuracyKind;
@@ -78,10 +78,7 @@ impl StudyCommand {
         let watch = |name: &str, readings: u32| {
             let readings = counted(readings.into(), "absolute reading");
             common.say(&format!("designing the plan {name:?} of {readings}"));
-            Watch {
-                stop: &STOP,
-                progress: &|_, _, _| {},
-            }
+            Watch::quiet(&STOP)
         };
         let path = given.path().unwrap_or(&scenario.path);
         let entries =
@@ -97,9 +94,11 @@ impl StudyCommand {
                 .map(|hash| hexadecimal(&hash)),
             drawn: given.candidates.is_none().then_some(configurations),
         };
-        let sizes = self.sizes(scenario);
-        let header = Header::of_absolute(scenario, absolute, sizes, (&entries, &runner));
-        let part = self.begun(header)?;
+        let plans = PlanHeader::of_absolute(scenario, &entries, &runner);
+        let part = self.begun(Header {
+            absolute: Some(absolute),
+            ..Header::new(scenario, Level::Robot, self.sizes(scenario), plans)
+        })?;
         let (trials, title) = (part.header.trials, part.header.title());
         common.say(&format!("{trials} virtual robots for {title}"));
         self.finish(scenario, &runner, part, None)

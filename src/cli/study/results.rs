@@ -8,15 +8,15 @@ use elastocal::record::tally_file::{Header, PlanHeader};
 use elastocal::study::{Level, tally::Tally};
 use elastocal::task::AccuracyKind;
 use elastocal::text::wording::{inverse_interval, significant};
-use elastocal::view::report::{StudyPageRecord, study_page};
+use elastocal::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
 use elastocal::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
 
+use crate::cli::Report;
 use crate::cli::table::{number, or_dash, table_of};
 use crate::cli::uncertainty_budget::{common_sources, contributions};
 use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::{Written, record_text};
-use crate::cli::{Report, absolute_plan::ABSOLUTE};
 
 /// What a study comes to.
 #[derive(Debug)]
@@ -231,7 +231,7 @@ fn validation(message: &StudyPlanMessage) -> String {
 /// What each plan predicted, what its errors are made of, and whether the prediction holds.
 fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String {
     let mut text = match accuracy {
-        AccuracyKind::Absolute => format!("{ABSOLUTE}\n"),
+        AccuracyKind::Absolute => format!("{ABSOLUTE_ACCURACY}\n"),
         AccuracyKind::Relative => String::new(),
     };
     let micro = |value: f64| format!("{:.3}", value * 1e3);

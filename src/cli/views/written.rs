@@ -1,13 +1,10 @@
 //! Pages, pictures and recordings as files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use elastocal::calibration::Calibration;
-use elastocal::scenario::Scenario;
 use elastocal::text::wording::shell_word;
-use elastocal::view::report::{RunRecord, run_page};
 use elastocal::view::rerun_file::{messages, write_rerun};
-use elastocal::view::{mcap_file::write_mcap, recording::Recording, stills::Stills};
+use elastocal::view::{mcap_file::write_mcap, recording::Recording};
 
 use crate::cli::written::{Written, warn};
 
@@ -25,45 +22,12 @@ pub const REPRODUCTION_PAGE: &str = "reproduction.html";
 /// How the recordings of `replay` end.
 pub const REPLAY_ENDINGS: &[&str] = &["mcap", "rrd"];
 
-/// The views of a run, ready to be written.
-pub struct RunViews {
-    recording: Recording,
-    stills: String,
-    page: String,
-}
-
-impl RunViews {
-    /// Of the plans' names and calibrations, the designed plan first.
-    pub fn new(
-        run: &RunRecord<'_>,
-        calibrations: &[(String, Calibration)],
-    ) -> anyhow::Result<Self> {
-        Ok(Self {
-            recording: Recording::new(run.scenario, calibrations)?,
-            stills: Stills::of_plan(run.scenario, &calibrations[0].1.plan).sheet(),
-            page: run_page(run)?,
-        })
-    }
-
-    /// Writes the files, and shows the recording where it is asked for.
-    pub fn write(
-        &self,
-        folder: &Path,
-        target: Option<&ViewerTarget>,
-        written: &mut Written,
-    ) -> anyhow::Result<()> {
-        let [mcap, rerun, svg, html] =
-            ["run.mcap", "run.rrd", "stills.svg", "report.html"].map(|name| folder.join(name));
-        written.save(&svg, &self.stills);
-        written.save(&html, &self.page);
-        written.note(&mcap, write_mcap(&mcap, &self.recording));
-        written.note(&rerun, write_rerun(&rerun, &self.recording));
-        target.map_or(Ok(()), |target| show(target, &self.recording, written))
-    }
-}
-
 /// Shows what run.rrd holds.
-fn show(target: &ViewerTarget, recording: &Recording, written: &mut Written) -> anyhow::Result<()> {
+pub fn show(
+    target: &ViewerTarget,
+    recording: &Recording,
+    written: &mut Written,
+) -> anyhow::Result<()> {
     if let Some(path) = target.file() {
         written.note(path, write_rerun(path, recording));
     }
@@ -78,24 +42,12 @@ fn show(target: &ViewerTarget, recording: &Recording, written: &mut Written) -> 
     Ok(())
 }
 
-/// The recording of a replayed run, ready to be written.
-pub struct ReplayViews(Recording);
-
-impl ReplayViews {
-    pub fn new(
-        scenario: &Scenario,
-        calibrations: &[(String, Calibration)],
-    ) -> anyhow::Result<Self> {
-        Ok(Self(Recording::new(scenario, calibrations)?))
-    }
-
-    /// Writes files that differ from the record's in their ending; says which one to look at.
-    pub fn write(&self, record: &Path, written: &mut Written) -> String {
-        let [mcap, rerun] = ["mcap", "rrd"].map(|ending| record.with_extension(ending));
-        written.note(&mcap, write_mcap(&mcap, &self.0));
-        written.note(&rerun, write_rerun(&rerun, &self.0));
-        format!("recorded in {}, .mcap and .json\n", rerun.display())
-    }
+/// Writes a recording to files that differ from a record's in their ending; returns the one to look at.
+pub fn write_recording(recording: &Recording, record: &Path, written: &mut Written) -> PathBuf {
+    let [mcap, rerun] = ["mcap", "rrd"].map(|ending| record.with_extension(ending));
+    written.note(&mcap, write_mcap(&mcap, recording));
+    written.note(&rerun, write_rerun(&rerun, recording));
+    rerun
 }
 
 /// The sheet of a campaign.

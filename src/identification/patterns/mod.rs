@@ -15,6 +15,7 @@ mod screen;
 mod tests;
 
 use nalgebra::DVector;
+use serde::Serialize;
 
 pub use candidates::{Against, Course, Drifting};
 pub use deflections::looked_at;
@@ -37,9 +38,10 @@ const LIKELY: usize = 60;
 const NOTHING: f64 = 0.01;
 
 /// Something that residuals go with.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Pattern {
     /// What.
+    #[serde(skip)]
     pub against: Against,
     /// What it does, in words.
     pub sentence: String,
@@ -59,6 +61,7 @@ pub struct Pattern {
     /// The probability that chance makes any of all that were looked at as strong.
     pub probability: f64,
     /// Means over the readings, for a picture.
+    #[serde(skip)]
     pub points: Vec<PatternPoint>,
 }
 

@@ -1,6 +1,7 @@
 //! A pattern in words, its size, and means for its picture.
 
 use nalgebra::Vector6;
+use serde::Serialize;
 
 use super::Coefficients;
 use super::candidates::{Against, Base, Course, Drifting};
@@ -12,11 +13,12 @@ const BINS: usize = 24;
 pub const WAVES_TO_SEE: usize = 8;
 
 /// The mean of what some readings show.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PatternPoint {
     /// Against which value: angle or phase (rad), torque (N m), sign of approach, place, time (s), temperature (deg C), range (m).
     pub at: f64,
     /// What is seen there: rad, m or 1.
+    #[serde(rename = "observed")]
     pub seen: f64,
     /// Its standard error.
     pub standard_error: f64,

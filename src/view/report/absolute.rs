@@ -9,8 +9,9 @@ use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
-use crate::record::{absolute_trials::AbsoluteTrialsMessage, messages::ProvenanceMessage};
+use crate::record::{absolute_trials::AbsoluteTrials, messages::ProvenanceMessage};
 use crate::scenario::Scenario;
+use crate::study::verdict::Kept;
 use crate::text::wording::{counted, dash, micrometres, number, percent};
 use crate::view::charts::{COLOURS, PlotError};
 use crate::view::charts::{ChartAxis, Rows, WHOLE, short};
@@ -26,7 +27,7 @@ pub struct AbsolutePageRecord<'a> {
     /// The predicted accuracy of the plan.
     pub plan: &'a AbsolutePlanMessage,
     /// What virtual robots made of it, where some were drawn.
-    pub trials: Option<&'a AbsoluteTrialsMessage>,
+    pub trials: Option<&'a AbsoluteTrials>,
     /// Where it comes from.
     pub provenance: &'a ProvenanceMessage,
     /// The robot in each configuration (HTML).
@@ -72,15 +73,16 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
 fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &bound_card(shown.plan);
     if let Some(trials) = shown.trials {
-        let is_kept = trials.prediction == "holds";
+        let is_kept = trials.prediction == Kept::Holds;
         let about = format!(
             "{} were sampled in MuJoCo, read by the plan and identified: residual error {} rms, predicted {}.",
-            counted(trials.robots, "virtual robot"),
-            micrometres(Some(trials.rms_mm)),
-            micrometres(Some(trials.predicted_rms_mm))
+            counted(trials.runs.runs + trials.runs.failed, "virtual robot"),
+            micrometres(trials.runs.rms_mm),
+            micrometres(trials.runs.combined_rms_mm)
         );
         let tone = if is_kept { "good" } else { "bad" };
-        cards += &card(tone, "Does the prediction hold?", &trials.verdict, &about);
+        let verdict = trials.runs.verdict.as_deref().unwrap_or_default();
+        cards += &card(tone, "Does the prediction hold?", verdict, &about);
     }
     if !shown.plan.assumed_exact.is_empty() {
         let about = shown.plan.assumed_exact.join("; ") + ".";
@@ -190,33 +192,31 @@ fn bound_card(plan: &AbsolutePlanMessage) -> String {
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
-fn of_trials(trials: &AbsoluteTrialsMessage) -> Result<String, PlotError> {
+fn of_trials(trials: &AbsoluteTrials) -> Result<String, PlotError> {
+    let runs = &trials.runs;
     let mut said = format!(
         "Predicted {} rms, observed {} \u{b1} {}: the prediction {}.",
-        micrometres(Some(trials.predicted_rms_mm)),
-        micrometres(Some(trials.rms_mm)),
-        micrometres(Some(trials.rms_std_mm)),
-        match trials.prediction {
-            "holds" => trials.verdict.clone(),
-            _ => format!("is {}", trials.verdict),
-        }
+        micrometres(runs.combined_rms_mm),
+        micrometres(runs.rms_mm),
+        micrometres(runs.rms_std_mm),
+        trials.outcome()
     );
     if let Some(share) = trials.below_quantile95 {
         let share = percent(Some(share), 1);
         said += &format!(" {share} of the robots stay below what 95 % should;");
     }
-    if let Some(share) = trials.coverage95 {
+    if let Some(share) = runs.coverage95 {
         let share = percent(Some(share), 1);
         said +=
             &format!(" at {share} of the test poses the tool is within the predicted 95 % region.");
     }
-    if trials.failed > 0 {
-        let failed = counted(trials.failed, "robot");
+    if runs.failed > 0 {
+        let failed = counted(runs.failed, "robot");
         said += &format!(" {failed} could not be evaluated.");
     }
-    let lines = [Line::new(&trials.as_study, Role::Own)];
+    let lines = [Line::new(runs, Role::Own)];
     let caption = "Distance of the loaded tool from where the identified model predicts it, rms over the test poses, of each virtual robot. The area is the distribution; the dark line is the mean.";
-    let hidden: Vec<String> = (trials.contributions.iter())
+    let hidden: Vec<String> = (runs.contributions.iter())
         .filter(|each| each.hidden)
         .map(|each| match each.contribution_um {
             um if um > 0.0 => format!("{} ({})", each.source, micrometres(Some(um * 1e-3))),

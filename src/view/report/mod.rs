@@ -29,7 +29,7 @@ use figures::{
     residuals_figure,
 };
 
-pub use absolute::{AbsolutePageRecord, absolute_page};
+pub use absolute::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
 pub use reproduction::reproduction_page;
 pub use study::{StudyPageRecord, study_page};
 

@@ -15,7 +15,8 @@ use super::blueprint::{BARS, Clock, PLANE, SPACE, TEXT, ViewArea};
 use super::store::Store;
 use super::{STEP, log_step, open, scene, study_text, write_messages};
 use crate::files::FileError;
-use crate::record::{account::ContributionMessage, study::HistogramMessage};
+use crate::record::study::HistogramMessage;
+use crate::study::account::Contribution;
 use crate::view::recording::ShownTool;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
@@ -221,13 +222,8 @@ fn sources_path(plan: &str) -> EntityPath {
 }
 
 /// A bar for each source, as long as its contribution (the longest is 24 rows wide), the largest above.
-fn log_sources(
-    store: &mut Store,
-    plan: &str,
-    parts: &[ContributionMessage],
-    now: &[(&'static str, i64)],
-) {
-    let mut parts: Vec<&ContributionMessage> = parts.iter().collect();
+fn log_sources(store: &mut Store, plan: &str, parts: &[Contribution], now: &[(&'static str, i64)]) {
+    let mut parts: Vec<&Contribution> = parts.iter().collect();
     parts.sort_by(|one, other| other.contribution_um.total_cmp(&one.contribution_um));
     let total: f64 = parts.iter().map(|part| part.contribution_um.powi(2)).sum();
     let Some(longest) = parts

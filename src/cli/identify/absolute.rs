@@ -4,109 +4,99 @@ use std::path::Path;
 
 use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::{
-    AbsoluteError, DistanceStatistics, ModelSelection, ParameterGroup, ReadingWeights,
+    AbsoluteError, DistanceStatistics, ModelSelection, ReadingWeights,
 };
 use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
 use elastocal::quantities::units::shown_unit;
 use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
 use elastocal::record::uncertainties::uncertainty_tables;
 use elastocal::record::{inconsistencies::InconsistenciesMessage, json::merge};
-use elastocal::record::{messages::ProvenanceMessage, model_selection::ModelSelectionMessage};
+use elastocal::record::{messages::ProvenanceMessage, model_selection::model_selection_json};
 use elastocal::scenario::Scenario;
-use elastocal::task::Belief;
+use elastocal::task::{Belief, Method};
 use elastocal::text::wording::counted;
-use elastocal::view::discrepancy_plots::{model_selection_plot, patterns_plot};
+use elastocal::view::discrepancy_plots::model_selection_plot;
 use elastocal::workflow::identify_absolute::{
     IdentifiedRobot, identify_absolute, model_selection, uncounted,
 };
 use serde_json::json;
 
-use super::study::results::noted;
-use super::table::{DISTANCES, distances, or_dash, table};
-use super::written::Written;
-use super::{Report, patterns, repeats};
+use super::Identify;
+use crate::cli::study::results::noted;
+use crate::cli::table::{DISTANCES, distances, or_dash, table};
+use crate::cli::written::Written;
+use crate::cli::{Report, patterns, repeats};
 
-/// What is asked of absolute readings.
-pub struct Asked<'a> {
-    pub groups: &'a [ParameterGroup],
-    pub weights: ReadingWeights,
-    /// Whether readings that lie far out are fitted, too.
-    pub keeps_all: bool,
-    /// Whether a selection of models says which groups.
-    pub by_model_selection: bool,
-    /// Another series of the same robot.
-    pub against: Option<&'a Path>,
-    /// Where the picture goes.
-    pub plot_out: Option<&'a Path>,
-    /// Where the variance components go.
-    pub uncertainties_out: Option<&'a Path>,
-}
-
-/// Fits a robot to absolute readings.
-pub fn execute(
-    scenario: &Scenario,
-    file: &Path,
-    readings: &[AbsoluteReading],
-    asked: &Asked<'_>,
-) -> anyhow::Result<Report> {
-    let belief = &scenario.task.belief;
-    let wrong = |error| explained(file, &error);
-    let mut written = Written::default();
-    let model_selection = if asked.by_model_selection {
-        let how = (asked.weights, asked.keeps_all);
-        Some(model_selection(belief, readings, how).map_err(wrong)?)
-    } else {
-        None
-    };
-    let groups = (model_selection.as_ref()).map_or(asked.groups, ModelSelection::groups);
-    let mut identified =
-        identify_absolute(belief, readings, groups, (asked.weights, asked.keeps_all))
-            .map_err(wrong)?;
-    let mut provenance = ProvenanceMessage::new(scenario).with_input("measurements", file)?;
-    if let Some(other) = asked.against {
-        let readings = other_readings(other, belief)?;
-        let between = [file, other].map(|path| format!("in {}", path.display()));
-        let how = (groups, asked.weights);
-        (identified.compare(belief, &readings, how, between))
-            .map_err(|error| explained(other, &error))?;
-        provenance = provenance.with_input("against", other)?;
-    }
-    let mut json = identified.json(scenario, &provenance, groups)?;
-    let message = AbsoluteMessage::new(&identified.case, &identified.fit);
-    let mut text = String::new();
-    let plot = |title: &str| format!("{}: {title}", scenario.name);
-    if let Some(model_selection) = &model_selection {
-        let model_selection = ModelSelectionMessage::from(model_selection);
-        text += &format!("{}\n", super::model_selection::describe(&model_selection));
-        if let Some(path) = asked.plot_out {
-            let title = plot("which model the readings pay for");
-            text += &written.save(path, &model_selection_plot(&title, &model_selection)?);
+impl Identify {
+    /// A robot.
+    pub(super) fn of_absolute(
+        &self,
+        scenario: &Scenario,
+        readings: &[AbsoluteReading],
+    ) -> anyhow::Result<Report> {
+        let is_linear = self.method == Some(Method::Linear);
+        let of_deflections = [("--method", is_linear, "which no linear fit takes")];
+        self.refuse("absolute readings", &of_deflections)?;
+        self.common.say(&format!(
+            "fitting the robot to {}",
+            counted(readings.len() as u64, "absolute reading")
+        ));
+        let weights = match (self.sigma_from_residuals, self.common.noise_only) {
+            (true, _) => ReadingWeights::WithDiscrepancy,
+            (false, true) => ReadingWeights::Own,
+            (false, false) => ReadingWeights::AsNeeded,
+        };
+        let (belief, file) = (&scenario.task.belief, &self.measurements);
+        let (how, wrong) = ((weights, self.keep_all), |error| explained(file, &error));
+        let model_selection = (self.model_selection)
+            .then(|| model_selection(belief, readings, how).map_err(wrong))
+            .transpose()?;
+        let model_selection = model_selection.as_ref();
+        let groups = model_selection.map_or(&*self.parameters, ModelSelection::groups);
+        let mut identified = identify_absolute(belief, readings, groups, how).map_err(wrong)?;
+        let mut provenance = ProvenanceMessage::new(scenario).with_input("measurements", file)?;
+        if let Some(other) = &self.against {
+            let readings = other_readings(other, belief)?;
+            let between = [file, other].map(|path| format!("in {}", path.display()));
+            (identified.compare(belief, &readings, (groups, weights), between))
+                .map_err(|error| explained(other, &error))?;
+            provenance = provenance.with_input("against", other)?;
         }
-        merge(&mut json, json!({ "model_selection": model_selection }));
-    } else if let Some(path) = asked.plot_out {
-        let title = plot("patterns in the residuals");
-        text += &written.save(path, &patterns_plot(&title, &identified.patterns)?);
+        let mut json = identified.json(scenario, &provenance, groups)?;
+        let mut written = Written::default();
+        let mut text = String::new();
+        if let Some(found) = model_selection {
+            text += &format!("{}\n", crate::cli::model_selection::describe(found));
+            if let Some(path) = &self.plot_out {
+                let title = format!("{}: which model the readings pay for", scenario.name);
+                text += &written.save(path, &model_selection_plot(&title, found)?);
+            }
+            let found = model_selection_json(found);
+            merge(&mut json, json!({ "model_selection": found }));
+        } else {
+            text += &self.draw_patterns(scenario, &identified.patterns, &mut written)?;
+        }
+        text += &describe(&AbsoluteMessage::new(&identified.case, &identified.fit));
+        if let Some(path) = &self.uncertainties_out {
+            text += &written.noted(path, write_uncertainties(path, file, &identified));
+        }
+        let uncounted = uncounted(belief);
+        if !uncounted.is_empty() {
+            text += &format!(
+                "  Not counted but as part of what the residuals show: {}\n",
+                uncounted.join(", ")
+            );
+        }
+        text += &patterns::describe(&identified.patterns);
+        text += &repeats::describe(identified.repeats.as_ref(), "positions");
+        for each in &identified.inconsistencies {
+            text += &compared(each);
+        }
+        text += &noted(&identified.fit.notes());
+        let mut conditions = identified.conditions();
+        conditions.extend(written.conditions());
+        Ok(Report::new(json, text, conditions))
     }
-    text += &describe(&message);
-    if let Some(path) = asked.uncertainties_out {
-        text += &written.noted(path, write_uncertainties(path, file, &identified));
-    }
-    let uncounted = uncounted(belief);
-    if !uncounted.is_empty() {
-        text += &format!(
-            "  Not counted but as part of what the residuals show: {}\n",
-            uncounted.join(", ")
-        );
-    }
-    text += &patterns::describe(&identified.patterns);
-    text += &repeats::describe(identified.repeats.as_ref(), "positions");
-    for each in &identified.inconsistencies {
-        text += &compared(each);
-    }
-    text += &noted(&identified.fit.notes());
-    let mut conditions = identified.conditions();
-    conditions.extend(written.conditions());
-    Ok(Report::new(json, text, conditions))
 }
 
 /// Writes the variance components of a fit's residuals.

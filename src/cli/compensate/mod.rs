@@ -1,4 +1,6 @@
-//! `compensate`: the joint angles to command at the test poses.
+//! `compensate`: the joint angles to command at the test poses, or for absolute targets.
+
+mod targets;
 
 use std::path::PathBuf;
 
@@ -22,9 +24,9 @@ use super::dialect::dialect;
 use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::static_compliance::add_static_compliance;
 use super::table::{number, table_of};
-use super::targets::{TargetFrame, TargetQuestion, Workpiece, compensate_targets};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
+use targets::{TargetFrame, Workpiece};
 
 /// Arguments of `compensate`.
 #[derive(Debug, Args)]
@@ -83,19 +85,7 @@ impl Compensate {
             .transpose()?;
         self.check(&scenario, dialect.as_ref())?;
         if let Some(targets) = &self.targets {
-            let provenance = ProvenanceMessage::new(&scenario)
-                .with_input("identified", &self.identified)?
-                .with_input("targets", targets)?;
-            let question = TargetQuestion {
-                targets,
-                tool: self.tool.as_deref(),
-                frame: self.frame,
-                station: self.station.as_deref(),
-                workpiece: self.workpiece.as_ref(),
-                angles_out: self.angles_out.as_deref(),
-                identified: &self.identified,
-            };
-            return compensate_targets(&scenario, &robot, conditions, &provenance, &question);
+            return self.at_targets(targets, &scenario, &robot, conditions);
         }
         self.common.say("compensating");
         // The virtual robot that was measured, where it was one.

@@ -1,5 +1,7 @@
 //! `validate`: whether the robot errs as its identification predicts.
 
+mod absolute;
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -10,7 +12,7 @@ use elastocal::laboratory::validation::{Validation, validate, validation_plan};
 use elastocal::measurement::read_measurements;
 use elastocal::plan::write_plan;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
-use elastocal::text::wording::{counted, shell_path};
+use elastocal::text::wording::counted;
 use elastocal::workflow::stored_robot::StoredRobot;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -18,7 +20,6 @@ use serde_json::{Value, json};
 use super::identified::read_identified;
 use super::table::{or_dash, table_of};
 use super::tolerance::{ToleranceArgs, report_judged};
-use super::validate_absolute;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
@@ -50,22 +51,17 @@ pub struct Validate {
 
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let file = shell_path(&self.identified);
-        let usage = format!("elastocal validate SCENARIO --identified {file}");
+        let input = ["validate", "--identified"];
         if let Some(robot) = StoredRobot::read(&self.identified)? {
             let scenario =
-                (self.common).load_for(&self.identified, robot.origin.as_ref(), &usage)?;
-            let measurements = self.measurements.as_deref();
-            let tolerance = self.tolerance.tolerance();
-            let file = &self.identified;
+                (self.common).load_for(input, &self.identified, robot.origin.as_ref())?;
             let (robot, held) = robot.with_possible_compliances(&scenario.task.belief.arm());
-            let mut report =
-                validate_absolute::execute(&scenario, file, &robot, (measurements, tolerance))?;
+            let mut report = self.of_absolute(&scenario, &robot)?;
             report.conditions.splice(0..0, held);
             return Ok(report);
         }
         let origin = StoredIdentification::origin(&self.identified)?;
-        let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
+        let scenario = (self.common).load_for(input, &self.identified, origin.as_ref())?;
         let identified = read_identified(&self.identified, &scenario)?;
         let mut roles = inputs(&scenario);
         roles.reads("what was identified", &self.identified);

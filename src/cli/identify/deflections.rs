@@ -1,191 +1,56 @@
-//! `identify`: compliances from measurements.
+//! `identify` on deflections.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use clap::Args;
-use elastocal::codes::{ConditionCode, ErrorCode};
-use elastocal::files::{FileError, output::write_whole};
+use elastocal::codes::ErrorCode;
+use elastocal::files::FileError;
 use elastocal::identification::{
-    Identification, IdentificationError, ParameterGroup, ReadingWeights, Robustness,
-    UncertainEstimate,
+    Identification, IdentificationError, Robustness, UncertainEstimate,
 };
-use elastocal::measurement::{
-    AbsoluteReading, MeasuredFile, Measurement, Origin, controller_compensates, read_measured,
-};
+use elastocal::measurement::{Measurement, Origin};
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::scenario::Scenario;
-use elastocal::task::Method;
-use elastocal::text::wording::{counted, shell_path};
-use elastocal::view::discrepancy_plots::patterns_plot;
+use elastocal::text::wording::counted;
 use elastocal::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::identify_absolute::Asked;
-use super::study::results::noted;
-use super::table::{number, or_dash, table};
-use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
-use super::{identify_absolute, patterns, repeats, residuals};
-
-/// Arguments of `identify`.
-#[derive(Debug, Args)]
-#[command(mut_arg("scenario", named_by_file))]
-#[command(mut_args(without_effect(&["seed", "threads", "out"])))]
-pub struct Identify {
-    #[command(flatten)]
-    pub common: Common,
-    /// The measurements.
-    #[arg(long, value_name = "FILE")]
-    measurements: PathBuf,
-    /// How; the scenario's method if not given.
-    #[arg(long, value_enum)]
-    method: Option<Method>,
-    /// Estimate sigma from the residuals instead of taking the scenario's. Of absolute readings: weigh them by the model
-    /// discrepancy, too, even where their own deviations explain the residuals.
-    #[arg(long)]
-    sigma_from_residuals: bool,
-    /// What to fit to absolute readings, frames of stations and targets always among it; what the scenario's robot.parameters
-    /// name if not given.
-    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
-    parameters: Vec<ParameterGroup>,
-    /// Compare models with more and more parameters (frames, zeros, links, compliances, springs, payload) by blocks of joint
-    /// space that they were not fitted to, and fit the one that is recommended. Of absolute readings.
-    #[arg(long, conflicts_with = "parameters")]
-    model_selection: bool,
-    /// Another series of absolute readings of the same robot, fitted apart in the same way: inconsistent parameters
-    /// are named.
-    #[arg(long, value_name = "FILE")]
-    against: Option<PathBuf>,
-    /// Where to write a picture (SVG): of the patterns in the residuals; with --model-selection, of each model's residuals.
-    #[arg(long, value_name = "FILE")]
-    plot_out: Option<PathBuf>,
-    /// Fit readings that lie far out, too: more than 5 standard deviations from what the others say.
-    #[arg(long)]
-    keep_all: bool,
-    /// Where to write the variance components of the residuals, as tables [[uncertainty]] for a scenario: joint error functions and
-    /// discrepancy. Of absolute readings.
-    #[arg(long, value_name = "FILE")]
-    uncertainties_out: Option<PathBuf>,
-    /// Where to write what was identified, for `compensate`.
-    #[arg(long, value_name = "FILE")]
-    identified_out: Option<PathBuf>,
-}
+use super::Identify;
+use crate::cli::study::results::noted;
+use crate::cli::table::{number, or_dash, table};
+use crate::cli::written::Written;
+use crate::cli::{Report, patterns, repeats, residuals};
 
 impl Identify {
-    pub fn execute(&self) -> anyhow::Result<Report> {
-        let origin = Origin::read(&self.measurements)?;
-        let file = shell_path(&self.measurements);
-        let usage = format!("elastocal identify SCENARIO --measurements {file}");
-        let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
-        let measured = read_measured(&self.measurements, &scenario.task.belief)?;
-        let outputs = [
-            ("--identified-out", self.identified_out.as_deref()),
-            ("--plot-out", self.plot_out.as_deref()),
-            ("--uncertainties-out", self.uncertainties_out.as_deref()),
-        ];
-        let mut roles = inputs(&scenario);
-        roles.reads("the measurements", &self.measurements);
-        roles.may_read("the other measurements", self.against.as_deref());
-        check_outputs(&mut roles, &outputs)?;
-        let mut report = match measured {
-            MeasuredFile::Deflections(measurements) => {
-                self.of_deflections(&scenario, origin.as_ref(), &measurements)?
-            }
-            MeasuredFile::Absolute(readings) => self.of_absolute(&scenario, &readings)?,
-        };
-        if controller_compensates(&self.measurements)? {
-            let words = "the controller compensated deflections itself (KUKA: $ABS_ACCUR), as the file of measurements says";
-            let condition = ConditionCode::ControllerCompensates.with(words);
-            let conditions = report.json.get_mut("conditions");
-            if let Some(conditions) = conditions.and_then(Value::as_array_mut) {
-                conditions.push(json!(condition));
-            }
-            report.conditions.push(condition);
-        }
-        if let Some(path) = &self.identified_out {
-            let text = serde_json::to_string_pretty(&report.json)? + "\n";
-            write_whole(path, text.as_bytes())?;
-            report.text += &format!("wrote {}\n", path.display());
-        }
-        Ok(report)
-    }
-
-    fn of_absolute(
-        &self,
-        scenario: &Scenario,
-        readings: &[AbsoluteReading],
-    ) -> anyhow::Result<Report> {
-        if let Some(Method::Linear) = self.method {
-            let problem = "holds absolute readings, which no linear fit takes";
-            let hint = "leave out --method";
-            return Err(FileError::new(&self.measurements, problem)
-                .hint(hint)
-                .code(ErrorCode::OtherAccuracy)
-                .into());
-        }
-        let weights = match (self.sigma_from_residuals, self.common.noise_only) {
-            (true, _) => ReadingWeights::WithDiscrepancy,
-            (false, true) => ReadingWeights::Own,
-            (false, false) => ReadingWeights::AsNeeded,
-        };
-        self.common.say(&format!(
-            "fitting the robot to {}",
-            counted(readings.len() as u64, "absolute reading")
-        ));
-        let asked = Asked {
-            groups: &self.parameters,
-            weights,
-            by_model_selection: self.model_selection,
-            against: self.against.as_deref(),
-            plot_out: self.plot_out.as_deref(),
-            uncertainties_out: self.uncertainties_out.as_deref(),
-            keeps_all: self.keep_all,
-        };
-        identify_absolute::execute(scenario, &self.measurements, readings, &asked)
-    }
-
-    /// Options that are for absolute readings alone.
-    fn refuse_of_deflections(&self) -> Result<(), FileError> {
-        let refused = [
-            (
-                self.model_selection,
-                "--model-selection",
-                "for which there is no model selection",
-            ),
-            (
-                self.against.is_some(),
-                "--against",
-                "which are compared with no other series",
-            ),
-            (
-                !self.parameters.is_empty(),
-                "--parameters",
-                "of which robot.parameters of the scenario says what to identify",
-            ),
-            (
-                self.uncertainties_out.is_some(),
-                "--uncertainties-out",
-                "of which no joint error functions are estimated",
-            ),
-        ];
-        for (is_given, option, why) in refused {
-            if is_given {
-                let problem = format!("holds deflections, {why}");
-                let hint = format!("leave out {option}, which is for absolute readings");
-                let wrong = FileError::new(&self.measurements, problem).hint(hint);
-                return Err(wrong.code(ErrorCode::OtherAccuracy));
-            }
-        }
-        Ok(())
-    }
-
-    fn of_deflections(
+    /// Compliances.
+    pub(super) fn of_deflections(
         &self,
         scenario: &Scenario,
         origin: Option<&Origin>,
         measurements: &[Measurement],
     ) -> anyhow::Result<Report> {
-        self.refuse_of_deflections()?;
+        let of_readings = [
+            (
+                "--model-selection",
+                self.model_selection,
+                "for which there is no model selection",
+            ),
+            (
+                "--against",
+                self.against.is_some(),
+                "which are compared with no other series",
+            ),
+            (
+                "--parameters",
+                !self.parameters.is_empty(),
+                "of which robot.parameters of the scenario says what to identify",
+            ),
+            (
+                "--uncertainties-out",
+                self.uncertainties_out.is_some(),
+                "of which no joint error functions are estimated",
+            ),
+        ];
+        self.refuse("deflections", &of_readings)?;
         let loads = measurements.iter().map(|each| &each.load);
         let loads_outside = scenario.task.loads.outside_all("measurement", loads);
         let method = self.method.unwrap_or(scenario.task.belief.method);
@@ -243,10 +108,7 @@ impl Identify {
         text += &repeats::describe(identified.repeats.as_ref(), "deflections");
         text += &noted(&identified.notes());
         let mut written = Written::default();
-        if let Some(path) = &self.plot_out {
-            let title = format!("{}: patterns in the residuals", scenario.name);
-            text += &written.save(path, &patterns_plot(&title, &identified.patterns)?);
-        }
+        text += &self.draw_patterns(scenario, &identified.patterns, &mut written)?;
         Ok(Report::new(
             json,
             text,

@@ -1,10 +1,7 @@
 //! `validate` on absolute readings.
 
-use std::path::Path;
-
 use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
-use elastocal::gate::DistanceTolerance;
 use elastocal::identification::{DistanceStatistics, ReadingResidual};
 use elastocal::measurement::{MeasuredFile, read_measured};
 use elastocal::record::messages::ProvenanceMessage;
@@ -16,63 +13,62 @@ use elastocal::workflow::validate_absolute::{
 };
 use serde_json::{Value, json};
 
-use super::identify_absolute::explained;
-use super::table::{DISTANCES, distances, table};
-use super::tolerance::report_judged;
-use super::{Report, results};
+use super::Validate;
+use crate::cli::identified::trust;
+use crate::cli::identify::absolute::explained;
+use crate::cli::table::{DISTANCES, distances, table};
+use crate::cli::tolerance::report_judged;
+use crate::cli::{Report, results};
 
-/// Holds other readings beside a robot that was identified.
-pub fn execute(
-    scenario: &Scenario,
-    identified: &Path,
-    robot: &StoredRobot,
-    (measurements, tolerance): (Option<&Path>, Option<DistanceTolerance>),
-) -> anyhow::Result<Report> {
-    let belief = &scenario.task.belief;
-    if robot.identified_with.robot_sha256 != belief.fingerprint().robot_sha256 {
-        let problem = "was identified with another robot: its joints' names, axes or places are not those of the scenario's \
-                       model";
-        let wrong = FileError::new(identified, problem).at("identified_with.robot_sha256");
-        let wrong = wrong.code(ErrorCode::OtherRobot);
-        return Err(wrong
-            .hint("give the scenario that it was identified under")
-            .into());
-    }
-    let Some(file) = measurements else {
-        let problem = "was identified from absolute readings, for which no plan is made";
-        let hint = "give other absolute readings with --measurements";
-        let wrong = FileError::new(identified, problem).hint(hint);
-        return Err(wrong.code(ErrorCode::OtherAccuracy).into());
-    };
-    let readings = match read_measured(file, belief)? {
-        MeasuredFile::Absolute(readings) => readings,
-        MeasuredFile::Deflections(_) => {
-            let problem = "holds deflections, and what was identified rests on absolute readings";
-            return Err(FileError::new(file, problem)
-                .code(ErrorCode::OtherAccuracy)
-                .into());
+impl Validate {
+    /// Holds other readings beside a robot that was identified.
+    pub(super) fn of_absolute(
+        &self,
+        scenario: &Scenario,
+        robot: &StoredRobot,
+    ) -> anyhow::Result<Report> {
+        let identified = &*self.identified;
+        let belief = &scenario.task.belief;
+        // Readings show what masses and compliances that differ cost.
+        trust(identified, scenario, Some(&robot.identified_with))?;
+        let Some(file) = self.measurements.as_deref() else {
+            let problem = "was identified from absolute readings, for which no plan is made";
+            let hint = "give other absolute readings with --measurements";
+            let wrong = FileError::new(identified, problem).hint(hint);
+            return Err(wrong.code(ErrorCode::OtherAccuracy).into());
+        };
+        let readings = match read_measured(file, belief)? {
+            MeasuredFile::Absolute(readings) => readings,
+            MeasuredFile::Deflections(_) => {
+                let problem =
+                    "holds deflections, and what was identified rests on absolute readings";
+                return Err(FileError::new(file, problem)
+                    .code(ErrorCode::OtherAccuracy)
+                    .into());
+            }
+        };
+        let validation = validate_absolute(belief, identified, robot, &readings).map_err(
+            |error| match error {
+                AbsoluteValidationError::File(error) => error,
+                AbsoluteValidationError::Readings(error) => explained(file, &error),
+            },
+        )?;
+        let provenance = (ProvenanceMessage::new(scenario).with_input("identified", identified)?)
+            .with_input("measurements", file)?;
+        let text = describe(&validation);
+        let conditions = validation.conditions();
+        let mut report = Report::new(
+            results("validate", &provenance, record(&validation)),
+            text,
+            conditions,
+        );
+        if let Some(tolerance) = self.tolerance.tolerance() {
+            let left = validation.left.iter().map(|each| each.position_m);
+            let each = left.zip(validation.readings_m2.iter().copied());
+            report_judged(&mut report, tolerance, each);
         }
-    };
-    let validation =
-        validate_absolute(belief, identified, robot, &readings).map_err(|error| match error {
-            AbsoluteValidationError::File(error) => error,
-            AbsoluteValidationError::Readings(error) => explained(file, &error),
-        })?;
-    let provenance = (ProvenanceMessage::new(scenario).with_input("identified", identified)?)
-        .with_input("measurements", file)?;
-    let text = describe(&validation);
-    let conditions = validation.conditions();
-    let mut report = Report::new(
-        results("validate", &provenance, record(&validation)),
-        text,
-        conditions,
-    );
-    if let Some(tolerance) = tolerance {
-        let left = validation.left.iter().map(|each| each.position_m);
-        let each = left.zip(validation.readings_m2.iter().copied());
-        report_judged(&mut report, tolerance, each);
+        Ok(report)
     }
-    Ok(report)
 }
 
 /// Distances and angles of what is left.

@@ -1,0 +1,301 @@
+//! `compensate --targets`: the joint angles to command for absolute targets.
+
+use std::path::Path;
+
+use clap::ValueEnum;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
+use elastocal::compensation::{
+    AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
+};
+use elastocal::files::{FileError, output::write_whole};
+use elastocal::mujoco::frame;
+use elastocal::parameter::ElasticArm;
+use elastocal::record::messages::ProvenanceMessage;
+use elastocal::scenario::Scenario;
+use elastocal::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
+use nalgebra::{DVector, Isometry3, Vector3};
+use serde_json::{Value, json};
+
+use super::Compensate;
+use crate::cli::identified::taken_as_believed;
+use crate::cli::table::table;
+use crate::cli::{Report, results};
+
+/// In which frame targets are, or in which a workpiece stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TargetFrame {
+    /// The robot's base: the model's world.
+    Base,
+    /// That in which the instrument gave its readings.
+    Instrument,
+}
+
+/// Where a workpiece stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Workpiece {
+    name: String,
+    /// As it was given (mm, deg).
+    numbers: [f64; 6],
+}
+
+impl Workpiece {
+    /// NAME=X,Y,Z,ROLL,PITCH,YAW (mm, deg).
+    pub fn of_word(word: &str) -> Result<Self, String> {
+        let wrong = || {
+            "NAME=X,Y,Z,ROLL,PITCH,YAW is allowed, in mm and deg, as in table=500,0,200,0,0,90"
+                .to_owned()
+        };
+        let (name, numbers) = word.split_once('=').ok_or_else(wrong)?;
+        let numbers: Vec<f64> = (numbers.split(','))
+            .map(|word| word.trim().parse().map_err(|_| wrong()))
+            .collect::<Result<_, _>>()?;
+        let numbers = <[f64; 6]>::try_from(numbers).map_err(|_| wrong())?;
+        let is_right = !name.is_empty() && numbers.iter().all(|number| number.is_finite());
+        let name = name.to_owned();
+        is_right.then_some(Self { name, numbers }).ok_or_else(wrong)
+    }
+
+    fn place(&self) -> Isometry3<f64> {
+        let [x, y, z, roll, pitch, yaw] = self.numbers;
+        let turned = [roll, pitch, yaw].map(f64::to_radians);
+        frame(Vector3::new(x, y, z) * 1e-3, turned)
+    }
+}
+
+impl Compensate {
+    /// Commands for absolute targets.
+    pub(super) fn at_targets(
+        &self,
+        targets: &Path,
+        scenario: &Scenario,
+        robot: &CalibratedRobot,
+        mut conditions: Vec<Condition>,
+    ) -> anyhow::Result<Report> {
+        let tool = self.tool_of(robot)?;
+        let name = &robot.arm.tools[tool].name;
+        let (base_from_frame, said) = self.base_from_frame(targets, robot)?;
+        let rows = read_targets(targets)?;
+        let found = commands(scenario, robot, tool, &base_from_frame, &rows);
+        let names = scenario.task.belief.commands();
+        let mut csv = format!(
+            "# targets of the tool {name:?} in {said}\ntarget,line,{}\n",
+            names.columns().join(",")
+        );
+        let (mut shown, mut list): (Vec<Vec<String>>, Vec<Value>) = (Vec::new(), Vec::new());
+        for ((row, found), number) in rows.iter().zip(&found).zip(1..) {
+            let angles = (found.as_ref().ok()).map(|commands| names.numbers(commands.as_slice()));
+            let reason = (found.as_ref().err()).map(|failure| reason(failure, &robot.arm));
+            if let Some(angles) = &angles {
+                let fields: Vec<String> = angles.iter().map(ToString::to_string).collect();
+                csv += &format!("{number},{},{}\n", row.line, fields.join(","));
+                let told: Vec<String> = angles.iter().map(|angle| format!("{angle:.5}")).collect();
+                shown.push(vec![number.to_string(), told.join(" ")]);
+            }
+            if let Some(reason) = &reason {
+                conditions.push(ConditionCode::Unreachable.with(format!(
+                    "target {number} (line {}) cannot be reached: {reason}",
+                    row.line
+                )));
+            }
+            list.push(
+                json!({ "line": row.line, "q_commanded_deg": angles, "unreachable": reason }),
+            );
+        }
+        let mut text = format!("Targets of the tool {name:?} in {said}:\n");
+        text += &table(
+            &format!("target | commanded angles [{}]", names.unit()),
+            shown,
+        );
+        if !robot.stations.is_empty() && !robot.found_tools[tool] {
+            text += &format!(
+                "The place of {name:?} on its link was not read: it is the nominal one.\n"
+            );
+        }
+        text += &taken_as_believed(robot);
+        if let Some(errors) = &robot.with_joint_errors {
+            let largest = (errors.joints.iter())
+                .flat_map(|joint| joint.values.iter().map(|value| value.abs()))
+                .fold(0.0, f64::max);
+            text += &format!(
+                "Commands correct what joints are off by over their own angles, {:.3} mrad at most.\n",
+                largest * 1e3
+            );
+        }
+        if let Some(path) = &self.angles_out {
+            write_whole(path, csv.as_bytes())?;
+            text += &format!("wrote {}\n", path.display());
+        }
+        let keys = json!({
+            "tool": name,
+            "tool_is_identified": robot.found_tools[tool],
+            "frame": said,
+            "corrects_joint_errors": robot.with_joint_errors.is_some(),
+            "targets": list,
+        });
+        let provenance = ProvenanceMessage::new(scenario)
+            .with_input("identified", &self.identified)?
+            .with_input("targets", targets)?;
+        Ok(Report::new(
+            results("compensate", &provenance, keys),
+            text,
+            conditions,
+        ))
+    }
+
+    fn tool_of(&self, robot: &CalibratedRobot) -> Result<usize, FileError> {
+        let Some(name) = &self.tool else {
+            return Ok(robot.machining_tool);
+        };
+        let tools = &robot.arm.tools;
+        (tools.iter())
+            .position(|tool| tool.name == *name)
+            .ok_or_else(|| {
+                let known: Vec<&str> = tools.iter().map(|tool| tool.name.as_str()).collect();
+                let problem = format!("--tool: found {name:?}; allowed are: {}", known.join(", "));
+                FileError::new(&self.identified, problem).code(ErrorCode::Targets)
+            })
+    }
+
+    /// The frame of the targets in the robot's base, and how it is called.
+    fn base_from_frame(
+        &self,
+        targets: &Path,
+        robot: &CalibratedRobot,
+    ) -> Result<(Isometry3<f64>, String), FileError> {
+        let is_absolute = !robot.stations.is_empty();
+        let frame = self.frame.unwrap_or(if is_absolute {
+            TargetFrame::Instrument
+        } else {
+            TargetFrame::Base
+        });
+        let (own, said) = match frame {
+            TargetFrame::Base => {
+                if self.station.is_some() {
+                    let problem =
+                        "--station is for targets in the instrument's frame, not in the base's";
+                    return Err(FileError::new(targets, problem).code(ErrorCode::Targets));
+                }
+                let said = "the frame of the robot's base";
+                (Isometry3::identity(), said.to_owned())
+            }
+            TargetFrame::Instrument => {
+                let station = self.station_of(robot)?;
+                let said = match &station.name {
+                    None => "the instrument's frame".to_owned(),
+                    Some(name) => format!("the instrument's frame at station {name:?}"),
+                };
+                (station.instrument_from_base.inverse(), said)
+            }
+        };
+        Ok(match &self.workpiece {
+            None => (own, said),
+            Some(workpiece) => {
+                let [x, y, z, roll, pitch, yaw] = workpiece.numbers;
+                let said = format!(
+                    "the frame of the workpiece {:?}, which stands at ({x}, {y}, {z}) mm and ({roll}, {pitch}, {yaw}) deg in {said}",
+                    workpiece.name
+                );
+                (own * workpiece.place(), said)
+            }
+        })
+    }
+
+    /// The station in whose frame targets are.
+    fn station_of<'a>(
+        &self,
+        robot: &'a CalibratedRobot,
+    ) -> Result<&'a IdentifiedStation, FileError> {
+        let wrong =
+            |problem: &str| FileError::new(&self.identified, problem).code(ErrorCode::Targets);
+        let stations = match &robot.with_joint_errors {
+            Some(other) => &other.stations,
+            None => &robot.stations,
+        };
+        let names: Vec<&str> = (stations.iter())
+            .filter_map(|each| each.name.as_deref())
+            .collect();
+        let several = format!("name one of them with --station: {}", names.join(", "));
+        match (self.station.as_deref(), stations.as_slice()) {
+        (_, []) => Err(wrong(
+            "was identified from deflections, which do not determine the robot's base in the instrument's frame",
+        )
+        .hint("give the targets in the frame of the base (--frame base), or identify from absolute readings")),
+        (None, [only]) => Ok(only),
+        (None, _) => Err(wrong("the instrument had several stations").hint(several)),
+        (Some(name), all) => (all.iter().find(|each| each.name.as_deref() == Some(name)))
+            .ok_or_else(|| wrong(&format!("--station: found {name:?}")).hint(several)),
+    }
+    }
+}
+
+type FoundCommands = Result<DVector<f64>, Unreachable>;
+
+/// The commands for each row, begun where the one before ended.
+fn commands(
+    scenario: &Scenario,
+    robot: &CalibratedRobot,
+    tool: usize,
+    base_from_frame: &Isometry3<f64>,
+    rows: &[TargetRow],
+) -> Vec<FoundCommands> {
+    let errors = robot.with_joint_errors.as_ref();
+    let arm = errors.map_or(&robot.arm, |errors| &errors.arm);
+    let mut solver = InverseKinematics::new(arm, &arm.tools[tool]);
+    let own = (scenario.task.test_poses.iter()).map(|pose| pose.configuration_rad.clone());
+    let mut starts: Vec<DVector<f64>> = own.collect();
+    let count = starts.len();
+    let mut all = Vec::new();
+    for row in rows {
+        let target =
+            AbsoluteTarget::in_frame(base_from_frame, &row.position_m, row.rotation, row.load);
+        let found = solver.commands(&target, &starts);
+        if let Ok(commands) = &found {
+            if starts.len() > count {
+                starts.remove(0);
+            }
+            starts.insert(0, commands.clone());
+        }
+        all.push(found.and_then(|stands| match errors {
+            None => Ok(stands),
+            Some(errors) => corrected(stands, errors),
+        }));
+    }
+    all
+}
+
+/// The commands with which joints stand so that are off by functions of their own angles.
+fn corrected(mut stands: DVector<f64>, errors: &ArmWithJointErrors) -> FoundCommands {
+    for error in &errors.joints {
+        let joint = error.joint;
+        let coordinate = error.command_for(stands[joint]);
+        let [low, high] = errors.arm.chain.joints[joint].range_rad;
+        if !(low..=high).contains(&coordinate) {
+            return Err(Unreachable::BeyondRange { joint, coordinate });
+        }
+        stands[joint] = coordinate;
+    }
+    Ok(stands)
+}
+
+fn reason(failure: &Unreachable, arm: &ElasticArm) -> String {
+    match failure {
+        Unreachable::BeyondRange { joint, coordinate } => {
+            let joint = &arm.chain.joints[*joint];
+            let (value, unit) = joint.drive.shown(*coordinate);
+            let [low, high] = joint.range_rad.map(|end| joint.drive.shown(end).0);
+            format!(
+                "{} would be at {value:.2} {unit}, its range is {low:.2} to {high:.2} {unit}",
+                joint.name
+            )
+        }
+        Unreachable::TooFar {
+            distance_m,
+            angle_rad,
+        } if distance_m.is_finite() => format!(
+            "the tool stays {:.3} mm and {:.3} deg away",
+            distance_m * 1e3,
+            angle_rad.to_degrees()
+        ),
+        Unreachable::TooFar { .. } => "the robot finds no rest there".to_owned(),
+    }
+}

@@ -1,0 +1,127 @@
+//! `identify`: compliances, or a whole robot, from what was measured.
+
+pub mod absolute;
+pub mod deflections;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::codes::{ConditionCode, ErrorCode};
+use elastocal::files::{FileError, output::write_whole};
+use elastocal::identification::ParameterGroup;
+use elastocal::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
+use elastocal::record::patterns::PatternsMessage;
+use elastocal::scenario::Scenario;
+use elastocal::task::Method;
+use elastocal::view::discrepancy_plots::patterns_plot;
+use serde_json::{Value, json};
+
+use super::written::Written;
+use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
+
+/// Arguments of `identify`.
+#[derive(Debug, Args)]
+#[command(mut_arg("scenario", named_by_file))]
+#[command(mut_args(without_effect(&["seed", "threads", "out"])))]
+pub struct Identify {
+    #[command(flatten)]
+    pub common: Common,
+    /// The measurements.
+    #[arg(long, value_name = "FILE")]
+    measurements: PathBuf,
+    /// How; the scenario's method if not given.
+    #[arg(long, value_enum)]
+    method: Option<Method>,
+    /// Estimate sigma from the residuals instead of taking the scenario's. Of absolute readings: weigh them by the model
+    /// discrepancy, too, even where their own deviations explain the residuals.
+    #[arg(long)]
+    sigma_from_residuals: bool,
+    /// What to fit to absolute readings, frames of stations and targets always among it; what the scenario's robot.parameters
+    /// name if not given.
+    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
+    parameters: Vec<ParameterGroup>,
+    /// Compare models with more and more parameters (frames, zeros, links, compliances, springs, payload) by blocks of joint
+    /// space that they were not fitted to, and fit the one that is recommended. Of absolute readings.
+    #[arg(long, conflicts_with = "parameters")]
+    model_selection: bool,
+    /// Another series of absolute readings of the same robot, fitted apart in the same way: inconsistent parameters
+    /// are named.
+    #[arg(long, value_name = "FILE")]
+    against: Option<PathBuf>,
+    /// Where to write a picture (SVG): of the patterns in the residuals; with --model-selection, of each model's residuals.
+    #[arg(long, value_name = "FILE")]
+    plot_out: Option<PathBuf>,
+    /// Fit readings that lie far out, too: more than 5 standard deviations from what the others say.
+    #[arg(long)]
+    keep_all: bool,
+    /// Where to write the variance components of the residuals, as tables [[uncertainty]] for a scenario: joint error functions and
+    /// discrepancy. Of absolute readings.
+    #[arg(long, value_name = "FILE")]
+    uncertainties_out: Option<PathBuf>,
+    /// Where to write what was identified, for `compensate`.
+    #[arg(long, value_name = "FILE")]
+    identified_out: Option<PathBuf>,
+}
+
+impl Identify {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let origin = Origin::read(&self.measurements)?;
+        let input = ["identify", "--measurements"];
+        let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
+        let measured = read_measured(&self.measurements, &scenario.task.belief)?;
+        let outputs = [
+            ("--identified-out", self.identified_out.as_deref()),
+            ("--plot-out", self.plot_out.as_deref()),
+            ("--uncertainties-out", self.uncertainties_out.as_deref()),
+        ];
+        let mut roles = inputs(&scenario);
+        roles.reads("the measurements", &self.measurements);
+        roles.may_read("the other measurements", self.against.as_deref());
+        check_outputs(&mut roles, &outputs)?;
+        let mut report = match measured {
+            MeasuredFile::Deflections(measurements) => {
+                self.of_deflections(&scenario, origin.as_ref(), &measurements)?
+            }
+            MeasuredFile::Absolute(readings) => self.of_absolute(&scenario, &readings)?,
+        };
+        if controller_compensates(&self.measurements)? {
+            let words = "the controller compensated deflections itself (KUKA: $ABS_ACCUR), as the file of measurements says";
+            let condition = ConditionCode::ControllerCompensates.with(words);
+            let conditions = report.json.get_mut("conditions");
+            if let Some(conditions) = conditions.and_then(Value::as_array_mut) {
+                conditions.push(json!(condition));
+            }
+            report.conditions.push(condition);
+        }
+        if let Some(path) = &self.identified_out {
+            let text = serde_json::to_string_pretty(&report.json)? + "\n";
+            write_whole(path, text.as_bytes())?;
+            report.text += &format!("wrote {}\n", path.display());
+        }
+        Ok(report)
+    }
+
+    /// Refuses options that the file's readings have no use for: each with whether it is given, and why there is none.
+    fn refuse(&self, held: &str, options: &[(&str, bool, &str)]) -> Result<(), FileError> {
+        let Some((option, _, why)) = options.iter().find(|option| option.1) else {
+            return Ok(());
+        };
+        let wrong = FileError::new(&self.measurements, format!("holds {held}, {why}"));
+        let wrong = wrong.code(ErrorCode::OtherAccuracy);
+        Err(wrong.hint(format!("leave out {option}")))
+    }
+
+    /// Draws the patterns, where that is wanted.
+    fn draw_patterns(
+        &self,
+        scenario: &Scenario,
+        patterns: &PatternsMessage,
+        written: &mut Written,
+    ) -> anyhow::Result<String> {
+        let Some(path) = &self.plot_out else {
+            return Ok(String::new());
+        };
+        let title = format!("{}: patterns in the residuals", scenario.name);
+        Ok(written.save(path, &patterns_plot(&title, patterns)?))
+    }
+}
