@@ -16,14 +16,12 @@ use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use elastocal::text::wording::{counted, shell_path};
-use elastocal::view::discrepancy_plots::patterns_plot;
 use elastocal::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
 use serde_json::{Value, json};
 
 use super::identify_absolute::Asked;
 use super::study::results::noted;
 use super::table::{number, or_dash, table};
-use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 use super::{identify_absolute, patterns, repeats, residuals};
 
@@ -56,8 +54,8 @@ pub struct Identify {
     /// are named.
     #[arg(long, value_name = "FILE")]
     against: Option<PathBuf>,
-    /// Where to write a picture (SVG): of the patterns in the residuals; with --model-selection, of each model's residuals.
-    #[arg(long, value_name = "FILE")]
+    /// Where to write a picture (SVG) of each model's residuals.
+    #[arg(long, value_name = "FILE", requires = "model_selection")]
     plot_out: Option<PathBuf>,
     /// Fit readings that lie far out, too: more than 5 standard deviations from what the others say.
     #[arg(long)]
@@ -242,17 +240,11 @@ impl Identify {
         text += &patterns::describe(&identified.patterns);
         text += &repeats::describe(identified.repeats.as_ref(), "deflections");
         text += &noted(&identified.notes());
-        let mut written = Written::default();
-        if let Some(path) = &self.plot_out {
-            let title = format!("{}: patterns in the residuals", scenario.name);
-            text += &written.save(path, &patterns_plot(&title, &identified.patterns)?);
-        }
         Ok(Report::new(
             json,
             text,
             (loads_outside.into_iter())
                 .chain(identified.conditions())
-                .chain(written.conditions())
                 .collect(),
         ))
     }
@@ -260,11 +252,11 @@ impl Identify {
 
 /// Why nothing is identified, with what to do about it.
 pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
-    let NotIdentified { error, diagnoses } = problem;
+    let NotIdentified { error, conditions } = problem;
     let wrong = FileError::new(file, error.to_string()).code(error.code());
-    if !diagnoses.is_empty() {
-        let all = diagnoses.iter().map(|each| each.condition().text);
-        return wrong.hint(all.collect::<Vec<_>>().join("; "));
+    if !conditions.is_empty() {
+        let all: Vec<&str> = conditions.iter().map(|each| each.text.as_str()).collect();
+        return wrong.hint(all.join("; "));
     }
     match error {
         IdentificationError::Equilibrium { .. } | IdentificationError::NotConverged { .. } => wrong

@@ -15,7 +15,7 @@ use elastocal::record::{messages::ProvenanceMessage, model_selection::ModelSelec
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use elastocal::text::wording::counted;
-use elastocal::view::discrepancy_plots::{model_selection_plot, patterns_plot};
+use elastocal::view::discrepancy_plots::model_selection_plot;
 use elastocal::workflow::identify_absolute::{
     IdentifiedRobot, identify_absolute, model_selection, uncounted,
 };
@@ -74,18 +74,14 @@ pub fn execute(
     let mut json = identified.json(scenario, &provenance, groups)?;
     let message = AbsoluteMessage::new(&identified.case, &identified.fit);
     let mut text = String::new();
-    let plot = |title: &str| format!("{}: {title}", scenario.name);
     if let Some(model_selection) = &model_selection {
         let model_selection = ModelSelectionMessage::from(model_selection);
         text += &format!("{}\n", super::model_selection::describe(&model_selection));
         if let Some(path) = asked.plot_out {
-            let title = plot("which model the readings pay for");
+            let title = format!("{}: which model the readings pay for", scenario.name);
             text += &written.save(path, &model_selection_plot(&title, &model_selection)?);
         }
         merge(&mut json, json!({ "model_selection": model_selection }));
-    } else if let Some(path) = asked.plot_out {
-        let title = plot("patterns in the residuals");
-        text += &written.save(path, &patterns_plot(&title, &identified.patterns)?);
     }
     text += &describe(&message);
     if let Some(path) = asked.uncertainties_out {

@@ -3,9 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::identification::RejectedReading;
-use crate::identification::patterns::{
-    Against, Course, Drifting, LEVEL, Pattern, Patterns, WAVES_TO_SEE,
-};
+use crate::identification::patterns::{Against, Drifting, LEVEL, Pattern, Patterns};
 
 /// What residuals go with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -54,23 +52,6 @@ pub struct PatternMessage {
     pub design_effect: f64,
     /// The probability that chance makes any of all that were looked at as strong.
     pub probability: f64,
-    /// The unit of `at` in the points.
-    pub at_unit: String,
-    /// Means over the readings.
-    pub points: Vec<PatternPointMessage>,
-}
-
-/// The mean of what some readings show.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct PatternPointMessage {
-    /// Where, in `at_unit`.
-    pub at: f64,
-    /// What is seen there, in `unit`; other patterns are taken off.
-    pub observed: f64,
-    /// Its standard error.
-    pub standard_error: f64,
-    /// What the pattern says.
-    pub pattern: f64,
 }
 
 impl PatternsMessage {
@@ -106,19 +87,6 @@ fn message(pattern: &Pattern, joints: &[String], is_of_deflections: bool) -> Pat
         _ if is_of_deflections => "rad/(N m)",
         _ => "rad",
     };
-    let (at_factor, at_unit) = match against {
-        Against::Angle { waves, .. } if waves > WAVES_TO_SEE => {
-            (1.0_f64.to_degrees(), "deg of one wave")
-        }
-        Against::Angle { .. } => (1.0_f64.to_degrees(), "deg"),
-        Against::Torque { .. } => (1.0, "N m"),
-        Against::Approach { .. } => (1.0, "sign"),
-        Against::Course(Course::Order, _) => (1.0, "reading"),
-        Against::Course(Course::Time, _) => (1.0, "s"),
-        Against::Course(Course::Temperature, _) => (1.0, "deg C"),
-        Against::Range => (1.0, "m"),
-    };
-    let points = pattern.points.iter();
     PatternMessage {
         against: against.kind().to_owned(),
         joint: against.joint().and_then(|joint| joints.get(joint).cloned()),
@@ -139,14 +107,5 @@ fn message(pattern: &Pattern, joints: &[String], is_of_deflections: bool) -> Pat
         degrees_of_freedom: pattern.degrees_of_freedom,
         design_effect: pattern.design_effect,
         probability: pattern.probability,
-        at_unit: at_unit.to_owned(),
-        points: points
-            .map(|point| PatternPointMessage {
-                at: point.at * at_factor,
-                observed: point.seen,
-                standard_error: point.standard_error,
-                pattern: point.pattern,
-            })
-            .collect(),
     }
 }

@@ -1,9 +1,9 @@
-//! Residuals by measurement and likely mistakes, the record of `identify`.
+//! Residuals by measurement and likely input errors, the record of `identify`.
 
 use serde::{Deserialize, Serialize};
 
-use crate::identification::diagnoses::{Diagnosis, Mistake};
-use crate::identification::{MeasurementResidual, Residuals};
+use crate::identification::MeasurementResidual;
+use crate::identification::input_errors::LikelyInputError;
 
 /// The residual of one measurement against its own uncertainty.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -40,81 +40,42 @@ impl ResidualMessage {
     }
 }
 
-/// The measurement that fits least, and what would be without it.
+/// A likely input error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct SuspectMessage {
-    /// The measurement's number, from 1.
-    pub measurement: usize,
-    /// The probability that chance alone puts any of the measurements as far out.
-    pub probability_of_any: f64,
-    /// The change of each compliance without it, in standard errors.
-    pub compliance_change_standard_errors: Vec<Option<f64>>,
-    /// The consistency of the others.
-    pub consistency_without: Option<f64>,
-}
-
-/// A likely mistake.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisMessage {
-    /// What kind of mistake.
+pub struct InputErrorMessage {
+    /// What kind of error.
     pub kind: String,
     /// What may be wrong, what shows it and what to do.
     pub text: String,
-    /// The natural logarithm of how many times more probable the measurements are with the mistake
-    /// than without; null for what the file itself shows.
-    pub log_evidence_ratio: Option<f64>,
+    /// The natural logarithm of how many times more probable the measurements are with this error than without.
+    pub log_evidence_ratio: f64,
 }
 
-/// What `identify` says of residuals and mistakes.
+/// What `identify` says of residuals and input errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ResidualsMessage {
     /// Each measurement's residual.
     pub residuals: Vec<ResidualMessage>,
-    /// The measurement that fits least.
-    pub most_suspicious: Option<SuspectMessage>,
-    /// Likely mistakes.
-    pub diagnoses: Vec<DiagnosisMessage>,
+    /// Likely input errors.
+    pub diagnoses: Vec<InputErrorMessage>,
 }
 
 impl ResidualsMessage {
-    /// The record of residuals and diagnoses.
-    pub fn new(residuals: &Residuals, diagnoses: &[Diagnosis]) -> Self {
+    /// The record of residuals and likely input errors.
+    pub fn new(residuals: &[MeasurementResidual], likely: &[LikelyInputError]) -> Self {
         Self {
-            residuals: ResidualMessage::of(&residuals.measurements),
-            most_suspicious: residuals.suspect.as_ref().map(|suspect| SuspectMessage {
-                measurement: suspect.measurement + 1,
-                probability_of_any: suspect.probability_of_any,
-                compliance_change_standard_errors: suspect.change.clone(),
-                consistency_without: suspect.consistency,
-            }),
-            diagnoses: diagnoses.iter().map(Into::into).collect(),
+            residuals: ResidualMessage::of(residuals),
+            diagnoses: likely.iter().map(Into::into).collect(),
         }
     }
 }
 
-impl From<&Diagnosis> for DiagnosisMessage {
-    fn from(diagnosis: &Diagnosis) -> Self {
+impl From<&LikelyInputError> for InputErrorMessage {
+    fn from(likely: &LikelyInputError) -> Self {
         Self {
-            kind: kind(&diagnosis.mistake).to_owned(),
-            text: diagnosis.text.clone(),
-            log_evidence_ratio: diagnosis.log_evidence_ratio,
+            kind: likely.error.kind().to_owned(),
+            text: likely.text.clone(),
+            log_evidence_ratio: likely.log_evidence_ratio,
         }
-    }
-}
-
-const fn kind(mistake: &Mistake) -> &'static str {
-    match mistake {
-        Mistake::SignsReversed => "signs_reversed",
-        Mistake::LoadUnit(_) => "load_unit",
-        Mistake::DeflectionUnit(_) => "deflection_unit",
-        Mistake::AngleUnit(_) => "angle_unit",
-        Mistake::JointSigns(_) => "joint_signs",
-        Mistake::JointsSwapped(_) => "joints_swapped",
-        Mistake::Frame(_) => "frame",
-        Mistake::DeflectionsInToolFrame => "deflections_in_tool_frame",
-        Mistake::LoadsInToolFrame => "loads_in_tool_frame",
-        Mistake::AnglesOutsideRange { .. } => "angles_outside_range",
-        Mistake::IdenticalRows(_) => "identical_rows",
-        Mistake::IdenticalReadings(_) => "identical_readings",
     }
 }

@@ -1,13 +1,8 @@
-//! Plots of residuals and of model selection, as SVG.
+//! The plot of a model selection, as SVG.
 
-use plotters::prelude::*;
-
-use super::charts::{
-    Area, COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, short, text,
-};
+use super::charts::{COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot};
 use crate::identification::DistanceStatistics;
 use crate::record::model_selection::{ModelSelectionMessage, NestedModelMessage};
-use crate::record::patterns::{PatternMessage, PatternsMessage};
 
 /// What each nested model of a model selection leaves of the readings that it was fitted to and of blocks that it was not; the recommended one
 /// is marked. Returns the SVG text.
@@ -70,95 +65,4 @@ pub fn model_selection_plot(
         }
         series[2].draw(&mut chart, chosen.as_slice())
     })
-}
-
-/// A panel's size (pixels).
-const PANEL: (u32, u32) = (900, 600);
-/// The height of the title (pixels).
-const HEAD: u32 = 50;
-/// So many patterns are drawn.
-const MOST_PANELS: usize = 6;
-
-/// The strongest patterns in residuals, a panel each: means over readings with their standard errors, and the pattern. Returns
-/// the SVG text.
-pub fn patterns_plot(title: &str, patterns: &PatternsMessage) -> Result<String, PlotError> {
-    let found: Vec<&PatternMessage> = patterns.found.iter().take(MOST_PANELS).collect();
-    let columns = if found.len() > 1 { 2 } else { 1 };
-    let rows = found.len().div_ceil(columns).max(1);
-    let [wide, high] = [columns, rows].map(|count| u32::try_from(count).unwrap_or(1));
-    let size = (PANEL.0 * wide, PANEL.1 * high + HEAD);
-    let title = if found.is_empty() {
-        format!("{title}: none of {} looked at", patterns.looked_at)
-    } else {
-        title.to_owned()
-    };
-    plot(size, &title, |area| {
-        let panels = area.split_evenly((rows, columns));
-        (found.iter().zip(&panels)).try_for_each(|(pattern, panel)| draw_pattern(pattern, panel))
-    })
-}
-
-fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotError> {
-    let (factor, unit) = match pattern.unit.as_str() {
-        "rad" => (1e3, "mrad"),
-        "m" => (1e3, "mm"),
-        "1" => (1e6, "\u{b5}m/m"),
-        _ => (1e6, "\u{b5}rad/(N m)"),
-    };
-    let points = &pattern.points;
-    let reach = |values: &mut dyn Iterator<Item = f64>| {
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-            (low.min(value), high.max(value))
-        });
-        let margin = ((high - low) * 0.05).max(1e-9 * high.abs().max(1e-9));
-        if low <= high {
-            (low - margin)..(high + margin)
-        } else {
-            0.0..1.0
-        }
-    };
-    let ends = points.iter().flat_map(|point| {
-        [
-            point.observed - point.standard_error,
-            point.observed + point.standard_error,
-            point.pattern,
-        ]
-    });
-    let x = reach(&mut points.iter().map(|point| point.at));
-    let y = reach(&mut ends.map(|value| value * factor));
-    let panel = panel.titled(&panel_title(pattern), text(INK))?;
-    let at = pattern.joint.as_ref().unwrap_or(&pattern.against);
-    let names = [
-        format!("{at} [{}]", pattern.at_unit),
-        format!("residual [{unit}]"),
-    ];
-    let axes = [ChartAxis::linear(x, 6), ChartAxis::linear(y, 6)];
-    let mut chart = chart_of(&panel, axes, [&names[0], &names[1]], &[], &|x| short(*x))?;
-    chart.draw_series(points.iter().map(|point| {
-        let [low, high] = [-1.0, 1.0].map(|side| point.observed + side * point.standard_error);
-        PathElement::new(
-            [(point.at, low * factor), (point.at, high * factor)],
-            COLOURS[0].stroke_width(3),
-        )
-    }))?;
-    chart
-        .draw_series((points.iter()).map(|point| {
-            Circle::new((point.at, point.observed * factor), 5, COLOURS[0].filled())
-        }))?;
-    chart.draw_series(LineSeries::new(
-        (points.iter()).map(|point| (point.at, point.pattern * factor)),
-        COLOURS[1].stroke_width(4),
-    ))?;
-    Ok(())
-}
-
-fn panel_title(pattern: &PatternMessage) -> String {
-    let joint = pattern.joint.as_deref();
-    let share = 100.0 * pattern.share;
-    let what = match (pattern.harmonic, joint) {
-        (Some(waves), Some(joint)) => format!("{joint}, harmonic {waves}"),
-        (None, Some(joint)) => format!("{joint}, {}", pattern.against),
-        _ => pattern.against.clone(),
-    };
-    format!("{what}: {share:.1} % of the residuals' variance")
 }
