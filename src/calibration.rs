@@ -8,7 +8,7 @@ use crate::codes::{Condition, ConditionCode};
 use crate::compensation::{compensate_identified, predicted_error, test_pose_rows};
 use crate::files::FileError;
 use crate::identification::{
-    Case, Identification, IdentificationError, MeasurementResidual, Sigma, measurement_residuals,
+    Case, Identification, IdentificationError, MeasurementResidual, Sigma, residuals,
 };
 use crate::measurement::Measurement;
 use crate::numeric::posterior::{NotDetermined, Posterior};
@@ -99,7 +99,7 @@ pub fn calibrate(
         truth,
     } = measure(&mut robots, task, truth, plan, seed, run)?;
     let identification = identify_as_planned(&task.belief, &measurements)?;
-    let residuals = measurement_residuals(&case_of(&task.belief, &measurements), &identification)?;
+    let residuals = residuals(&case_of(&task.belief, &measurements), &identification)?;
     let poses = compensate_poses(
         task,
         &mut robots,

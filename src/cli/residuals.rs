@@ -1,30 +1,28 @@
 //! Residuals by measurement, for a person.
 
-use elastocal::identification::{Identification, MeasurementResidual, RejectedReading, Residuals};
+use elastocal::identification::{Identification, MeasurementResidual, RejectedReading};
 
 use super::table::{number, or_dash, table};
 
 /// So many measurements are listed, those that fit least first.
 const LISTED: usize = 6;
-/// A measurement is no suspect where chance puts one as far out with a larger probability.
-const BY_CHANCE: f64 = 0.01;
 
-/// The residuals that are farthest from what chance explains, and what would be without the farthest.
+/// The residuals that are farthest from what chance explains.
 pub fn describe(
     identification: &Identification,
-    residuals: &Residuals,
+    residuals: &[MeasurementResidual],
     rejected: &[RejectedReading],
 ) -> String {
-    let mut order: Vec<usize> = (0..residuals.measurements.len()).collect();
-    let rank = |index: usize| residuals.measurements[index].probability.unwrap_or(1.0);
-    let far = |index: usize| residuals.measurements[index].distance;
+    let mut order: Vec<usize> = (0..residuals.len()).collect();
+    let rank = |index: usize| residuals[index].probability.unwrap_or(1.0);
+    let far = |index: usize| residuals[index].distance;
     order.sort_by(|&one, &other| {
         (rank(one).total_cmp(&rank(other))).then(far(other).total_cmp(&far(one)))
     });
     let all = order.len();
     order.truncate(LISTED);
     let rows = order.into_iter().map(|index| {
-        let mut row = row(identification, index, &residuals.measurements[index]);
+        let mut row = row(identification, index, &residuals[index]);
         if rejected.iter().any(|each| each.reading == index) {
             row[0] += " (left out)";
         }
@@ -37,7 +35,7 @@ pub fn describe(
     if all > LISTED {
         text += &format!("  ({} more fit better)\n", all - LISTED);
     }
-    text + &suspect(identification, residuals)
+    text
 }
 
 fn row(
@@ -62,40 +60,4 @@ pub fn probability(value: f64) -> String {
     } else {
         format!("{value:.1e}")
     }
-}
-
-fn suspect(identification: &Identification, residuals: &Residuals) -> String {
-    let Some(suspect) = &residuals.suspect else {
-        return String::new();
-    };
-    let number = suspect.measurement + 1;
-    if suspect.probability_of_any > BY_CHANCE {
-        return format!(
-            "  Measurement {number} has the largest residual: p = {}, no outlier.\n",
-            probability(suspect.probability_of_any)
-        );
-    }
-    let changes: Vec<String> = (identification.parameters.iter().zip(&suspect.change))
-        .filter_map(|(parameter, change)| Some(format!("{} {:+.1}", parameter.name, (*change)?)))
-        .collect();
-    let mut text = format!(
-        "  Measurement {number} has the largest residual: p = {}.",
-        probability(suspect.probability_of_any)
-    );
-    if !changes.is_empty() {
-        text += &format!(
-            " Without it, the compliances change by so many standard errors: {}",
-            changes.join(", ")
-        );
-        text += &suspect.consistency.map_or_else(
-            || ".".to_owned(),
-            |consistency| {
-                format!(
-                    "; residuals as large as the others' have a probability of {}.",
-                    probability(consistency)
-                )
-            },
-        );
-    }
-    text + "\n"
 }

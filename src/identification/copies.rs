@@ -89,6 +89,19 @@ impl CopiedReadings {
         found
     }
 
+    /// The same of the whole table, of which the readings were at these places.
+    pub(super) fn at(self, places: &[usize]) -> Self {
+        let of = |pairs: Vec<[usize; 2]>| -> Vec<[usize; 2]> {
+            (pairs.into_iter())
+                .map(|pair| pair.map(|place| places[place]))
+                .collect()
+        };
+        Self {
+            rows: of(self.rows),
+            readings: of(self.readings),
+        }
+    }
+
     /// The rows that count no more, since others are the same.
     pub fn is_copy(&self, count: usize) -> Vec<bool> {
         let mut of_all = vec![false; count];
@@ -117,7 +130,7 @@ impl CopiedReadings {
         let mut found = Vec::new();
         if !self.rows.is_empty() {
             found.push(ConditionCode::CopiedRows.with(format!(
-                "{noun}s equal to those in brackets to the last digit, counted once: {}",
+                "{noun}s equal to those in brackets to the last digit: {}",
                 list(&self.rows)
             )));
         }

@@ -10,7 +10,7 @@ use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, Robot, Tool,
     rotation_vector,
 };
-use crate::task::Extended;
+use crate::task::{Extended, Method};
 
 /// What the equations are built from.
 #[derive(Debug, Clone, Copy)]
@@ -102,7 +102,10 @@ impl EquationSource<'_> {
     /// are for the change of the unknowns from their nominal values.
     pub fn linear(&self) -> Equations {
         if let Some(extended) = self.uncertain {
-            return self.extended_linear(extended);
+            let values = self.nominal_values();
+            let equations = self.extended(extended, Method::Linear, &values);
+            // As planned there is always a prediction.
+            return equations.unwrap_or_else(|_| Writer::new(0, values.len()).equations);
         }
         let (chain, compliance) = (&self.nominal.chain, &self.nominal.compliance_rad_per_nm);
         let mut arm = chain.at(self.tool);
@@ -139,7 +142,7 @@ impl EquationSource<'_> {
     /// (p); the equations are for their change.
     pub fn nonlinear(&self, values: &[f64]) -> Result<Equations, IdentificationError> {
         if let Some(extended) = self.uncertain {
-            return self.extended_nonlinear(extended, values);
+            return self.extended(extended, Method::Nonlinear, values);
         }
         let compliance = &self.compliance(values);
         let chain = &self.nominal.chain;
@@ -155,15 +158,16 @@ impl EquationSource<'_> {
                         each.configuration_rad.as_slice(),
                         load,
                     )
-                    .map_err(|source| IdentificationError::Equilibrium {
-                        measurement: index + 1,
-                        source,
-                    })?;
+                    .map_err(|error| IdentificationError::from((index, error)))?;
                 let sensitivity = solver
                     .sensitivity(compliance)
                     .select_columns(self.parameters);
                 let state = solver.state();
-                Ok((state.tool_position, state.tool_rotation, sensitivity))
+                Ok::<_, IdentificationError>((
+                    state.tool_position,
+                    state.tool_rotation,
+                    sensitivity,
+                ))
             };
             let (unloaded, unloaded_axes, from) = rest(&Load::NONE)?;
             let (loaded, loaded_axes, to) = rest(&each.load)?;

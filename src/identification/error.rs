@@ -11,8 +11,8 @@ pub enum IdentificationError {
     /// There are no measurements.
     #[error("there are no measurements")]
     NoMeasurements,
-    /// No measurement depends on any of the compliances.
-    #[error("no measurement depends on any of the compliances: no load has a torque on the joints")]
+    /// No measurement depends on any of the parameters: no load has a torque on a joint, for example.
+    #[error("the measurements determine none of the parameters")]
     NothingObserved,
     /// Sigma cannot be estimated from as many equations as unknowns.
     #[error(
@@ -24,22 +24,32 @@ pub enum IdentificationError {
         /// The number of determined combinations.
         rank: usize,
     },
-    /// The nominal model has no equilibrium where one was measured.
-    #[error("measurement {measurement}: with the compliances that fit so far, {source}")]
+    /// The model has no equilibrium where one was measured.
+    #[error("measurement {measurement}: with the parameters that fit so far, {source}")]
     Equilibrium {
         /// The measurement's number, from 1.
         measurement: usize,
         /// What is wrong.
         source: EquilibriumError,
     },
-    /// The non-linear estimate did not converge.
-    #[error(
-        "the non-linear estimate did not converge: the last step changed a compliance by {change:.1e} of itself"
-    )]
+    /// The fit did not converge.
+    #[error("the fit did not converge: the last step was {step:.1e} {unit}")]
     NotConverged {
-        /// The last relative change.
-        change: f64,
+        /// The length of the last step.
+        step: f64,
+        /// Its unit.
+        unit: &'static str,
     },
+}
+
+impl From<(usize, EquilibriumError)> for IdentificationError {
+    /// Of a measurement that counts from 0.
+    fn from((index, source): (usize, EquilibriumError)) -> Self {
+        Self::Equilibrium {
+            measurement: index + 1,
+            source,
+        }
+    }
 }
 
 impl IdentificationError {

@@ -13,24 +13,8 @@ use crate::robot::rotation_vector;
 use crate::task::{Extended, Method};
 
 impl EquationSource<'_> {
-    /// To first order in compliance, at the nominal values.
-    pub(super) fn extended_linear(&self, extended: &Extended) -> Equations {
-        let values = self.nominal_values();
-        let equations = self.extended(extended, Method::Linear, &values);
-        // As planned there is always a prediction.
-        equations.unwrap_or_else(|_| Writer::new(0, values.len()).equations)
-    }
-
-    /// Through the static equilibrium, at values of the unknowns.
-    pub(super) fn extended_nonlinear(
-        &self,
-        extended: &Extended,
-        values: &[f64],
-    ) -> Result<Equations, IdentificationError> {
-        self.extended(extended, Method::Nonlinear, values)
-    }
-
-    fn extended(
+    /// To first order in compliance as planned, or through the static equilibrium at values of the unknowns.
+    pub(super) fn extended(
         &self,
         extended: &Extended,
         method: Method,
@@ -62,10 +46,7 @@ impl EquationSource<'_> {
                 Method::Linear => model.predict_as_planned(&setup, kind, &mut derivatives),
                 Method::Nonlinear => model
                     .predict(Form::AtRest, &setup, kind, &mut derivatives)
-                    .map_err(|source| IdentificationError::Equilibrium {
-                        measurement: index + 1,
-                        source,
-                    })?,
+                    .map_err(|error| IdentificationError::from((index, error)))?,
             };
             let left_m = each.deflection_m - position_m;
             let left_rad = (each.rotation.as_ref())

@@ -118,7 +118,10 @@ pub(super) fn fit_nonlinear(
             halvings += 1;
         };
     }
-    Err(IdentificationError::NotConverged { change })
+    Err(IdentificationError::NotConverged {
+        step: change,
+        unit: "typical sizes of the parameters",
+    })
 }
 
 /// The values that are near as far as they are determined, else the linear estimate; and what is determined.

@@ -78,14 +78,20 @@ impl RejectedReading {
     }
 }
 
-/// Readings as what lies far out of them is looked for.
+/// What a fit to all readings but those that were rejected says of all.
 pub(super) struct LookedOver<'a> {
-    /// What a fit leaves of them.
-    pub left: &'a [ReadingResidual],
+    /// What it leaves of them.
+    pub left: Vec<ReadingResidual>,
     /// Their own covariances.
     pub own: &'a [Matrix6<f64>],
+    /// The same as they were weighed.
+    pub weighed: Vec<Matrix6<f64>>,
+    /// The covariances of what is predicted for them; nothing where that is little.
+    pub known: Vec<Matrix6<f64>>,
+    /// Which were rejected.
+    pub rejected: &'a [RejectedReading],
     /// The commanded angles of each.
-    pub angles: &'a [&'a [f64]],
+    pub angles: Vec<&'a [f64]>,
     /// As in [`Discrepancy::of`](super::Discrepancy::of).
     pub spare: f64,
     /// Degrees of freedom.
@@ -105,52 +111,81 @@ pub(super) fn plausible(probability: Option<f64>, ratio: f64) -> Option<f64> {
     }
 }
 
-/// The readings that lie far out of what a fit leaves of all. `squares_of` is what is left of a reading over a covariance, of position
-/// and of rotation. Where a discrepancy comes from residuals of few degrees of freedom, larger squares are as improbable; where what is left is
-/// larger at some angles than at others, the yardstick there is. None where so many lie far out that nothing can be said of
-/// single ones.
-pub(super) fn far_out(
-    readings: &LookedOver<'_>,
-    squares_of: impl Fn(usize, &Matrix6<f64>) -> [f64; 2],
-) -> Option<Vec<RejectedReading>> {
-    let LookedOver { own, freedom, .. } = *readings;
-    let discrepancy = match readings.plausible {
-        Some(_) => [Matrix3::zeros(); 2],
-        None => robust_discrepancy(readings.left, own, readings.spare),
-    };
-    let scale = readings.plausible.unwrap_or(1.0);
-    let is_known = scale <= 1.0 && discrepancy.iter().all(|part| *part == Matrix3::zeros());
-    let far = if is_known {
-        FAR_SQUARE
-    } else {
-        far_square(freedom)
-    };
-    let mut covariance = Matrix6::zeros();
-    for (part, discrepancy) in discrepancy.iter().enumerate() {
-        (covariance.fixed_view_mut::<3, 3>(3 * part, 3 * part)).copy_from(discrepancy);
-    }
-    let mut squares: Vec<[f64; 2]> = (own.iter().enumerate())
-        .map(|(reading, own)| squares_of(reading, &(own + covariance)).map(|each| each / scale))
-        .collect();
-    for (part, discrepancy) in discrepancy.iter().enumerate() {
-        if *discrepancy != Matrix3::zeros() {
-            let own: Vec<f64> = squares.iter().map(|each| each[part]).collect();
-            let factors = local_factors(&own, readings.angles, far);
-            for (each, factor) in squares.iter_mut().zip(factors) {
-                each[part] /= factor;
+impl LookedOver<'_> {
+    /// The readings that lie far out of what the fit leaves of all. Where a discrepancy comes from residuals of few degrees of
+    /// freedom, larger squares are as improbable; where what is left is larger at some angles than at others, the yardstick there is.
+    /// None where so many lie far out that nothing can be said of single ones.
+    pub fn far_out(&self) -> Option<Vec<RejectedReading>> {
+        let own = self.own;
+        let discrepancy = match self.plausible {
+            Some(_) => [Matrix3::zeros(); 2],
+            None => robust_discrepancy(&self.left, own, self.spare),
+        };
+        let scale = self.plausible.unwrap_or(1.0);
+        let is_known = scale <= 1.0 && discrepancy.iter().all(|part| *part == Matrix3::zeros());
+        let far = if is_known {
+            FAR_SQUARE
+        } else {
+            far_square(self.freedom)
+        };
+        let mut covariance = Matrix6::zeros();
+        for (part, discrepancy) in discrepancy.iter().enumerate() {
+            (covariance.fixed_view_mut::<3, 3>(3 * part, 3 * part)).copy_from(discrepancy);
+        }
+        let mut squares: Vec<[f64; 2]> = (own.iter().enumerate())
+            .map(|(reading, own)| {
+                self.squares(reading, &(own + covariance))
+                    .map(|each| each / scale)
+            })
+            .collect();
+        for (part, discrepancy) in discrepancy.iter().enumerate() {
+            if *discrepancy != Matrix3::zeros() {
+                let own: Vec<f64> = squares.iter().map(|each| each[part]).collect();
+                let factors = local_factors(&own, &self.angles, far);
+                for (each, factor) in squares.iter_mut().zip(factors) {
+                    each[part] /= factor;
+                }
             }
         }
-    }
-    let found: Vec<RejectedReading> = (squares.iter().enumerate())
-        .filter_map(|(reading, [position, rotation])| {
-            let square = position.max(*rotation);
-            (square > far).then(|| RejectedReading {
-                reading,
-                deviations: FAR_OUT * (square / far).sqrt(),
+        let found: Vec<RejectedReading> = (squares.iter().enumerate())
+            .filter_map(|(reading, [position, rotation])| {
+                let square = position.max(*rotation);
+                (square > far).then(|| RejectedReading {
+                    reading,
+                    deviations: FAR_OUT * (square / far).sqrt(),
+                })
             })
+            .collect();
+        (found.len() as f64 <= MOST * own.len() as f64).then_some(found)
+    }
+
+    /// The reading without which the weighted squares are smallest.
+    pub fn farthest(&self) -> Option<RejectedReading> {
+        let squares = self.weighed.iter().enumerate().map(|(reading, own)| {
+            let [position, rotation] = self.squares(reading, own);
+            (reading, position.max(rotation))
+        });
+        let (reading, square) = squares.max_by(|one, other| one.1.total_cmp(&other.1))?;
+        Some(RejectedReading {
+            reading,
+            deviations: square.sqrt(),
         })
-        .collect();
-    (found.len() as f64 <= MOST * own.len() as f64).then_some(found)
+    }
+
+    /// What is left of a reading, of position and of rotation, over the covariance of that: R - A cov A^T with the covariance of what is
+    /// predicted; of one that was rejected R + A cov A^T. `whole` is what R is to be.
+    fn squares(&self, reading: usize, whole: &Matrix6<f64>) -> [f64; 2] {
+        let is_rejected = self.rejected.iter().any(|each| each.reading == reading);
+        let known = self.known[reading] * if is_rejected { -1.0 } else { 1.0 };
+        let square = |vector: &Vector3<f64>, first: usize| {
+            let [whole, own, known] = [whole, &self.weighed[reading], &known]
+                .map(|each| each.fixed_view::<3, 3>(first, first).into_owned());
+            square_of(vector, &whole, &own, &known)
+        };
+        let left = &self.left[reading];
+        let rotation = left.rotation_rad.map_or(0.0, |vector| square(&vector, 3));
+        [square(&left.position_m, 0), rotation]
+    }
 }
 
 /// By how much larger squares are where each reading is than they are on the whole, at least one: as those say that do not lie far out there.
@@ -248,24 +283,6 @@ pub(super) fn kept<T: Clone>(all: &[T], rejected: &[RejectedReading]) -> Vec<T> 
     all.filter(|(_, is_rejected)| !is_rejected)
         .map(|(each, _)| each.clone())
         .collect()
-}
-
-/// What is left of a reading, of position and of rotation, over the covariance of that: R - A cov A^T with the covariance `known`
-/// of what is predicted; of one that was left out R + A cov A^T, with a `known` that is negative. `own` is R as the reading was weighed,
-/// `whole` what it is to be.
-pub(super) fn squares_of(
-    left: &ReadingResidual,
-    own: &Matrix6<f64>,
-    whole: &Matrix6<f64>,
-    known: &Matrix6<f64>,
-) -> [f64; 2] {
-    let square = |vector: &Vector3<f64>, first: usize| {
-        let [whole, own, known] =
-            [whole, own, known].map(|each| each.fixed_view::<3, 3>(first, first).into_owned());
-        square_of(vector, &whole, &own, &known)
-    };
-    let rotation = left.rotation_rad.map_or(0.0, |vector| square(&vector, 3));
-    [square(&left.position_m, 0), rotation]
 }
 
 /// What is left of a reading over the covariance of that. Of the reading's own covariance a fit takes up the share `known`; of the whole

@@ -1,4 +1,4 @@
-//! Residuals and leverage measurement by measurement, and the fit without each (deletion diagnostics).
+//! Residuals and leverage measurement by measurement.
 
 use std::ops::Range;
 
@@ -13,7 +13,6 @@ use super::error::IdentificationError;
 use super::estimate::Identification;
 use super::outliers::RejectedReading;
 use crate::numeric::least_squares::LeastSquares;
-use crate::quantities::written::from_one;
 use crate::task::Method;
 
 /// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes
@@ -41,54 +40,11 @@ pub struct MeasurementResidual {
     pub probability: Option<f64>,
 }
 
-/// The measurement that fits least, and what would be without it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Suspect {
-    /// Its index, from 0; from 1 in records.
-    #[serde(serialize_with = "from_one")]
-    pub measurement: usize,
-    /// The probability that chance alone puts any of the measurements as far out.
-    pub probability_of_any: f64,
-    /// The change of each compliance if it is left out, in standard errors; `None` where it is not
-    /// determined with the measurement, or not without it.
-    #[serde(rename = "compliance_change_standard_errors")]
-    pub change: Vec<Option<f64>>,
-    /// The probability of residuals as large as those of the others, see
-    /// [`Identification::consistency`].
-    #[serde(rename = "consistency_without")]
-    pub consistency: Option<f64>,
-}
-
-/// The residuals of an identification.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Residuals {
-    /// In the order of the measurements.
-    pub measurements: Vec<MeasurementResidual>,
-    /// The measurement that fits least, where there are two or more to compare.
-    pub suspect: Option<Suspect>,
-}
-
-/// The residuals of what was identified.
-pub fn residuals(
-    case: &Case<'_>,
-    identification: &Identification,
-) -> Result<Residuals, IdentificationError> {
-    let judged = measurement_residuals(case, identification)?;
-    let suspect = farthest(&judged).map(|measurement| {
-        let mut others = case.measurements.to_vec();
-        others.remove(measurement);
-        // Where nothing can be identified without it, nothing is said.
-        let without = case.with(&others).identify().ok();
-        suspect(identification, &judged, measurement, without.as_ref())
-    });
-    Ok(Residuals {
-        measurements: judged,
-        suspect,
-    })
-}
-
 /// The residual of each measurement.
-pub fn measurement_residuals(
+///
+/// # Errors
+/// The robot gives way under a load.
+pub fn residuals(
     case: &Case<'_>,
     identification: &Identification,
 ) -> Result<Vec<MeasurementResidual>, IdentificationError> {
@@ -126,46 +82,37 @@ pub fn measurement_residuals(
         .collect())
 }
 
-impl Residuals {
-    /// Together with the measurements that were left out of the fit, each in its place; `case` has all, these were of the others.
-    ///
-    /// # Errors
-    /// The robot gives way under a load.
-    pub fn with_rejected(
-        mut self,
-        case: &Case<'_>,
-        identification: &Identification,
-        rejected: &[RejectedReading],
-    ) -> Result<Self, IdentificationError> {
-        let posterior = &identification.posterior;
-        for each in rejected {
-            let alone = [case.measurements[each.reading].clone()];
-            let alone = case.with(&alone);
-            let source = alone.equation_source();
-            let (matrix, residual) = alone.against(&source, &posterior.mean)?;
-            let own = match case.sigma {
-                Sigma::Known(_) => 1.0,
-                Sigma::FromResiduals(_) => {
-                    (identification.sigma_m / source.typical_sigma_m()).powi(2)
-                }
-            };
-            let known = &matrix * &posterior.covariance * matrix.transpose();
-            let coordinates = OwnUnits::new(&source, &matrix, &residual).coordinates(
-                0..residual.len(),
-                own,
-                (&posterior.covariance, 1.0),
-            );
-            let covariance = DMatrix::identity(residual.len(), residual.len()) * own + known;
-            let judged = Judge::KnownVariance.residual(&residual, covariance, &coordinates, 0.0);
-            self.measurements.insert(each.reading, judged);
-            if let Some(suspect) = &mut self.suspect
-                && suspect.measurement >= each.reading
-            {
-                suspect.measurement += 1;
-            }
-        }
-        Ok(self)
+/// Residuals of the measurements that were fitted, and in their places those of the measurements that were not; `case` has all.
+///
+/// # Errors
+/// The robot gives way under a load.
+pub fn with_rejected(
+    mut residuals: Vec<MeasurementResidual>,
+    case: &Case<'_>,
+    identification: &Identification,
+    rejected: &[RejectedReading],
+) -> Result<Vec<MeasurementResidual>, IdentificationError> {
+    let posterior = &identification.posterior;
+    for each in rejected {
+        let alone = [case.measurements[each.reading].clone()];
+        let alone = case.with(&alone);
+        let source = alone.equation_source();
+        let (matrix, residual) = alone.against(&source, &posterior.mean)?;
+        let own = match case.sigma {
+            Sigma::Known(_) => 1.0,
+            Sigma::FromResiduals(_) => (identification.sigma_m / source.typical_sigma_m()).powi(2),
+        };
+        let known = &matrix * &posterior.covariance * matrix.transpose();
+        let coordinates = OwnUnits::new(&source, &matrix, &residual).coordinates(
+            0..residual.len(),
+            own,
+            (&posterior.covariance, 1.0),
+        );
+        let covariance = DMatrix::identity(residual.len(), residual.len()) * own + known;
+        let judged = Judge::KnownVariance.residual(&residual, covariance, &coordinates, 0.0);
+        residuals.insert(each.reading, judged);
     }
+    Ok(residuals)
 }
 
 /// Residuals and rows without their weights: correlated coordinates of a reading are weighted together, and each has a
@@ -286,40 +233,5 @@ impl Judge {
                 })
             }
         }
-    }
-}
-
-/// The measurement of the smallest probability, where there are others.
-fn farthest(residuals: &[MeasurementResidual]) -> Option<usize> {
-    let judged = (residuals.iter().enumerate())
-        .filter_map(|(index, each)| Some((index, each.probability?, each.distance)));
-    (residuals.len() > 1)
-        .then(|| {
-            // Where probabilities are too small to be told apart, the distance decides.
-            judged.min_by(|one, other| (one.1.total_cmp(&other.1)).then(other.2.total_cmp(&one.2)))
-        })
-        .flatten()
-        .map(|(index, _, _)| index)
-}
-
-fn suspect(
-    identification: &Identification,
-    residuals: &[MeasurementResidual],
-    measurement: usize,
-    without: Option<&Identification>,
-) -> Suspect {
-    let probabilities = residuals.iter().filter_map(|each| each.probability);
-    let smallest = residuals[measurement].probability.unwrap_or(1.0);
-    let change = |index: usize| {
-        let estimate = identification.parameters[index].estimate?;
-        let other = without?.parameters[index].estimate?;
-        Some((other.value - estimate.value) / estimate.standard_error)
-    };
-    Suspect {
-        measurement,
-        // 1 - (1 - p)^n, also where p is tiny.
-        probability_of_any: -(probabilities.count() as f64 * (-smallest).ln_1p()).exp_m1(),
-        change: (0..identification.parameters.len()).map(change).collect(),
-        consistency: without.and_then(|without| without.consistency),
     }
 }

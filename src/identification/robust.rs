@@ -14,7 +14,7 @@ use super::estimate::NominalCompliance;
 use super::estimate::{Estimate, Identification, two_sided_student};
 use super::nominal::UNKNOWN;
 use super::outliers::IMPLAUSIBLE;
-use super::outliers::{self, LookedOver, RejectedReading, kept, squares_of};
+use super::outliers::{self, LookedOver, RejectedReading, kept};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::task::Method;
@@ -56,8 +56,6 @@ impl RobustIdentification {
 struct SomeFitted {
     identification: Identification,
     rejected: Vec<RejectedReading>,
-    /// Whether each measurement was.
-    is_rejected: Vec<bool>,
     /// What is left of all measurements.
     left: Vec<ReadingResidual>,
     /// The covariances of what is predicted for them.
@@ -288,7 +286,6 @@ impl Case<'_> {
             known,
             spare: freedom / numbers,
             freedom,
-            is_rejected: outliers::rejected_of(weighed.len(), rejected),
             rejected: rejected.to_vec(),
             identification,
         })
@@ -297,10 +294,11 @@ impl Case<'_> {
     /// Fits without the measurements that lie far out of a first fit. None where none does, where too many do, or where the
     /// others tell less than all.
     fn without_far_out(&self, first: &SomeFitted, own: &[Matrix6<f64>]) -> Option<SomeFitted> {
-        let mut rejected = first.far_out(self.measurements, own).unwrap_or_default();
+        let all = first.looked_over(self.measurements, own);
+        let mut rejected = all.far_out().unwrap_or_default();
         if rejected.is_empty() {
             // One among few draws the fit to itself, and hides in what that leaves of the others.
-            rejected.push(first.farthest(own)?);
+            rejected.push(all.farthest()?);
         }
         self.without(first, rejected, own)
     }
@@ -315,7 +313,7 @@ impl Case<'_> {
         let Posterior { mean, .. } = &first.identification.posterior;
         let (rejected, mut fitted) = outliers::until_the_same(
             rejected,
-            |fitted: &SomeFitted| fitted.far_out(self.measurements, own),
+            |fitted: &SomeFitted| fitted.looked_over(self.measurements, own).far_out(),
             |rejected| {
                 let fitted = self.fitted(self.measurements, rejected, mean).ok()?;
                 (fitted.identification.rank >= first.identification.rank).then_some(fitted)
@@ -327,25 +325,24 @@ impl Case<'_> {
 }
 
 impl SomeFitted {
-    fn far_out(
-        &self,
-        measurements: &[Measurement],
-        own: &[Matrix6<f64>],
-    ) -> Option<Vec<RejectedReading>> {
-        let angles: Vec<&[f64]> = (measurements.iter())
-            .map(|each| each.configuration_rad.as_slice())
-            .collect();
-        let readings = LookedOver {
-            left: &self.left,
+    /// What is said of all measurements, whose own covariances these are.
+    fn looked_over<'a>(
+        &'a self,
+        measurements: &'a [Measurement],
+        own: &'a [Matrix6<f64>],
+    ) -> LookedOver<'a> {
+        let angles = measurements.iter().map(|each| &each.configuration_rad);
+        LookedOver {
+            left: self.left.clone(),
             own,
-            angles: &angles,
+            weighed: own.to_vec(),
+            known: self.known.clone(),
+            rejected: &self.rejected,
+            angles: angles.map(|each| each.as_slice()).collect(),
             spare: self.spare,
             freedom: self.freedom,
             plausible: self.plausible(),
-        };
-        outliers::far_out(&readings, |reading, all| {
-            self.squares(reading, &own[reading], all)
-        })
+        }
     }
 
     /// By how much variances are larger than believed, where what was fitted is plausible so.
@@ -353,27 +350,6 @@ impl SomeFitted {
         let found = &self.identification;
         let ratio = found.residual_sigma_m? / found.sigma_m;
         outliers::plausible(found.consistency, ratio * ratio)
-    }
-
-    /// The measurement without which the weighted squares are smallest.
-    fn farthest(&self, own: &[Matrix6<f64>]) -> Option<RejectedReading> {
-        let squares = own.iter().enumerate();
-        let squares = squares.map(|(reading, own)| {
-            let [position, rotation] = self.squares(reading, own, own);
-            (reading, position.max(rotation))
-        });
-        let (reading, square) = squares.max_by(|one, other| one.1.total_cmp(&other.1))?;
-        Some(RejectedReading {
-            reading,
-            deviations: square.sqrt(),
-        })
-    }
-
-    /// What is left of a measurement over its covariance, of position and of rotation.
-    fn squares(&self, reading: usize, own: &Matrix6<f64>, whole: &Matrix6<f64>) -> [f64; 2] {
-        let sign = if self.is_rejected[reading] { -1.0 } else { 1.0 };
-        let known = self.known[reading] * sign;
-        squares_of(&self.left[reading], own, whole, &known)
     }
 
     /// By how much what is left of the measurements that were fitted is larger than it should be.

@@ -1,10 +1,10 @@
-//! Residuals by measurement and likely mistakes, the record of `identify`.
+//! Residuals by measurement and likely input errors, the record of `identify`.
 
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
-use crate::identification::diagnoses::{Diagnosis, Mistake};
-use crate::identification::{MeasurementResidual, Residuals};
+use crate::identification::MeasurementResidual;
+use crate::identification::input_errors::LikelyInputError;
 
 /// A measurement's residual with the measurement's number, from 1.
 #[derive(Serialize)]
@@ -30,35 +30,17 @@ pub(super) fn written<S: Serializer>(
     to.collect_seq(numbered(residuals))
 }
 
-/// What `identify` says of residuals and mistakes.
-pub fn residuals_json(residuals: &Residuals, diagnoses: &[Diagnosis]) -> Value {
-    let diagnosis = |each: &Diagnosis| {
+/// What `identify` says of residuals and input errors.
+pub fn residuals_json(residuals: &[MeasurementResidual], likely: &[LikelyInputError]) -> Value {
+    let likely = likely.iter().map(|each| {
         json!({
-            "kind": kind(&each.mistake),
+            "kind": each.error.kind(),
             "text": each.text,
             "log_evidence_ratio": each.log_evidence_ratio,
         })
-    };
+    });
     json!({
-        "residuals": numbered(&residuals.measurements).collect::<Vec<_>>(),
-        "most_suspicious": residuals.suspect,
-        "diagnoses": diagnoses.iter().map(diagnosis).collect::<Vec<_>>(),
+        "residuals": numbered(residuals).collect::<Vec<_>>(),
+        "diagnoses": likely.collect::<Vec<_>>(),
     })
-}
-
-const fn kind(mistake: &Mistake) -> &'static str {
-    match mistake {
-        Mistake::SignsReversed => "signs_reversed",
-        Mistake::LoadUnit(_) => "load_unit",
-        Mistake::DeflectionUnit(_) => "deflection_unit",
-        Mistake::AngleUnit(_) => "angle_unit",
-        Mistake::JointSigns(_) => "joint_signs",
-        Mistake::JointsSwapped(_) => "joints_swapped",
-        Mistake::Frame(_) => "frame",
-        Mistake::DeflectionsInToolFrame => "deflections_in_tool_frame",
-        Mistake::LoadsInToolFrame => "loads_in_tool_frame",
-        Mistake::AnglesOutsideRange { .. } => "angles_outside_range",
-        Mistake::IdenticalRows(_) => "identical_rows",
-        Mistake::IdenticalReadings(_) => "identical_readings",
-    }
 }

@@ -1,4 +1,4 @@
-//! Plots of residuals and of model selection, as SVG.
+//! The plot of a model selection, as SVG.
 
 use plotters::prelude::*;
 

@@ -1,13 +1,15 @@
-//! Compliances from measurements, with residuals and likely mistakes.
+//! Compliances from measurements, with residuals and likely input errors.
 
 use serde_json::{Value, json};
 
 use crate::codes::Condition;
-use crate::identification::diagnoses::{Diagnosis, diagnoses};
+use crate::identification::input_errors::{
+    LikelyInputError, conditions_of_table, suspected_input_errors,
+};
 use crate::identification::patterns::{BLOCKS, looked_at};
 use crate::identification::{
-    Case, Identification, IdentificationError, RejectedReading, Repeats, Residuals, Robustness,
-    Sigma, Told, joint_space_blocks, left_out, residuals,
+    Case, Identification, IdentificationError, MeasurementResidual, RejectedReading, Repeats,
+    Robustness, Sigma, Told, joint_space_blocks, left_out, residuals, with_rejected,
 };
 use crate::measurement::Measurement;
 use crate::record::absolute::RejectedMessage;
@@ -52,9 +54,11 @@ pub struct Identified {
     /// The measurements that were left out, since they lie far out.
     pub rejected: Vec<RejectedReading>,
     /// What is left of each measurement.
-    pub residuals: Residuals,
-    /// Likely mistakes in the measurements.
-    pub diagnoses: Vec<Diagnosis>,
+    pub residuals: Vec<MeasurementResidual>,
+    /// What the table shows by itself.
+    pub of_table: Vec<Condition>,
+    /// Likely input errors.
+    pub input_errors: Vec<LikelyInputError>,
     /// What the residuals go with.
     pub patterns: PatternsMessage,
     /// What repeated measurements show, where there are some.
@@ -66,11 +70,11 @@ pub struct Identified {
 pub struct NotIdentified {
     /// The reason.
     pub error: IdentificationError,
-    /// Likely mistakes in the measurements.
-    pub diagnoses: Vec<Diagnosis>,
+    /// What the table shows by itself, and likely input errors.
+    pub conditions: Vec<Condition>,
 }
 
-/// Identifies what a belief leaves open, with its sigma or with that of the residuals. Likely mistakes are looked for in all
+/// Identifies what a belief leaves open, with its sigma or with that of the residuals. Input errors are looked for in all
 /// measurements, patterns in those that were not left out.
 pub fn identify_measurements(
     belief: &Belief,
@@ -86,7 +90,14 @@ pub fn identify_measurements(
     let case = Case::of_belief(belief, measurements, sigma, how.method);
     let failed = |error| NotIdentified {
         error,
-        diagnoses: diagnoses(&case, None),
+        conditions: conditions_of_table(&case)
+            .into_iter()
+            .chain(
+                suspected_input_errors(&case, None)
+                    .iter()
+                    .map(LikelyInputError::condition),
+            )
+            .collect(),
     };
     let robust = case.identify_robustly(how.robustness).map_err(failed)?;
     let identification = &robust.identification;
@@ -98,9 +109,10 @@ pub fn identify_measurements(
     let weighed = case.with(&robust.weighed);
     let kept = robust.of_kept(&robust.weighed);
     let residuals = residuals(&case.with(&kept), identification)
-        .and_then(|of_kept| of_kept.with_rejected(&weighed, identification, &robust.rejected))
+        .and_then(|of_kept| with_rejected(of_kept, &weighed, identification, &robust.rejected))
         .map_err(failed)?;
-    let diagnoses = diagnoses(&all, Some(&robust.of_all));
+    let of_table = conditions_of_table(&all);
+    let input_errors = suspected_input_errors(&all, Some(&robust.of_all));
     let kept = robust.of_kept(measurements);
     let configurations: Vec<_> = kept.iter().map(|each| &each.configuration_rad).collect();
     let blocks = joint_space_blocks(&configurations, BLOCKS.min(configurations.len() / 2));
@@ -116,7 +128,8 @@ pub fn identify_measurements(
         identification: robust.identification,
         rejected: robust.rejected,
         residuals,
-        diagnoses,
+        of_table,
+        input_errors,
     })
 }
 
@@ -130,7 +143,8 @@ impl Identified {
     /// Those besides the identification's own.
     fn further_doubts(&self) -> impl Iterator<Item = Condition> {
         let left_out = self.left_out().and_then(Told::condition).into_iter();
-        left_out.chain(self.diagnoses.iter().map(Diagnosis::condition))
+        let input_errors = self.input_errors.iter().map(LikelyInputError::condition);
+        (left_out.chain(self.of_table.iter().cloned())).chain(input_errors)
     }
 
     /// What holds since the fit counts it, and nobody need act on.
@@ -141,11 +155,7 @@ impl Identified {
     }
 
     fn left_out(&self) -> Option<Told> {
-        left_out(
-            &self.rejected,
-            self.residuals.measurements.len(),
-            "measurement",
-        )
+        left_out(&self.rejected, self.residuals.len(), "measurement")
     }
 
     /// The record for `compensate`, and for whoever looks at it.
@@ -161,8 +171,7 @@ impl Identified {
         let mut message = IdentificationMessage::from(&self.identification);
         message.conditions.extend(self.further_doubts());
         let discrepancy = self.identification.discrepancy;
-        let has_rotations =
-            (self.residuals.measurements.iter()).any(|each| each.standardised.len() > 3);
+        let has_rotations = (self.residuals.iter()).any(|each| each.standardised.len() > 3);
         let rejected: Vec<RejectedMessage> = self.rejected.iter().map(Into::into).collect();
         let keys = json!({
             "sigma_from_residuals": sigma_from_residuals,
@@ -172,7 +181,10 @@ impl Identified {
         });
         let mut json = results("identify", provenance, keys);
         merge(&mut json, serde_json::to_value(&message)?);
-        merge(&mut json, residuals_json(&self.residuals, &self.diagnoses));
+        merge(
+            &mut json,
+            residuals_json(&self.residuals, &self.input_errors),
+        );
         let more = json!({
             "discrepancy_mm": discrepancy.map(|discrepancy| discrepancy.position_m * 1e3),
             "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|discrepancy| discrepancy.rotation_rad * 1e3),

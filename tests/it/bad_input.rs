@@ -326,7 +326,7 @@ const MEASUREMENT_EDITS: &[(&str, &str, &[&str], Option<&str>)] = &[
     ("-5.37", "five", &["line 3", "dz_mm", "found \"five\"", "finite number"], None),
     ("-2500", "0", &["m.csv: no measurement depends on any"], None),
     // Metres instead of millimetres the wrong way round.
-    (",-5.37", ",5370", &["m.csv: measurement", "with the compliances that fit so far"], Some("signs, units and frames")),
+    (",-5.37", ",5370", &["m.csv: measurement", "with the parameters that fit so far"], Some("signs, units and frames")),
 ];
 
 #[test]

@@ -42,11 +42,13 @@ fn input_errors_are_named() {
         let table = right(&scenario, 1, 80);
         assert_eq!(named(belief, &table), None, "{robot}");
         let errors: [(&str, Change<'_>); 9] = [
-            ("sign of q5", &|_, each| each.configuration_rad[4] *= -1.0),
-            ("Add -90 deg to q3", &|_, each| {
+            ("sign of q5_deg", &|_, each| {
+                each.configuration_rad[4] *= -1.0;
+            }),
+            ("Add -90 deg to q3_deg", &|_, each| {
                 each.configuration_rad[2] += quarter;
             }),
-            ("Swap q2 and q3", &|_, each| {
+            ("Swap q2_deg and q3_deg", &|_, each| {
                 each.configuration_rad.swap_rows(1, 2);
             }),
             ("inverted", &|_, each| {
@@ -65,10 +67,13 @@ fn input_errors_are_named() {
                     UnitQuaternion::from_quaternion(mirrored)
                 });
             }),
-            ("x_mm and y_mm swapped", &|_, each| {
+            ("Write x_mm = y_mm, y_mm = x_mm, z_mm = z_mm", &|_, each| {
                 each.position_m.swap_rows(0, 1);
             }),
-            ("sign of z_mm", &|_, each| each.position_m.z *= -1.0),
+            (
+                "Write x_mm = x_mm, y_mm = y_mm, z_mm = -z_mm",
+                &|_, each| each.position_m.z *= -1.0,
+            ),
             ("moved near reading 41", &|index, each| {
                 if index >= 40 {
                     each.position_m += Vector3::new(0.4, -0.3, 0.2);

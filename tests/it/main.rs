@@ -64,7 +64,7 @@
 //! - `validation`: other measurements check what an identification predicts.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
 //! - `csv_dialects`: plans and measurements as spreadsheets of every country write them.
-//! - `diagnoses`: likely mistakes in measurements, and the measurement that fits least.
+//! - `diagnoses`: likely input errors of deflections, and residuals.
 //! - `one_fit`: frames, geometry and elasticity from absolute readings, in one fit.
 //! - `origins`: files say under which scenario they were made; help says what has an effect.
 //! - `hostile_input`: names, fields and numbers that somebody means ill with.

@@ -114,7 +114,6 @@ impl Identify {
             text,
             (loads_outside.into_iter())
                 .chain(identified.conditions())
-                .chain(written.conditions())
                 .collect(),
         ))
     }
@@ -122,11 +121,11 @@ impl Identify {
 
 /// Why nothing is identified, with what to do about it.
 pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
-    let NotIdentified { error, diagnoses } = problem;
+    let NotIdentified { error, conditions } = problem;
     let wrong = FileError::new(file, error.to_string()).code(error.code());
-    if !diagnoses.is_empty() {
-        let all = diagnoses.iter().map(|each| each.condition().text);
-        return wrong.hint(all.collect::<Vec<_>>().join("; "));
+    if !conditions.is_empty() {
+        let all: Vec<&str> = conditions.iter().map(|each| each.text.as_str()).collect();
+        return wrong.hint(all.join("; "));
     }
     match error {
         IdentificationError::Equilibrium { .. } | IdentificationError::NotConverged { .. } => wrong

@@ -3,7 +3,8 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX};
 use rayon::prelude::*;
 
-use super::super::gauss_newton::{FitError, ParameterFit};
+use super::super::error::IdentificationError;
+use super::super::gauss_newton::{ParameterFit, not_converged};
 use super::super::outliers;
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, ReadingResidual, RejectedReading, joint_space_blocks,
@@ -40,7 +41,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// The same case with some of its readings alone, weighed as they are.
-    pub(super) fn part_of(&self, is_in: impl Fn(usize) -> bool) -> Self {
+    pub(in crate::identification) fn part_of(&self, is_in: impl Fn(usize) -> bool) -> Self {
         let places: Vec<usize> = (0..self.observations.len())
             .filter(|&index| is_in(index))
             .collect();
@@ -100,7 +101,7 @@ impl AbsoluteCase<'_> {
         &self,
         set: &ParameterSet,
         values: &DVector<f64>,
-    ) -> Result<NormalEquations, FitError> {
+    ) -> Result<NormalEquations, IdentificationError> {
         let (arm, observations) = (&self.arm, &self.observations);
         Ok(match &self.shared {
             None => normal_equations(set, arm, values, observations),
@@ -162,9 +163,9 @@ impl<'a> Blocks<'a> {
         &self,
         set: &ParameterSet,
         fit: &ParameterFit,
-    ) -> Result<Vec<Without>, FitError> {
+    ) -> Result<Vec<Without>, IdentificationError> {
         let values = DVector::from_column_slice(&fit.posterior.mean);
-        let equations: Result<Vec<_>, FitError> = (self.parts.par_iter())
+        let equations: Result<Vec<_>, IdentificationError> = (self.parts.par_iter())
             .map(|part| part.equations(set, &values))
             .collect();
         let equations = equations?;
@@ -190,7 +191,7 @@ impl<'a> Blocks<'a> {
         block: usize,
         own: &NormalEquations,
         (information, gradient): (DMatrix<f64>, DVector<f64>),
-    ) -> Result<Without, FitError> {
+    ) -> Result<Without, IdentificationError> {
         let part = &self.parts[block];
         let scales = set.scales();
         let prior = relative_precision(set);
@@ -205,10 +206,10 @@ impl<'a> Blocks<'a> {
             let within = basis.tr_mul(&(information + &prior)) * &basis;
             let gradient = basis.tr_mul(&(gradient - &prior * off));
             let steps = f64::INFINITY;
-            let factor = Cholesky::new(within).ok_or(FitError::NotConverged { steps })?;
+            let factor = Cholesky::new(within).ok_or(not_converged(steps))?;
             let solved = factor.solve(&gradient);
             let length = gradient.dot(&solved).max(0.0).sqrt();
-            Ok::<_, FitError>((&basis * solved, length))
+            Ok::<_, IdentificationError>((&basis * solved, length))
         };
         let mut values = DVector::from_column_slice(&fit.posterior.mean);
         let (change, _) = step(&information, gradient, &values)?;

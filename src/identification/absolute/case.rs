@@ -203,7 +203,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// Where the targets are on their links.
-    pub(super) fn link_from_tools(&self) -> Vec<Isometry3<f64>> {
+    pub(in crate::identification) fn link_from_tools(&self) -> Vec<Isometry3<f64>> {
         let tools = self.arm.tools.iter();
         tools.map(|tool| tool.link_from_tool).collect()
     }

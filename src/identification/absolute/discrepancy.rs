@@ -4,9 +4,8 @@
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::super::discrepancy::WEIGHINGS;
-use super::super::gauss_newton::{
-    FitError, ParameterFit, fit_for_weights, fit_from, fit_parameters,
-};
+use super::super::error::IdentificationError;
+use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit, fit_parameters};
 use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError, Discrepancy, ReadingResidual};
 use crate::observation::{SharedErrors, SharingReadings};
@@ -61,9 +60,18 @@ impl AbsoluteCase<'_> {
         &self,
         set: &ParameterSet,
         values: &[f64],
-    ) -> Result<ParameterFit, FitError> {
-        let (start, shared) = (values.to_vec().into(), self.shared.as_ref());
-        fit_from(&self.arm, set, &self.observations, shared, &start)
+    ) -> Result<ParameterFit, IdentificationError> {
+        let start = values.to_vec().into();
+        self.fitted_readings(set).fit_from(&start, Haste::Near)
+    }
+
+    pub(super) fn fitted_readings<'a>(&'a self, set: &'a ParameterSet) -> FittedReadings<'a> {
+        FittedReadings {
+            nominal: &self.arm,
+            set,
+            observations: &self.observations,
+            shared: self.shared.as_ref(),
+        }
     }
 
     /// A fit that weighs readings by what the model leaves, too; the first weight comes from another fit, or from the frames alone
@@ -83,8 +91,7 @@ impl AbsoluteCase<'_> {
         };
         for _ in 0..WEIGHINGS {
             self.weigh(found);
-            let shared = self.shared.as_ref();
-            let fit = fit_for_weights(&self.arm, set, &self.observations, shared, &values)?;
+            let fit = (self.fitted_readings(set)).fit_from(&values, Haste::Weights)?;
             found = self.estimated_discrepancy(&fit)?;
             values = self.rebased(set, &fit);
         }
@@ -112,7 +119,7 @@ impl AbsoluteCase<'_> {
 
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and
     /// rotation (rad).
-    pub(super) fn discrepancy(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
+    pub(super) fn discrepancy(&self, fit: &ParameterFit) -> Result<[f64; 2], IdentificationError> {
         Ok(self.discrepancy_of(&self.left(&fit.belief)?, fit))
     }
 
@@ -120,7 +127,7 @@ impl AbsoluteCase<'_> {
     pub(super) fn estimated_discrepancy(
         &mut self,
         fit: &ParameterFit,
-    ) -> Result<[f64; 2], FitError> {
+    ) -> Result<[f64; 2], IdentificationError> {
         let left = self.left(&fit.belief)?;
         self.within = self.within_visits(&left, fit.spare());
         Ok(self.discrepancy_of(&left, fit))

@@ -2,11 +2,10 @@
 
 use thiserror::Error;
 
-use super::super::FitError;
+use super::super::IdentificationError;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::parameter::ParameterError;
-use crate::robot::EquilibriumError;
 
 /// Why absolute readings give nothing. Readings count from 1.
 #[derive(Debug, Error)]
@@ -98,17 +97,7 @@ pub enum AbsoluteError {
     Parameter(#[from] ParameterError),
     /// There is no fit.
     #[error(transparent)]
-    Fit(#[from] FitError),
-}
-
-impl From<(usize, EquilibriumError)> for FitError {
-    /// Of an observation that counts from 0.
-    fn from((index, source): (usize, EquilibriumError)) -> Self {
-        Self::Equilibrium {
-            observation: index + 1,
-            source,
-        }
-    }
+    Fit(#[from] IdentificationError),
 }
 
 impl AbsoluteError {
@@ -116,7 +105,7 @@ impl AbsoluteError {
     pub fn code(&self) -> ErrorCode {
         match self {
             Self::Frames { .. } | Self::TooFew { .. } => ErrorCode::Frames,
-            Self::Fit(FitError::Equilibrium { .. }) => ErrorCode::NoEquilibrium,
+            Self::Fit(IdentificationError::Equilibrium { .. }) => ErrorCode::NoEquilibrium,
             Self::Mistaken { source, .. } => source.code(),
             _ => ErrorCode::AbsoluteFit,
         }

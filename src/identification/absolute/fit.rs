@@ -4,11 +4,13 @@ use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::{Told, impossible_compliance, left_out, too_large};
+use super::super::error::IdentificationError;
 use super::super::estimate::two_sided_student;
 use super::super::frames::reach;
-use super::super::gauss_newton::{FitError, ParameterFit, fit_for_residuals, fit_if_plausible};
+use super::super::gauss_newton::{Haste, ParameterFit};
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
+use super::outliers::is_pulled;
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
     AbsoluteCase, AbsoluteError, CopiedReadings, ParameterGroup, ReadingResidual, RejectedReading,
@@ -203,15 +205,15 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
         near: Option<&ParameterFit>,
     ) -> Result<WeighedFit, AbsoluteError> {
-        let (observations, shared) = (&self.observations, self.shared.as_ref());
+        let readings = self.fitted_readings(set);
         let own = match weights {
             ReadingWeights::WithDiscrepancy => None,
-            ReadingWeights::Own => Some(fit_for_residuals(&self.arm, set, observations, shared)?),
+            ReadingWeights::Own => Some(readings.fit_from_frames(Haste::Residuals)?),
             ReadingWeights::AsNeeded => {
-                match fit_if_plausible(&self.arm, set, observations, shared) {
+                match readings.fit_from_frames(Haste::Plausibility) {
                     Ok(fit) => Some(fit),
                     // Readings that the model cannot explain may drive its parameters anywhere.
-                    Err(FitError::NotConverged { .. }) => None,
+                    Err(IdentificationError::NotConverged { .. }) => None,
                     Err(error) => return Err(error.into()),
                 }
             }
@@ -242,7 +244,8 @@ impl<'a> AbsoluteCase<'a> {
         start: &[RejectedReading],
     ) -> Option<KeptFit<'a>> {
         let rank = first.fit.posterior.estimable.rank();
-        let mut rejected = self.far_out(set, (&first.fit, first.discrepancy), start)?;
+        let all = self.looked_over(set, (&first.fit, first.discrepancy), start)?;
+        let mut rejected = all.far_out()?;
         if rejected.is_empty() && !start.is_empty() {
             // Geometry and elasticity explain what frames alone do not.
             let mut case = self.without(&[]);
@@ -256,14 +259,15 @@ impl<'a> AbsoluteCase<'a> {
         }
         if rejected.is_empty() && first.discrepancy.is_some() {
             // One among few draws the fit to itself, and hides in what that leaves of the others.
-            rejected.extend(self.farthest(set, (&first.fit, first.discrepancy)));
+            rejected.extend(all.farthest().filter(|_| is_pulled(&first.fit)));
         }
         let mut robust = None;
         if rejected.is_empty() && first.discrepancy.is_some() {
             // Many that err alike draw the fit to themselves, too.
             robust = self.robust_fit(set, &first.fit);
             if let Some(robust) = &robust {
-                rejected = self.far_out(set, (robust, first.discrepancy), start)?;
+                let all = self.looked_over(set, (robust, first.discrepancy), start)?;
+                rejected = all.far_out()?;
             }
         }
         let near = robust.as_ref().unwrap_or(&first.fit);
@@ -273,7 +277,7 @@ impl<'a> AbsoluteCase<'a> {
                 let WeighedFit {
                     fit, discrepancy, ..
                 } = &found.weighed;
-                self.far_out(set, (fit, *discrepancy), &found.rejected)
+                (self.looked_over(set, (fit, *discrepancy), &found.rejected)?).far_out()
             },
             |rejected| {
                 let mut case = self.without(rejected);

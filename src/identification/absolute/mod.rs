@@ -11,7 +11,6 @@ mod discrepancy;
 mod error;
 mod fit;
 mod inconsistencies;
-mod input_errors;
 mod joint_errors;
 mod mixed;
 mod model_selection;

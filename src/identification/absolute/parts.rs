@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, Matrix6xX, Rotation3, Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::super::FitError;
+use super::super::IdentificationError;
 use super::joint_errors::LocalRows;
 use super::mixed::VarianceComponents;
 use super::{
@@ -151,7 +151,7 @@ impl PartsOfReadings<'_> {
     ///
     /// # Errors
     /// The robot has no equilibrium there.
-    pub fn with_functions(&self) -> Result<LowRankList, FitError> {
+    pub fn with_functions(&self) -> Result<LowRankList, IdentificationError> {
         let (set, joints) = (self.set(), self.known.joints());
         let mean = &set.prior().mean;
         let rows = (self.case).rows_at(&self.case.arm, set, mean.as_slice(), &joints)?;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
-use super::super::gauss_newton::FitError;
+use super::super::error::IdentificationError;
 use super::super::patterns::{BLOCKS, LookedAt, ReadingRows, unit};
 use super::case::whitener;
 use super::residuals::with_more;
@@ -42,7 +42,7 @@ impl AbsoluteCase<'_> {
             let kind = each.reading.kind();
             let predicted = model
                 .predict(Form::AtRest, &each.setup, kind, &mut rows)
-                .map_err(|error| FitError::from((index, error)))?;
+                .map_err(|error| IdentificationError::from((index, error)))?;
             let residual = each.whiten(&predicted, &mut rows);
             let [moved, mut bent] = [0, 1].map(|which| {
                 let chosen = places.iter().map(|place| place[which]);
@@ -82,17 +82,7 @@ impl AbsoluteCase<'_> {
                 block: blocks[index],
             });
         }
-        let joints = self.arm.chain.joints.iter();
-        Ok(LookedAt {
-            readings: all,
-            joints: joints
-                .map(|joint| {
-                    let is_told = joint.drive.passive_at.is_none();
-                    (joint.name.clone(), is_told && !joint.drive.slides)
-                })
-                .collect(),
-            is_of_deflections: false,
-        })
+        Ok(LookedAt::new(&self.arm.chain, all, false))
     }
 
     /// A reading as if it shared no discrepancy with others.

@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::super::FitError;
+use super::super::IdentificationError;
 use super::{AbsoluteCase, DiscrepancyModel, ReadingPrognosis};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 
@@ -46,7 +46,7 @@ impl AbsoluteCase<'_> {
         places: &[usize],
         discrepancy: &DiscrepancyModel,
         anew: &ParameterSet,
-    ) -> Result<Vec<ReadingPrognosis>, FitError> {
+    ) -> Result<Vec<ReadingPrognosis>, IdentificationError> {
         let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
         let readings = rows.iter().zip(&self.observations);
@@ -95,7 +95,7 @@ impl AbsoluteCase<'_> {
         places: &[usize],
         discrepancy: &DiscrepancyModel,
         station: usize,
-    ) -> Result<Option<MovedStation>, FitError> {
+    ) -> Result<Option<MovedStation>, IdentificationError> {
         let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
         let position = Axis::ALL.map(|axis| (ParameterKind::BasePosition { station, axis }, None));

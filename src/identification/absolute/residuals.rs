@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix6xX, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::super::FitError;
+use super::super::IdentificationError;
 use super::case::rotation_of;
 use super::{AbsoluteCase, ReadingResidual};
 use crate::observation::{Form, ObservationModel, Whitener};
@@ -100,7 +100,7 @@ impl AbsoluteCase<'_> {
     ///
     /// # Errors
     /// It has no equilibrium for one of them.
-    pub fn left(&self, arm: &ElasticArm) -> Result<Vec<ReadingResidual>, FitError> {
+    pub fn left(&self, arm: &ElasticArm) -> Result<Vec<ReadingResidual>, IdentificationError> {
         let nothing = ParameterSet::empty();
         let mut model = ObservationModel::new(&nothing, arm, &[]);
         let mut derivatives = Matrix6xX::zeros(0);
@@ -139,7 +139,7 @@ impl AbsoluteCase<'_> {
         set: &ParameterSet,
         values: &[f64],
         joints: &[usize],
-    ) -> Result<Vec<LinearReading>, FitError> {
+    ) -> Result<Vec<LinearReading>, IdentificationError> {
         let zeros = joints
             .iter()
             .map(|&joint| ParameterKind::JointZero { joint });

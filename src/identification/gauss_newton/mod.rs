@@ -11,8 +11,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use thiserror::Error;
 
+use super::error::IdentificationError;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
@@ -21,7 +21,6 @@ use crate::observation::{
     planned_information, shared_equations,
 };
 use crate::parameter::{ElasticArm, Freedoms, ParameterSet, relative_precision};
-use crate::robot::EquilibriumError;
 
 /// The fit is found when the next step is shorter than this in standard errors.
 const CONVERGED: f64 = 1e-6;
@@ -51,31 +50,6 @@ const ROUNDING: f64 = 1e-12;
 const FIRST_DAMPING: f64 = 1e-4;
 /// With so much damping a step is none.
 const LARGEST_DAMPING: f64 = 1e12;
-
-/// Why there is no fit.
-#[derive(Debug, Error, Clone, PartialEq)]
-pub enum FitError {
-    /// There are no observations.
-    #[error("there are no observations")]
-    NoObservations,
-    /// The observations determine nothing.
-    #[error("the observations determine none of the parameters")]
-    NothingObserved,
-    /// The model has no equilibrium at the start.
-    #[error("observation {observation}: {source}")]
-    Equilibrium {
-        /// The observation's number, from 1.
-        observation: usize,
-        /// What is wrong.
-        source: EquilibriumError,
-    },
-    /// It did not converge.
-    #[error("the fit did not converge: the last step was {steps:.1e} standard errors")]
-    NotConverged {
-        /// The length of the last step in standard errors.
-        steps: f64,
-    },
-}
 
 /// Parameters that fit readings best, and what is known of them then.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,75 +87,34 @@ pub fn fit_parameters(
     nominal: &ElasticArm,
     set: &ParameterSet,
     observations: &[Observation],
-) -> Result<ParameterFit, FitError> {
-    fit_from_frames(nominal, set, (observations, None), Haste::None)
+) -> Result<ParameterFit, IdentificationError> {
+    let readings = FittedReadings {
+        nominal,
+        set,
+        observations,
+        shared: None,
+    };
+    readings.fit_from_frames(Haste::None)
 }
 
-/// The same, found as soon as a step is short in standard errors as the residuals have them: whether the observations' own
-/// covariances explain these is known by then.
-pub(super) fn fit_for_residuals(
-    nominal: &ElasticArm,
-    set: &ParameterSet,
-    observations: &[Observation],
-    shared: Option<&SharedErrors>,
-) -> Result<ParameterFit, FitError> {
-    fit_from_frames(nominal, set, (observations, shared), Haste::Residuals)
-}
-
-/// The same, ended where it begins as soon as it is clear that the observations' own covariances explain them by no values.
-pub(super) fn fit_if_plausible(
-    nominal: &ElasticArm,
-    set: &ParameterSet,
-    observations: &[Observation],
-    shared: Option<&SharedErrors>,
-) -> Result<ParameterFit, FitError> {
-    fit_from_frames(nominal, set, (observations, shared), Haste::Plausibility)
-}
-
-/// A fit that begins where the frames follow from the readings.
-fn fit_from_frames(
-    nominal: &ElasticArm,
-    set: &ParameterSet,
-    (observations, shared): (&[Observation], Option<&SharedErrors>),
-    haste: Haste,
-) -> Result<ParameterFit, FitError> {
-    if observations.is_empty() {
-        return Err(FitError::NoObservations);
-    }
-    let start = frames(nominal, set, observations);
-    fit(nominal, set, observations, shared, &start, haste)
-}
-
-/// The same from values (p) that are near; some observations may share an error.
-pub(super) fn fit_from(
-    nominal: &ElasticArm,
-    set: &ParameterSet,
-    observations: &[Observation],
-    shared: Option<&SharedErrors>,
-    start: &DVector<f64>,
-) -> Result<ParameterFit, FitError> {
-    fit(nominal, set, observations, shared, start, Haste::Near)
-}
-
-/// The same, found as soon as weights follow from what it leaves.
-pub(super) fn fit_for_weights(
-    nominal: &ElasticArm,
-    set: &ParameterSet,
-    observations: &[Observation],
-    shared: Option<&SharedErrors>,
-    start: &DVector<f64>,
-) -> Result<ParameterFit, FitError> {
-    fit(nominal, set, observations, shared, start, Haste::Weights)
+/// Observations to which parameters are fitted; some may share an error.
+#[derive(Clone, Copy)]
+pub(super) struct FittedReadings<'a> {
+    pub nominal: &'a ElasticArm,
+    pub set: &'a ParameterSet,
+    pub observations: &'a [Observation],
+    pub shared: Option<&'a SharedErrors>,
 }
 
 /// What a fit may take for granted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Haste {
+pub(super) enum Haste {
     /// Nothing.
     None,
     /// It begins near.
     Near,
-    /// It begins anywhere, and need be no better than its residuals.
+    /// It begins anywhere, and is found as soon as a step is short in standard errors as the residuals have them: whether the
+    /// observations' own covariances explain these is known by then.
     Residuals,
     /// The same, and it may end where it begins if no values can explain the observations.
     Plausibility,
@@ -189,117 +122,127 @@ enum Haste {
     Weights,
 }
 
-fn fit(
-    nominal: &ElasticArm,
-    set: &ParameterSet,
-    observations: &[Observation],
-    shared: Option<&SharedErrors>,
-    start: &DVector<f64>,
-    haste: Haste,
-) -> Result<ParameterFit, FitError> {
-    if observations.is_empty() {
-        return Err(FitError::NoObservations);
+impl FittedReadings<'_> {
+    /// A fit that begins where the frames follow from the readings.
+    pub fn fit_from_frames(&self, haste: Haste) -> Result<ParameterFit, IdentificationError> {
+        self.fit_from(&self.frames(), haste)
     }
-    let nominal_values = &set.prior().mean;
-    let (freedoms, estimable) = determined(nominal, set, observations);
-    if estimable.rank() == 0 {
-        return Err(FitError::NothingObserved);
-    }
-    let problem = FitProblem {
-        nominal,
-        set,
-        observations,
-        shared,
-        prior: relative_precision(set),
-        basis: estimable.basis(),
-        haste,
-    };
-    // As far as the start does not leave what is determined.
-    let scales = set.scales();
-    let off = (start - nominal_values).component_div(&scales);
-    let within = estimable.basis() * estimable.basis().tr_mul(&off);
-    let start = nominal_values + within.component_mul(&scales);
-    let (values, solved, iterations) = problem.solve(&start)?;
-    let units = estimable.basis_in_units();
-    let inverse = solved.factor.inverse();
-    let known_before = estimable.basis().tr_mul(&problem.prior) * estimable.basis();
-    let determined = estimable.rank() as f64 - known_before.dot(&inverse);
-    let covariance = symmetric(&(&units * inverse * units.transpose()));
-    let names = set.parameters().iter().map(|each| each.name.clone());
-    Ok(ParameterFit {
-        belief: set.apply(nominal, values.as_slice()),
-        posterior: Posterior {
-            names: names.collect(),
-            mean: values.as_slice().to_vec(),
-            covariance,
-            estimable,
-        },
-        freedoms,
-        rows: observations
-            .iter()
-            .map(|each| each.reading.kind().rows())
-            .sum(),
-        determined,
-        square: solved.equations.square,
-        iterations,
-    })
-}
 
-/// What the observations and the set's prior determine.
-fn determined(
-    nominal: &ElasticArm,
-    set: &ParameterSet,
-    observations: &[Observation],
-) -> (Freedoms, Estimable) {
-    let planned: Vec<PlannedReading> = observations.iter().map(Observation::planned).collect();
-    let information = planned_information(set, nominal, &set.prior().mean, &planned);
-    let freedoms = Freedoms::new(nominal, set, &information);
-    let estimable = freedoms.estimable(set);
-    (freedoms, estimable)
-}
-
-/// The prior's mean (p) with frames of the base and of the tools, which may be anywhere, that fit best when all else is
-/// as it is believed to be.
-fn frames(nominal: &ElasticArm, set: &ParameterSet, observations: &[Observation]) -> DVector<f64> {
-    let mut start = set.prior().mean.clone();
-    let is_frame: Vec<usize> = (0..set.len())
-        .filter(|&index| set.parameters()[index].kind.is_mounted())
-        .collect();
-    if is_frame.is_empty() || is_frame.len() == set.len() {
-        return start;
-    }
-    let others_nominal = set.apply(nominal, start.as_slice());
-    let frames = set.subset(&is_frame);
-    // Their nominal values are applied already; the subset's values count from the nominal belief.
-    let mut belief = others_nominal;
-    belief.tools.clone_from(&nominal.tools);
-    (belief.instrument_from_base).clone_from(&nominal.instrument_from_base);
-    let (_, estimable) = determined(&belief, &frames, observations);
-    if estimable.rank() > 0 {
+    /// A fit that begins at values (p).
+    pub fn fit_from(
+        &self,
+        start: &DVector<f64>,
+        haste: Haste,
+    ) -> Result<ParameterFit, IdentificationError> {
+        if self.observations.is_empty() {
+            return Err(IdentificationError::NoMeasurements);
+        }
+        let nominal_values = &self.set.prior().mean;
+        let (freedoms, estimable) = self.determined();
+        if estimable.rank() == 0 {
+            return Err(IdentificationError::NothingObserved);
+        }
         let problem = FitProblem {
+            readings: *self,
+            prior: relative_precision(self.set),
+            basis: estimable.basis(),
+            haste,
+        };
+        // As far as the start does not leave what is determined.
+        let scales = self.set.scales();
+        let off = (start - nominal_values).component_div(&scales);
+        let within = estimable.basis() * estimable.basis().tr_mul(&off);
+        let start = nominal_values + within.component_mul(&scales);
+        let (values, solved, iterations) = problem.solve(&start)?;
+        let units = estimable.basis_in_units();
+        let inverse = solved.factor.inverse();
+        let known_before = estimable.basis().tr_mul(&problem.prior) * estimable.basis();
+        let determined = estimable.rank() as f64 - known_before.dot(&inverse);
+        let covariance = symmetric(&(&units * inverse * units.transpose()));
+        let names = self.set.parameters().iter().map(|each| each.name.clone());
+        Ok(ParameterFit {
+            belief: self.set.apply(self.nominal, values.as_slice()),
+            posterior: Posterior {
+                names: names.collect(),
+                mean: values.as_slice().to_vec(),
+                covariance,
+                estimable,
+            },
+            freedoms,
+            rows: self.rows(),
+            determined,
+            square: solved.equations.square,
+            iterations,
+        })
+    }
+
+    /// The number of scalar readings.
+    fn rows(&self) -> usize {
+        let readings = self.observations.iter();
+        readings.map(|each| each.reading.kind().rows()).sum()
+    }
+
+    /// What the observations and the set's prior determine.
+    fn determined(&self) -> (Freedoms, Estimable) {
+        let planned: Vec<PlannedReading> =
+            self.observations.iter().map(Observation::planned).collect();
+        let information =
+            planned_information(self.set, self.nominal, &self.set.prior().mean, &planned);
+        let freedoms = Freedoms::new(self.nominal, self.set, &information);
+        let estimable = freedoms.estimable(self.set);
+        (freedoms, estimable)
+    }
+
+    /// The prior's mean (p) with frames of the base and of the tools, which may be anywhere, that fit best when all else is
+    /// as it is believed to be.
+    fn frames(&self) -> DVector<f64> {
+        let mut start = self.set.prior().mean.clone();
+        let is_frame: Vec<usize> = (0..self.set.len())
+            .filter(|&index| self.set.parameters()[index].kind.is_mounted())
+            .collect();
+        let is_none = is_frame.is_empty() || self.observations.is_empty();
+        if is_none || is_frame.len() == self.set.len() {
+            return start;
+        }
+        let others_nominal = self.set.apply(self.nominal, start.as_slice());
+        let frames = self.set.subset(&is_frame);
+        // Their nominal values are applied already; the subset's values count from the nominal belief.
+        let mut belief = others_nominal;
+        belief.tools.clone_from(&self.nominal.tools);
+        (belief.instrument_from_base).clone_from(&self.nominal.instrument_from_base);
+        let readings = FittedReadings {
             nominal: &belief,
             set: &frames,
-            observations,
+            observations: self.observations,
             shared: None,
-            prior: relative_precision(&frames),
-            basis: estimable.basis(),
-            haste: Haste::None,
         };
-        // Where they cannot be found alone, all parameters may still be.
-        if let Ok((values, _, _)) = problem.solve(&frames.prior().mean) {
-            for (&index, value) in is_frame.iter().zip(&values) {
-                start[index] = *value;
+        let (_, estimable) = readings.determined();
+        if estimable.rank() > 0 {
+            let problem = FitProblem {
+                readings,
+                prior: relative_precision(&frames),
+                basis: estimable.basis(),
+                haste: Haste::None,
+            };
+            // Where they cannot be found alone, all parameters may still be.
+            if let Ok((values, _, _)) = problem.solve(&frames.prior().mean) {
+                for (&index, value) in is_frame.iter().zip(&values) {
+                    start[index] = *value;
+                }
             }
         }
+        start
     }
-    start
+}
+
+/// The last step was so many standard errors.
+pub(super) const fn not_converged(step: f64) -> IdentificationError {
+    let unit = "standard errors";
+    IdentificationError::NotConverged { step, unit }
 }
 
 struct FitProblem<'a> {
-    nominal: &'a ElasticArm,
-    set: &'a ParameterSet,
-    observations: &'a [Observation],
-    shared: Option<&'a SharedErrors>,
+    readings: FittedReadings<'a>,
     prior: nalgebra::DMatrix<f64>,
     basis: &'a nalgebra::DMatrix<f64>,
     haste: Haste,
@@ -335,7 +278,10 @@ impl Solved {
 }
 
 impl FitProblem<'_> {
-    fn solve(&self, start: &DVector<f64>) -> Result<(DVector<f64>, Solved, usize), FitError> {
+    fn solve(
+        &self,
+        start: &DVector<f64>,
+    ) -> Result<(DVector<f64>, Solved, usize), IdentificationError> {
         let mut values = start.clone();
         let mut now = self.at(&values)?;
         let mut damping = 0.0;
@@ -383,30 +329,31 @@ impl FitProblem<'_> {
                 }
                 damping = FIRST_DAMPING.max(damping * 10.0);
                 if damping > LARGEST_DAMPING {
-                    return Err(FitError::NotConverged { steps: now.steps });
+                    return Err(not_converged(now.steps));
                 }
             }
         }
-        Err(FitError::NotConverged { steps: now.steps })
+        Err(not_converged(now.steps))
     }
 
-    fn at(&self, values: &DVector<f64>) -> Result<Solved, FitError> {
-        let (set, observations) = (self.set, self.observations);
-        let equations = match self.shared {
-            None => normal_equations(set, self.nominal, values, observations),
-            Some(shared) => shared_equations(set, self.nominal, values, observations, shared),
+    fn at(&self, values: &DVector<f64>) -> Result<Solved, IdentificationError> {
+        let FittedReadings {
+            nominal,
+            set,
+            observations,
+            shared,
+        } = self.readings;
+        let equations = match shared {
+            None => normal_equations(set, nominal, values, observations),
+            Some(shared) => shared_equations(set, nominal, values, observations, shared),
         };
-        let equations = equations.map_err(|(index, source)| FitError::Equilibrium {
-            observation: index + 1,
-            source,
-        })?;
-        let off = (values - &self.set.prior().mean).component_div(&self.set.scales());
+        let equations = equations.map_err(IdentificationError::from)?;
+        let off =
+            (values - &self.readings.set.prior().mean).component_div(&self.readings.set.scales());
         let pull = &self.prior * &off;
         let information = self.basis.tr_mul(&(&equations.information + &self.prior)) * self.basis;
         let gradient = self.basis.tr_mul(&(&equations.gradient - &pull));
-        let factor = Cholesky::new(information.clone()).ok_or(FitError::NotConverged {
-            steps: f64::INFINITY,
-        })?;
+        let factor = Cholesky::new(information.clone()).ok_or(not_converged(f64::INFINITY))?;
         let steps = gradient.dot(&factor.solve(&gradient)).max(0.0).sqrt();
         Ok(Solved {
             cost: equations.square + off.dot(&pull),
@@ -426,17 +373,11 @@ impl FitProblem<'_> {
             Haste::Weights => FOR_WEIGHTS,
             Haste::Residuals | Haste::Plausibility => {
                 CONVERGED
-                    * (now.equations.square / self.rows().max(1) as f64)
+                    * (now.equations.square / self.readings.rows().max(1) as f64)
                         .sqrt()
                         .max(1.0)
             }
         }
-    }
-
-    /// The number of scalar readings.
-    fn rows(&self) -> usize {
-        let readings = self.observations.iter();
-        readings.map(|each| each.reading.kind().rows()).sum()
     }
 
     const fn fast_steps(&self) -> usize {
@@ -454,7 +395,7 @@ impl FitProblem<'_> {
         }
         let predicted = now.predicted();
         let is_said_again = (predicted - before.predicted).abs() <= SAID_AGAIN * predicted;
-        let spare = self.rows().saturating_sub(self.basis.ncols());
+        let spare = self.readings.rows().saturating_sub(self.basis.ncols());
         let chance = ChiSquared::new(spare as f64).map(|chi| chi.sf(HOPELESS * predicted));
         is_said_again && chance == Ok(0.0)
     }
@@ -470,7 +411,7 @@ impl FitProblem<'_> {
         known: Option<DMatrix<f64>>,
     ) -> Option<DMatrix<f64>> {
         let size = now.gradient.len();
-        let moved = (values - &before.values).component_div(&self.set.scales());
+        let moved = (values - &before.values).component_div(&self.readings.set.scales());
         let moved = self.basis.tr_mul(&moved);
         let changed = &before.gradient - &now.gradient - &now.information * &moved;
         let corrected = |mut known: DMatrix<f64>| {
@@ -515,8 +456,8 @@ impl FitProblem<'_> {
 
     /// A step that is told in coordinates of the basis, in the parameters' units and no longer than what the model can follow.
     fn limited(&self, within: &DVector<f64>) -> DVector<f64> {
-        let mut step = (self.basis * within).component_mul(&self.set.scales());
-        let parameters = self.set.parameters().iter();
+        let mut step = (self.basis * within).component_mul(&self.readings.set.scales());
+        let parameters = self.readings.set.parameters().iter();
         let share = (parameters.zip(&step))
             .map(|(parameter, step)| step.abs() / parameter.longest_step())
             .fold(1.0, f64::max);

@@ -122,6 +122,36 @@ fn forty_five() -> (ElasticArm, ParameterSet) {
     (belief, set)
 }
 
+fn readings<'a>(
+    nominal: &'a ElasticArm,
+    set: &'a ParameterSet,
+    observations: &'a [Observation],
+) -> FittedReadings<'a> {
+    FittedReadings {
+        nominal,
+        set,
+        observations,
+        shared: None,
+    }
+}
+
+fn fit_near(
+    nominal: &ElasticArm,
+    set: &ParameterSet,
+    observations: &[Observation],
+    start: &DVector<f64>,
+) -> Result<ParameterFit, IdentificationError> {
+    readings(nominal, set, observations).fit_from(start, Haste::Near)
+}
+
+fn fit_if_plausible(
+    nominal: &ElasticArm,
+    set: &ParameterSet,
+    observations: &[Observation],
+) -> Result<ParameterFit, IdentificationError> {
+    readings(nominal, set, observations).fit_from_frames(Haste::Plausibility)
+}
+
 /// 4 for each joint and 6 more can be told apart with poses, whether axes are parallel or not; with
 /// positions of one reflector not how it is turned.
 #[test]
@@ -262,7 +292,7 @@ fn readings_and_a_prior_share_the_difference() {
     let observations = observe(&mut numbers, &belief, &set, &truth, &setups, 0.0);
     for start in [0.0, 1e-3] {
         let start = DVector::repeat(3, start);
-        let fit = fit_from(&belief, &set, &observations, None, &start).expect("a fit");
+        let fit = fit_near(&belief, &set, &observations, &start).expect("a fit");
         for (index, truth) in truth.iter().enumerate() {
             assert!((fit.posterior.mean[index] - truth / 2.0).abs() < 1e-10);
             let error = fit.posterior.standard_error(index).expect("known");
@@ -315,14 +345,14 @@ fn badly_explained_readings_take_few_steps() {
     let truth = changed(&mut numbers, &set, 1.0);
     let setups = setups(&mut numbers, &belief, 300, 0.0);
     let observations = observe(&mut numbers, &belief, &set, &truth, &setups, 30.0);
-    let fit = fit_from(&belief, &set, &observations, None, &set.prior().mean).expect("a fit");
+    let fit = fit_near(&belief, &set, &observations, &set.prior().mean).expect("a fit");
     assert!(fit.iterations <= 12, "{}", fit.iterations);
     // It is the minimum: no step leads further.
     let values = DVector::from_vec(fit.posterior.mean.clone());
-    let again = fit_from(&belief, &set, &observations, None, &values).expect("a fit");
+    let again = fit_near(&belief, &set, &observations, &values).expect("a fit");
     assert_eq!(again.iterations, 1);
     // And that no noise makes such residuals is clear long before.
-    let given_up = fit_if_plausible(&belief, &set, &observations, None).expect("a start");
+    let given_up = fit_if_plausible(&belief, &set, &observations).expect("a start");
     assert!(given_up.iterations <= 4, "{}", given_up.iterations);
     assert!(given_up.square > 100.0 * given_up.rows as f64);
 }
@@ -375,7 +405,7 @@ fn a_far_start_is_not_given_up() {
         }
         let setups = setups(&mut numbers, &belief, 100, 0.0);
         let observations = observe(&mut numbers, &belief, &set, &truth, &setups, 1.0);
-        let fit = fit_if_plausible(&belief, &set, &observations, None).expect("a fit");
+        let fit = fit_if_plausible(&belief, &set, &observations).expect("a fit");
         let mean_square = fit.square / fit.degrees_of_freedom();
         assert!((0.8..1.25).contains(&mean_square), "{sizes}: {mean_square}");
     }

@@ -1,6 +1,6 @@
 //! What residuals may correlate with: columns of the effect of each on the readings.
 
-use nalgebra::{Matrix6xX, Vector6};
+use nalgebra::{DMatrix, Matrix6xX, Vector6};
 
 use super::rows::{LookedAt, ReadingRows};
 
@@ -84,12 +84,12 @@ pub(super) enum Base {
 
 impl Base {
     pub fn of(self, reading: &ReadingRows) -> Vector6<f64> {
-        let column = |rows: &Matrix6xX<f64>, place: usize| rows.column(place).into_owned();
-        match self {
-            Self::Moved(joint) => column(&reading.moved, joint),
-            Self::Bent(joint) => column(&reading.bent, joint),
-            Self::Placed(place) => column(&reading.placed, place),
-        }
+        let (rows, place): (&Matrix6xX<f64>, usize) = match self {
+            Self::Moved(joint) => (&reading.moved, joint),
+            Self::Bent(joint) => (&reading.bent, joint),
+            Self::Placed(place) => (&reading.placed, place),
+        };
+        rows.column(place).into_owned()
     }
 }
 
@@ -125,7 +125,21 @@ impl LookedAt {
         all
     }
 
-    /// What a candidate does to the readings.
+    /// What a candidate does to the rows of all readings (6 N x q).
+    pub(super) fn rows_of(&self, against: Against) -> DMatrix<f64> {
+        let columns = self.columns(against);
+        let mut rows = DMatrix::zeros(6 * self.readings.len(), columns.len());
+        for (place, column) in columns.iter().enumerate() {
+            for (index, reading) in self.readings.iter().enumerate() {
+                let own = column.base.of(reading) * column.factors[index];
+                rows.fixed_view_mut::<6, 1>(6 * index, place)
+                    .copy_from(&own);
+            }
+        }
+        rows
+    }
+
+    /// What a candidate's columns are multiples of.
     pub(super) fn columns(&self, against: Against) -> Vec<PatternColumn> {
         let of = |base: Base, factor: &dyn Fn(&ReadingRows) -> f64| PatternColumn {
             base,

@@ -76,14 +76,5 @@ pub fn looked_at(
             block: blocks[index],
         }
     });
-    LookedAt {
-        readings: readings.collect(),
-        joints: (chain.joints.iter())
-            .map(|joint| {
-                let is_told = joint.drive.passive_at.is_none();
-                (joint.name.clone(), is_told && !joint.drive.slides)
-            })
-            .collect(),
-        is_of_deflections: true,
-    }
+    LookedAt::new(chain, readings.collect(), true)
 }

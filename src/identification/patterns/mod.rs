@@ -8,18 +8,20 @@
 
 mod candidates;
 mod deflections;
-mod pattern;
+mod points;
 mod rows;
 mod screen;
 #[cfg(test)]
 mod tests;
+mod words;
 
-use nalgebra::DVector;
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 
 pub use candidates::{Against, Course, Drifting};
 pub use deflections::looked_at;
-pub use pattern::{PatternPoint, WAVES_TO_SEE};
+pub use points::{PatternPoint, WAVES_TO_SEE};
 use rows::Projected;
 pub(super) use rows::unit;
 pub use rows::{LookedAt, ReadingRows};
@@ -83,7 +85,7 @@ impl LookedAt {
     pub fn patterns(&self) -> Patterns {
         let candidates = self.candidates();
         let mut projected = Projected::new(self);
-        let square = projected.square();
+        let square = projected.left.norm_squared();
         // Residuals that are nothing beside the instrument's noise are rounding.
         let tests = if square > NOTHING * projected.spare as f64 {
             screened(self, &projected, &candidates)
@@ -92,7 +94,9 @@ impl LookedAt {
         };
         let looked_at = tests.len();
         let level = LEVEL / looked_at.max(1) as f64;
-        let kinds = kinds(&tests);
+        let mut kinds: Vec<&'static str> = tests.iter().map(|test| test.against.kind()).collect();
+        let mut named = BTreeSet::new();
+        kinds.retain(|kind| named.insert(*kind));
         let mut likely = tests;
         let mut found: Vec<Test> = Vec::new();
         while found.len() < MOST {
@@ -115,7 +119,7 @@ impl LookedAt {
             let others: Vec<Against> = likely.iter().map(|test| test.against).collect();
             likely = screened(self, &projected, &others);
         }
-        let left = projected.square();
+        let left = projected.left.norm_squared();
         let mut found: Vec<Pattern> = (found.iter())
             .map(|test| Pattern {
                 against: test.against,
@@ -143,43 +147,3 @@ impl LookedAt {
         }
     }
 }
-
-/// What was looked at, in words.
-fn kinds(tests: &[Test]) -> Vec<&'static str> {
-    let mut kinds = Vec::new();
-    for test in tests {
-        let kind = test.against.kind();
-        if !kinds.contains(&kind) {
-            kinds.push(kind);
-        }
-    }
-    kinds
-}
-
-impl Against {
-    /// What residuals are looked at against.
-    pub const fn kind(self) -> &'static str {
-        match self {
-            Self::Angle { .. } => "joint angle",
-            Self::Torque { .. } => "joint torque",
-            Self::Approach { .. } => "approach",
-            Self::Course(Course::Order, _) => "order",
-            Self::Course(Course::Time, _) => "time",
-            Self::Course(Course::Temperature, _) => "temperature",
-            Self::Range => "range",
-        }
-    }
-
-    /// Whose pattern it is, where it is a joint's.
-    pub const fn joint(self) -> Option<usize> {
-        match self {
-            Self::Angle { joint, .. }
-            | Self::Torque { joint }
-            | Self::Approach { joint }
-            | Self::Course(_, Drifting::Joint(joint)) => Some(joint),
-            _ => None,
-        }
-    }
-}
-
-type Coefficients = DVector<f64>;

@@ -1,6 +1,8 @@
-//! Residuals in whitened rows, with the derivatives by the fit's parameters and by other candidates.
+//! Residuals in whitened rows, with the derivatives by the fit's parameters and by what else they may correlate with.
 
 use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector3, Vector6};
+
+use crate::robot::{Drive, SerialChain};
 
 /// Directions of parameters that readings see with less than this share of the best seen one are none.
 const UNSEEN: f64 = 1e-10;
@@ -37,7 +39,7 @@ pub struct ReadingRows {
     pub block: usize,
 }
 
-/// All readings with the fit's own directions taken out of the residuals.
+/// All readings.
 #[derive(Debug, Clone)]
 pub struct LookedAt {
     /// The readings in their order.
@@ -48,97 +50,93 @@ pub struct LookedAt {
     pub is_of_deflections: bool,
 }
 
-/// The fit's directions, orthonormal over all readings, and what they leave.
+impl LookedAt {
+    /// Readings of an arm.
+    pub fn new(chain: &SerialChain, readings: Vec<ReadingRows>, is_of_deflections: bool) -> Self {
+        let turns = |drive: &Drive| drive.passive_at.is_none() && !drive.slides;
+        let joints = chain.joints.iter();
+        Self {
+            readings,
+            joints: joints
+                .map(|joint| (joint.name.clone(), turns(&joint.drive)))
+                .collect(),
+            is_of_deflections,
+        }
+    }
+}
+
+/// The directions that a fit goes through, orthonormal over the rows of all readings (six of each), and what is left beside them.
 pub(super) struct Projected {
-    /// 6 x r for each reading.
-    pub basis: Vec<Matrix6xX<f64>>,
-    /// What is left of each reading.
-    pub left: Vec<Vector6<f64>>,
+    /// r x 6 N.
+    pub directions: DMatrix<f64>,
+    pub left: DVector<f64>,
     /// The rows less all directions.
     pub spare: usize,
 }
 
 impl Projected {
     pub fn new(looked: &LookedAt) -> Self {
-        let size = looked
-            .readings
-            .first()
-            .map_or(0, |each| each.fitted.ncols());
-        let mut information = DMatrix::<f64>::zeros(size, size);
-        for each in &looked.readings {
-            information += each.fitted.tr_mul(&each.fitted);
+        let readings = &looked.readings;
+        let size = readings.first().map_or(0, |each| each.fitted.ncols());
+        let mut fitted = DMatrix::zeros(6 * readings.len(), size);
+        let mut left = DVector::zeros(6 * readings.len());
+        for (index, each) in readings.iter().enumerate() {
+            fitted.rows_mut(6 * index, 6).copy_from(&each.fitted);
+            left.rows_mut(6 * index, 6).copy_from(&each.residual);
         }
-        let scale = information.diagonal().map(|square| {
-            if square > 0.0 {
-                square.sqrt().recip()
-            } else {
-                0.0
-            }
-        });
-        let scaled = DMatrix::from_fn(size, size, |row, column| {
-            information[(row, column)] * scale[row] * scale[column]
-        });
-        let directions = if size == 0 || !scaled.iter().all(|value| value.is_finite()) {
-            DMatrix::zeros(size, 0)
-        } else {
-            let eigen = SymmetricEigen::new(scaled);
-            let largest = eigen.eigenvalues.max();
-            let seen = (0..size).filter(|&place| eigen.eigenvalues[place] > UNSEEN * largest);
-            let columns: Vec<DVector<f64>> = seen
-                .map(|place| {
-                    eigen.eigenvectors.column(place).component_mul(&scale)
-                        / eigen.eigenvalues[place].sqrt()
-                })
-                .collect();
-            if columns.is_empty() {
-                DMatrix::zeros(size, 0)
-            } else {
-                DMatrix::from_columns(&columns)
-            }
-        };
-        let basis: Vec<Matrix6xX<f64>> = (looked.readings.iter())
-            .map(|each| &each.fitted * &directions)
-            .collect();
-        let rows: usize = looked.readings.iter().map(|each| each.count).sum();
+        let products = fitted.tr_mul(&fitted);
+        let combinations = orthonormal(&products, &products, |largest| UNSEEN * largest);
         let mut projected = Self {
-            basis,
-            left: looked.readings.iter().map(|each| each.residual).collect(),
-            spare: rows.saturating_sub(directions.ncols()),
+            directions: DMatrix::zeros(0, 6 * readings.len()),
+            left,
+            spare: readings.iter().map(|each| each.count).sum(),
         };
-        projected.take_out(directions.ncols());
+        if let Some(combinations) = combinations {
+            projected.add(&(fitted * combinations));
+        }
         projected
     }
 
-    /// Takes the last directions of the basis out of what is left.
-    fn take_out(&mut self, count: usize) {
-        let first = self.basis.first().map_or(0, |basis| basis.ncols() - count);
-        let mut shares = DVector::<f64>::zeros(count);
-        for (basis, left) in self.basis.iter().zip(&self.left) {
-            shares += basis.columns(first, count).tr_mul(left);
-        }
-        for (basis, left) in self.basis.iter().zip(&mut self.left) {
-            *left -= basis.columns(first, count) * &shares;
-        }
+    /// Takes orthonormal directions (6 N x d) out of what is left.
+    pub fn add(&mut self, directions: &DMatrix<f64>) {
+        let (before, more) = (self.directions.nrows(), directions.ncols());
+        let all = std::mem::take(&mut self.directions).resize_vertically(before + more, 0.0);
+        self.directions = all;
+        (self.directions.rows_mut(before, more)).copy_from(&directions.transpose());
+        self.spare = self.spare.saturating_sub(more);
+        self.left -= directions * directions.tr_mul(&self.left);
     }
+}
 
-    /// Adds orthonormal directions, and takes them out.
-    pub fn add(&mut self, directions: &[Matrix6xX<f64>]) {
-        let count = directions.first().map_or(0, Matrix6xX::ncols);
-        for (basis, more) in self.basis.iter_mut().zip(directions) {
-            let place = basis.ncols();
-            let mut grown = Matrix6xX::zeros(place + count);
-            grown.columns_mut(0, place).copy_from(basis);
-            grown.columns_mut(place, count).copy_from(more);
-            *basis = grown;
+/// Combinations of columns that are orthonormal, from the products of the columns (p x p) that are as long as the diagonal of `whole`
+/// says: those that are longer than `least` makes of the longest. None where there is none.
+pub(super) fn orthonormal(
+    products: &DMatrix<f64>,
+    whole: &DMatrix<f64>,
+    least: impl Fn(f64) -> f64,
+) -> Option<DMatrix<f64>> {
+    let scale = whole.diagonal().map(|square| {
+        if square > 0.0 {
+            square.sqrt().recip()
+        } else {
+            0.0
         }
-        self.spare = self.spare.saturating_sub(count);
-        self.take_out(count);
+    });
+    let scaled = products.component_mul(&(&scale * scale.transpose()));
+    if scaled.is_empty() || !scaled.iter().all(|value| value.is_finite()) {
+        return None;
     }
-
-    /// The sum of squares that is left.
-    pub fn square(&self) -> f64 {
-        self.left.iter().map(Vector6::norm_squared).sum()
-    }
+    let eigen = SymmetricEigen::new(scaled);
+    let least = least(eigen.eigenvalues.max());
+    let kept = eigen
+        .eigenvalues
+        .iter()
+        .zip(eigen.eigenvectors.column_iter());
+    let columns: Vec<DVector<f64>> = kept
+        .filter(|(value, _)| **value > least)
+        .map(|(value, vector)| vector.component_mul(&scale) / value.sqrt())
+        .collect();
+    (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
 }
 
 /// A unit vector in place of one that has no length.

@@ -23,39 +23,19 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector6};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::candidates::{Against, Base, PatternColumn};
-use super::rows::{LookedAt, Projected, ReadingRows};
+use super::candidates::Against;
+use super::rows::{LookedAt, Projected, orthonormal};
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
 const TOLD_APART: f64 = 1e-4;
-
 /// Of a candidate's directions more than this share has to be left to compare groups by.
 const COMPARED: f64 = 1e-9;
-
 /// So many candidates are tested in one piece.
 const BATCH: usize = 16;
-
-/// What each base and the residuals have in common, reading by reading.
-struct Prepared {
-    /// r x N: the fit's directions times the base.
-    with_fit: DMatrix<f64>,
-    /// N: the base times what is left.
-    with_left: DVector<f64>,
-    /// N: its square.
-    squares: Vec<f64>,
-}
-
-/// What the fit's directions and what is left have in common with a column.
-#[derive(Clone)]
-struct PreparedColumn {
-    /// r.
-    taken: DVector<f64>,
-    gradient: f64,
-}
 
 /// How strongly residuals go with something.
 #[derive(Debug, Clone)]
@@ -73,6 +53,62 @@ pub(super) struct Test {
     pub design_effect: f64,
 }
 
+/// A candidate's columns, with what the fit's directions take of them (r x q) and orthonormal combinations of what is left.
+struct Candidate {
+    against: Against,
+    columns: DMatrix<f64>,
+    taken: DMatrix<f64>,
+    combinations: DMatrix<f64>,
+    /// Coordinates of the residuals along the combinations.
+    shares: DVector<f64>,
+}
+
+impl Candidate {
+    /// None where it cannot be told from the fit's directions.
+    fn new(
+        against: Against,
+        columns: DMatrix<f64>,
+        taken: DMatrix<f64>,
+        left: &DVector<f64>,
+    ) -> Option<Self> {
+        let whole = columns.tr_mul(&columns);
+        let combinations = orthonormal(&(&whole - taken.tr_mul(&taken)), &whole, |_| TOLD_APART)?;
+        let shares = combinations.tr_mul(&columns.tr_mul(left));
+        Some(Self {
+            against,
+            columns,
+            taken,
+            combinations,
+            shares,
+        })
+    }
+
+    /// Its orthonormal directions (6 N x q).
+    fn directions(&self, projected: &Projected) -> DMatrix<f64> {
+        let taken = &self.taken * &self.combinations;
+        &self.columns * &self.combinations - projected.directions.tr_mul(&taken)
+    }
+
+    /// The F test, with the degrees of freedom of the denominator where they are fewer than those that are left.
+    fn test(&self, projected: &Projected, design_effect: f64, known: f64) -> Option<Test> {
+        let degrees = self.shares.len();
+        let spare = projected.spare.checked_sub(degrees)? as f64;
+        let explained = self.shares.norm_squared();
+        let left = projected.left.norm_squared() - explained;
+        let statistic = explained / degrees as f64 / (left / spare) / design_effect;
+        let law = FisherSnedecor::new(degrees as f64, known.min(spare)).ok()?;
+        (spare > 0.0 && left > 0.0).then(|| Test {
+            against: self.against,
+            degrees,
+            statistic,
+            probability: law.sf(statistic),
+            explained,
+            coefficients: &self.combinations * &self.shares,
+            design_effect,
+        })
+    }
+}
+
 /// Tests candidates; those that cannot be told from the fit's own directions are left out. The discrepancy counts as independent
 /// from reading to reading.
 pub(super) fn screened(
@@ -80,284 +116,85 @@ pub(super) fn screened(
     projected: &Projected,
     candidates: &[Against],
 ) -> Vec<Test> {
-    let mut bases: Vec<Base> = (candidates.iter())
-        .flat_map(|&against| looked.columns(against))
-        .map(|column| column.base)
-        .collect();
-    bases.sort_unstable();
-    bases.dedup();
-    let prepared: BTreeMap<Base, Prepared> = (bases.par_iter())
-        .map(|&base| (base, prepare(looked, projected, base)))
-        .collect();
-    let square = projected.square();
-    let tests: Vec<Vec<Test>> = (candidates.par_chunks(BATCH))
-        .map(|candidates| {
-            let columns: Vec<_> = (candidates.iter())
-                .map(|&against| looked.columns(against))
-                .collect();
-            let mut parts = prepared_columns(&prepared, &columns).into_iter();
-            let tests = candidates.iter().zip(&columns).map(|(&against, columns)| {
-                let parts: Vec<_> = parts.by_ref().take(columns.len()).collect();
-                let solved = SolvedPattern::new(looked, &prepared, columns, &parts)?;
-                let spare = projected.spare.checked_sub(solved.degrees)?;
-                let statistic = statistic(&solved, square, spare, 1.0)?;
-                Some(Test {
-                    against,
-                    degrees: solved.degrees,
-                    statistic,
-                    probability: probability(statistic, solved.degrees, spare as f64)?,
-                    explained: solved.explained,
-                    coefficients: solved.coefficients,
-                    design_effect: 1.0,
-                })
-            });
-            tests.flatten().collect()
-        })
-        .collect();
-    tests.into_iter().flatten().collect()
+    let tests = candidates.par_chunks(BATCH).map(|candidates| {
+        let all = candidates_of(looked, projected, candidates);
+        let tests = all
+            .iter()
+            .map(|each| each.test(projected, 1.0, f64::INFINITY));
+        tests.flatten().collect::<Vec<_>>()
+    });
+    tests.collect::<Vec<_>>().concat()
 }
 
-/// The columns of some candidates, one after the other; those of one base together, which is quicker.
-fn prepared_columns(
-    prepared: &BTreeMap<Base, Prepared>,
-    candidates: &[Vec<PatternColumn>],
-) -> Vec<PreparedColumn> {
-    let columns: Vec<&PatternColumn> = candidates.iter().flatten().collect();
-    let nothing = PreparedColumn {
-        taken: DVector::zeros(0),
-        gradient: 0.0,
-    };
-    let mut parts = vec![nothing; columns.len()];
-    for (base, prepared) in prepared {
-        let places: Vec<usize> = (0..columns.len())
-            .filter(|&place| columns[place].base == *base)
-            .collect();
-        if places.is_empty() {
-            continue;
-        }
-        let factors: Vec<_> = (places.iter())
-            .map(|&place| DVector::from_column_slice(&columns[place].factors))
-            .collect();
-        let factors = DMatrix::from_columns(&factors);
-        let taken = &prepared.with_fit * &factors;
-        for (index, &place) in places.iter().enumerate() {
-            parts[place] = PreparedColumn {
-                taken: taken.column(index).into_owned(),
-                gradient: prepared.with_left.dot(&factors.column(index)),
-            };
-        }
-    }
-    parts
+fn candidates_of(looked: &LookedAt, projected: &Projected, all: &[Against]) -> Vec<Candidate> {
+    let columns: Vec<DMatrix<f64>> = all.iter().map(|&each| looked.rows_of(each)).collect();
+    let together: Vec<_> = columns.iter().flat_map(DMatrix::column_iter).collect();
+    let taken = &projected.directions * DMatrix::from_columns(&together);
+    let mut first = 0;
+    let candidates = all.iter().zip(columns).map(|(&against, columns)| {
+        let taken = taken.columns(first, columns.ncols()).into_owned();
+        first += columns.ncols();
+        Candidate::new(against, columns, taken, &projected.left)
+    });
+    candidates.flatten().collect()
 }
 
-fn statistic(solved: &SolvedPattern, square: f64, spare: usize, design_effect: f64) -> Option<f64> {
-    let left = square - solved.explained;
-    let is_enough = spare > 0 && left > 0.0;
-    let mean_square = left / spare as f64;
-    is_enough.then(|| solved.explained / solved.degrees as f64 / mean_square / design_effect)
-}
-
-fn probability(statistic: f64, one: usize, other: f64) -> Option<f64> {
-    let distribution = FisherSnedecor::new(one as f64, other).ok()?;
-    Some(distribution.sf(statistic))
-}
-
-fn prepare(looked: &LookedAt, projected: &Projected, base: Base) -> Prepared {
-    let directions = projected.basis.first().map_or(0, Matrix6xX::ncols);
-    let mut with_fit = DMatrix::zeros(directions, looked.readings.len());
-    let mut with_left = DVector::zeros(looked.readings.len());
-    let mut squares = Vec::with_capacity(looked.readings.len());
-    for (index, reading) in looked.readings.iter().enumerate() {
-        let column = base.of(reading);
-        with_fit.set_column(index, &projected.basis[index].tr_mul(&column));
-        with_left[index] = column.dot(&projected.left[index]);
-        squares.push(column.norm_squared());
-    }
-    Prepared {
-        with_fit,
-        with_left,
-        squares,
-    }
-}
-
-/// The least-squares solution of a candidate.
-struct SolvedPattern {
-    degrees: usize,
-    explained: f64,
-    coefficients: DVector<f64>,
-    /// What the fit's directions take of each column (r x q).
-    taken: DMatrix<f64>,
-    /// Orthonormal directions as combinations of the columns (q x d).
-    combinations: DMatrix<f64>,
-}
-
-impl SolvedPattern {
-    fn new(
-        looked: &LookedAt,
-        prepared: &BTreeMap<Base, Prepared>,
-        columns: &[PatternColumn],
-        parts: &[PreparedColumn],
-    ) -> Option<Self> {
-        let size = columns.len();
-        let mut whole = DMatrix::zeros(size, size);
-        for row in 0..size {
-            for column in 0..=row {
-                let (one, other) = (&columns[row], &columns[column]);
-                let pairs = one.factors.iter().zip(&other.factors);
-                let product: f64 = if one.base == other.base {
-                    let squares = &prepared.get(&one.base)?.squares;
-                    pairs
-                        .zip(squares)
-                        .map(|((a, b), square)| a * b * square)
-                        .sum()
-                } else {
-                    let both = |reading| one.base.of(reading).dot(&other.base.of(reading));
-                    let pairs = pairs.zip(&looked.readings);
-                    pairs.map(|((a, b), reading)| a * b * both(reading)).sum()
-                };
-                whole[(row, column)] = product;
-                whole[(column, row)] = product;
-            }
-        }
-        let scale = DVector::from_fn(size, |place, _| {
-            let square = whole[(place, place)];
-            if square > 0.0 {
-                square.sqrt().recip()
-            } else {
-                0.0
-            }
-        });
-        let apart = DMatrix::from_fn(size, size, |row, column| {
-            let taken = parts[row].taken.dot(&parts[column].taken);
-            (whole[(row, column)] - taken) * scale[row] * scale[column]
-        });
-        if !apart.iter().all(|value| value.is_finite()) {
-            return None;
-        }
-        let eigen = SymmetricEigen::new(apart);
-        let scaled = DVector::from_fn(size, |place, _| parts[place].gradient * scale[place]);
-        let kept: Vec<usize> = (0..size)
-            .filter(|&place| eigen.eigenvalues[place] > TOLD_APART)
-            .collect();
-        if kept.is_empty() {
-            return None;
-        }
-        let mut combinations = DMatrix::zeros(size, kept.len());
-        let mut coefficients = DVector::zeros(size);
-        let mut explained = 0.0;
-        for (direction, &place) in kept.iter().enumerate() {
-            let vector = eigen.eigenvectors.column(place);
-            let value = eigen.eigenvalues[place];
-            let share = vector.dot(&scaled);
-            explained += share * share / value;
-            let combination = vector.component_mul(&scale) / value.sqrt();
-            coefficients += &combination * (share / value.sqrt());
-            combinations.set_column(direction, &combination);
-        }
-        let taken: Vec<_> = parts.iter().map(|part| part.taken.clone()).collect();
-        Some(Self {
-            degrees: kept.len(),
-            explained,
-            coefficients,
-            taken: DMatrix::from_columns(&taken),
-            combinations,
-        })
-    }
-}
-
-/// A candidate again, with its design effect, and its orthonormal directions (6 x d for each reading).
+/// A candidate again, with its design effect, and its orthonormal directions (6 N x q).
 pub(super) fn judged(
     looked: &LookedAt,
     projected: &Projected,
     against: Against,
-) -> Option<(Test, Vec<Matrix6xX<f64>>)> {
-    let candidates = [looked.columns(against)];
-    let [columns] = &candidates;
-    let prepared: BTreeMap<Base, Prepared> = (columns.iter())
-        .map(|column| (column.base, prepare(looked, projected, column.base)))
-        .collect();
-    let parts = prepared_columns(&prepared, &candidates);
-    let solved = SolvedPattern::new(looked, &prepared, columns, &parts)?;
-    let taken = &solved.taken * &solved.combinations;
-    let directions: Vec<Matrix6xX<f64>> = (looked.readings.iter().enumerate())
-        .map(|(index, reading)| {
-            let mut rows = Matrix6xX::zeros(columns.len());
-            for (place, column) in columns.iter().enumerate() {
-                rows.set_column(place, &(column.base.of(reading) * column.factors[index]));
-            }
-            rows * &solved.combinations - &projected.basis[index] * &taken
-        })
-        .collect();
-    let mut shares = DVector::<f64>::zeros(solved.degrees);
-    for (directions, left) in directions.iter().zip(&projected.left) {
-        shares += directions.tr_mul(left);
-    }
-    let left: Vec<Vector6<f64>> = (projected.left.iter().zip(&directions))
-        .map(|(left, directions)| left - directions * &shares)
-        .collect();
-    let square = projected.square();
-    let spare = projected.spare.checked_sub(solved.degrees)?;
-    let alone = statistic(&solved, square, spare, 1.0)?;
-    let mean_square = (square - solved.explained) / spare as f64;
+) -> Option<(Test, DMatrix<f64>)> {
+    let candidate = candidates_of(looked, projected, &[against]).pop()?;
+    let directions = candidate.directions(projected);
     let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
-    let effect_of =
-        |groups: &[usize]| design_effect(groups, &projected.basis, &directions, &left, mean_square);
+    let effect_of = |groups: &[usize]| design_effect(groups, projected, &directions);
     let by_visits = effect_of(&visits(looked))?;
     let by_blocks = effect_of(&blocks).filter(|(effect, _)| *effect > 1.0);
-    let judgements = [Some(by_visits), by_blocks].into_iter().flatten();
-    let judgements = judgements.filter_map(|(effect, known)| {
-        let design_effect = effect.max(1.0);
-        let other = known.min(spare as f64);
-        let probability = probability(alone / design_effect, solved.degrees, other)?;
-        Some((probability, design_effect))
-    });
-    let (probability, design_effect) = judgements
-        .max_by(|one, other| (one.0.total_cmp(&other.0)).then(one.1.total_cmp(&other.1)))?;
-    let test = Test {
-        against,
-        degrees: solved.degrees,
-        statistic: alone / design_effect,
-        probability,
-        explained: solved.explained,
-        coefficients: solved.coefficients,
-        design_effect,
-    };
+    let tests = [Some(by_visits), by_blocks].into_iter().flatten();
+    let test = tests
+        .filter_map(|(effect, known)| candidate.test(projected, effect.max(1.0), known))
+        .max_by(|one, other| {
+            (one.probability.total_cmp(&other.probability))
+                .then(one.design_effect.total_cmp(&other.design_effect))
+        })?;
     Some((test, directions))
 }
 
 /// Which readings are of one configuration.
 fn visits(looked: &LookedAt) -> Vec<usize> {
     let mut known = BTreeMap::new();
-    let number = |each: &ReadingRows| {
+    let numbers = looked.readings.iter().map(|each| {
         let angles: Vec<u64> = each.angles.iter().map(|angle| angle.to_bits()).collect();
         let next = known.len();
         *known.entry(angles).or_insert(next)
-    };
-    looked.readings.iter().map(number).collect()
+    });
+    numbers.collect()
 }
 
 /// How many times more a candidate's scores vary from group to group than independent errors that are alike would let them, and
 /// with how many degrees of freedom that is known; nothing where one group has them all.
 fn design_effect(
     groups: &[usize],
-    basis: &[Matrix6xX<f64>],
-    directions: &[Matrix6xX<f64>],
-    left: &[Vector6<f64>],
-    mean_square: f64,
+    projected: &Projected,
+    directions: &DMatrix<f64>,
 ) -> Option<(f64, f64)> {
-    let [taken, size] = [basis, directions].map(|each| each.first().map_or(0, Matrix6xX::ncols));
+    let (taken, size) = (projected.directions.nrows(), directions.ncols());
+    let left = &projected.left - directions * directions.tr_mul(&projected.left);
+    let spare = projected.spare.checked_sub(size)? as f64;
+    let mean_square = left.norm_squared() / spare;
     let count = groups.iter().max()? + 1;
     let mut scores = DMatrix::<f64>::zeros(size, count);
     // The K_b^T, side by side; the G_b are their last rows.
     let mut shared = DMatrix::<f64>::zeros(taken + size, size * count);
     for (index, &group) in groups.iter().enumerate() {
-        let own = &directions[index];
+        let own = directions.rows(6 * index, 6);
         let mut score = scores.column_mut(group);
-        score += own.tr_mul(&left[index]);
+        score += own.tr_mul(&left.rows(6 * index, 6));
         let mut with_fit = shared.view_mut((0, group * size), (taken, size));
-        with_fit += basis[index].tr_mul(own);
+        with_fit += projected.directions.columns(6 * index, 6) * own;
         let mut with_own = shared.view_mut((taken, group * size), (size, size));
-        with_own += own.tr_mul(own);
+        with_own += own.tr_mul(&own);
     }
     let expected = size as f64 - shared.norm_squared();
     let mut variance = (&shared * shared.transpose()).norm_squared();

@@ -11,7 +11,8 @@ mod recommendation;
 
 use rayon::prelude::*;
 
-use super::super::gauss_newton::{FitError, ParameterFit, fit_parameters};
+use super::super::error::IdentificationError;
+use super::super::gauss_newton::{ParameterFit, fit_parameters};
 use super::super::nominal::{UNKNOWN, with_nominal};
 use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
 use super::fit::WeighedFit;
@@ -235,7 +236,7 @@ impl AbsoluteCase<'_> {
         &self,
         mut set: ParameterSet,
         mut fit: ParameterFit,
-    ) -> Result<(ParameterSet, ParameterFit), FitError> {
+    ) -> Result<(ParameterSet, ParameterFit), IdentificationError> {
         loop {
             let posterior = &fit.posterior;
             let other = with_nominal(&set, &posterior.mean, &posterior.covariance, UNKNOWN);

@@ -1,34 +1,13 @@
-//! A pattern in words, its size, and means for its picture.
+//! A pattern in words, and its size.
 
-use nalgebra::Vector6;
-use serde::Serialize;
+use nalgebra::DVector;
 
-use super::Coefficients;
 use super::candidates::{Against, Base, Course, Drifting};
 use super::rows::LookedAt;
 
-/// Readings are put together in so many bins.
-const BINS: usize = 24;
-/// With more waves than these in a revolution the phase within one is drawn in place of the angle.
-pub const WAVES_TO_SEE: usize = 8;
-
-/// The mean of what some readings show.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct PatternPoint {
-    /// Against which value: angle or phase (rad), torque (N m), sign of approach, place, time (s), temperature (deg C), range (m).
-    pub at: f64,
-    /// What is seen there: rad, m or 1.
-    #[serde(rename = "observed")]
-    pub seen: f64,
-    /// Its standard error.
-    pub standard_error: f64,
-    /// What the pattern says.
-    pub pattern: f64,
-}
-
 impl LookedAt {
     /// What a pattern makes of each reading: an angle or a growth, or a length.
-    fn effects(&self, against: Against, coefficients: &Coefficients) -> Vec<f64> {
+    pub(super) fn effects(&self, against: Against, coefficients: &DVector<f64>) -> Vec<f64> {
         let columns = self.columns(against);
         if let Against::Course(_, Drifting::Base) = against {
             return (columns[0].factors.iter())
@@ -53,7 +32,7 @@ impl LookedAt {
     }
 
     /// The amplitude of waves; of all else the whole range over the readings.
-    pub(super) fn size(&self, against: Against, coefficients: &Coefficients) -> f64 {
+    pub(super) fn size(&self, against: Against, coefficients: &DVector<f64>) -> f64 {
         if let Against::Angle { .. } = against {
             return coefficients.norm();
         }
@@ -68,7 +47,7 @@ impl LookedAt {
     }
 
     /// The pattern in words.
-    pub(super) fn sentence(&self, against: Against, coefficients: &Coefficients) -> String {
+    pub(super) fn sentence(&self, against: Against, coefficients: &DVector<f64>) -> String {
         let size = self.size(against, coefficients);
         let name = |joint: usize| &self.joints[joint].0;
         let is_softer = self.is_of_deflections;
@@ -156,69 +135,6 @@ impl LookedAt {
             Against::Range => "the instrument's scale or offset",
         }
     }
-
-    /// Means of what readings show, all other patterns taken off.
-    pub(super) fn points(
-        &self,
-        against: Against,
-        coefficients: &Coefficients,
-        left: &[Vector6<f64>],
-    ) -> Vec<PatternPoint> {
-        let columns = self.columns(against);
-        let effects = self.effects(against, coefficients);
-        let mut seen: Vec<Seen> = Vec::new();
-        for (index, reading) in self.readings.iter().enumerate() {
-            // What it does to the reading for an effect of one.
-            let base = if let Against::Course(_, Drifting::Base) = against {
-                let length = coefficients.norm();
-                let parts = columns.iter().zip(coefficients.iter());
-                parts
-                    .map(|(column, coefficient)| column.base.of(reading) * (coefficient / length))
-                    .sum()
-            } else {
-                let mut bases = columns.iter().rev().map(|column| column.base);
-                let moved = bases.find(|base| !matches!(base, Base::Bent(_)));
-                moved.map_or_else(Vector6::zeros, |base| base.of(reading))
-            };
-            let weight = base.norm_squared();
-            if let Some(at) = self.at(against, index).filter(|_| weight > 0.0) {
-                let effect = effects[index];
-                let value = effect + base.dot(&left[index]) / weight;
-                seen.push(Seen {
-                    at,
-                    value,
-                    effect,
-                    weight,
-                });
-            }
-        }
-        binned(&seen)
-    }
-
-    /// Against which value a reading is drawn.
-    fn at(&self, against: Against, index: usize) -> Option<f64> {
-        let reading = &self.readings[index];
-        match against {
-            Against::Angle { joint, waves } => {
-                let angle = reading.angles[joint];
-                let is_seen = waves <= WAVES_TO_SEE;
-                Some(if is_seen {
-                    angle
-                } else {
-                    (waves as f64 * angle).rem_euclid(std::f64::consts::TAU)
-                })
-            }
-            Against::Torque { joint } => Some(reading.torques[joint]),
-            Against::Approach { joint } => {
-                let sign = *reading.approach.as_ref()?.get(joint)?;
-                Some(if sign { 1.0 } else { -1.0 })
-            }
-            Against::Course(Course::Order, _) => Some(index as f64 + 1.0),
-            Against::Course(Course::Time, _) => reading.time_s,
-            Against::Course(Course::Temperature, _) => reading.temperature_c,
-            Against::Range => reading.range_m,
-        }
-    }
 }
 
 impl Course {
@@ -231,46 +147,28 @@ impl Course {
     }
 }
 
-struct Seen {
-    at: f64,
-    value: f64,
-    effect: f64,
-    weight: f64,
-}
+impl Against {
+    /// What residuals are looked at against.
+    pub const fn kind(self) -> &'static str {
+        match self {
+            Self::Angle { .. } => "joint angle",
+            Self::Torque { .. } => "joint torque",
+            Self::Approach { .. } => "approach",
+            Self::Course(Course::Order, _) => "order",
+            Self::Course(Course::Time, _) => "time",
+            Self::Course(Course::Temperature, _) => "temperature",
+            Self::Range => "range",
+        }
+    }
 
-fn binned(seen: &[Seen]) -> Vec<PatternPoint> {
-    let lowest = seen
-        .iter()
-        .map(|each| each.at)
-        .fold(f64::INFINITY, f64::min);
-    let highest = seen
-        .iter()
-        .map(|each| each.at)
-        .fold(f64::NEG_INFINITY, f64::max);
-    let width = ((highest - lowest) / BINS as f64).max(f64::MIN_POSITIVE);
-    let of = |bin: usize| {
-        let [from, to] = [bin, bin + 1].map(|edge| lowest + edge as f64 * width);
-        let is_in =
-            |each: &&Seen| (bin == 0 || each.at >= from) && (bin + 1 == BINS || each.at < to);
-        let all: Vec<&Seen> = seen.iter().filter(is_in).collect();
-        let weight: f64 = all.iter().map(|each| each.weight).sum();
-        let mean = |value: &dyn Fn(&Seen) -> f64| {
-            all.iter()
-                .map(|each| value(each) * each.weight)
-                .sum::<f64>()
-                / weight
-        };
-        let value = mean(&|each| each.value);
-        let squares = all.iter().map(|each| {
-            let off = each.value - each.effect;
-            (each.weight * off).powi(2)
-        });
-        (weight > 0.0).then(|| PatternPoint {
-            at: mean(&|each| each.at),
-            seen: value,
-            standard_error: squares.sum::<f64>().sqrt() / weight,
-            pattern: mean(&|each| each.effect),
-        })
-    };
-    (0..BINS).filter_map(of).collect()
+    /// Whose pattern it is, where it is a joint's.
+    pub const fn joint(self) -> Option<usize> {
+        match self {
+            Self::Angle { joint, .. }
+            | Self::Torque { joint }
+            | Self::Approach { joint }
+            | Self::Course(_, Drifting::Joint(joint)) => Some(joint),
+            _ => None,
+        }
+    }
 }

@@ -2,9 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::Case;
-use crate::identification::Sigma;
-use crate::identification::equations::Equations;
+use super::super::equations::Equations;
+use super::super::{Case, Sigma};
 use crate::measurement::Measurement;
 
 /// The standard deviation of a compliance about its nominal value, as a share of that.
@@ -19,7 +18,9 @@ pub struct ReadingEvidence {
     pub value: f64,
     /// The weighted sum of squares that is left with the most probable compliances, those of the
     /// compliances about the nominal ones included.
-    pub discrepancy: f64,
+    pub square: f64,
+    /// How many numbers were read.
+    pub numbers: usize,
     /// The factor by which all compliances together differ from the nominal ones.
     pub scale: f64,
 }
@@ -33,14 +34,21 @@ impl ReadingEvidence {
         } = relative_equations(case, read);
         let predicted = matrix.column_sum();
         let scale = predicted.dot(&right_hand_side) / predicted.norm_squared();
+        let numbers = matrix.nrows();
         let marginal = Marginal::new(matrix * TRUST, &(right_hand_side - predicted));
         // What maps the file's numbers to those that are read turns densities into densities.
         let map = 2.0 * (log_sigma(case, read) - log_stretch(file, read));
         Self {
             value: marginal.minimum(matches!(case.sigma, Sigma::FromResiduals(_))) + map,
-            discrepancy: marginal.square(1.0),
+            square: marginal.square(1.0),
+            numbers,
             scale,
         }
+    }
+
+    /// The root of the weighted mean square.
+    pub fn rms(self) -> f64 {
+        (self.square / self.numbers.max(1) as f64).sqrt()
     }
 }
 

@@ -1,0 +1,376 @@
+//! Likely input errors of measured deflections.
+//!
+//! Two readings of a file are compared as models of the same numbers. The yardstick are the nominal compliances:
+//!
+//! ```text
+//! dp = A k + e,   k ~ N(k_0, (k_0/2)^2),   e ~ N(0, v sigma^2),   v >= 1
+//! ```
+//!
+//! The half is the trust in nominal compliances, and v, with density v^-2, leaves room for what the model does not explain. The
+//! evidence of a reading is the probability density of the numbers in the file, k integrated out and v at its best. An error is
+//! named if the evidence for it is more than a million times that for the file as it is, after paying for the number of errors
+//! of its kind that were tried. If the file is right, the ratio of two densities exceeds K with a probability of at most
+//! 1/K (Markov's inequality): a false alarm in a million files for each kind.
+//!
+//! What says where and how the robot bends must also halve the rms residual at least: on a real robot
+//! the discrepancy is not independent from row to row, and no small improvement is evidence.
+//! A unit of all loads or deflections must bring the compliances to half to twice the nominal ones on
+//! average, the sign of all must make them positive.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{DVector, Matrix3, Vector3};
+
+use super::super::copies::{CopiedReadings, ReadBits};
+use super::super::{Case, Identification};
+use super::evidence::{ReadingEvidence, most_probable};
+use super::{
+    GRAVITY, InputError, LikelyInputError, angle_units, sets_of_signs, swapped_joints, words,
+};
+use crate::codes::{Condition, ConditionCode};
+use crate::measurement::Measurement;
+use crate::robot::{Load, ObservationMatrix};
+
+/// The evidence that an error needs, as twice the natural logarithm of a ratio of a million.
+const DECISIVE: f64 = 27.6;
+/// Errors that are at most a hundred times less probable than the likeliest one are named too.
+const AS_GOOD: f64 = 9.2;
+/// The share of the residuals' square that may be left: the rms is halved.
+const SHARE_LEFT: f64 = 0.25;
+/// So many errors are looked for one on top of the other.
+const DEPTH: usize = 3;
+/// From so many measurements, evenly spread, errors are looked for.
+const MOST_MEASUREMENTS: usize = 300;
+/// A consistency outside of this and one minus this makes measurements suspicious.
+const INCONSISTENT: f64 = 1e-4;
+/// A compliance is implausible where it is nearer to 9.81 times the nominal one, or its 9.81th part,
+/// than to the nominal one: beyond the root of 9.81.
+const IMPLAUSIBLE: f64 = 3.132;
+/// A commanded angle may lie so far outside its range (rad): files have one decimal.
+const RANGE_SLACK_RAD: f64 = 0.1 * std::f64::consts::PI / 180.0;
+/// So many times rotation and compliances are found in turn ...
+const TURNS: usize = 20;
+/// ... from so many right-angled frames.
+const STARTS: usize = 3;
+/// Directions in which all deflections are smaller than this share of the largest do not tell a rotation.
+const FLAT: f64 = 1e-3;
+
+/// What the table shows by itself: angles outside the joint limits, copied rows.
+pub fn conditions_of_table(case: &Case<'_>) -> Vec<Condition> {
+    let copies = copied(case).conditions("measurement");
+    outside_limits(case).into_iter().chain(copies).collect()
+}
+
+fn outside_limits(case: &Case<'_>) -> Option<Condition> {
+    let chain = &case.nominal.chain;
+    let beyond = |measurement: usize, joint: usize| {
+        let [from, to] = chain.joints[joint].range_rad;
+        let angle = case.measurements[measurement].configuration_rad[joint];
+        (from - angle).max(angle - to)
+    };
+    let places = 0..case.measurements.len();
+    let all = places.flat_map(|place| (0..chain.len()).map(move |joint| (place, joint)));
+    let outside: Vec<(usize, usize)> = all
+        .filter(|&(place, joint)| beyond(place, joint) > RANGE_SLACK_RAD)
+        .collect();
+    let &(place, joint) = (outside.iter())
+        .max_by(|one, other| beyond(one.0, one.1).total_cmp(&beyond(other.0, other.1)))?;
+    let mut measurements: Vec<usize> = outside.iter().map(|each| each.0).collect();
+    measurements.dedup();
+    let [from, to] = chain.joints[joint].range_rad;
+    let angle = case.measurements[place].configuration_rad[joint];
+    let [(angle, unit), (from, _), (to, _)] =
+        [angle, from, to].map(|value| chain.joints[joint].drive.shown(value));
+    Some(ConditionCode::AnglesOutsideLimits.with(format!(
+        "{} of {} measurements have commanded angles outside the joint limits: {} of measurement {} is {angle:.1} {unit}, allowed \
+         are {from:.1} to {to:.1} {unit}",
+        measurements.len(),
+        case.measurements.len(),
+        words::column(chain, joint),
+        place + 1,
+    )))
+}
+
+/// Loaded measurements with the same deflection in every digit.
+fn copied(case: &Case<'_>) -> CopiedReadings {
+    let loaded: Vec<usize> = (0..case.measurements.len())
+        .filter(|&index| case.measurements[index].load != Load::NONE)
+        .collect();
+    let bits: Vec<ReadBits> = (loaded.iter())
+        .map(|&index| {
+            let each = &case.measurements[index];
+            let wrench = each.load.wrench();
+            let setup = each.configuration_rad.iter().chain(wrench.iter());
+            let setup = setup.map(|value| value.to_bits()).collect();
+            let unknown = Vector3::repeat(case.sigma.weight_m());
+            ReadBits::new(
+                setup,
+                &[],
+                each.deflection_m,
+                each.sigma_m.unwrap_or(unknown),
+            )
+        })
+        .collect();
+    CopiedReadings::of(&bits).at(&loaded)
+}
+
+/// The likely input errors where an identification (`None` if it failed) is suspicious: residuals are too large or too small, or a
+/// compliance is negative or implausible.
+pub fn suspected_input_errors(
+    case: &Case<'_>,
+    identification: Option<&Identification>,
+) -> Vec<LikelyInputError> {
+    let is_off = |found: &Identification| {
+        let inconsistent = (found.consistency)
+            .is_some_and(|probability| !(INCONSISTENT..=1.0 - INCONSISTENT).contains(&probability));
+        let is_implausible = found.parameters.iter().any(|parameter| {
+            let nominal = case.nominal.compliance_rad_per_nm[parameter.joint];
+            parameter.estimate.is_some_and(|estimate| {
+                let ratio = estimate.value / nominal;
+                nominal > 0.0 && !(IMPLAUSIBLE.recip()..=IMPLAUSIBLE).contains(&ratio)
+            })
+        });
+        inconsistent || is_implausible
+    };
+    if identification.is_none_or(is_off) {
+        likely_input_errors(case)
+    } else {
+        Vec::new()
+    }
+}
+
+/// The input errors that explain the measurements decisively better than reading them as they are, one
+/// on top of the other, whether the measurements are suspicious or not.
+pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
+    let step = case.measurements.len().div_ceil(MOST_MEASUREMENTS).max(1);
+    let mut read: Vec<Measurement> = case.measurements.iter().step_by(step).cloned().collect();
+    let mut found = Vec::new();
+    for _ in 0..DEPTH {
+        let as_it_is = ReadingEvidence::new(case, &read, &read);
+        let best = best(case, &read, &as_it_is);
+        let Some((first, others)) = best.split_first() else {
+            break;
+        };
+        let others: Vec<&InputError> = others.iter().map(|each| &each.error).collect();
+        let weighted = [first.evidence, as_it_is].map(ReadingEvidence::rms);
+        found.push(LikelyInputError {
+            error: first.error.clone(),
+            log_evidence_ratio: first.gain / 2.0,
+            text: words::of_deflections(&case.nominal.chain, &first.error, &others, weighted),
+        });
+        read = corrected(case, &read, &first.error);
+    }
+    found
+}
+
+/// An error that is tried, with what it costs: twice the logarithm of the number of errors of its kind, and of what its
+/// parameters cost.
+struct Hypothesis {
+    error: InputError,
+    price: f64,
+}
+
+/// A hypothesis with its evidence, and by how much that is better.
+struct LikelyError {
+    error: InputError,
+    evidence: ReadingEvidence,
+    gain: f64,
+}
+
+fn corrected(
+    case: &Case<'_>,
+    measurements: &[Measurement],
+    error: &InputError,
+) -> Vec<Measurement> {
+    let mut all = measurements.to_vec();
+    for each in &mut all {
+        error.correct_measurement(case, each);
+    }
+    all
+}
+
+/// The likeliest error and those that are as good, if one is decisively better than none.
+fn best(case: &Case<'_>, read: &[Measurement], as_it_is: &ReadingEvidence) -> Vec<LikelyError> {
+    let judge = |Hypothesis { error, price }| {
+        let corrected = corrected(case, read, &error);
+        if !is_possible(case, read, &corrected) {
+            return None;
+        }
+        let evidence = ReadingEvidence::new(case, read, &corrected);
+        let gain = as_it_is.value - evidence.value - price;
+        let explains = match error {
+            InputError::SignsReversed => evidence.scale > 0.0,
+            InputError::LoadUnit(_) | InputError::DeflectionUnit(_) => {
+                (0.5..=2.0).contains(&evidence.scale.abs())
+            }
+            _ => evidence.square <= SHARE_LEFT * as_it_is.square,
+        };
+        (gain > DECISIVE && explains).then_some(LikelyError {
+            error,
+            evidence,
+            gain,
+        })
+    };
+    let mut decisive: Vec<LikelyError> = (hypotheses(case, read).into_iter())
+        .filter_map(judge)
+        .collect();
+    decisive.sort_by(|one, other| other.gain.total_cmp(&one.gain));
+    let largest = decisive.first().map_or(0.0, |first| first.gain);
+    decisive.retain(|each| largest - each.gain < AS_GOOD);
+    let first = decisive.first().map(|first| first.error.clone());
+    // Joints whose signs do not show are no other explanation.
+    decisive.retain(|other| match (&first, &other.error) {
+        (Some(InputError::JointSigns(first)), InputError::JointSigns(joints)) => {
+            first == joints || !first.iter().all(|joint| joints.contains(joint))
+        }
+        _ => true,
+    });
+    decisive
+}
+
+/// Whether the joints' ranges allow the angles that a correction made of the file's.
+fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -> bool {
+    let is_allowed = |joint: usize, before: f64, after: f64| {
+        let [from, to] = case.nominal.chain.joints[joint].range_rad;
+        let is_inside = (from - RANGE_SLACK_RAD..=to + RANGE_SLACK_RAD).contains(&after);
+        (after - before).abs() < f64::EPSILON || is_inside
+    };
+    before.iter().zip(after).all(|(before, after)| {
+        let [before, after] = [before, after].map(|each| &each.configuration_rad);
+        (0..before.len()).all(|joint| is_allowed(joint, before[joint], after[joint]))
+    })
+}
+
+/// All errors that are looked for, the simple ones first.
+fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<Hypothesis> {
+    let joints = case.nominal.chain.len();
+    let kinds = [
+        vec![InputError::SignsReversed],
+        [GRAVITY, GRAVITY.recip(), 1000.0, 0.001]
+            .map(InputError::LoadUnit)
+            .into(),
+        [1000.0, 0.001].map(InputError::DeflectionUnit).into(),
+        angle_units().into(),
+        swapped_joints(joints).collect(),
+        vec![
+            InputError::DeflectionsInToolFrame,
+            InputError::LoadsInToolFrame,
+        ],
+        right_angles().into_iter().map(InputError::Frame).collect(),
+    ];
+    let priced = kinds.into_iter().flat_map(|errors| {
+        let price = 2.0 * (errors.len() as f64).ln();
+        errors
+            .into_iter()
+            .map(move |error| Hypothesis { error, price })
+    });
+    (priced.chain(joint_signs(joints)))
+        .chain(rotation(case, measurements))
+        .collect()
+}
+
+/// Joints that turn the other way: sets of them, priced by the number of sets as large.
+fn joint_signs(joints: usize) -> Vec<Hypothesis> {
+    let sets = sets_of_signs(joints);
+    let as_large = |size: usize| sets.iter().filter(|set| set.len() == size).count() as f64;
+    let prices: Vec<f64> = (0..=joints)
+        .map(|size| 2.0 * (as_large(size).max(1.0) * joints as f64).ln())
+        .collect();
+    let hypothesis = |joints: Vec<usize>| Hypothesis {
+        price: prices[joints.len()],
+        error: InputError::JointSigns(joints),
+    };
+    sets.iter().cloned().map(hypothesis).collect()
+}
+
+/// The ways to put three columns in another order and change their signs, but for those that change
+/// nothing or all signs.
+fn right_angles() -> Vec<Matrix3<f64>> {
+    let orders = [
+        [0, 1, 2],
+        [0, 2, 1],
+        [1, 0, 2],
+        [1, 2, 0],
+        [2, 0, 1],
+        [2, 1, 0],
+    ];
+    let of = |order: [usize; 3], bits: u8| {
+        Matrix3::from_fn(
+            |row, column| match (order[row] == column, bits >> row & 1) {
+                (false, _) => 0.0,
+                (true, 1) => -1.0,
+                _ => 1.0,
+            },
+        )
+    };
+    let mut all: Vec<Matrix3<f64>> = (orders.into_iter())
+        .flat_map(|order| (0..8).map(move |bits| of(order, bits)))
+        .collect();
+    all.retain(|matrix| *matrix != Matrix3::identity() && *matrix != -Matrix3::identity());
+    all
+}
+
+/// The rotation that takes the measured deflections nearest to predicted ones (Wahba's problem, by
+/// Kabsch's singular value decomposition), with the compliances that then fit, in turns. It starts
+/// from the turned frames of right angles that fit best. What its three angles cost is the share of all
+/// rotations that fit as well: (2 pi)^(3/2) det(I)^(-1/2) of 8 pi^2, for their information matrix I.
+fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<Hypothesis> {
+    let information: Matrix3<f64> = (measurements.iter())
+        .map(|each| {
+            let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.amax());
+            let moved = each.deflection_m.cross_matrix() / sigma;
+            moved.transpose() * moved
+        })
+        .sum();
+    let price = information.determinant().ln() - 3.0 * TAU.ln() + 2.0 * (2.0 * TAU * TAU).ln();
+    let read = |matrix: Matrix3<f64>| corrected(case, measurements, &InputError::Frame(matrix));
+    let square =
+        |matrix: Matrix3<f64>| ReadingEvidence::new(case, measurements, &read(matrix)).square;
+    let refined = |mut matrix: Matrix3<f64>| {
+        for _ in 0..TURNS {
+            matrix = nearest_rotation(case, measurements, &read(matrix))?;
+        }
+        Some((square(matrix), matrix))
+    };
+    let mut starts: Vec<(f64, Matrix3<f64>)> = (right_angles().into_iter())
+        .filter(|matrix| matrix.determinant() > 0.0)
+        .chain([Matrix3::identity()])
+        .map(|matrix| (square(matrix), matrix))
+        .collect();
+    starts.sort_by(|one, other| one.0.total_cmp(&other.0));
+    let best = (starts.into_iter().take(STARTS))
+        .filter_map(|(_, start)| refined(start))
+        .min_by(|one, other| one.0.total_cmp(&other.0))?;
+    Some(Hypothesis {
+        error: InputError::Frame(best.1),
+        price: price.max(0.0),
+    })
+}
+
+/// The rotation of the file's deflections nearest to the model's with the compliances that fit the
+/// deflections as `read`.
+fn nearest_rotation(
+    case: &Case<'_>,
+    file: &[Measurement],
+    read: &[Measurement],
+) -> Option<Matrix3<f64>> {
+    let all: Vec<usize> = (0..case.nominal.chain.len()).collect();
+    let compliance = DVector::from_vec(most_probable(case, read)?);
+    let arm = case.nominal.chain.at(case.tool);
+    let mut correlation = Matrix3::zeros();
+    for each in file {
+        let mut state = arm.state(each.configuration_rad.as_slice());
+        let [left, _] = state.brace_under(compliance.as_slice(), &each.load);
+        let predicted = ObservationMatrix::new(&state, &each.load, &all).position * &compliance;
+        let predicted = Vector3::new(predicted[0], predicted[1], predicted[2]) + left;
+        let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.norm());
+        correlation += predicted * each.deflection_m.transpose() / (sigma * sigma);
+    }
+    let svd = correlation.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    if svd.singular_values[1] < FLAT * svd.singular_values[0] {
+        return None;
+    }
+    let parity = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant()));
+    Some(u * parity * v_t)
+}
