@@ -331,14 +331,16 @@ impl SomeFitted {
         measurements: &'a [Measurement],
         own: &'a [Matrix6<f64>],
     ) -> LookedOver<'a> {
-        let angles = measurements.iter().map(|each| &each.configuration_rad);
+        let angles = measurements
+            .iter()
+            .map(|each| each.configuration_rad.as_slice());
         LookedOver {
             left: self.left.clone(),
             own,
             weighed: own.to_vec(),
             known: self.known.clone(),
             rejected: &self.rejected,
-            angles: angles.map(|each| each.as_slice()).collect(),
+            angles: angles.collect(),
             spare: self.spare,
             freedom: self.freedom,
             plausible: self.plausible(),

@@ -88,10 +88,7 @@ impl AbsoluteCase<'_> {
                     .copy_from(&predicted);
             }
         }
-        let angles = self
-            .observations
-            .iter()
-            .map(|each| &each.setup.commanded_rad);
+        let angles = (self.observations.iter()).map(|each| each.setup.commanded_rad.as_slice());
         Some(LookedOver {
             left: self.left(&fit.belief).ok()?,
             weighed: own
@@ -101,7 +98,7 @@ impl AbsoluteCase<'_> {
             own,
             known,
             rejected,
-            angles: angles.map(|each| each.as_slice()).collect(),
+            angles: angles.collect(),
             spare: fit.spare(),
             // Of readings enough for a fit with frames their number makes next to no difference.
             freedom: if is_pulled {

@@ -54,7 +54,7 @@ pub(super) struct Test {
 }
 
 /// A candidate's columns, with what the fit's directions take of them (r x q) and orthonormal combinations of what is left.
-struct Candidate {
+struct TestedPattern {
     against: Against,
     columns: DMatrix<f64>,
     taken: DMatrix<f64>,
@@ -63,7 +63,7 @@ struct Candidate {
     shares: DVector<f64>,
 }
 
-impl Candidate {
+impl TestedPattern {
     /// None where it cannot be told from the fit's directions.
     fn new(
         against: Against,
@@ -126,7 +126,7 @@ pub(super) fn screened(
     tests.collect::<Vec<_>>().concat()
 }
 
-fn candidates_of(looked: &LookedAt, projected: &Projected, all: &[Against]) -> Vec<Candidate> {
+fn candidates_of(looked: &LookedAt, projected: &Projected, all: &[Against]) -> Vec<TestedPattern> {
     let columns: Vec<DMatrix<f64>> = all.iter().map(|&each| looked.rows_of(each)).collect();
     let together: Vec<_> = columns.iter().flat_map(DMatrix::column_iter).collect();
     let taken = &projected.directions * DMatrix::from_columns(&together);
@@ -134,7 +134,7 @@ fn candidates_of(looked: &LookedAt, projected: &Projected, all: &[Against]) -> V
     let candidates = all.iter().zip(columns).map(|(&against, columns)| {
         let taken = taken.columns(first, columns.ncols()).into_owned();
         first += columns.ncols();
-        Candidate::new(against, columns, taken, &projected.left)
+        TestedPattern::new(against, columns, taken, &projected.left)
     });
     candidates.flatten().collect()
 }
