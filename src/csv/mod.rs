@@ -1,13 +1,14 @@
 //! CSV files of numbers, and of some words, as laboratories and their spreadsheets write them: one reader for plans and
 //! measurements.
 //!
-//! It reads UTF-8 and UTF-16; commas, semicolons or tabs between the fields; decimal points, and
+//! It reads UTF-8, and UTF-16 with a byte order mark; commas, semicolons or tabs between the fields; decimal points, and
 //! decimal commas where semicolons or tabs separate; quoted fields; and the line ends of every
 //! system. What can be read in two ways is an error that says so.
 
 mod dialect;
 mod encoding;
 mod fields;
+mod sheet;
 
 use std::path::Path;
 
@@ -17,9 +18,11 @@ use nalgebra::Vector3;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::quantities::plausible::{self, Kind};
+use crate::text::wrong_name;
 
 pub use dialect::Decimals;
 pub use fields::Fields;
+pub use sheet::Sheet;
 
 /// A spreadsheet takes a word that begins so for a formula, and this program for a comment.
 const NO_WORD: [char; 5] = ['=', '+', '-', '@', '#'];
@@ -90,7 +93,22 @@ pub struct Columns {
     pub may_be_empty: Vec<Vec<String>>,
 }
 
+/// Names as their own.
+pub fn owned(names: &[&str]) -> Vec<String> {
+    names.iter().map(|&name| name.to_owned()).collect()
+}
+
 impl Columns {
+    /// Those that a file has, and those of numbers and of words that it may have besides.
+    pub fn of(required: Vec<String>, numbers: &[&str], words: &[&str]) -> Self {
+        Self {
+            required,
+            optional: owned(&[numbers, words].concat()),
+            words: owned(words),
+            ..Self::default()
+        }
+    }
+
     /// All that a header needs.
     fn needed(&self, header: &[String]) -> Vec<String> {
         [&self.required, self.group(header)].concat()
@@ -182,6 +200,19 @@ impl<'a> Table<'a> {
         (columns.iter()).all(|column| self.columns.iter().any(|known| known == column))
     }
 
+    /// Whether the file has the columns of a group, which come together.
+    ///
+    /// # Errors
+    /// It has some of them.
+    pub fn has_group(&self, group: &[&str]) -> Result<bool, FileError> {
+        let there: Vec<_> = group.iter().filter(|column| self.has(&[column])).collect();
+        if there.is_empty() || there.len() == group.len() {
+            return Ok(!there.is_empty());
+        }
+        let problem = format!("found {there:?}; these columns come together: {group:?}");
+        Err(self.wrong_header(problem))
+    }
+
     /// An error about the header.
     pub fn wrong_header(&self, problem: impl Into<String>) -> FileError {
         FileError::new(self.path, problem).at(format!("line {}", self.header_line))
@@ -211,6 +242,18 @@ impl<'a> Row<'a> {
     pub fn word(&self, column: &str) -> Option<&'a str> {
         let words = &self.row.words;
         (self.place(column)).and_then(|index| words.get(index).map(String::as_str))
+    }
+
+    /// The name in a column of words, where the table has it.
+    ///
+    /// # Errors
+    /// It is no name.
+    pub fn name(&self, column: &str) -> Result<Option<String>, FileError> {
+        let word = self.word(column);
+        match word.and_then(wrong_name) {
+            Some(problem) => Err(self.wrong(format!("{column}: {problem}"))),
+            None => Ok(word.map(str::to_owned)),
+        }
     }
 
     fn place(&self, column: &str) -> Option<usize> {

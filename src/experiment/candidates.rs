@@ -5,17 +5,15 @@ use std::path::Path;
 use nalgebra::DVector;
 
 use super::file::{
-    APPROACH, LOAD, approach, configuration, configuration_and_load, experiment_columns,
+    APPROACH, LOAD, add_approach, approach, configuration, experiment_columns, load,
 };
 use super::{Experiment, Plan};
 use crate::codes::ErrorCode;
-use crate::csv::{Columns, Row, Table, word_field};
+use crate::csv::{Columns, Row, Sheet, Table, word_field};
 use crate::files::FileError;
 use crate::files::output::write_whole;
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_MEASUREMENTS};
-use crate::quantities::plausible::faint_load;
 use crate::robot::{Approach, Commands, Load};
-use crate::text::wrong_name;
 
 /// How often an experiment is measured, or a candidate may be.
 const REPEATS: &str = "repeats";
@@ -53,27 +51,19 @@ pub fn read_candidates(
 }
 
 fn candidates_of(path: &Path, commands: &Commands) -> Result<Vec<Candidate>, FileError> {
-    let optional = LOAD.iter().chain(&[REPEATS, APPROACH]).chain(&PLACES);
-    let words = PLACES.iter().chain(&[APPROACH]);
-    let table = table(path, commands.columns(), optional, words)?;
-    let has_load = table.has(&LOAD);
-    if let Some(column) = LOAD.iter().find(|column| !has_load && table.has(&[column])) {
-        let problem = format!("found {column:?} alone; these columns come together: {LOAD:?}");
-        return Err(table.wrong_header(problem));
-    }
+    let numbers = [&LOAD[..], &[REPEATS]].concat();
+    let words = [&PLACES[..], &[APPROACH]].concat();
+    let table = Table::read_with(path, &Columns::of(commands.columns(), &numbers, &words))?;
+    let has_load = table.has_group(&LOAD)?;
     let has_repeats = table.has(&[REPEATS]);
     let candidate = |row: Row<'_>| {
-        let load = has_load.then(|| configuration_and_load(&row, commands).1);
-        if let Some(problem) = load.and_then(|load| faint_load(&load.wrench())) {
-            return Err(row.wrong(problem));
-        }
         let often = ": how often the candidate may be measured";
         let most = has_repeats.then(|| repeats(&row, often)).transpose()?;
-        let [target, station] = PLACES.map(|column| name(&row, column));
+        let [target, station] = PLACES.map(|column| row.name(column));
         Ok(Candidate {
             line: row.line(),
             configuration_rad: configuration(&row, commands),
-            load,
+            load: has_load.then(|| load(&row)).transpose()?,
             most,
             target: target?,
             station: station?,
@@ -89,21 +79,6 @@ fn candidates_of(path: &Path, commands: &Commands) -> Result<Vec<Candidate>, Fil
     Ok(candidates)
 }
 
-fn table<'p, 'c>(
-    path: &'p Path,
-    required: Vec<String>,
-    optional: impl Iterator<Item = &'c &'static str>,
-    words: impl Iterator<Item = &'c &'static str>,
-) -> Result<Table<'p>, FileError> {
-    let columns = Columns {
-        required,
-        optional: optional.map(|&column| column.to_owned()).collect(),
-        words: words.map(|&column| column.to_owned()).collect(),
-        ..Columns::default()
-    };
-    Table::read_with(path, &columns)
-}
-
 /// Reads a plan for an arm, which may be given by its number of joints.
 ///
 /// # Errors
@@ -115,18 +90,15 @@ pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, Fil
 fn plan_of(path: &Path, commands: &Commands) -> Result<Plan, FileError> {
     let mut required = experiment_columns(commands);
     required.push(REPEATS.to_owned());
-    let table = table(path, required, [APPROACH].iter(), [APPROACH].iter())?;
+    let table = Table::read_with(path, &Columns::of(required, &[], &[APPROACH]))?;
     let experiment = |row: Row<'_>| {
         let repeats = repeats(&row, "")?;
-        let (configuration_rad, load) = configuration_and_load(&row, commands);
+        let load = load(&row)?;
         if load == Load::NONE {
             return Err(row.wrong("found a load of zero, which deflects nothing"));
         }
-        if let Some(problem) = faint_load(&load.wrench()) {
-            return Err(row.wrong(problem));
-        }
         Ok(Experiment {
-            configuration_rad,
+            configuration_rad: configuration(&row, commands),
             load,
             repeats,
             approach: approach(&row, commands)?,
@@ -181,39 +153,30 @@ fn write(
     candidates: &[Candidate],
     has_load: bool,
 ) -> Result<(), FileError> {
-    let has = |of: &dyn Fn(&Candidate) -> bool| candidates.iter().any(of);
-    let has_target = has(&|each| each.target.is_some());
-    let has_station = has(&|each| each.station.is_some());
-    let has_approach = has(&|each| each.approach.is_some());
-    let mut columns = commands.columns();
-    columns.extend(
-        LOAD.iter()
-            .filter(|_| has_load)
-            .map(|&column| column.to_owned()),
-    );
-    columns.extend([REPEATS.to_owned()]);
-    let [target, station] = PLACES.map(str::to_owned);
-    columns.extend(has_target.then_some(target));
-    columns.extend(has_station.then_some(station));
-    columns.extend(has_approach.then(|| APPROACH.to_owned()));
-    let mut text = columns.join(",") + "\n";
-    for each in candidates {
-        let mut fields: Vec<String> = (commands.numbers(each.configuration_rad.as_slice()).iter())
-            .map(ToString::to_string)
-            .collect();
-        if has_load {
-            let wrench = each.load.unwrap_or(Load::NONE).wrench();
-            fields.extend(wrench.iter().map(ToString::to_string));
-        }
-        fields.push(each.most.unwrap_or(1).to_string());
-        let word = |word: &Option<String>| word_field(word.as_deref().unwrap_or_default());
-        fields.extend(has_target.then(|| word(&each.target)));
-        fields.extend(has_station.then(|| word(&each.station)));
-        let side = || (each.approach.as_ref()).map_or_else(String::new, Approach::field);
-        fields.extend(has_approach.then(side));
-        text += &(fields.join(",") + "\n");
+    let shown = |values: &[f64]| values.iter().map(ToString::to_string).collect();
+    let mut sheet = Sheet::new(candidates);
+    sheet.add(&commands.columns(), |each| {
+        shown(&commands.numbers(each.configuration_rad.as_slice()))
+    });
+    if has_load {
+        sheet.add(&LOAD, |each| {
+            shown(each.load.unwrap_or(Load::NONE).wrench().as_slice())
+        });
     }
-    write_whole(path, text.as_bytes())
+    sheet.add(&[REPEATS], |each| vec![each.most.unwrap_or(1).to_string()]);
+    let words: [fn(&Candidate) -> Option<&str>; 2] = [
+        |each| each.target.as_deref(),
+        |each| each.station.as_deref(),
+    ];
+    for (column, word) in PLACES.into_iter().zip(words) {
+        if candidates.iter().any(|each| word(each).is_some()) {
+            sheet.add(&[column], |each| {
+                vec![word_field(word(each).unwrap_or_default())]
+            });
+        }
+    }
+    add_approach(&mut sheet, |each| each.approach.as_ref());
+    write_whole(path, sheet.text().as_bytes())
 }
 
 fn repeats(row: &Row<'_>, of_what: &str) -> Result<u32, FileError> {
@@ -230,14 +193,4 @@ fn repeats(row: &Row<'_>, of_what: &str) -> Result<u32, FileError> {
     )]
     let repeats = repeats as u32;
     Ok(repeats)
-}
-
-fn name(row: &Row<'_>, column: &str) -> Result<Option<String>, FileError> {
-    match row.word(column) {
-        None => Ok(None),
-        Some(word) => match wrong_name(word) {
-            Some(problem) => Err(row.wrong(format!("{column}: {problem}"))),
-            None => Ok(Some(word.to_owned())),
-        },
-    }
 }

@@ -2,8 +2,9 @@
 
 use nalgebra::DVector;
 
-use crate::csv::Row;
+use crate::csv::{Row, Sheet};
 use crate::files::FileError;
+use crate::quantities::plausible::faint_load;
 use crate::robot::{Approach, Commands, Load};
 
 /// The columns that name a load: force and torque in the world frame.
@@ -18,13 +19,19 @@ pub fn experiment_columns(commands: &Commands) -> Vec<String> {
         .collect()
 }
 
-/// The configuration (rad, m) and load of a row with [`experiment_columns`].
-pub fn configuration_and_load(row: &Row<'_>, commands: &Commands) -> (DVector<f64>, Load) {
+/// The load of a row with its columns.
+///
+/// # Errors
+/// It is next to nothing, but not zero.
+pub fn load(row: &Row<'_>) -> Result<Load, FileError> {
     let load = Load {
         force_n: row.vector([LOAD[0], LOAD[1], LOAD[2]]),
         torque_nm: row.vector([LOAD[3], LOAD[4], LOAD[5]]),
     };
-    (configuration(row, commands), load)
+    match faint_load(&load.wrench()) {
+        Some(problem) => Err(row.wrong(problem)),
+        None => Ok(load),
+    }
 }
 
 /// The configuration (rad, m) of a row that has its columns.
@@ -62,4 +69,13 @@ pub fn experiment_fields(
         .chain(load.wrench().iter().copied())
         .map(|value| value.to_string())
         .collect()
+}
+
+/// Adds the side of approach to a table, where some row says it.
+pub fn add_approach<R>(sheet: &mut Sheet<'_, R>, side: impl Fn(&R) -> Option<&Approach>) {
+    if sheet.of.iter().any(|row| side(row).is_some()) {
+        sheet.add(&[APPROACH], |row| {
+            vec![side(row).map_or_else(String::new, Approach::field)]
+        });
+    }
 }

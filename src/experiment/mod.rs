@@ -13,8 +13,8 @@ use crate::robot::{Approach, Load};
 
 pub use candidates::{Candidate, read_candidates, read_plan, write_candidates, write_plan};
 pub use file::{
-    APPROACH, LOAD, approach, configuration, configuration_and_load, experiment_columns,
-    experiment_fields,
+    APPROACH, LOAD, add_approach, approach, configuration, experiment_columns, experiment_fields,
+    load,
 };
 pub use load_set::{Loads, in_words, is_printed_as, printed_tolerance};
 pub use mandatory::{NotMandatory, PRINTED_RAD};

@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use crate::csv::{Row, Table};
+use crate::csv::Row;
 use crate::experiment::APPROACH;
 use crate::files::FileError;
 use crate::quantities::plausible::{Kind, shown};
@@ -58,17 +58,6 @@ pub(super) fn covariance_columns(rows: usize) -> Vec<String> {
     names.collect()
 }
 
-/// Whether a table has the columns of a group, which come together.
-pub(super) fn whole_group(table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
-    let present: Vec<_> = group.iter().filter(|column| table.has(&[column])).collect();
-    if present.is_empty() || present.len() == group.len() {
-        Ok(!present.is_empty())
-    } else {
-        let problem = format!("found {present:?}; these columns come together: {group:?}");
-        Err(table.wrong_header(problem))
-    }
-}
-
 /// Three standard deviations, told in thousandths of their unit.
 pub(super) fn deviations(
     row: &Row<'_>,
@@ -102,4 +91,15 @@ pub(super) fn unit_quaternion([w, x, y, z]: [f64; 4]) -> Result<UnitQuaternion<f
     Err(format!(
         "found a quaternion of length {found}; 1 is allowed, to {NEARLY_ONE}"
     ))
+}
+
+/// The rotation of a row with the columns of [`QUATERNION`].
+///
+/// # Errors
+/// Its length is not 1.
+pub fn rotation_of(row: &Row<'_>) -> Result<UnitQuaternion<f64>, FileError> {
+    unit_quaternion(QUATERNION.map(|column| row.get(column))).map_err(|problem| {
+        row.wrong(format!("{}: {problem}", QUATERNION.join(",")))
+            .hint("give more decimals; the first of the four is the real part")
+    })
 }

@@ -17,6 +17,7 @@ use crate::experiment::{is_one_configuration, together};
 use crate::robot::{Approach, Load};
 
 pub use absolute::AbsoluteReading;
+pub use columns::{POSITION, QUATERNION, rotation_of};
 pub use origin::{CONTROLLER_COMPENSATES, Origin, SimulatedRun, controller_compensates};
 pub use read::{
     MeasuredArm, MeasuredFile, read_measured, read_measurements, read_measurements_so_far,

@@ -7,16 +7,16 @@ use nalgebra::Vector3;
 
 use super::columns::{
     DEFLECTION, DEFLECTION_SIGMA, LOADED, LOADED_SIGMA, PLACES, POSITION, ROTATION, ROTATION_SIGMA,
-    UNLOADED, UNLOADED_SIGMA, deviations, whole_group,
+    UNLOADED, UNLOADED_SIGMA, deviations,
 };
 use super::read_absolute::{absolute_columns, absolute_readings};
 use super::{AbsoluteReading, Measurement, RotationMeasurement, by_configuration};
 use crate::codes::ErrorCode;
-use crate::csv::{Columns, Row, Table};
-use crate::experiment::{APPROACH, approach, configuration_and_load, experiment_columns};
+use crate::csv::{Columns, Row, Table, owned};
+use crate::experiment::{APPROACH, approach, configuration, experiment_columns, load};
 use crate::files::FileError;
 use crate::parameter::Unloaded;
-use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, faint_load};
+use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
 use crate::robot::Commands;
 use crate::task::Belief;
 
@@ -138,30 +138,24 @@ fn read(
 
 /// The columns that a file of deflections may have.
 fn deflection_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
-    let owned = |columns: &[&str]| columns.iter().map(|&column| column.to_owned()).collect();
-    Columns {
-        required: experiment_columns(commands),
-        one_of: vec![owned(&DEFLECTION), owned(&[UNLOADED, LOADED].concat())],
-        optional: owned(
-            &[
-                &DEFLECTION_SIGMA[..],
-                &UNLOADED_SIGMA,
-                &LOADED_SIGMA,
-                &ROTATION,
-                &ROTATION_SIGMA,
-                &PLACES,
-                &[APPROACH],
-            ]
-            .concat(),
-        ),
-        words: owned(&[APPROACH]),
+    let optional = [
+        &DEFLECTION_SIGMA[..],
+        &UNLOADED_SIGMA,
+        &LOADED_SIGMA,
+        &ROTATION,
+        &ROTATION_SIGMA,
+        &PLACES,
+    ];
+    let optional = optional.concat();
+    let mut columns = Columns::of(experiment_columns(commands), &optional, &[APPROACH]);
+    columns.one_of = vec![owned(&DEFLECTION), owned(&[UNLOADED, LOADED].concat())];
+    if may_be_unfinished {
         // A sheet is filled in stop by stop, unloaded readings of many before the first loaded one.
-        may_be_empty: if may_be_unfinished {
-            vec![owned(&DEFLECTION), owned(&UNLOADED), owned(&LOADED)]
-        } else {
-            Vec::new()
-        },
+        columns.may_be_empty = [DEFLECTION, UNLOADED, LOADED]
+            .map(|group| owned(&group))
+            .into();
     }
+    columns
 }
 
 fn deflections(
@@ -172,13 +166,9 @@ fn deflections(
     let columns = Given::new(table)?;
     let mut measurements = Vec::new();
     for row in table.rows() {
-        let (configuration_rad, load) = configuration_and_load(&row, commands);
-        if let Some(problem) = faint_load(&load.wrench()) {
-            return Err(row.wrong(problem));
-        }
         measurements.push(Measurement {
-            configuration_rad,
-            load,
+            configuration_rad: configuration(&row, commands),
+            load: load(&row)?,
             deflection_m: columns.deflection_m(&row),
             sigma_m: columns.sigma_m(&row)?,
             rotation: columns.rotation(&row)?,
@@ -202,35 +192,31 @@ struct Given {
 
 impl Given {
     fn new(table: &Table<'_>) -> Result<Self, FileError> {
-        let of_deflection = whole_group(table, &DEFLECTION_SIGMA)?;
-        let of_positions = whole_group(table, &[UNLOADED_SIGMA, LOADED_SIGMA].concat())?;
-        let given = Self {
-            has_positions: table.has(&UNLOADED),
-            deviations: match (of_deflection, of_positions) {
-                (true, true) => {
-                    let problem = format!(
-                        "found {:?} and {:?}: the deviations of the deflection or of the positions are allowed",
-                        DEFLECTION_SIGMA[0], UNLOADED_SIGMA[0]
-                    );
-                    return Err(table.wrong_header(problem));
-                }
-                (true, false) => vec![DEFLECTION_SIGMA],
-                (false, true) => vec![UNLOADED_SIGMA, LOADED_SIGMA],
-                (false, false) => Vec::new(),
-            },
-            has_rotation: whole_group(table, &[ROTATION, ROTATION_SIGMA].concat())?,
-            has_places: whole_group(table, &PLACES)?,
-        };
-        let about_positions = [
-            (of_positions, UNLOADED_SIGMA[0]),
-            (given.has_places, PLACES[0]),
-        ];
-        let lost = (about_positions.iter()).find(|(has, _)| *has && !given.has_positions);
-        if let Some((_, column)) = lost {
-            let problem = format!("found {column:?} without {:?}", UNLOADED[0]);
-            return Err(table.wrong_header(problem));
+        let of_deflection = table.has_group(&DEFLECTION_SIGMA)?;
+        let of_positions = table.has_group(&[UNLOADED_SIGMA, LOADED_SIGMA].concat())?;
+        let (has_positions, has_places) = (table.has(&UNLOADED), table.has_group(&PLACES)?);
+        let wrong = |problem: String| Err(table.wrong_header(problem));
+        if of_deflection && of_positions {
+            let (one, other) = (DEFLECTION_SIGMA[0], UNLOADED_SIGMA[0]);
+            return wrong(format!(
+                "found {one:?} and {other:?}: the deviations of the deflection or of the positions are allowed"
+            ));
         }
-        Ok(given)
+        for (has, column) in [(of_positions, UNLOADED_SIGMA[0]), (has_places, PLACES[0])] {
+            if has && !has_positions {
+                return wrong(format!("found {column:?} without {:?}", UNLOADED[0]));
+            }
+        }
+        Ok(Self {
+            has_positions,
+            deviations: match (of_deflection, of_positions) {
+                (true, _) => vec![DEFLECTION_SIGMA],
+                (_, true) => vec![UNLOADED_SIGMA, LOADED_SIGMA],
+                _ => Vec::new(),
+            },
+            has_rotation: table.has_group(&[ROTATION, ROTATION_SIGMA].concat())?,
+            has_places,
+        })
     }
 
     /// What tells the reading without a load from others, and in words: its number, or else its configuration and what it shows.
@@ -310,23 +296,19 @@ fn check_unloaded(
             continue;
         };
         let line = rows[same].line();
-        let that = format!("the reading without a load ({words}) is that of line {line}, too");
-        if unloaded == Unloaded::Shared {
-            let problem = that + ", which is of another configuration";
-            let hint = "read the instrument once without a load in each configuration";
-            return Err(rows[first].wrong(problem).hint(hint));
-        }
-        let mut hint = "read the instrument once without a load for each row".to_owned();
-        let own = &measurements[first];
-        if measurements[same].stands_at(&own.configuration_rad, own.approach.as_ref()) {
-            hint += ", or say instrument.unloaded = \"shared\" in the scenario, where all of a configuration rest on one";
-        }
+        let why = match unloaded {
+            Unloaded::Shared => "which is of another configuration",
+            Unloaded::Own => "and deflections that share its error are taken for independent",
+        };
+        let problem =
+            format!("the reading without a load ({words}) is that of line {line}, too, {why}");
+        let mut hint = "read the instrument without a load for each row; or once in each configuration, and say \
+                        instrument.unloaded = \"shared\" in the scenario"
+            .to_owned();
         if !columns.has_places {
             hint += "; different readings of equal values need the columns \
                      unloaded_stop,unloaded_reading,loaded_stop,loaded_reading";
         }
-        let problem =
-            that + ": both deflections would share its error, and are taken for independent";
         return Err(rows[first].wrong(problem).hint(hint));
     }
     Ok(())

@@ -2,19 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, Matrix6, SymmetricEigen, UnitQuaternion};
+use nalgebra::{DMatrix, Matrix6, SymmetricEigen};
 
 use super::absolute::AbsoluteReading;
 use super::columns::{
     DEFLECTION_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME, WORDS,
-    covariance_column, covariance_columns, deviations, triangle, unit_quaternion, whole_group,
+    covariance_column, covariance_columns, deviations, rotation_of, triangle,
 };
-use crate::csv::{Columns, Row, Table};
-use crate::experiment::{LOAD, approach, configuration, configuration_and_load};
+use crate::csv::{Columns, Row, Table, owned};
+use crate::experiment::{LOAD, approach, configuration, load};
 use crate::files::FileError;
-use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, faint_load, shown};
+use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, shown};
 use crate::robot::{Commands, Load};
-use crate::text::wrong_name;
 
 /// Rounding in what wrote a covariance may leave it so far from positive definite, as a share of the variances.
 const LEAST_EIGENVALUE: f64 = 1e-9;
@@ -28,18 +27,10 @@ pub(super) fn absolute_columns(commands: &Commands) -> Columns {
         &ROTATION_SIGMA,
         &[TIME, TEMPERATURE],
     ];
-    let owned = |columns: &[&str]| columns.iter().map(|&column| column.to_owned()).collect();
-    let words: Vec<String> = owned(&WORDS);
-    let mut optional: Vec<String> = owned(&numbers.concat());
-    optional.extend(covariance_columns(6));
-    optional.extend(words.iter().cloned());
-    Columns {
-        required: commands.columns(),
-        one_of: vec![owned(&POSITION)],
-        optional,
-        words,
-        may_be_empty: Vec::new(),
-    }
+    let mut columns = Columns::of(commands.columns(), &numbers.concat(), &WORDS);
+    columns.one_of = vec![owned(&POSITION)];
+    columns.optional.extend(covariance_columns(6));
+    columns
 }
 
 /// The readings of a table with these columns.
@@ -86,7 +77,7 @@ enum ReadingPrecision {
 
 impl AbsoluteGroups {
     fn new(table: &Table<'_>) -> Result<Self, FileError> {
-        let is_pose = whole_group(table, &QUATERNION)?;
+        let is_pose = table.has_group(&QUATERNION)?;
         let all_covariances = covariance_columns(6);
         let all_covariances: Vec<&str> = all_covariances.iter().map(String::as_str).collect();
         let of_rotation = |column: &&str| column.contains('r');
@@ -97,7 +88,7 @@ impl AbsoluteGroups {
             return Err(table.wrong_header(problem));
         }
         let sigma = [DEFLECTION_SIGMA, ROTATION_SIGMA].concat();
-        let has_deviations = whole_group(table, &sigma[..if is_pose { 6 } else { 3 }])?;
+        let has_deviations = table.has_group(&sigma[..if is_pose { 6 } else { 3 }])?;
         let covariance = all_covariances.iter().find(|column| table.has(&[column]));
         let precision = match (has_deviations, covariance) {
             (false, None) => ReadingPrecision::None,
@@ -112,36 +103,32 @@ impl AbsoluteGroups {
             (false, Some(_)) => {
                 let is_asked = |column: &&str| is_pose || !of_rotation(column);
                 let asked: Vec<&str> = all_covariances.into_iter().filter(is_asked).collect();
-                whole_group(table, &asked)?;
+                table.has_group(&asked)?;
                 ReadingPrecision::Covariance
             }
         };
         Ok(Self {
-            has_load: whole_group(table, &LOAD)?,
+            has_load: table.has_group(&LOAD)?,
             is_pose,
             precision,
         })
     }
 
     fn reading(&self, row: &Row<'_>, commands: &Commands) -> Result<AbsoluteReading, FileError> {
-        let (configuration_rad, load) = if self.has_load {
-            configuration_and_load(row, commands)
-        } else {
-            (configuration(row, commands), Load::NONE)
-        };
-        if let Some(problem) = faint_load(&load.wrench()) {
-            return Err(row.wrong(problem));
-        }
         let [target, visit, station, _] = WORDS;
         let number = |column: &str| Some(row.get(column)).filter(|value| !value.is_nan());
         Ok(AbsoluteReading {
-            configuration_rad,
-            load,
-            target: name(row, target)?,
-            station: name(row, station)?,
-            visit: name(row, visit)?,
+            configuration_rad: configuration(row, commands),
+            load: if self.has_load {
+                load(row)?
+            } else {
+                Load::NONE
+            },
+            target: row.name(target)?,
+            station: row.name(station)?,
+            visit: row.name(visit)?,
             position_m: row.vector(POSITION) * 1e-3,
-            rotation: self.is_pose.then(|| rotation(row)).transpose()?,
+            rotation: self.is_pose.then(|| rotation_of(row)).transpose()?,
             covariance: self.covariance(row)?,
             approach: approach(row, commands)?,
             time_s: number(TIME),
@@ -197,21 +184,4 @@ fn definite(covariance: &Matrix6<f64>) -> Result<(), String> {
         ));
     }
     Ok(())
-}
-
-fn name(row: &Row<'_>, column: &str) -> Result<Option<String>, FileError> {
-    let Some(word) = row.word(column) else {
-        return Ok(None);
-    };
-    match wrong_name(word) {
-        Some(problem) => Err(row.wrong(format!("{column}: {problem}"))),
-        None => Ok(Some(word.to_owned())),
-    }
-}
-
-fn rotation(row: &Row<'_>) -> Result<UnitQuaternion<f64>, FileError> {
-    unit_quaternion(QUATERNION.map(|column| row.get(column))).map_err(|problem| {
-        row.wrong(format!("{}: {problem}", QUATERNION.join(",")))
-            .hint("give more decimals; the first of the four is the real part")
-    })
 }

@@ -9,51 +9,11 @@ use super::columns::{
     TEMPERATURE, TIME, UNLOADED, WORDS, covariance_columns, triangle,
 };
 use super::{AbsoluteReading, Measurement, Origin};
-use crate::csv::word_field;
-use crate::experiment::{APPROACH, LOAD, experiment_columns, experiment_fields};
+use crate::csv::{Sheet, word_field};
+use crate::experiment::{LOAD, add_approach, experiment_columns, experiment_fields};
 use crate::files::{FileError, output::write_whole};
 use crate::quantities::units::thousandths;
 use crate::robot::{Approach, Commands, Load};
-
-/// A table whose columns are added one after the other.
-struct Sheet<'a, R> {
-    of: &'a [R],
-    columns: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
-impl<'a, R> Sheet<'a, R> {
-    /// A row for each of these.
-    fn new(of: &'a [R]) -> Self {
-        Self {
-            of,
-            columns: Vec::new(),
-            rows: vec![Vec::new(); of.len()],
-        }
-    }
-
-    /// Columns of these names, and what a row has in them.
-    fn add(&mut self, names: &[impl AsRef<str>], fields: impl Fn(&R) -> Vec<String>) {
-        (self.columns).extend(names.iter().map(|name| name.as_ref().to_owned()));
-        for (row, of) in self.rows.iter_mut().zip(self.of) {
-            row.append(&mut fields(of));
-        }
-    }
-
-    /// The side of approach, where some row says it.
-    fn add_approach(&mut self, side: impl Fn(&R) -> Option<&Approach>) {
-        if self.of.iter().any(|row| side(row).is_some()) {
-            self.add(&[APPROACH], |row| {
-                vec![side(row).map_or_else(String::new, Approach::field)]
-            });
-        }
-    }
-
-    fn text(self) -> String {
-        let rows = self.rows.iter().map(|row| row.join(",") + "\n");
-        rows.fold(self.columns.join(",") + "\n", |text, row| text + &row)
-    }
-}
 
 /// The coordinates of a vector in thousandths of its unit.
 fn in_thousandths(vector: &Vector3<f64>) -> Vec<String> {
@@ -106,7 +66,7 @@ pub fn table_to_fill_in<'a>(
             in_thousandths(&Vector3::repeat(sigma_rad))
         });
     }
-    sheet.add_approach(|row| row.approach.as_ref());
+    add_approach(&mut sheet, |row| row.approach.as_ref());
     sheet.text()
 }
 
@@ -169,7 +129,7 @@ pub fn deflection_table(
             both.iter().flatten().flat_map(in_thousandths).collect()
         });
     }
-    sheet.add_approach(|each| each.approach.as_ref());
+    add_approach(&mut sheet, |each| each.approach.as_ref());
     Ok(sheet.text())
 }
 
@@ -201,7 +161,7 @@ pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> Stri
             });
         }
     }
-    sheet.add_approach(|each| each.approach.as_ref());
+    add_approach(&mut sheet, |each| each.approach.as_ref());
     sheet.add(&POSITION, |each| in_thousandths(&each.position_m));
     if is_pose {
         sheet.add(&QUATERNION, |each| {

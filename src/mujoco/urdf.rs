@@ -87,14 +87,15 @@ pub(super) fn parsed(text: &str) -> Result<Document<'_>, roxmltree::Error> {
     Document::parse_with_options(text, options)
 }
 
+/// The elements in another one that have a tag.
+fn tagged<'d, 't: 'd>(node: Node<'d, 't>, tag: &'static str) -> impl Iterator<Item = Node<'d, 't>> {
+    node.children().filter(move |each| each.has_tag_name(tag))
+}
+
 /// The joints of a description: whether it moves, its parent link and its child link.
 fn joints<'a>(root: Node<'a, '_>) -> impl Iterator<Item = (bool, &'a str, &'a str)> {
-    let joints = root.children().filter(|each| each.has_tag_name("joint"));
-    joints.filter_map(|joint| {
-        let link = |tag| {
-            let named = joint.children().find(|each| each.has_tag_name(tag))?;
-            named.attribute("link")
-        };
+    tagged(root, "joint").filter_map(|joint| {
+        let link = |tag| tagged(joint, tag).next()?.attribute("link");
         let moves = !["fixed", FLOATING].contains(&joint.attribute("type")?);
         Some((moves, link("parent")?, link("child")?))
     })
@@ -103,9 +104,8 @@ fn joints<'a>(root: Node<'a, '_>) -> impl Iterator<Item = (bool, &'a str, &'a st
 /// What stands still beside what moves on it.
 fn neighbours(root: Node<'_, '_>) -> Vec<[String; 2]> {
     let children: BTreeSet<&str> = joints(root).map(|joint| joint.2).collect();
-    let links = root.children().filter(|each| each.has_tag_name("link"));
-    let first =
-        (links.filter_map(|link| link.attribute("name"))).find(|name| !children.contains(name));
+    let mut links = tagged(root, "link").filter_map(|link| link.attribute("name"));
+    let first = links.find(|name| !children.contains(name));
     let Some(first) = first else {
         return Vec::new();
     };
@@ -171,10 +171,8 @@ pub(super) fn specification(path: &Path, text: &str) -> Result<(MjSpec, Vec<Stri
 /// that say nothing of their mass.
 fn left_out(root: Node<'_, '_>) -> impl Iterator<Item = String> {
     let named = |tag: &'static str, is_meant: &dyn Fn(Node<'_, '_>) -> bool| -> Vec<String> {
-        let all = root.children().filter(|each| each.has_tag_name(tag));
-        let names = all.filter(|node| is_meant(*node));
-        names
-            .filter_map(|node| Some(node.attribute("name")?.to_owned()))
+        let all = tagged(root, tag).filter(|node| is_meant(*node));
+        all.filter_map(|node| Some(node.attribute("name")?.to_owned()))
             .collect()
     };
     let moved: BTreeSet<&str> = joints(root)
@@ -183,10 +181,8 @@ fn left_out(root: Node<'_, '_>) -> impl Iterator<Item = String> {
         .collect();
     let floats = |joint: Node<'_, '_>| joint.attribute("type") == Some(FLOATING);
     let is_weightless = |link: Node<'_, '_>| {
-        !link.children().any(|each| each.has_tag_name("inertial"))
-            && link
-                .attribute("name")
-                .is_some_and(|name| moved.contains(name))
+        let name = link.attribute("name");
+        tagged(link, "inertial").next().is_none() && name.is_some_and(|name| moved.contains(name))
     };
     let all = [
         (

@@ -22,8 +22,6 @@ pub struct Kind {
 enum Sign {
     Any,
     ZeroOrPositive,
-    /// From zero on, however small.
-    Share,
     Positive,
 }
 
@@ -88,7 +86,7 @@ pub const WEIGHT: Kind = Kind::positive("", 1e-9, 1e9);
 pub const FACTOR: Kind = Kind::positive("", 1e-6, 1e6);
 /// The standard deviation of a compliance's logarithm: with 1, compliances are within a factor of 7 in
 /// 95 % of the runs.
-pub const SPREAD: Kind = Kind::up_to(1.0);
+pub const SPREAD: Kind = Kind::zero_or_positive("", 0.0, 1.0);
 /// A temperature of a workshop (deg C).
 pub const TEMPERATURE: Kind = Kind::any("deg C", 200.0);
 /// How many there are of something that has a limit of its own.
@@ -116,10 +114,6 @@ impl Kind {
         Self::of(Sign::ZeroOrPositive, unit, [least, most])
     }
 
-    const fn up_to(most: f64) -> Self {
-        Self::of(Sign::Share, "", [0.0, most])
-    }
-
     const fn positive(unit: &'static str, least: f64, most: f64) -> Self {
         Self::of(Sign::Positive, unit, [least, most])
     }
@@ -139,7 +133,7 @@ impl Kind {
         match self.sign {
             Sign::Any => value.abs() <= self.most,
             Sign::ZeroOrPositive => value == 0.0 || is_in_range,
-            Sign::Share | Sign::Positive => is_in_range,
+            Sign::Positive => is_in_range,
         }
     }
 
@@ -172,7 +166,6 @@ impl Kind {
             Sign::ZeroOrPositive => {
                 format!("zero or a positive number is allowed, from {least} to {most}{unit}")
             }
-            Sign::Share => format!("0 to {most} are allowed"),
             Sign::Positive => format!("a positive number is allowed, from {least} to {most}{unit}"),
         }
     }

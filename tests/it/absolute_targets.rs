@@ -167,7 +167,7 @@ fn what_is_out_of_reach_is_named() {
         ("x_mm,y_mm\n1,2\n", "z_mm"),
         (
             "x_mm,y_mm,z_mm,qw\n1,2,3,1\n",
-            "found \"qw\" without \"qx\"",
+            "these columns come together",
         ),
         (
             "x_mm,y_mm,z_mm,qw,qx,qy,qz\n1,2,3,1,1,0,0\n",

@@ -1,10 +1,14 @@
 //! The file that says what the columns of a foreign table are.
 
+use std::path::Path;
+
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-use super::quantity::{ANGLE, ForeignQuantity, PURE};
+use super::quantity::{ANGLE, ForeignQuantity, LENGTH, PURE};
+use crate::files::FileError;
 use crate::measurement::columns::unit_quaternion;
+use crate::quantities::limits::MOST_JOINTS;
 
 /// A mapping as it is written; see `docs/files.md`.
 #[derive(Debug, Deserialize)]
@@ -83,6 +87,61 @@ pub(super) struct JointMapping {
     /// In the same unit.
     #[serde(default)]
     pub offset: f64,
+}
+
+impl JointMapping {
+    /// Whether it is given as a length.
+    pub fn slides(&self) -> bool {
+        LENGTH.units.iter().any(|unit| unit.0 == self.unit)
+    }
+}
+
+impl Mapping {
+    /// What is measured, a position or a deflection, with its key, where all that it says goes together.
+    ///
+    /// # Errors
+    /// What does not, by its key.
+    pub fn check(&self, path: &Path) -> Result<(&'static str, &NumbersMapping), FileError> {
+        let wrong = |key: &str, problem: &str| Err(FileError::new(path, problem).at(key));
+        if self.joint.is_empty() || self.joint.len() > MOST_JOINTS {
+            let problem = format!("found {}; 1 to {MOST_JOINTS} are allowed", self.joint.len());
+            return wrong("joint", &problem);
+        }
+        let is_sign = |joint: &JointMapping| [1.0, -1.0].contains(&joint.sign);
+        if let Some(index) = self.joint.iter().position(|joint| !is_sign(joint)) {
+            let problem = format!("found {}; 1 or -1 is allowed", self.joint[index].sign);
+            return wrong(&format!("joint[{index}].sign"), &problem);
+        }
+        let place = match (&self.position, &self.deflection) {
+            (Some(place), None) => ("position", place),
+            (None, Some(place)) => ("deflection", place),
+            _ => {
+                let hint = "give [position] for what the instrument shows, or [deflection] for loaded minus unloaded";
+                return Err(FileError::new(path, "is missing").at("position").hint(hint));
+            }
+        };
+        if let Some(rotation) = &self.rotation {
+            if rotation.convention.is_none() {
+                return wrong("rotation.convention", "is missing");
+            }
+            if rotation.std_columns.is_some() != place.1.std_columns.is_some() {
+                let problem = "poses have standard deviations of both or of none: std_columns of position and rotation";
+                return wrong("rotation", problem);
+            }
+        }
+        if self.weight.is_some() && self.force.is_some() {
+            return wrong("weight", "is a force downwards; give it or force, not both");
+        }
+        let words = [&self.target, &self.visit, &self.station, &self.approach];
+        let numbers = [&self.rotation, &self.time, &self.temperature];
+        let is_more = words.iter().any(|word| word.is_some())
+            || numbers.iter().any(|numbers| numbers.is_some());
+        if self.deflection.is_some() && is_more {
+            let problem = "files of deflections have loads and standard deviations besides, no rotations, words, times or temperatures";
+            return wrong("deflection", problem);
+        }
+        Ok(place)
+    }
 }
 
 const fn one() -> f64 {

@@ -2,7 +2,7 @@
 
 mod import;
 mod mapping;
-mod number;
 mod quantity;
+mod reader;
 
 pub use import::{ImportedTable, import};
