@@ -13,7 +13,7 @@ What is checked
      margins is negative everywhere, or d + sum of lambda g <= T with the file's multipliers lambda >= 0.
      A box whose own bound here is a little above is halved further, but the proof must be in the file: all in
      all there may be PATIENCE times as many boxes.
-  3. The bounds of rho_0 follow from T, and from what mandatory experiments and earlier identifications tell, which is
+  3. The bounds of rho_0 follow from T, and from what earlier identifications tell, which is
      worked out here; the weights of the test poses sum to one.
 
 What is proved is a statement about the question in the file: test poses, loads, region, noise and arm, which are printed. That
@@ -1084,36 +1084,6 @@ def pose(target):
     return axes, [np.cross(axes[j], tool - anchors[j]) if j < arm.tool_joints else np.zeros(3) for j in moved]
 
 
-def mandatory_share(file, unit):
-    """The number of mandatory measurements, and a bound of the sum of the derivatives of experiments that are printed as
-    these: over a box about each, under its load and any that differs little."""
-    question = file["proof"]["question"]
-    within = file["mandatory_within_rad"]
-    if not within >= math.radians(0.1):
-        raise Refused("experiments that are printed as the mandatory ones are left out")
-    near = dict(question, region={"height_m": [None, None], "radius_m": [None, None], "elevation_sine": None})
-    arm = Arm(question["arm"])
-    joints = len(arm.axis)
-    arm.set_runs([True] * joints)
-    part = {"variables": list(range(joints)), "middle": joints // 2, "ranges": [[0.0, 0.0]] * joints, "differences": []}
-    count, total = 0, 0.0
-    for experiment in file["mandatory_experiments"]:
-        angles = [float(q) * sign for q, sign in zip(experiment["configuration_rad"], arm.sign)]
-        wrench, repeats = [float(x) for x in experiment["wrench"]], experiment["repeats"]
-        if len(angles) != joints or repeats < 0 or max(map(abs, angles)) > 60:
-            raise Refused("a mandatory experiment is none of this arm")
-        # Each angle's range in thirds: what second order leaves is then far below the share by which provers end above.
-        half = within * (1 + 1e-9) / 3
-        places = np.array(list(itertools.product((-2, 0, 2), repeat=joints))) * half
-        boxes = Boxes((np.array(angles) + places).T.copy(), np.full(places.T.shape, half * (1 + 1e-9)))
-        derivative_of, _ = enclose(near, arm, dict(part, wrench=wrench), boxes)
-        strongest = math.hypot(*wrench[:3]) + math.hypot(*wrench[3:])
-        printed = min(0.05 * math.sqrt(3), 1e-3 * strongest)
-        total += repeats * (math.sqrt(max(float(derivative_of().largest().max()), 0.0)) + printed * unit) ** 2
-        count += repeats
-    return count, total * (1 - 1e-9)
-
-
 def prior_share(file):
     """trace(B P B^T) for the precision P of what is known before."""
     precision = file["prior_precision"]
@@ -1161,17 +1131,13 @@ def check_bounds(file):
     if file["printed"] < printed * (1 - 1e-9):
         raise Refused("loads that are printed alike are left out")
     most = (math.sqrt(file["proof"]["largest"]) + file["printed"] * unit) ** 2
-    count, derivatives = file["mandatory"]
-    least, told = mandatory_share(file, unit)
-    if count != least or derivatives < told:
-        raise Refused("the mandatory experiments tell more than the file has it")
     prior, told = file["prior"], prior_share(file)
     if prior < told:
         raise Refused("what is known before tells more than the file has it")
     for m, rho0 in file["bounds"]:
-        total = prior + derivatives + (m - count) * most
+        total = prior + m * most
         bound = file["sigma_m"] * max(trace, 0.0) / math.sqrt(total)
-        if m < count or not rho0 <= bound * (1 + 1e-9):
+        if m < 0 or not rho0 <= bound * (1 + 1e-9):
             raise Refused(f"the bound for {m} measurements does not follow")
 
 
@@ -1219,8 +1185,6 @@ def asked(file):
     more = ", and more in each reading" if question.get("spread") is not None else ""
     lines.append(f"sigma of each coordinate of a deflection {sigma * 1e6:.3f} um{more}")
     lines.append(f"compliances of joints {', '.join(str(joint + 1) for joint in question['parameters'])}")
-    if file["mandatory"][0]:
-        lines.append(f"mandatory: {file['mandatory'][0]} measurements")
     if file["prior_precision"] is not None:
         lines.append("what is known of the compliances before has a part in it")
     if file["left_out"]:
@@ -1230,9 +1194,8 @@ def asked(file):
 
 def check(file):
     """What is asked and what is proved, in lines."""
-    for key in ("mandatory_experiments", "mandatory_within_rad", "prior_precision"):
-        if key not in file:
-            raise Unknown(f"the file lacks {key}: a program of today writes it")
+    if "prior_precision" not in file:
+        raise Unknown("the file lacks prior_precision: a program of today writes it")
     proof = file["proof"]
     question, threshold = proof["question"], proof["largest"]
     if question.get("rotation_scale_m"):

@@ -136,8 +136,8 @@ fn told(bound: &Bound) -> String {
         None => String::new(),
         Some(Ok(proof)) => format!(
             "Proved: no experiment's directional derivative is more than {} above the largest found ({} boxes){}.\n",
-            percent(proof.gap()),
-            proof.boxes(),
+            percent(proof.largest().gap()),
+            proof.largest().boxes,
             leaving_out(proof.left_out())
         ),
         Some(Err(NoProof::Unfinished)) => {
@@ -159,7 +159,7 @@ pub fn leaving_out(names: &[String]) -> String {
 pub fn proof_json(bound: &Bound) -> Value {
     match bound.proof() {
         Some(Ok(proof)) => {
-            json!({ "gap": proof.gap(), "boxes": proof.boxes(), "left_out": proof.left_out() })
+            json!({ "gap": proof.largest().gap(), "boxes": proof.largest().boxes, "left_out": proof.left_out() })
         }
         _ => Value::Null,
     }

@@ -4,7 +4,6 @@ use nalgebra::{DMatrix, Matrix3xX};
 
 use super::{Experiment, Plan};
 use crate::observation::{BareArm, DeflectionPrecision, PlannedReadings};
-use crate::parameter::Unloaded;
 use crate::robot::Load;
 use crate::task::{Belief, Extended};
 
@@ -15,12 +14,8 @@ pub struct ExperimentModel<'a> {
     pub arm: BareArm<'a>,
     /// The identified joints.
     pub parameters: &'a [usize],
-    /// The standard deviation of a deflection's coordinates (m).
-    pub sigma_m: f64,
-    /// The standard deviation of a rotation's coordinates (rad), where rotations are measured.
-    pub rotation_sigma_rad: Option<f64>,
-    /// Which reading without the load deflections rest on.
-    pub unloaded: Unloaded,
+    /// How precisely experiments are read.
+    pub precision: DeflectionPrecision,
     /// What else is uncertain.
     pub uncertain: Option<&'a Extended>,
 }
@@ -31,30 +26,18 @@ impl<'a> ExperimentModel<'a> {
         Self {
             arm: belief.arm_with(&belief.calibration_tool),
             parameters: &belief.parameters,
-            sigma_m: belief.instrument.sigma_m,
-            rotation_sigma_rad: belief.instrument.rotation_sigma_rad,
-            unloaded: belief.instrument.unloaded,
+            precision: belief.instrument.precision(),
             uncertain: belief.uncertain.as_ref(),
         }
     }
 
     /// The number of rows of an experiment's observation matrix: 3, or 6 where rotations are measured.
     pub const fn rows(&self) -> usize {
-        if self.rotation_sigma_rad.is_some() {
-            6
-        } else {
-            3
-        }
-    }
-
-    /// The number p of unknowns.
-    pub fn columns(&self) -> usize {
-        (self.uncertain).map_or(self.parameters.len(), |extended| extended.set().len())
+        self.precision.rows()
     }
 
     /// The observation matrix A^(p) of an experiment (eqs. 4, 7), 3 x p, at the commanded angles, with the
-    /// springs beside the joints' own at work. Where
-    /// rotations are measured A^(phi) stands below it, in the units of A^(p): times `sigma_m` over the
+    /// springs beside the joints' own at work. Where rotations are measured A^(phi) stands below it, in the units of A^(p): times `sigma_m` over the
     /// standard deviation of rotations. Where more is uncertain there are columns for that, and rows are
     /// weighted: `sigma_m` L^-1 J with the reading's covariance L L^T.
     pub fn observation_matrix(&self, experiment: &Experiment) -> DMatrix<f64> {
@@ -62,39 +45,21 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// The readings that are planned, with derivatives by all unknowns in their units.
-    fn readings(&self) -> PlannedReadings<'a> {
+    pub(super) fn readings(&self) -> PlannedReadings<'a> {
         if let Some(extended) = self.uncertain {
-            return extended.readings_of_all(self.precision());
+            return extended.readings_of_all(self.precision);
         }
         let sizes = vec![1.0; self.parameters.len()];
-        PlannedReadings::of_compliances(self.arm, self.parameters, &sizes, self.precision())
-    }
-
-    /// How precisely experiments are read.
-    pub const fn precision(&self) -> DeflectionPrecision {
-        DeflectionPrecision {
-            sigma_m: self.sigma_m,
-            rotation_sigma_rad: self.rotation_sigma_rad,
-            unloaded: self.unloaded,
-        }
-    }
-
-    fn is_shared(&self) -> bool {
-        (self.uncertain).is_some_and(Extended::is_shared_by_configuration)
+        PlannedReadings::of_compliances(self.arm, self.parameters, &sizes, self.precision)
     }
 
     /// The observation matrices of all experiments of a plan, in its order: as [`Self::observation_matrix`], those of one
     /// configuration whitened together where they share something, so that the sum of r A^T A is what they tell.
     pub fn observation_matrices(&self, plan: &Plan) -> Vec<DMatrix<f64>> {
-        let all: Vec<&Experiment> = plan.experiments.iter().collect();
-        if !self.is_shared() {
-            return self.observation_matrices_of(&all);
-        }
-        let mut matrices = vec![DMatrix::zeros(0, 0); all.len()];
+        let mut matrices = vec![DMatrix::zeros(0, 0); plan.experiments.len()];
         for group in plan.by_configuration() {
-            let experiments: Vec<&Experiment> = group.iter().map(|&place| all[place]).collect();
-            let own = self.observation_matrices_of(&experiments);
-            for (place, own) in group.into_iter().zip(own) {
+            let here: Vec<&Experiment> = group.iter().map(|&at| &plan.experiments[at]).collect();
+            for (place, own) in group.into_iter().zip(self.observation_matrices_of(&here)) {
                 matrices[place] = own;
             }
         }
@@ -103,7 +68,8 @@ impl<'a> ExperimentModel<'a> {
 
     /// The same of experiments of one configuration.
     pub fn observation_matrices_of(&self, experiments: &[&Experiment]) -> Vec<DMatrix<f64>> {
-        if self.is_shared() && experiments.len() > 1 {
+        let is_shared = (self.uncertain).is_some_and(Extended::is_shared_by_configuration);
+        if is_shared && experiments.len() > 1 {
             return self.rows_together(self.readings(), experiments);
         }
         let experiments = experiments.iter();
@@ -121,7 +87,9 @@ impl<'a> ExperimentModel<'a> {
         model.come_from(experiments[0].approach.as_ref());
         model.move_to(experiments[0].configuration_rad.as_slice());
         let rows = model.observe_together(&hung(experiments));
-        rows.into_iter().map(|rows| rows * self.sigma_m).collect()
+        rows.into_iter()
+            .map(|rows| rows * self.precision.sigma_m)
+            .collect()
     }
 
     /// `sigma_m` times the whitened rows of an experiment, those of rotations below those of positions.
@@ -133,7 +101,7 @@ impl<'a> ExperimentModel<'a> {
         model.come_from(experiment.approach.as_ref());
         model.move_to(experiment.configuration_rad.as_slice());
         model.observe(&experiment.load, &mut matrix);
-        matrix *= self.sigma_m;
+        matrix *= self.precision.sigma_m;
         let mut rows = DMatrix::zeros(3 * blocks, size);
         for block in 0..blocks {
             rows.rows_mut(3 * block, 3)
@@ -144,13 +112,11 @@ impl<'a> ExperimentModel<'a> {
 
     /// The information matrix of a plan for sigma = 1: the sum of A^T A, p x p, in m^2 (N m/rad)^2.
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
-        let size = self.columns();
-        let mut information = DMatrix::zeros(size, size);
+        let size = self.readings().parameters();
         let matrices = self.observation_matrices(plan);
-        for (experiment, matrix) in plan.experiments.iter().zip(matrices) {
-            information += f64::from(experiment.repeats) * matrix.tr_mul(&matrix);
-        }
-        information
+        (plan.experiments.iter().zip(matrices))
+            .map(|(experiment, matrix)| f64::from(experiment.repeats) * matrix.tr_mul(&matrix))
+            .fold(DMatrix::zeros(size, size), |sum, own| sum + own)
     }
 }
 
@@ -163,12 +129,9 @@ pub fn alone_and_together(
     if !is_shared {
         return (plan.experiments.iter().collect(), Vec::new());
     }
-    let groups = plan.by_configuration().into_iter();
-    let groups = groups.map(|group| -> Vec<&Experiment> {
-        group
-            .into_iter()
-            .map(|place| &plan.experiments[place])
-            .collect()
+    let groups = plan.by_configuration().into_iter().map(|group| {
+        let here = group.into_iter().map(|place| &plan.experiments[place]);
+        here.collect::<Vec<&Experiment>>()
     });
     let (alone, together): (Vec<_>, Vec<_>) = groups.partition(|group| group.len() == 1);
     (alone.into_iter().flatten().collect(), together)

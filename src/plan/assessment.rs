@@ -1,5 +1,7 @@
 //! The assessment of a plan: predicted accuracy at the test poses, standard errors, criteria, violations.
 
+use clap::ValueEnum;
+
 use super::conditions::conditions;
 use super::search::{Bound, NoBound, PlanBound, Problem};
 use super::{
@@ -86,7 +88,7 @@ impl Assessment {
                 .map(|index| posterior.standard_error(index))
                 .collect(),
             further,
-            criteria: Criterion::ALL
+            criteria: Criterion::value_variants()
                 .iter()
                 .map(|&criterion| (criterion, value(criterion)))
                 .collect(),

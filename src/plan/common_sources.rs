@@ -13,7 +13,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::compensation::{test_pose_rows, weighted_rows};
+use super::task_rows;
 use crate::numeric::posterior::Posterior;
 use crate::task::{Belief, Task};
 
@@ -31,10 +31,7 @@ impl CommonSources {
     pub fn of_deflections(task: &Task, posterior: &Posterior, rho0_m: f64) -> Option<Self> {
         let belief = &task.belief;
         belief.prior_campaign.as_ref()?;
-        let rows = weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
-            test_pose_rows(belief, pose)
-        });
-        let gain = rows * &posterior.covariance;
+        let gain = task_rows(task) * &posterior.covariance;
         Self::new(belief, rho0_m, &|place| {
             Some(gain.column(place).into_owned())
         })

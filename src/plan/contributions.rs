@@ -13,62 +13,34 @@
 
 use nalgebra::DMatrix;
 
-use super::uncertainty_budget::{BudgetSource, Input, UncertaintyBudget};
-use super::{ExperimentModel, Plan, alone_and_together, hung, quantile95_m};
-use crate::compensation::{test_pose_rows, weighted_rows};
+use super::uncertainty_budget::{Squares, UncertaintyBudget};
+use super::{ExperimentModel, Plan, alone_and_together, hung, quantile95_m, task_rows};
 use crate::numeric::posterior::Posterior;
-use crate::task::{Instrument, Task};
+use crate::task::{Extended, Task};
 
 impl UncertaintyBudget {
     /// That of a plan of deflections for a task, with what is known after it; `None` where that does not determine the test poses.
     pub fn of_deflections(task: &Task, plan: &Plan, posterior: &Posterior) -> Option<Self> {
         let radius95_m = quantile95_m(task, posterior)?;
-        Some(Self::new(sources(task, plan, posterior), Some(radius95_m)))
+        Some(squares(task, plan, posterior).budget(&task.belief, Some(radius95_m)))
     }
 }
 
-/// u(x) of the noise of deflections, where one number says it.
-fn of_instrument(instrument: &Instrument) -> Option<Input> {
-    (instrument.rotation_sigma_rad.is_none()).then_some((instrument.sigma_m, "m"))
-}
-
-/// The noise, the earlier identification where there is one, then the uncertainties.
-fn sources(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<BudgetSource> {
+fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     let belief = &task.belief;
-    let rows = weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
-        test_pose_rows(belief, pose)
-    });
-    let gain = rows * &posterior.covariance;
-    let square = |matrix: &DMatrix<f64>| (&gain * matrix * gain.transpose()).trace().max(0.0);
-    let noise_of = |square| {
-        let instrument = &belief.instrument;
-        BudgetSource::of_noise(instrument, of_instrument(instrument), square)
-    };
-    let earlier = |square| {
-        let campaign = belief.prior_campaign.as_ref();
-        BudgetSource::earlier(square, campaign.and_then(|each| each.degrees_of_freedom))
-    };
-    let sigma_m = belief.instrument.sigma_m;
-    let Some(extended) = &belief.uncertain else {
-        let information = ExperimentModel::new(belief).information(plan) / sigma_m.powi(2);
-        let prior = belief.prior.as_ref();
-        let earlier = prior.map(|prior| earlier(square(&prior.precision)));
-        return [noise_of(square(&information))]
-            .into_iter()
-            .chain(earlier)
-            .collect();
-    };
-    // The instrument's noise, then each source.
-    let mut squares = vec![0.0; 1 + extended.sources().count()];
-    let precision = belief.instrument.precision();
-    let rows = precision.rows();
-    let mut model = extended.readings_of_all(precision);
-    let (alone, together) = alone_and_together(plan, extended.is_shared_by_configuration());
-    let alone = alone.into_iter().map(|experiment| vec![experiment]);
-    for experiments in together.into_iter().chain(alone) {
-        model.come_from(experiments[0].approach.as_ref());
-        model.move_to(experiments[0].configuration_rad.as_slice());
-        let hung = hung(&experiments);
+    let extended = belief.uncertain.as_ref();
+    let gain = task_rows(task) * &posterior.covariance;
+    let (mut noise, mut readings) = (0.0, Vec::new());
+    readings.resize(extended.map_or(0, |each| each.sources().count()), 0.0);
+    let experiments = ExperimentModel::new(belief);
+    let rows = experiments.rows();
+    let mut model = experiments.readings();
+    let is_shared = extended.is_some_and(Extended::is_shared_by_configuration);
+    let (alone, together) = alone_and_together(plan, is_shared);
+    for group in alone.into_iter().map(|only| vec![only]).chain(together) {
+        model.come_from(group[0].approach.as_ref());
+        model.move_to(group[0].configuration_rad.as_slice());
+        let hung = hung(&group);
         let covariance = model.covariance_together(&hung);
         let Some(inverse) = covariance.all().cholesky().map(|factor| factor.inverse()) else {
             continue;
@@ -80,26 +52,27 @@ fn sources(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<BudgetSource>
         }
         let weighted = &gain * seen.transpose() * inverse;
         let added = |covariance: &DMatrix<f64>| (&weighted * covariance).dot(&weighted);
-        squares[0] += added(&covariance.noise);
-        for (square, source) in squares[1..].iter_mut().zip(&covariance.sources) {
+        noise += added(&covariance.noise);
+        for (square, source) in readings.iter_mut().zip(&covariance.sources) {
             *square += added(source);
         }
     }
-    let mut sources = vec![noise_of(squares[0])];
-    if let Some(prior) = &belief.prior {
-        let own = gain.columns(0, extended.identified());
-        let square = (own * &prior.precision * own.transpose()).trace();
-        sources.push(earlier(square));
+    let instrument = &belief.instrument;
+    let is_of_positions = instrument.rotation_sigma_rad.is_none();
+    let own = gain.columns(0, belief.parameters.len());
+    let before = |precision: &DMatrix<f64>| (own * precision * own.transpose()).trace();
+    let of_groups = extended.map_or(&[][..], Extended::shared).iter();
+    let of_group = |places: &Vec<usize>| -> f64 {
+        let known = |place| extended.map_or(0.0, |each| each.own_precision(place));
+        let places = places.iter();
+        places
+            .map(|&place| gain.column(place).norm_squared() * known(place))
+            .sum()
+    };
+    Squares {
+        noise: (is_of_positions.then_some((instrument.sigma_m, "m")), noise),
+        before: belief.prior.as_ref().map(|prior| before(&prior.precision)),
+        readings,
+        parameters: of_groups.map(|(_, places)| of_group(places)).collect(),
     }
-    let of_readings = extended.sources().zip(&squares[1..]);
-    sources.extend(of_readings.map(|((name, source), square)| {
-        BudgetSource::of_readings(name, source, extended, *square)
-    }));
-    for (name, places) in extended.shared() {
-        let square =
-            |&place: &usize| gain.column(place).norm_squared() * extended.own_precision(place);
-        let square = places.iter().map(square).sum();
-        sources.push(BudgetSource::of_parameters(name, extended, places, square));
-    }
-    sources
 }

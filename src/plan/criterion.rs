@@ -60,20 +60,6 @@ pub enum Criterion {
 }
 
 impl Criterion {
-    /// All criteria.
-    pub const ALL: [Self; 10] = [
-        Self::TestPose,
-        Self::A,
-        Self::D,
-        Self::E,
-        Self::G,
-        Self::O1,
-        Self::O2,
-        Self::O3,
-        Self::O4,
-        Self::O5,
-    ];
-
     /// The name in files and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
@@ -115,6 +101,15 @@ impl Criterion {
             Self::TestPose => cost.sqrt(),
             Self::D => cost.recip(),
             Self::O1 => cost.recip().sqrt(),
+            _ => cost,
+        }
+    }
+
+    /// The same of its own cost, as [`CriterionFunction::cost`] has it.
+    pub(super) fn value_of_own_cost(self, cost: f64) -> f64 {
+        match self {
+            Self::TestPose => cost.sqrt(),
+            maximised if maximised.is_maximised() => cost.recip(),
             _ => cost,
         }
     }
@@ -274,11 +269,8 @@ impl CriterionFunction {
     pub fn value(&mut self, information: &DMatrix<f64>) -> Option<f64> {
         let mut directions = information.clone();
         let cost = self.cost(information, &mut directions);
-        cost.is_finite().then(|| match self.criterion {
-            Criterion::TestPose => cost.sqrt(),
-            maximised if maximised.is_maximised() => cost.recip(),
-            _ => cost,
-        })
+        cost.is_finite()
+            .then(|| self.criterion.value_of_own_cost(cost))
     }
 }
 

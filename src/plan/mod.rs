@@ -23,7 +23,7 @@ pub use common_sources::CommonSources;
 pub use criterion::{Criterion, CriterionFunction};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, LookingAt, Violation};
-pub use predicted_accuracy::{posterior, quantile95_m, rho0_m};
+pub use predicted_accuracy::{posterior, quantile95_m, rho0_m, task_rows};
 pub use region::{Bounded, SmoothBound, WIDENED_M, WIDENED_RAD, WIDENED_SHARE, bounds_of, widened};
 pub use turns::take_nearest_turns;
 pub use uncertainty_budget::{BudgetSource, EARLIER, Evaluation, NOISE, UncertaintyBudget};

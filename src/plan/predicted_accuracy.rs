@@ -37,13 +37,18 @@ pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
     }
 }
 
+/// C (3 m x p): what compensation leaves at all m test poses by the unknowns' errors, each times the root of its weight.
+pub fn task_rows(task: &Task) -> DMatrix<f64> {
+    let belief = &task.belief;
+    weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
+        test_pose_rows(belief, pose)
+    })
+}
+
 /// The distance (m) that compensation leaves less of in 95 % of the draws of what is uncertain, from what is known
 /// after a plan; over several test poses, the rms over them. `None` where a test pose needs what is not determined.
 pub fn quantile95_m(task: &Task, posterior: &Posterior) -> Option<f64> {
-    let belief = &task.belief;
-    let rows = weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
-        test_pose_rows(belief, pose)
-    });
+    let rows = task_rows(task);
     posterior.variance_of(&rows).ok()?;
     length_quantile(&(&rows * &posterior.covariance * rows.transpose()), 0.95)
 }

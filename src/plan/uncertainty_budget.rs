@@ -14,12 +14,14 @@ use serde::{Deserialize, Serialize};
 use crate::csv::word_field;
 use crate::parameter::{ParameterKind, ReadingSource, SourceLevel, TransmissionError};
 use crate::quantities::units::shown_unit;
-use crate::task::{Extended, Instrument};
+use crate::task::{Belief, Extended};
 
 /// What the instrument's own noise is called.
 pub const NOISE: &str = "noise";
 /// What an earlier identification is called.
 pub const EARLIER: &str = "earlier identification";
+/// What is known before without a name in the scenario, as of a payload that nobody weighed.
+const BEFORE: &str = "known before";
 /// Standard uncertainties that differ by less than this share are equal.
 const EQUAL: f64 = 1e-9;
 /// All columns of a budget.
@@ -94,12 +96,7 @@ pub(crate) type Input = (f64, &'static str);
 
 impl BudgetSource {
     /// One whose standard uncertainty is given, with what it leaves (m^2).
-    pub(crate) fn new(
-        source: &str,
-        level: SourceLevel,
-        input: Option<Input>,
-        variance_m2: f64,
-    ) -> Self {
+    fn new(source: &str, level: SourceLevel, input: Option<Input>, variance_m2: f64) -> Self {
         let contribution_um = variance_m2.max(0.0).sqrt() * 1e6;
         let input = input.map(|(value, unit)| {
             let (factor, unit) = shown_unit(unit);
@@ -126,29 +123,8 @@ impl BudgetSource {
         }
     }
 
-    /// That of an identified posterior, whose covariance rests on a residual scale of so many degrees of freedom.
-    pub(crate) fn earlier(variance_m2: f64, degrees_of_freedom: Option<f64>) -> Self {
-        Self {
-            evaluation: Evaluation::A,
-            degrees_of_freedom,
-            ..Self::new(EARLIER, SourceLevel::Robot, None, variance_m2)
-        }
-    }
-
-    /// That of an instrument's noise.
-    pub(crate) fn of_noise(
-        instrument: &Instrument,
-        input: Option<Input>,
-        variance_m2: f64,
-    ) -> Self {
-        Self {
-            distribution: instrument.distribution.name().to_owned(),
-            ..Self::new(NOISE, SourceLevel::Reading, input, variance_m2)
-        }
-    }
-
     /// That of errors of readings.
-    pub(crate) fn of_readings(
+    fn of_readings(
         name: &str,
         source: &ReadingSource,
         extended: &Extended,
@@ -181,12 +157,7 @@ impl BudgetSource {
     }
 
     /// That of parameters at places of the extended vector.
-    pub(crate) fn of_parameters(
-        name: &str,
-        extended: &Extended,
-        places: &[usize],
-        variance_m2: f64,
-    ) -> Self {
+    fn of_parameters(name: &str, extended: &Extended, places: &[usize], variance_m2: f64) -> Self {
         let parameters = extended.set().parameters();
         let input = common(places.iter().map(|&place| {
             let parameter = &parameters[place];
@@ -234,6 +205,52 @@ impl BudgetSource {
     }
 }
 
+/// What the errors of each source leave at the test poses (m^2), in the order of the belief.
+pub(super) struct Squares {
+    /// The instrument's noise, with u(x) where one number says it.
+    pub noise: (Option<Input>, f64),
+    /// What is known before without a source of its own, where there is such.
+    pub before: Option<f64>,
+    /// Errors of readings.
+    pub readings: Vec<f64>,
+    /// Groups of parameters.
+    pub parameters: Vec<f64>,
+}
+
+impl Squares {
+    /// The budget of all, with the radius (m) that holds 95 % of errors.
+    pub fn budget(self, belief: &Belief, radius95_m: Option<f64>) -> UncertaintyBudget {
+        let (input, noise) = self.noise;
+        let mut sources = vec![BudgetSource {
+            distribution: belief.instrument.distribution.name().to_owned(),
+            ..BudgetSource::new(NOISE, SourceLevel::Reading, input, noise)
+        }];
+        sources.extend(self.before.map(|square| {
+            let of = |name| BudgetSource::new(name, SourceLevel::Robot, None, square);
+            if belief.prior.is_none() {
+                return of(BEFORE);
+            }
+            let campaign = belief.prior_campaign.as_ref();
+            BudgetSource {
+                evaluation: Evaluation::A,
+                degrees_of_freedom: campaign.and_then(|each| each.degrees_of_freedom),
+                ..of(EARLIER)
+            }
+        }));
+        if let Some(extended) = &belief.uncertain {
+            let readings = extended.sources().zip(self.readings);
+            sources.extend(readings.map(|((name, source), square)| {
+                BudgetSource::of_readings(name, source, extended, square)
+            }));
+            let parameters = extended.shared().iter().zip(self.parameters);
+            sources.extend(parameters.map(|((name, places), square)| {
+                BudgetSource::of_parameters(name, extended, places, square)
+            }));
+        }
+        UncertaintyBudget::new(sources, radius95_m)
+    }
+}
+
 /// To twelve digits: 0.3 and not 0.29999999999999993.
 fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
@@ -260,7 +277,7 @@ fn remark(extended: &Extended, kind: ParameterKind) -> Option<&'static str> {
 
 impl UncertaintyBudget {
     /// Of all sources, with the radius (m) that holds 95 % of errors.
-    pub(crate) fn new(mut sources: Vec<BudgetSource>, radius95_m: Option<f64>) -> Self {
+    fn new(mut sources: Vec<BudgetSource>, radius95_m: Option<f64>) -> Self {
         let square = |source: &BudgetSource| source.contribution_um.powi(2);
         let variance_um2: f64 = sources.iter().map(square).sum();
         for source in &mut sources {

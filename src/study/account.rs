@@ -16,11 +16,10 @@ use serde::{Deserialize, Serialize};
 use super::absolute::AbsoluteEntry;
 use super::deviations::{Deviations, by_repeats};
 use super::{summary::Measured, verdict::Kept};
-use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{
-    CommonSources, EARLIER, ExperimentModel, NOISE, Plan, alone_and_together, posterior,
+    CommonSources, EARLIER, ExperimentModel, NOISE, Plan, alone_and_together, posterior, task_rows,
 };
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -139,9 +138,7 @@ impl Account {
     pub fn new(task: &Task, truth: &Truth, plan: &Plan) -> Option<Self> {
         let belief = &task.belief;
         let posterior = posterior(belief, plan);
-        let rows = weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
-            test_pose_rows(belief, pose)
-        });
+        let rows = task_rows(task);
         let predicted_m = posterior.variance_of(&rows).ok()?.sqrt();
         let gain = &rows * &posterior.covariance;
         let deviations = Deviations::new(belief, truth);

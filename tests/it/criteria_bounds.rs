@@ -119,7 +119,7 @@ fn values_are_those_of_the_eigenvalues() {
     let (sine, cosine) = 0.7_f64.sin_cos();
     let turn = DMatrix::from_row_slice(2, 2, &[cosine, -sine, sine, cosine]);
     let turned = &turn * &information * turn.transpose();
-    for criterion in Criterion::ALL {
+    for &criterion in <Criterion as clap::ValueEnum>::value_variants() {
         let expected = match criterion {
             Criterion::TestPose => (13.0_f64 / 36.0).sqrt(),
             Criterion::A => 13.0 / 36.0,

@@ -47,7 +47,8 @@ fn the_plans_of_table_4_give_all_of_table_5() {
     let model = ExperimentModel::new(&scenario.task.belief);
     for (experiments, printed) in TABLE_5 {
         let information = model.information(&table4(experiments));
-        let covariance = information.try_inverse().expect("regular") * model.sigma_m.powi(2);
+        let covariance =
+            information.try_inverse().expect("regular") * model.precision.sigma_m.powi(2);
         for (index, printed) in printed.iter().enumerate() {
             let ours = covariance[(index, index)].sqrt() * 1e9;
             assert!(

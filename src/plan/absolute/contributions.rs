@@ -11,15 +11,11 @@ use super::{
     AbsolutePlanning, PlaceRows, PredictedAccuracy, RepeatedReading, in_units, place_rows, stacked,
 };
 use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_rows};
-use crate::parameter::{
-    ParameterKind, ParameterSet, ReadingSource, Source, SourceLevel, Uncertainty,
-};
-use crate::plan::uncertainty_budget::{Input, common};
-use crate::plan::{BudgetSource, CommonSources, UncertaintyBudget};
+use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, Source, Uncertainty};
+use crate::plan::uncertainty_budget::{Input, Squares, common};
+use crate::plan::{CommonSources, UncertaintyBudget};
 use crate::task::{Extended, Task};
 
-/// What is known before without a name in the scenario, as of a payload that nobody weighed.
-const BEFORE: &str = "known before";
 /// Less than this share of the square of the whole is rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -159,17 +155,13 @@ impl AbsolutePlanning<'_> {
             reading: self.case.covariances[place],
             ..ReadingErrors::none()
         });
-        let input = self.noise(plan);
-        let instrument = &self.case.belief.instrument;
-        let mut sources = vec![BudgetSource::of_noise(instrument, input, noise)];
-        let mut before = (&weighed.gain * &self.before * weighed.gain.transpose()).trace();
-        let mut named = Vec::new();
         let belief = self.case.belief;
-        if let Some(extended) = &belief.uncertain {
-            for (name, source) in extended.sources() {
-                let square = self.left_by_source(&weighed, source);
-                named.push(BudgetSource::of_readings(name, source, extended, square));
-            }
+        let extended = belief.uncertain.as_ref();
+        let of_readings = extended.into_iter().flat_map(Extended::sources);
+        let readings = of_readings.map(|(_, source)| self.left_by_source(&weighed, source));
+        let mut before = (&weighed.gain * &self.before * weighed.gain.transpose()).trace();
+        let mut parameters = Vec::new();
+        if let Some(extended) = extended {
             let of_task = self.of_task(extended);
             // What one of the vector leaves; frames are found from readings, whatever is known of them before.
             let left_by_known = |&place: &usize| {
@@ -181,24 +173,20 @@ impl AbsolutePlanning<'_> {
                     weighed.gain.column(own).norm_squared() * precision
                 })
             };
-            for (name, places) in extended.shared() {
+            for (_, places) in extended.shared() {
                 let known: f64 = places.iter().map(left_by_known).sum();
                 before -= known;
                 let task = of_task.iter().filter(|(place, _)| places.contains(place));
-                let square = known + task.map(|(_, square)| square).sum::<f64>();
-                named.push(BudgetSource::of_parameters(name, extended, places, square));
+                parameters.push(known + task.map(|(_, square)| square).sum::<f64>());
             }
         }
-        if before > ROUNDING * rho0_m * rho0_m {
-            let campaign = belief.prior_campaign.as_ref();
-            let freedom = campaign.and_then(|each| each.degrees_of_freedom);
-            sources.push(match &belief.prior {
-                Some(_) => BudgetSource::earlier(before, freedom),
-                None => BudgetSource::new(BEFORE, SourceLevel::Robot, None, before),
-            });
-        }
-        sources.extend(named);
-        Some(UncertaintyBudget::new(sources, prediction.quantile95_m))
+        let squares = Squares {
+            noise: (self.noise(plan), noise),
+            before: (before > ROUNDING * rho0_m * rho0_m).then_some(before),
+            readings: readings.collect(),
+            parameters,
+        };
+        Some(squares.budget(belief, prediction.quantile95_m))
     }
 
     /// u(x) of the noise of a plan's readings, where one number says it.

@@ -26,7 +26,7 @@ pub(super) fn some_of(names: &[String]) -> String {
 /// Why there is no plan of absolute readings.
 #[derive(Debug, Error)]
 pub enum AbsolutePlanError {
-    /// The candidates, or the choice of some.
+    /// The task, the candidates, or the choice of some.
     #[error(transparent)]
     Candidates(#[from] CandidateError),
     /// What can be read.
@@ -44,23 +44,12 @@ pub enum AbsolutePlanError {
         /// The machining tool, where no candidate reads it.
         unread: Option<String>,
     },
-    /// Anything else.
-    #[error("{problem}")]
-    Other {
-        /// What is wrong.
-        problem: String,
-        /// What to do about it.
-        hint: Option<String>,
-    },
 }
 
 impl AbsolutePlanError {
     /// A problem, and what to do about it.
     pub(super) fn other(problem: impl Into<String>, hint: Option<&str>) -> Self {
-        Self::Other {
-            problem: problem.into(),
-            hint: hint.map(str::to_owned),
-        }
+        Self::Candidates(CandidateError::new(problem, hint))
     }
 
     /// What is wrong with candidates in these lines.
@@ -105,7 +94,6 @@ impl AbsolutePlanError {
                 "give candidates in which all joints differ and whose target is the machining site, or say with [[uncertainty]] \
                  how well joints and links are known",
             ),
-            Self::Other { hint, .. } => hint.as_deref(),
         }
     }
 }

@@ -400,8 +400,7 @@ impl<'a> AbsolutePlanning<'a> {
         };
         let shown = self.shown(self.places(), measurements)?;
         let frames = shown.test_poses.len();
-        let mut bounds = Vec::new();
-        let mut best: Result<FiniteDesign, CandidateError> = Err(CandidateError::Undetermined);
+        let (mut designs, mut bounds) = (Vec::new(), Vec::new());
         for (frame, (station, test_poses)) in shown.test_poses.iter().enumerate() {
             let here = Watch {
                 stop: watch.stop,
@@ -419,16 +418,13 @@ impl<'a> AbsolutePlanning<'a> {
                 (found, bound)
             });
             bounds.push(bound);
-            let is_better = match (&best, &found) {
-                (Ok(best), Ok(found)) => found.cost < best.cost,
-                (Err(_), _) => frame == 0 || found.is_ok(),
-                _ => false,
-            };
-            if is_better {
-                best = found;
-            }
+            designs.push(found);
         }
-        let best = best?;
+        let cost = |found: &Result<FiniteDesign, CandidateError>| {
+            found.as_ref().map_or(f64::INFINITY, |found| found.cost)
+        };
+        let best = (designs.into_iter()).min_by(|one, other| cost(one).total_cmp(&cost(other)));
+        let best = best.unwrap_or_else(|| Err(CandidateError::undetermined()))?;
         if let Err(names) = self.prediction(&best.plan).left {
             let problem = format!(
                 "no {measurements} readings of the candidates were found that determine the tool's place at the test poses: it depends on {} besides",
@@ -572,19 +568,14 @@ fn place_rows(
 
 /// How the tool's place follows the task's force at each test pose (3 x t, m in standard deviations).
 fn by_task(task: &Task) -> Vec<DMatrix<f64>> {
-    let parameters =
-        (task.belief.uncertain.as_ref()).map_or(&[][..], |each| each.set().parameters());
-    let of_task: Vec<usize> = (0..parameters.len())
-        .filter(|&place| is_of_task(parameters[place].kind))
-        .collect();
-    let extended = task
-        .belief
-        .uncertain
-        .as_ref()
-        .filter(|_| !of_task.is_empty());
-    let Some(extended) = extended else {
+    let Some(extended) = &task.belief.uncertain else {
         return vec![DMatrix::zeros(3, 0); task.test_poses.len()];
     };
+    let parameters = extended.set().parameters();
+    let places = (0..parameters.len()).filter(|&place| is_of_task(parameters[place].kind));
+    let of_task: Vec<(usize, f64)> = places
+        .map(|place| (place, extended.prior_deviation(place).unwrap_or(0.0)))
+        .collect();
     let mut readings = extended.at_test_pose(&vec![1.0; parameters.len()]);
     let mut rows = Matrix3xX::zeros(parameters.len());
     (task.test_poses.iter())
@@ -592,8 +583,8 @@ fn by_task(task: &Task) -> Vec<DMatrix<f64>> {
             readings.move_to(pose.configuration_rad.as_slice());
             readings.uncompensated(&pose.load, &mut rows);
             DMatrix::from_fn(3, of_task.len(), |axis, column| {
-                let place = of_task[column];
-                rows[(axis, place)] * extended.prior_deviation(place).unwrap_or(0.0)
+                let (place, deviation) = of_task[column];
+                rows[(axis, place)] * deviation
             })
         })
         .collect()

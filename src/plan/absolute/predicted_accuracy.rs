@@ -105,15 +105,13 @@ impl PredictedAccuracy {
             posterior.variance_of(&rows).map(|square| (square, rows))
         };
         let mut best = Err(Vec::new());
-        for station in 0..stations {
-            best = match (best, left_in(station)) {
-                (Err(_), Ok((square, rows))) => Ok((station, square, rows)),
-                (Ok((_, least, _)), Ok((square, rows))) if square < least => {
-                    Ok((station, square, rows))
-                }
-                (Err(names), Err(lacking)) if names.is_empty() => Err(lacking.parameters),
-                (best, _) => best,
-            };
+        for (station, left) in (0..stations).map(left_in).enumerate() {
+            match (&mut best, left) {
+                (Ok((_, least, _)), Ok((square, _))) if square >= *least => {}
+                (best, Ok((square, rows))) => *best = Ok((station, square, rows)),
+                (Err(names), Err(lacking)) if names.is_empty() => *names = lacking.parameters,
+                _ => {}
+            }
         }
         let task = stacked_task(poses);
         let station = best.as_ref().map_or(0, |(station, ..)| *station);

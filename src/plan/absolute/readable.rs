@@ -49,10 +49,8 @@ pub(super) fn from_stations(
         }
         all.push(row.clone());
     }
-    let found = all.len();
-    if found > MOST_CANDIDATES {
-        let of = "station";
-        return Err(CandidateError::TooMany { found, of }.into());
+    if all.len() > MOST_CANDIDATES {
+        return Err(CandidateError::too_many(all.len(), "from", "station").into());
     }
     Ok(all)
 }

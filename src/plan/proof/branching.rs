@@ -68,6 +68,9 @@ pub enum NoProof {
     /// The bound is by another criterion than the accuracy at the test poses.
     #[error("bounds of rho0 alone are proved: by any other criterion, the bound rests on searches")]
     Criterion,
+    /// Plans have mandatory experiments.
+    #[error("there is no proof beside mandatory experiments: the bound rests on searches")]
+    Mandatory,
     /// More than hinges that are commanded, measured rotations, or limited torques.
     #[error(
         "there is no proof for arms with springs beside the joints' own, slides or passive joints, nor where rotations are measured or \

@@ -3,12 +3,12 @@
 //!
 //! # The theorem
 //!
-//! For information M = M0 + sum of `A(x)^T A(x)` / sigma^2 over the free ones of m measurements, M0 that of m0
-//! mandatory ones, target rows C, and any matrix B of C's shape, Cauchy and Schwarz give
+//! For information M = M0 + sum of `A(x)^T A(x)` / sigma^2 over m measurements, M0 what is known before,
+//! target rows C, and any matrix B of C's shape, Cauchy and Schwarz give
 //!
 //! ```text
 //! trace(C B^T)^2 <= trace(C M^-1 C^T) trace(B M B^T)
-//! rho_0^2 = trace(C M^-1 C^T) >= trace(C B^T)^2 / (trace(B M0 B^T) + (m - m0) max d)
+//! rho_0^2 = trace(C M^-1 C^T) >= trace(C B^T)^2 / (trace(B M0 B^T) + m max d)
 //! d(x) = trace(B A(x)^T A(x) B^T) / sigma^2 = sum over rows r of |sum over n of b_rn tau_n J_n|^2 / sigma^2
 //! ```
 //!

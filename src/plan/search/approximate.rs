@@ -37,10 +37,9 @@ use rayon::prelude::*;
 use super::local::{LocalSearch, Precision};
 use super::observation::times;
 use super::point::{Point, add_information, information_in};
-use super::pool::Pool;
 use super::problem::{Problem, SearchError};
-use super::sampling::RandomPlans;
-use super::weighing::{Weighing, drop_light, normalise};
+use super::sampling::{RandomPlans, points_inside};
+use super::weighing::{Weighing, apportioned, drop_light, normalise};
 use crate::experiment::{Experiment, Plan, printed_tolerance};
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::FIRST_SUPPORT;
@@ -134,45 +133,20 @@ impl ApproximateDesign {
 
     /// A plan of so many free measurements in at most so many configurations that comes near the weights
     /// (Pukelsheim and Rieder 1992), the heaviest of them where there are too few.
-    pub(super) fn rounded(&self, measurements: u32, configurations: u32) -> Option<Plan> {
-        let most = configurations.min(measurements) as usize;
+    pub(super) fn rounded(&self, measurements: u32, configurations: u32) -> Plan {
         let mut heaviest: Vec<(&Point, f64)> = (self.support.iter())
             .zip(self.weights.iter().copied())
             .filter(|(_, weight)| weight * f64::from(measurements) > 0.25)
             .collect();
         heaviest.sort_by(|one, other| other.1.total_cmp(&one.1));
-        heaviest.truncate(most);
-        let total: f64 = heaviest.iter().map(|(_, weight)| weight).sum();
-        let free = f64::from(measurements) - 0.5 * heaviest.len() as f64;
-        // As many as the weight asks for, rounded up, and one at least.
-        let wanted = |weight: f64| (free * weight / total).ceil().max(1.0);
-        let mut repeats: Vec<f64> = heaviest.iter().map(|each| wanted(each.1)).collect();
-        loop {
-            let missing = f64::from(measurements) - repeats.iter().sum::<f64>();
-            let ratio = |index: usize, less: f64| (repeats[index] - less) / heaviest[index].1;
-            let all = 0..repeats.len();
-            if missing > 0.5 {
-                let least =
-                    all.min_by(|&one, &other| ratio(one, 0.0).total_cmp(&ratio(other, 0.0)))?;
-                repeats[least] += 1.0;
-            } else if missing < -0.5 {
-                let several = all.filter(|&index| repeats[index] > 1.5);
-                let most =
-                    several.max_by(|&one, &other| ratio(one, 1.0).total_cmp(&ratio(other, 1.0)))?;
-                repeats[most] -= 1.0;
-            } else {
-                break;
-            }
+        heaviest.truncate(configurations.min(measurements) as usize);
+        let weights: Vec<f64> = heaviest.iter().map(|(_, weight)| *weight).collect();
+        let repeats = apportioned(&weights, measurements, 0.0, |_| u32::MAX);
+        let experiments = heaviest.iter().zip(repeats);
+        let experiments = experiments.map(|((point, _), repeats)| point.experiment(repeats));
+        Plan {
+            experiments: experiments.collect(),
         }
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "whole numbers up to the number of measurements"
-        )]
-        let experiments = (heaviest.iter().zip(&repeats))
-            .map(|((point, _), &many)| point.experiment(many as u32))
-            .collect();
-        Some(Plan { experiments })
     }
 }
 
@@ -190,10 +164,10 @@ pub fn approximate_design(
     let problem = &problem.by(criterion);
     let mut growing = Growing {
         problem,
-        pool: Pool::draw(problem, problem.effort.pool, seed, 1),
+        pool: points_inside(problem, problem.effort.pool, seed, 1),
         weights: Vec::new(),
         support: initial_support(problem, seed)?,
-        weighing: Weighing::new(problem),
+        weighing: Weighing::new(problem.cost(), problem.beside.clone(), problem.parameters()),
     };
     growing.weights = vec![(growing.support.len() as f64).recip(); growing.support.len()];
     let mut gap = 1.0;
@@ -232,7 +206,7 @@ pub fn approximate_design(
 /// A support that grows, with its weights.
 struct Growing<'a> {
     problem: &'a Problem<'a>,
-    pool: Pool,
+    pool: Vec<Point>,
     support: Vec<Point>,
     weights: Vec<f64>,
     weighing: Weighing,
@@ -240,8 +214,8 @@ struct Growing<'a> {
 
 impl Growing<'_> {
     fn optimise(&mut self, tolerance: f64) -> f64 {
-        let (support, weights) = (&self.support, &mut self.weights);
-        self.weighing.optimise(support, weights, tolerance)
+        let blocks: Vec<DMatrix<f64>> = self.support.iter().map(Point::information).collect();
+        self.weighing.weigh(&blocks, &mut self.weights, tolerance)
     }
 
     /// Adds the most informative experiments until none adds more; the best adds `gap` more to begin with.
@@ -252,7 +226,13 @@ impl Growing<'_> {
             drop_light(&mut self.support, &mut self.weights, SMALLEST_WEIGHT);
             normalise(&mut self.weights);
             let directions = &self.weighing.directions;
-            let ranked = self.pool.by_derivative(directions);
+            let derivative = |point: &Point| information_in(&point.matrix, directions);
+            let mut ranked: Vec<(&Point, f64)> = self
+                .pool
+                .iter()
+                .map(|point| (point, derivative(point)))
+                .collect();
+            ranked.sort_by(|one, other| other.1.total_cmp(&one.1));
             let much = cost * (1.0 + ROUGH_TOLERANCE);
             let best = ranked.iter().take(ADDED).filter(|(_, value)| *value > much);
             let best = best.map(|&(point, value)| (point.clone(), value));
@@ -309,8 +289,8 @@ impl Growing<'_> {
         let mut searches = 0;
         let most = (problem.effort.certificate_probes).min(problem.affordable(1).max(FEWEST));
         while searches < most && (searches == 0 || agreeing(&ends) < ENOUGH) {
-            let starts = Pool::draw(problem, BATCH, seed, 2 + searches as u64);
-            let starts: Vec<&Point> = starts.points().iter().collect();
+            let starts = points_inside(problem, BATCH, seed, 2 + searches as u64);
+            let starts: Vec<&Point> = starts.iter().collect();
             ends.extend(climbs(problem, &starts, directions, Precision::ROUGH));
             searches += BATCH;
         }

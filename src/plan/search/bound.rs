@@ -395,14 +395,15 @@ impl Bound {
         let proof = proof.and_then(|proof| proof.as_ref().ok());
         if let Some(proof) = proof.filter(|proof| proof.is_about_all()) {
             // The proof may come across more than the searches.
-            certificate.largest_derivative = certificate.largest_derivative.max(proof.found());
+            certificate.largest_derivative =
+                certificate.largest_derivative.max(proof.largest().found);
         }
         let cost = certificate.lower_bound(measurements).ok_or(too_few)?;
         let proved = proof.and_then(|proof| {
             Some(PlanProof {
                 best: proof.of_size(measurements)?,
-                gap: proof.gap(),
-                boxes: proof.boxes(),
+                gap: proof.largest().gap(),
+                boxes: proof.largest().boxes,
                 left_out: proof.left_out().to_vec(),
             })
         });

@@ -61,9 +61,11 @@ pub(in crate::plan) fn possible_of(
         });
     }
     if places.is_empty() {
-        let reasons = left_out.iter().map(ToString::to_string).collect();
-        let offered = lines.len();
-        return Err(CandidateError::AllLeftOut { offered, reasons });
+        let reasons: Vec<String> = left_out.iter().map(ToString::to_string).collect();
+        let (offered, reasons) = (lines.len(), reasons.join("; "));
+        let problem = format!("none of {offered} candidates is possible: {reasons}");
+        let hint = "check the units of the angles, and the scenario's [region] and [load]";
+        return Err(CandidateError::new(problem, Some(hint)));
     }
     let offer = OfferedCandidates {
         offered: lines.len(),
@@ -78,7 +80,10 @@ impl Candidates {
     pub fn new(task: &Task, rows: &[Candidate]) -> Result<Self, CandidateError> {
         let loads = match &task.loads {
             Loads::Any { .. } if rows.iter().any(|row| row.load.is_none()) => {
-                return Err(CandidateError::NoLoad);
+                let problem =
+                    "the candidates have no loads, and load.kind = \"any\" does not say which";
+                let hint = "give the columns fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm";
+                return Err(CandidateError::new(problem, Some(hint)));
             }
             loads => loads.samples(),
         };
@@ -86,12 +91,11 @@ impl Candidates {
         for row in rows {
             let line = row.line;
             for (column, found) in [("target", &row.target), ("station", &row.station)] {
-                if let Some(found) = found.clone() {
-                    return Err(CandidateError::Place {
-                        line,
-                        column,
-                        found,
-                    });
+                if let Some(found) = found {
+                    let problem = format!(
+                        "line {line}: {column}: found {found:?}, and deflections are read of the calibration tool, whatever the station"
+                    );
+                    return Err(CandidateError::new(problem, Some("leave the column out")));
                 }
             }
             for &load in row.load.as_ref().map_or(&loads[..], std::slice::from_ref) {
@@ -105,8 +109,7 @@ impl Candidates {
             }
         }
         if all.len() > MOST_CANDIDATES {
-            let (found, of) = (all.len(), "load");
-            return Err(CandidateError::TooMany { found, of });
+            return Err(CandidateError::too_many(all.len(), "under", "load"));
         }
         let (places, offer) = possible_of(task, &lines, |feasibility, place| {
             let violations = feasibility.violations_of(1, &all[place]);

@@ -161,25 +161,29 @@ impl FiniteProblem<'_> {
         CriterionFunction::new(criterion, self.test_poses.clone())
     }
 
-    /// Adds what a candidate tells that is measured so often.
-    pub(super) fn add(&self, sum: &mut DMatrix<f64>, candidate: usize, times: u32) {
-        match self.sharing {
-            Some(sharing) if times > 1 => *sum += (sharing.told)(&[(candidate, times)]),
-            _ => self.told.add_to(sum, candidate, f64::from(times)),
+    /// Adds (or takes away) what candidates tell that are measured so often: of one configuration, where they share errors.
+    fn add(&self, sum: &mut DMatrix<f64>, sign: f64, measured: &[(usize, u32)]) {
+        match (self.sharing, measured) {
+            (None, _) | (_, [(_, 1)]) => {
+                for &(candidate, times) in measured {
+                    self.told.add_to(sum, candidate, sign * f64::from(times));
+                }
+            }
+            (Some(sharing), _) => *sum += (sharing.told)(measured) * sign,
         }
     }
 
     /// What a plan tells, with what is known whatever is chosen.
     pub fn information(&self, plan: &[(usize, u32)]) -> DMatrix<f64> {
         let mut sum = self.beside.clone();
-        for (place, &(candidate, times)) in plan.iter().enumerate() {
-            match self.sharing {
-                // The first adds what all of its configuration tell.
-                Some(sharing) if !sharing.beside(&plan[..place], candidate).is_empty() => {}
-                Some(sharing) if sharing.beside(plan, candidate).len() > 1 => {
-                    sum += (sharing.told)(&sharing.beside(plan, candidate));
-                }
-                _ => self.add(&mut sum, candidate, times),
+        let Some(sharing) = self.sharing else {
+            self.add(&mut sum, 1.0, plan);
+            return sum;
+        };
+        for (place, &(candidate, _)) in plan.iter().enumerate() {
+            // The first adds what all of its configuration tell.
+            if sharing.beside(&plan[..place], candidate).is_empty() {
+                self.add(&mut sum, 1.0, &sharing.beside(plan, candidate));
             }
         }
         sum
@@ -190,26 +194,17 @@ impl FiniteProblem<'_> {
         &self,
         rest: &DMatrix<f64>,
         plan: &[(usize, u32)],
-        (candidate, times): (usize, u32),
+        more: (usize, u32),
     ) -> DMatrix<f64> {
         let mut sum = rest.clone();
-        let beside = self
-            .sharing
-            .map(|sharing| (sharing, sharing.beside(plan, candidate)));
-        match beside {
-            Some((sharing, mut here)) if !here.is_empty() => {
-                match here[..] {
-                    [(only, times)] => {
-                        let mut told = DMatrix::zeros(self.told.size(), self.told.size());
-                        self.add(&mut told, only, times);
-                        sum -= told;
-                    }
-                    _ => sum -= (sharing.told)(&here),
-                }
-                measure(&mut here, candidate, times);
-                sum += (sharing.told)(&here);
+        let here = self.sharing.map(|sharing| sharing.beside(plan, more.0));
+        match here.filter(|here| !here.is_empty()) {
+            None => self.add(&mut sum, 1.0, &[more]),
+            Some(mut here) => {
+                self.add(&mut sum, -1.0, &here);
+                measure(&mut here, more.0, more.1);
+                self.add(&mut sum, 1.0, &here);
             }
-            _ => self.add(&mut sum, candidate, times),
         }
         sum
     }
@@ -238,8 +233,10 @@ impl FiniteProblem<'_> {
         let all = most.iter().take(configurations as usize);
         let allowed: u64 = all.copied().map(u64::from).sum();
         if allowed < u64::from(measurements) {
-            let wanted = measurements;
-            return Err(CandidateError::TooFew { allowed, wanted });
+            let problem = format!(
+                "the candidates allow {allowed} measurements, and {measurements} are wanted"
+            );
+            return Err(CandidateError::new(problem, None));
         }
         Ok(())
     }
@@ -256,7 +253,7 @@ impl FiniteProblem<'_> {
         let bounded = self.criterion.bounded_as();
         let mut cost = self.cost_of(bounded.unwrap_or(self.criterion));
         if cost.cost(&mean, &mut directions).is_infinite() {
-            return Err(CandidateError::Undetermined);
+            return Err(CandidateError::undetermined());
         }
         let mut support = self.spread(&mean);
         if bounded.is_none() {
@@ -266,7 +263,7 @@ impl FiniteProblem<'_> {
         }
         let is_informed = self.beside.amax() > 0.0;
         let beside = is_informed.then(|| &self.beside / measurements);
-        let mut weighing = Weighing::of(cost, beside, self.told.size());
+        let mut weighing = Weighing::new(cost, beside, self.told.size());
         for candidate in highest(&self.told.derivatives(&directions), ADDED, |_| true) {
             if !support.contains(&candidate) {
                 support.push(candidate);
@@ -279,7 +276,7 @@ impl FiniteProblem<'_> {
                 support.iter().map(|&each| self.told.of(each)).collect();
             let cost = weighing.weigh(&blocks, &mut weights, 0.1 * TOLERANCE);
             if !cost.is_finite() {
-                return Err(CandidateError::Undetermined);
+                return Err(CandidateError::undetermined());
             }
             let derivatives = self.told.derivatives(&weighing.directions);
             bound.planes = vec![self.plane(cost, &weighing.directions, &derivatives)];

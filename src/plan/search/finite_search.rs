@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::candidate_error::CandidateError;
 use super::exact::Watch;
 use super::finite::{FiniteBound, FiniteProblem, highest, measure};
+use super::weighing::apportioned;
 use crate::numeric::random::{generator, streams};
 use crate::plan::CriterionFunction;
 
@@ -104,10 +105,10 @@ impl FiniteProblem<'_> {
         };
         let searches = (0..effort.searches.max(1)).into_par_iter();
         let found: Vec<FoundAmong> = searches.filter_map(search).collect();
-        let singular = CandidateError::Singular {
-            measurements,
-            unknowns: self.told.size(),
-        };
+        let unknowns = self.told.size();
+        let singular =
+            format!("{measurements} of the candidates cannot determine {unknowns} unknowns");
+        let singular = CandidateError::new(singular, None);
         let best = (found.iter()).min_by(|one, other| one.cost.total_cmp(&other.cost));
         let Some(mut plan) = best.map(|best| best.plan.clone()) else {
             return Err(singular);
@@ -211,17 +212,10 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         let mut heaviest = weights.to_vec();
         heaviest.sort_by(|one, other| other.1.total_cmp(&one.1).then(one.0.cmp(&other.0)));
         heaviest.truncate(self.configurations);
-        let mut times = vec![0_u32; heaviest.len()];
-        for _ in 0..self.effort.measurements {
-            let share = |place: usize| heaviest[place].1 / f64::from(times[place] + 1);
-            let next = (0..heaviest.len())
-                .filter(|&place| times[place] < self.problem.most[heaviest[place].0])
-                .max_by(|&one, &other| share(one).total_cmp(&share(other)).then(other.cmp(&one)));
-            let Some(next) = next else { break };
-            times[next] += 1;
-        }
-        let candidates = heaviest.into_iter().map(|(candidate, _)| candidate);
-        let all = candidates.zip(times);
+        let shares: Vec<f64> = heaviest.iter().map(|(_, weight)| *weight).collect();
+        let most = |place: usize| self.problem.most[heaviest[place].0];
+        let times = apportioned(&shares, self.effort.measurements, 1.0, most);
+        let all = heaviest.iter().map(|(candidate, _)| *candidate).zip(times);
         all.filter(|(_, times)| *times > 0).collect()
     }
 

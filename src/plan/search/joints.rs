@@ -11,40 +11,30 @@ use crate::numeric::random::streams::{FIXED_SEED, INDIFFERENT_JOINTS, SHOWN};
 use crate::plan::SmoothBound;
 use crate::robot::Load;
 
-/// The information of random configurations, each under every load, in the problem's relative units: what
-/// it does not determine, no plan does.
+/// Random configurations that are looked at for what experiments show.
+const CONFIGURATIONS: u32 = 40;
+
+/// The information of random configurations, each under every load, in an evaluator's relative units, and how many experiments that
+/// are: what it does not determine, no plan does.
 pub(super) fn random_information(
     mut evaluator: MatrixEvaluator<'_>,
     ranges: &[(f64, f64)],
     loads: &Loads,
-) -> DMatrix<f64> {
+) -> (DMatrix<f64>, f64) {
     let size = evaluator.parameters();
     let mut matrix = evaluator.matrix();
     let mut information = DMatrix::zeros(size, size);
-    random_points(ranges, loads, &mut |q, load| {
-        evaluator.move_to(q);
-        evaluator.observe(load, &mut matrix);
-        add_information(&mut information, &matrix, 1.0);
-    });
-    information
-}
-
-/// Random configurations in ranges, each under every load.
-pub(super) fn random_points(
-    ranges: &[(f64, f64)],
-    loads: &Loads,
-    each: &mut dyn FnMut(&[f64], &Load),
-) {
-    const CONFIGURATIONS: u64 = 40;
     let loads = loads.samples();
     let mut random = generator(FIXED_SEED, SHOWN);
     for _ in 0..CONFIGURATIONS {
         let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
-        let q: Vec<f64> = ranges.iter().map(draw).collect();
+        evaluator.move_to(&ranges.iter().map(draw).collect::<Vec<f64>>());
         for load in &loads {
-            each(&q, load);
+            evaluator.observe(load, &mut matrix);
+            add_information(&mut information, &matrix, 1.0);
         }
     }
+    (information, f64::from(CONFIGURATIONS) * loads.len() as f64)
 }
 
 /// The joints whose angle changes neither what any experiment tells nor the smooth bounds, found by

@@ -53,5 +53,5 @@ pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
 pub use low_rank_search::best_choice;
 pub use observation::MatrixEvaluator;
 pub use problem::{Effort, Problem, SearchError};
-pub use proved::{ProofExperiment, ProofFile, ProvedBound, TIGHT};
+pub use proved::{ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_plan, random_plan};

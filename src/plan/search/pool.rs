@@ -2,12 +2,9 @@
 //! the best one of them.
 
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 
 use super::point::Point;
 use super::problem::Problem;
-use super::sampling::RandomPlans;
-use crate::numeric::random::{generator, streams};
 use crate::plan::{CriterionFunction, LANES};
 
 /// Experiments with the information that they give.
@@ -22,22 +19,6 @@ pub(super) struct Pool {
 }
 
 impl Pool {
-    /// So many random experiments within the smooth bounds, fewer if they are hard to find, drawn on
-    /// all threads. Each `number` has pools of its own, from 1.
-    pub fn draw(problem: &Problem<'_>, size: usize, seed: u64, number: u64) -> Self {
-        let points: Vec<Point> = (0..size as u64)
-            .into_par_iter()
-            .map_init(
-                || RandomPlans::new(problem),
-                |sampler, index| {
-                    sampler.draw_inside(&mut generator(seed, streams::pool(number, index)))
-                },
-            )
-            .flatten()
-            .collect();
-        Self::new(problem, points)
-    }
-
     /// A pool of these experiments.
     pub fn new(problem: &Problem<'_>, points: Vec<Point>) -> Self {
         let entries = problem.parameters().pow(2);
@@ -58,26 +39,6 @@ impl Pool {
     /// The experiments.
     pub fn points(&self) -> &[Point] {
         &self.points
-    }
-
-    /// The experiments in descending order of their directional derivatives trace(A G A^T), with
-    /// these.
-    pub fn by_derivative(&self, directions: &DMatrix<f64>) -> Vec<(&Point, f64)> {
-        let derivatives = self
-            .information
-            .chunks_exact(self.entries)
-            .flat_map(|blocks| {
-                let mut derivatives = [0.0; LANES];
-                for (values, direction) in blocks.iter().zip(directions.as_slice()) {
-                    for lane in 0..LANES {
-                        derivatives[lane] += values[lane] * direction;
-                    }
-                }
-                derivatives
-            });
-        let mut sorted: Vec<_> = self.points.iter().zip(derivatives).collect();
-        sorted.sort_by(|one, other| other.1.total_cmp(&one.1));
-        sorted
     }
 
     /// The number of the experiment that gives the lowest cost, measured `weight` times together

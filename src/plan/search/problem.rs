@@ -10,13 +10,13 @@ use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
 use super::point::{add_information, in_directions};
 use super::relevance::relevant;
-use crate::compensation::{test_pose_matrix, test_pose_rows};
+use crate::compensation::{test_pose_matrix, weighted_rows};
 use crate::experiment::Loads;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::{
     Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, alone_and_together,
-    bounds_of, hung, widened,
+    bounds_of, hung, task_rows, widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
 
@@ -161,7 +161,7 @@ impl<'a> Problem<'a> {
     /// all compliances.
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
         let mut problem = Self::shown_by(task, criterion, &|problem| {
-            random_information(problem.evaluator(), &problem.ranges, &task.loads)
+            random_information(problem.evaluator(), &problem.ranges, &task.loads).0
         });
         if problem.impossible.is_none() {
             problem.indifferent = indifferent_joints(
@@ -261,13 +261,12 @@ impl<'a> Problem<'a> {
             // The criteria of Table 1 are about the instrument's noise alone.
             _ => None,
         };
-        let (ranges, loads) = (ranges_of(&task.region), &task.loads);
+        let ranges = ranges_of(&task.region);
         let mut considered = Vec::new();
         let (sizes, test_poses, prior) = if let Some(extended) = extended {
-            let rows = |pose: &TestPose| test_pose_rows(&task.belief, pose);
             let sizes = task.belief.sizes();
-            let test_poses = scaled_test_poses(task, &rows, &sizes);
-            considered = relevant(task, extended, &sizes, &test_poses, &ranges, loads);
+            let test_poses = scaled(&task_rows(task), &sizes);
+            considered = relevant(task, extended, &sizes, &test_poses, &ranges);
             let prior = task.belief.prior_information();
             (
                 considered.iter().map(|&index| sizes[index]).collect(),
@@ -276,8 +275,9 @@ impl<'a> Problem<'a> {
             )
         } else {
             let rows = |pose: &TestPose| test_pose_matrix(&task.belief, pose, parameters);
+            let rows = weighted_rows(&task.test_poses, parameters.len(), &rows);
             let sizes = task.belief.nominal.typical_rad_per_nm(parameters);
-            let test_poses = scaled_test_poses(task, &rows, &sizes);
+            let test_poses = scaled(&rows, &sizes);
             (sizes, test_poses, prior_information(task, parameters))
         };
         Self {
@@ -565,18 +565,9 @@ fn ranges_of(region: &Region) -> Vec<(f64, f64)> {
     ranges.map(|&[low, high]| (low, high)).collect()
 }
 
-/// C^T (p x 3 poses): the test poses' rows in relative units, times the roots of the weights.
-fn scaled_test_poses(
-    task: &Task,
-    rows: &dyn Fn(&TestPose) -> DMatrix<f64>,
-    sizes: &[f64],
-) -> DMatrix<f64> {
-    let mut stacked = DMatrix::zeros(sizes.len(), 3 * task.test_poses.len());
-    for (index, pose) in task.test_poses.iter().enumerate() {
-        let (matrix, root) = (rows(pose), pose.weight.sqrt());
-        let scaled = |parameter, row| matrix[(row, parameter)] * sizes[parameter] * root;
-        let scaled = DMatrix::from_fn(sizes.len(), 3, scaled);
-        stacked.columns_mut(3 * index, 3).copy_from(&scaled);
-    }
-    stacked
+/// C^T (p x 3 poses) in relative units.
+fn scaled(rows: &DMatrix<f64>, sizes: &[f64]) -> DMatrix<f64> {
+    DMatrix::from_fn(sizes.len(), rows.nrows(), |parameter, row| {
+        rows[(row, parameter)] * sizes[parameter]
+    })
 }

@@ -30,6 +30,8 @@ impl ProvableTask {
         let is_hinge = |joint: &Joint| !joint.drive.slides && joint.drive.passive_at.is_none();
         if problem.criterion != Criterion::TestPose {
             Some(NoProof::Criterion)
+        } else if !problem.task.design.mandatory.experiments.is_empty() {
+            Some(NoProof::Mandatory)
         } else if chain.elements.has_springs()
             || !chain.joints.iter().all(is_hinge)
             || problem.task.belief.instrument.rotation_sigma_rad.is_some()

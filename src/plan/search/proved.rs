@@ -3,17 +3,16 @@
 
 use serde::Serialize;
 
-use crate::experiment::{Experiment, Loads, printed_tolerance};
+use crate::experiment::{Loads, printed_tolerance};
 use crate::plan::proof::{
     Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, Proved, Question,
     SmoothRegion, Target, prove,
 };
-use crate::plan::{WIDENED_RAD, widened};
+use crate::plan::widened;
 use crate::robot::{Load, Tool};
 use crate::task::{Belief, Task};
 
 use super::approximate::{ApproximateDesign, approximate_design};
-use super::point::information_in;
 use super::problem::Problem;
 use super::provable::{ProvableTask, is_provable, spread};
 use super::rows::bound_rows;
@@ -24,9 +23,6 @@ pub const TIGHT: f64 = 1e-3;
 const NEAR: f64 = 0.01;
 /// More rows for each parameter than this are gathered into fewer.
 const MANY_ROWS: usize = 4;
-/// After how many boxes the bound of the derivative about a mandatory experiment is given up.
-const MANDATORY_BOXES: u64 = 200_000;
-
 /// A proof that no plan of a class has a `rho_0` below a number for its number of measurements.
 ///
 /// The class is that of [`super::Bound`].
@@ -50,12 +46,6 @@ pub struct ProofFile {
     pub targets: Vec<Target>,
     /// The standard deviation of each coordinate of a deflection (m).
     pub sigma_m: f64,
-    /// The number of mandatory measurements, and a bound of the sum of their derivatives.
-    pub mandatory: (u32, f64),
-    /// The mandatory experiments.
-    pub mandatory_experiments: Vec<ProofExperiment>,
-    /// By how much the angles of those that count as such may differ from theirs (rad).
-    pub mandatory_within_rad: f64,
     /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
     pub prior: f64,
     /// P (1/(rad/(N m))^2), row by row, for the question's compliances; none where nothing is known.
@@ -64,27 +54,6 @@ pub struct ProofFile {
     pub left_out: Vec<String>,
     /// For numbers m of measurements, what `rho_0` (m) no plan is below.
     pub bounds: Vec<(u32, f64)>,
-}
-
-/// An experiment in plain numbers.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ProofExperiment {
-    /// The angles (rad).
-    pub configuration_rad: Vec<f64>,
-    /// Force (N) and torque (N m) in the world frame.
-    pub wrench: [f64; 6],
-    /// How often it is measured.
-    pub repeats: u32,
-}
-
-impl From<&Experiment> for ProofExperiment {
-    fn from(experiment: &Experiment) -> Self {
-        Self {
-            configuration_rad: experiment.configuration_rad.iter().copied().collect(),
-            wrench: wrench(&experiment.load),
-            repeats: experiment.repeats,
-        }
-    }
 }
 
 impl ProvedBound {
@@ -106,7 +75,6 @@ impl ProvedBound {
             return Err(NoProof::Uncertain);
         }
         let rows = bound_rows(problem, approximate).ok_or(NoProof::Singular)?;
-        let mandatory = &task.design.mandatory;
         // A proof that is to be checked shows B as it is.
         let mut question = if records {
             question(problem, rows.clone())
@@ -120,25 +88,16 @@ impl ProvedBound {
         if let Some(extended) = problem.extended {
             let compliances = &task.belief.nominal.compliance_rad_per_nm;
             let sigma_m = task.belief.instrument.sigma_m;
-            let of_mandatory = mandatory.experiments.iter();
-            let printed = of_mandatory
-                .map(|each| printed_tolerance(&each.load))
-                .fold(printed, f64::max);
             let spread = spread(&question, compliances, extended, sigma_m, printed);
             question.spread = Some(spread.ok_or(NoProof::Uncertain)?);
         }
         let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
-        let derivatives = mandatory_derivatives(problem, approximate, &question)?;
         let precision = precision(task, &question.parameters);
-        let experiments = mandatory.experiments.iter();
         let file = ProofFile {
             proof: object,
             printed,
             targets: targets(task),
             sigma_m: task.belief.instrument.sigma_m,
-            mandatory: (mandatory.measurements(), derivatives),
-            mandatory_experiments: experiments.map(ProofExperiment::from).collect(),
-            mandatory_within_rad: WIDENED_RAD,
             prior: prior(task, precision.as_deref(), &rows),
             prior_precision: precision,
             left_out: Vec::new(),
@@ -161,7 +120,7 @@ impl ProvedBound {
         seed: u64,
         (known, measurements): (Option<&Self>, u32),
     ) -> Option<Result<Self, NoProof>> {
-        if known.is_some_and(|known| known.gap() <= NEAR) {
+        if known.is_some_and(|known| known.largest.gap() <= NEAR) {
             return None;
         }
         let is_nearer =
@@ -196,12 +155,11 @@ impl ProvedBound {
         self.file.left_out.is_empty()
     }
 
-    /// No plan of the class with so many measurements has a `rho_0` (m) below this; `None` where the mandatory ones are more.
+    /// No plan of the class with so many measurements has a `rho_0` (m) below this.
     pub fn of_size(&self, measurements: u32) -> Option<f64> {
-        let (count, derivatives) = self.file.mandatory;
-        let free = f64::from(measurements.checked_sub(count)?);
-        // Rounded up: a product and two sums.
-        let most = (self.file.prior + derivatives + self.largest.largest * free) * (1.0 + 1e-15);
+        // Rounded up: a product and a sum.
+        let derivatives = self.largest.largest * f64::from(measurements);
+        let most = (self.file.prior + derivatives) * (1.0 + 1e-15);
         if most.is_nan() || most <= 0.0 {
             return None;
         }
@@ -214,19 +172,9 @@ impl ProvedBound {
         ingredients.least_rho0_m(most)
     }
 
-    /// How far the bound of the largest derivative is above the largest derivative found, as a share.
-    pub fn gap(&self) -> f64 {
-        self.largest.gap()
-    }
-
-    /// The largest derivative that searches or the proof came across.
-    pub const fn found(&self) -> f64 {
-        self.largest.found
-    }
-
-    /// The number of boxes that it took.
-    pub const fn boxes(&self) -> u64 {
-        self.largest.boxes
+    /// What was proved of the largest derivative.
+    pub const fn largest(&self) -> &Proved {
+        &self.largest
     }
 
     /// The proof for those who want to check it, where it was recorded.
@@ -240,7 +188,7 @@ impl ProvedBound {
 
     /// Whether it is as near as what searches find, and about the same.
     pub fn is_tight(&self) -> bool {
-        self.is_about_all() && self.gap() <= TIGHT * (1.0 + 1e-6)
+        self.is_about_all() && self.largest.gap() <= TIGHT * (1.0 + 1e-6)
     }
 }
 
@@ -305,37 +253,6 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
         },
         spread: None,
     }
-}
-
-/// A bound of the sum of the derivatives of experiments that are printed as the mandatory ones, within [`WIDENED_RAD`].
-fn mandatory_derivatives(
-    problem: &Problem<'_>,
-    approximate: &ApproximateDesign,
-    question: &Question,
-) -> Result<f64, NoProof> {
-    let mut sum = 0.0;
-    for experiment in &problem.task.design.mandatory.experiments {
-        let mut near = question.clone();
-        let angles = experiment.configuration_rad.iter();
-        for (joint, angle) in near.arm.joints.iter_mut().zip(angles) {
-            joint.range_rad = [angle - WIDENED_RAD, angle + WIDENED_RAD];
-        }
-        near.region = SmoothRegion::default();
-        near.loads = ProofLoads::OneOf(vec![wrench(&experiment.load)]);
-        let effort = ProofLimits {
-            gap: 1e-3,
-            boxes: MANDATORY_BOXES,
-            stop: &|| false,
-            progress: &|_, _| {},
-        };
-        // What tells next to nothing needs no near bound.
-        let least = 1e-6 * approximate.certificate.largest_derivative;
-        let found = derivative(problem, approximate, experiment).max(least);
-        let printed = printed_tolerance(&experiment.load);
-        let (Proved { largest, .. }, _) = prove_printed(&near, found, printed, effort, false)?;
-        sum = (sum + f64::from(experiment.repeats) * largest) * (1.0 + 1e-15);
-    }
-    Ok(sum)
 }
 
 /// Where there are many more rows than parameters, as many rows as these that tell no less: the derivative is a
@@ -406,18 +323,6 @@ fn prior(task: &Task, precision: Option<&[Vec<f64>]>, rows: &[Vec<f64>]) -> f64 
     }
     let terms = (rows.len() * precision.len().pow(2) + 8) as f64;
     sum + size * terms * 4.0 * f64::EPSILON
-}
-
-fn derivative(
-    problem: &Problem<'_>,
-    approximate: &ApproximateDesign,
-    experiment: &Experiment,
-) -> f64 {
-    let mut evaluator = problem.evaluator();
-    let mut matrix = evaluator.matrix();
-    evaluator.move_to(experiment.configuration_rad.as_slice());
-    evaluator.observe(&experiment.load, &mut matrix);
-    information_in(&matrix, &approximate.directions)
 }
 
 fn targets(task: &Task) -> Vec<Target> {

@@ -1,10 +1,11 @@
 //! Which error sources a search for plans considers: those with next to no contribution cost it time, and a
 //! bound without them is below that with them. What a plan then predicts is judged by all.
 
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::DMatrix;
 
-use super::joints::random_points;
-use crate::experiment::Loads;
+use super::joints::random_information;
+use super::observation::MatrixEvaluator;
+use crate::observation::ComplianceColumns;
 use crate::task::{Extended, Task};
 
 /// What is left out makes together at most this share of the square of what random plans prediction: half of it in
@@ -21,30 +22,21 @@ pub(super) fn relevant(
     sizes: &[f64],
     test_poses: &DMatrix<f64>,
     ranges: &[(f64, f64)],
-    loads: &Loads,
 ) -> Vec<usize> {
     let all: Vec<usize> = (0..sizes.len()).collect();
     let precision = task.belief.instrument.precision();
-    let mut model = extended.readings(&all, sizes, precision);
-    let mut matrix = Matrix3xX::zeros(sizes.len() * precision.rows() / 3);
-    let mut mean = DMatrix::zeros(sizes.len(), sizes.len());
-    let mut count = 0.0;
-    random_points(ranges, loads, &mut |q, load| {
-        model.move_to(q);
-        model.observe(load, &mut matrix);
-        for block in (0..matrix.ncols()).step_by(sizes.len()) {
-            let rows = matrix.columns(block, sizes.len());
-            mean += rows.tr_mul(&rows);
-        }
-        count += 1.0;
-    });
+    let joints = &task.belief.parameters;
+    let compliances = ComplianceColumns::new(joints, &sizes[..joints.len()], precision);
+    let readings = extended.readings(&all, sizes, precision);
+    let evaluator = MatrixEvaluator::new(readings, compliances, None);
+    let (sum, count) = random_information(evaluator, ranges, &task.loads);
     let prior = task.belief.prior_information();
     let groups = extended.shared();
     // The largest share of each uncertainty.
     let mut shares = vec![0.0_f64; groups.len()];
     for size in SIZES {
         let measurements = f64::from(task.design.experiments.max(1)) * size;
-        let information = &mean * (measurements / count) + &prior;
+        let information = &sum * (measurements / count) + &prior;
         let Some(factor) = information.cholesky() else {
             return all;
         };

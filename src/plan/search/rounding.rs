@@ -5,7 +5,6 @@ use super::local::Precision;
 use super::point::Point;
 use super::problem::Problem;
 use super::refinement::{Found, Refinement};
-use crate::plan::Criterion;
 
 /// A plan whose value is within this factor of its bound needs no search.
 const NEAR: f64 = 1.001;
@@ -26,7 +25,7 @@ pub(super) fn rounded_design(
     if measurements < MANY || is_beside || criterion.bounded_as() != Some(approximate.criterion) {
         return None;
     }
-    let experiments = approximate.rounded(free, configurations)?.experiments;
+    let experiments = approximate.rounded(free, configurations).experiments;
     let mut refinement = Refinement::new(problem);
     let as_it_is = refinement.known(&experiments);
     // The design's experiments may collide, or be out of sight.
@@ -36,11 +35,6 @@ pub(super) fn rounded_design(
     let found = refinement.refine(rounded, Precision::FINE, f64::INFINITY);
     let least = certificate.cost.powi(2) / (certificate.largest_inside * f64::from(measurements));
     let best = criterion.value_of_cost(least);
-    // A plan's cost is the criterion's value, its inverse, or the square of rho_0.
-    let value = match criterion {
-        Criterion::TestPose => found.cost.sqrt(),
-        other if other.is_maximised() => found.cost.recip(),
-        _ => found.cost,
-    };
+    let value = criterion.value_of_own_cost(found.cost);
     ((value / best).max(best / value) <= NEAR).then_some(found)
 }

@@ -181,6 +181,24 @@ impl<'a> RandomPlans<'a> {
     }
 }
 
+/// So many random experiments within the smooth bounds, fewer if they are hard to find, drawn on all threads. Each `number` has
+/// experiments of its own, from 1.
+pub(super) fn points_inside(
+    problem: &Problem<'_>,
+    size: usize,
+    seed: u64,
+    number: u64,
+) -> Vec<Point> {
+    let draw = |sampler: &mut RandomPlans<'_>, index: u64| {
+        sampler.draw_inside(&mut generator(seed, streams::pool(number, index)))
+    };
+    (0..size as u64)
+        .into_par_iter()
+        .map_init(|| RandomPlans::new(problem), draw)
+        .flatten()
+        .collect()
+}
+
 /// A random feasible plan, number `run` under a seed; see [`RandomPlans::draw`].
 ///
 /// # Errors

@@ -2,8 +2,6 @@
 
 use nalgebra::DMatrix;
 
-use super::point::Point;
-use super::problem::Problem;
 use crate::plan::CriterionFunction;
 
 /// Accelerated cycles of the multiplicative algorithm in one round, three steps each.
@@ -24,14 +22,9 @@ pub(super) struct Weighing {
 }
 
 impl Weighing {
-    /// For a problem whose criterion has a cost that goes with the inverse of the information, see
-    /// [`Criterion::bounded_as`].
-    pub fn new(problem: &Problem<'_>) -> Self {
-        Self::of(problem.cost(), problem.beside.clone(), problem.parameters())
-    }
-
-    /// For such a cost of so many unknowns, with what is told beside.
-    pub fn of(cost: CriterionFunction, beside: Option<DMatrix<f64>>, size: usize) -> Self {
+    /// For a cost that goes with the inverse of the information, see [`Criterion::bounded_as`](crate::plan::Criterion::bounded_as), of
+    /// so many unknowns, with what is told beside.
+    pub fn new(cost: CriterionFunction, beside: Option<DMatrix<f64>>, size: usize) -> Self {
         Self {
             cost,
             beside,
@@ -42,15 +35,9 @@ impl Weighing {
     }
 
     /// Returns the cost, which belongs to the derivatives in `directions`; it is met where no derivative of these
-    /// experiments is above their mean by more than the tolerance, as a share.
-    pub fn optimise(&mut self, support: &[Point], weights: &mut [f64], tolerance: f64) -> f64 {
-        let blocks: Vec<DMatrix<f64>> = support.iter().map(Point::information).collect();
-        self.weigh(&blocks, weights, tolerance)
-    }
-
-    /// The same of experiments by what they tell (p x p), by the multiplicative algorithm. As its steps converge slowly, it is
-    /// accelerated: after two steps it goes on in their direction where that lowers the cost (Varadhan and Roland 2008, scheme
-    /// S3).
+    /// experiments, given by what they tell (p x p), is above their mean by more than the tolerance, as a share. By the
+    /// multiplicative algorithm; as its steps converge slowly, it is accelerated: after two steps it goes on in their direction
+    /// where that lowers the cost (Varadhan and Roland 2008, scheme S3).
     pub fn weigh(&mut self, blocks: &[DMatrix<f64>], weights: &mut [f64], tolerance: f64) -> f64 {
         let [mut before, mut once, mut twice] = [(); 3].map(|()| weights.to_vec());
         let is_best = |mean: f64, largest: f64| largest <= mean * (1.0 + tolerance);
@@ -158,6 +145,26 @@ pub(super) fn drop_light<T>(support: &mut Vec<T>, weights: &mut Vec<f64>, most: 
     let mut each = weights.iter();
     support.retain(|_| each.next().is_some_and(|weight| *weight > most));
     weights.retain(|weight| *weight > most);
+}
+
+/// Shares measurements out by weights, one at a time to the largest weight over so many as it has, and `plus` (0: the efficient
+/// rounding, where each has one at least; 1: the greatest divisors); as often as each may be, at most.
+pub(super) fn apportioned(
+    weights: &[f64],
+    measurements: u32,
+    plus: f64,
+    most: impl Fn(usize) -> u32,
+) -> Vec<u32> {
+    let mut times = vec![0; weights.len()];
+    for _ in 0..measurements {
+        let share = |place: usize| weights[place] / (f64::from(times[place]) + plus);
+        let next = (0..weights.len())
+            .filter(|&place| times[place] < most(place))
+            .max_by(|&one, &other| share(one).total_cmp(&share(other)).then(other.cmp(&one)));
+        let Some(next) = next else { break };
+        times[next] += 1;
+    }
+    times
 }
 
 pub(super) fn normalise(weights: &mut [f64]) {

@@ -24,7 +24,7 @@ LONGEST_S = 60
 NUMBERS = [0, -1, 1, 2, 7, 0.5, 1e-300, -1e-9, 1e-9, 1e9, 1e154, 1e300, -1e300, 5e-324, 2**31, 2**63, 2**64, 10**400, -(10**400), 1e5]
 VALUES = [*NUMBERS, None, True, False, "", "x", "1", [], {}, [[]], [0], [1, 2, 3], {"x": 1}, "\u0000", "9" * 400]
 #: What a claim is about; the rest is the prover's word.
-QUESTION = ("sigma_m", "mandatory_experiments", "prior_precision")
+QUESTION = ("sigma_m", "prior_precision")
 
 
 class Late(Exception):
@@ -135,7 +135,7 @@ def false_claim(rng, file, reached):
             if not file["proof"]["parts"]:
                 return
         else:
-            key = rng.choice(["printed", "mandatory", "prior", "weights", "mandatory_within_rad"])
+            key = rng.choice(["printed", "prior", "weights"])
             if key == "weights":
                 # As if the poses weighed more, so that all that is left does.
                 for target in file["targets"]:
