@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo docs python wheel dist site enclosures proofs evidence replanning simulated mutants reproduce test build gate baseline pins pins-quick pins-write bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
+.PHONY: help demo docs gallery python wheel dist site enclosures proofs evidence replanning simulated mutants reproduce test build gate baseline pins pins-quick pins-write bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
@@ -25,6 +25,10 @@ build: setup ## build the program: target/release/elastocal
 
 docs: build ## run the commands of README and docs/, and compare what they print with what the pages say
 	tools/try-docs
+
+gallery: build ## make the pictures of docs/gallery.md anew (names of scenarios in ARGS), two minutes
+	@tools/install-chromium
+	tools/gallery $(ARGS)
 
 python: build ## install the Python package's wheel into .python/ and test it beside the program
 	tools/dist wheel

@@ -80,6 +80,8 @@ pub struct ChartAxis {
     pub minor: Vec<f64>,
     /// Whether it is of logarithms (base 10).
     pub is_logarithmic: bool,
+    /// What stands at the ticks in place of numbers.
+    pub names: Vec<String>,
 }
 
 impl ChartAxis {
@@ -95,16 +97,29 @@ impl ChartAxis {
             ticks,
             minor: Vec::new(),
             is_logarithmic: false,
+            names: Vec::new(),
         }
     }
 
-    /// The number at a tick.
-    pub fn number(&self, tick: f64) -> String {
-        short(if self.is_logarithmic {
-            10_f64.powf(tick)
-        } else {
-            tick
-        })
+    /// Of places 0, 1, 2, ... with these names.
+    pub fn named(names: Vec<String>) -> Self {
+        let count = names.len() as f64;
+        let places = (0_u32..).map(f64::from).take(names.len()).collect();
+        Self {
+            names,
+            ..Self::new(-0.5..count - 0.5, places)
+        }
+    }
+
+    /// What stands at a tick.
+    fn written(&self, tick: f64) -> String {
+        let is_here = |other: &f64| (other - tick).abs() < 1e-9;
+        let place = self.ticks.iter().position(is_here);
+        match place.and_then(|place| self.names.get(place)) {
+            Some(name) => name.clone(),
+            None if self.is_logarithmic => short(10_f64.powf(tick)),
+            None => short(tick),
+        }
     }
 
     /// Of logarithms (base 10): numbers at 1, 2, 5, 10, ..., lines at all of 1, 2, 3, ... 10, 20, ...
@@ -128,6 +143,7 @@ impl ChartAxis {
             ticks,
             minor,
             is_logarithmic: true,
+            names: Vec::new(),
         }
     }
 }
@@ -262,57 +278,35 @@ impl Rows<'_> {
         (self.names.len() - row) as f64 - 0.5
     }
 
-    /// A drawing under a name, with names, notes and axis; `label` writes a tick, `fill` draws what is in the rows.
+    /// A drawing under a name, with names, notes and axis; `fill` draws what is in the rows.
     pub fn drawn(
         &self,
         name: &str,
-        label: &dyn Fn(&f64) -> String,
         fill: impl FnOnce(&mut Chart<'_, '_>) -> Result<(), PlotError>,
     ) -> Result<String, PlotError> {
         drawing(self.size(), name, |area| {
-            fill(&mut self.draw(area, label)?)?;
+            fill(&mut self.draw(area)?)?;
             Ok(Vec::new())
         })
     }
 
-    /// Draws names, notes and axis; `label` writes a tick.
-    fn draw<'a, 'b>(
-        &self,
-        area: &'a Area<'b>,
-        label: &dyn Fn(&f64) -> String,
-    ) -> Result<Chart<'a, 'b>, PlotError> {
-        let names: Vec<String> = (self.names.iter())
-            .map(|name| shortened(name, LONGEST_NAME))
-            .collect();
-        let count = names.len();
-        let middles: Vec<f64> = (0..count).map(|row| self.middle(row)).collect();
+    /// Draws names, notes and axis.
+    fn draw<'a, 'b>(&self, area: &'a Area<'b>) -> Result<Chart<'a, 'b>, PlotError> {
+        let names = self.names.iter().map(|name| shortened(name, LONGEST_NAME));
+        let names: Vec<String> = names.collect();
+        let middles = (0..names.len()).map(|row| self.middle(row)).collect();
+        let room = 26 + width_of(&names);
+        let rows = ChartAxis {
+            names,
+            ..ChartAxis::new(0.0..self.names.len() as f64, middles)
+        };
         let mut chart = ChartBuilder::on(area)
             .margin_top(TOP)
             .margin_right(12 + width_of(self.notes))
             .x_label_area_size(AXIS)
-            .y_label_area_size(26 + width_of(&names))
-            .build_cartesian_2d(
-                self.axis.clone(),
-                ChartAxis::new(0.0..count as f64, middles),
-            )?;
-        let name_at = |y: &f64| {
-            let from_top = count as f64 - 0.5 - y;
-            let row = (0..count).find(|&row| (row as f64 - from_top).abs() < 0.25);
-            row.map_or_else(String::new, |row| names[row].clone())
-        };
-        chart
-            .configure_mesh()
-            .disable_y_mesh()
-            .light_line_style(GRID.mix(0.5))
-            .bold_line_style(GRID)
-            .axis_style(SOFT)
-            .set_tick_mark_size(LabelAreaPosition::Left, 8)
-            .label_style(text(INK))
-            .x_desc(self.title.clone())
-            .axis_desc_style(text(SOFT))
-            .x_label_formatter(&label)
-            .y_label_formatter(&name_at)
-            .draw()?;
+            .y_label_area_size(room)
+            .build_cartesian_2d(self.axis.clone(), rows)?;
+        draw_axes(&mut chart, [&self.title, ""])?;
         let style = text(INK).pos(Pos::new(HPos::Left, VPos::Center));
         for (row, note) in self.notes.iter().enumerate() {
             let (_, y) = chart.backend_coord(&(self.axis.range.end, self.middle(row)));
@@ -349,24 +343,23 @@ pub fn ticks(low: f64, high: f64, about: u32) -> Vec<f64> {
         .collect()
 }
 
-/// Draws its axes with their names and the grid; `label` writes a tick of x.
-fn draw_axes(
-    chart: &mut Chart<'_, '_>,
-    [x, y]: [&str; 2],
-    label: &dyn Fn(&f64) -> String,
-) -> Result<(), PlotError> {
-    let height = chart.as_coord_spec().y_spec().clone();
-    chart
-        .configure_mesh()
-        .light_line_style(GRID.mix(0.5))
+/// Draws its axes with their names and the grid; rows with names of their own have no lines.
+fn draw_axes(chart: &mut Chart<'_, '_>, [x, y]: [&str; 2]) -> Result<(), PlotError> {
+    let spec = chart.as_coord_spec();
+    let (across, upwards) = (spec.x_spec().clone(), spec.y_spec().clone());
+    let mut mesh = chart.configure_mesh();
+    if !upwards.names.is_empty() {
+        mesh.disable_y_mesh();
+    }
+    mesh.light_line_style(GRID.mix(0.5))
         .bold_line_style(GRID)
         .axis_style(SOFT)
         .label_style(text(INK))
         .axis_desc_style(text(SOFT))
         .x_desc(x)
         .y_desc(y)
-        .x_label_formatter(&label)
-        .y_label_formatter(&|y| height.number(*y))
+        .x_label_formatter(&|x| across.written(*x))
+        .y_label_formatter(&|y| upwards.written(*y))
         .draw()?;
     Ok(())
 }
@@ -470,45 +463,71 @@ impl Series {
     }
 }
 
-/// A chart with named axes, and the names of its series off the data, beside it or, where it is narrow, above; `label` writes a tick of x.
+/// A chart with named axes, and the names of its series off the data, beside it or, where it is narrow, above.
 pub fn chart_of<'a, 'b>(
     area: &'a Area<'b>,
     axes: [ChartAxis; 2],
     names: [&str; 2],
     series: &[Series],
-    label: &dyn Fn(&f64) -> String,
 ) -> Result<Chart<'a, 'b>, PlotError> {
     const LINE: u32 = 46;
     let entries: Vec<String> = series.iter().map(|each| each.name.clone()).collect();
     let width = area.dim_in_pixel().0;
     let is_wide = width >= WHOLE;
-    let (above, beside) = match series.len() as u32 {
+    let (above, beside) = match pixels(series.len()) {
         0 => (0, 0),
         _ if is_wide => (0, 70 + width_of(&entries)),
         count => (count.div_ceil(2) * LINE, 0),
     };
-    let [x, y] = axes;
+    let [mut x, y] = axes;
+    // Names that are too long to stand beside one another are in several lines by turns.
+    let room = width.saturating_sub(140 + beside).max(1);
+    let needed = width_of(&x.names) * pixels(x.names.len());
+    let lines = needed.div_ceil(room).clamp(1, 4);
+    let ticks = x.ticks.clone();
+    let below = match lines {
+        1 => Vec::new(),
+        _ => std::mem::replace(&mut x.names, vec![String::new(); ticks.len()]),
+    };
     let mut chart = ChartBuilder::on(area)
         .margin(14)
         .margin_top(14 + above)
         .margin_right(14 + beside)
-        .x_label_area_size(78)
+        .x_label_area_size(78 + LINE * (lines - 1))
         .y_label_area_size(112)
         .build_cartesian_2d(x, y)?;
-    draw_axes(&mut chart, names, label)?;
+    draw_axes(&mut chart, names)?;
+    let (left, top) = area.get_base_pixel();
     let (across, down) = chart.plotting_area().get_pixel_range();
     for (row, each) in (0..).zip(series) {
         let at = if is_wide {
-            (across.end + 24, down.start + LINE as i32 * row + 23)
+            (
+                across.end - left + 24,
+                down.start - top + signed(LINE * row) + 23,
+            )
         } else {
             (
-                112 + row % 2 * (width as i32 / 2 - 50),
-                28 + LINE as i32 * (row / 2),
+                112 + signed(row % 2 * (width / 2 - 50)),
+                28 + signed(LINE * (row / 2)),
             )
         };
         each.draw_entry(area, at)?;
     }
+    let style = text(INK).pos(Pos::new(HPos::Center, VPos::Top));
+    for (row, (tick, name)) in (0..).zip(ticks.into_iter().zip(below)) {
+        let (x, _) = chart.backend_coord(&(tick, 0.0));
+        let y = down.end - top + 12 + signed(LINE * (row % lines));
+        area.draw(&Text::new(name, (x - left, y), style.clone()))?;
+    }
     Ok(chart)
+}
+
+fn pixels(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}
+
+fn signed(pixels: u32) -> i32 {
+    i32::try_from(pixels).unwrap_or(i32::MAX)
 }
 
 /// A value between the ends of its interval, at a height: `[low, value, high]`.

@@ -1,10 +1,9 @@
-//! The plot of a model selection, as SVG.
-
-use plotters::prelude::*;
+//! Plots of residuals and of model selection, as SVG.
 
 use super::charts::{
-    Area, COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, short, text,
+    Area, COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, text,
 };
+use crate::identification::patterns::PatternPoint;
 use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
 use crate::record::patterns::{PatternMessage, PatternsMessage};
 
@@ -35,17 +34,13 @@ pub fn model_selection_plot(
     let lines = [line(&fitted), line(&predicted)];
     let all = lines.iter().flatten();
     let top = all.map(|(_, value)| *value).fold(0.0, f64::max) * 1.1;
-    let label = |place: &f64| {
-        let mut all = (0..).map(f64::from).zip(nested_models);
-        let nested_model = all.find(|(index, _)| (index - place).abs() < 1e-6);
-        nested_model.map_or_else(String::new, |(_, nested_model)| {
-            let plus = if *place > 0.5 { "+ " } else { "" };
-            format!(
-                "{plus}{} ({})",
-                nested_model.added.word(),
-                nested_model.unknowns
-            )
-        })
+    let name = |(place, nested_model): (usize, &NestedModel)| {
+        let plus = if place > 0 { "+ " } else { "" };
+        format!(
+            "{plus}{} ({})",
+            nested_model.added.word(),
+            nested_model.unknowns
+        )
     };
     let chosen = model_selection.recommendation.as_ref().and_then(|each| {
         let place = each.nested_model;
@@ -57,17 +52,13 @@ pub fn model_selection_plot(
         Series::new("blocks that were not", COLOURS[1], Mark::Line),
         Series::new("recommended", INK, Mark::Ring),
     ];
-    let count = nested_models.len();
     let axes = [
-        ChartAxis::new(
-            -0.5..count as f64 - 0.5,
-            (0_u32..).map(f64::from).take(count).collect(),
-        ),
+        ChartAxis::named(nested_models.iter().enumerate().map(name).collect()),
         ChartAxis::linear(0.0..top.max(1e-9), 8),
     ];
     let names = ["parameters (unknowns)", "rms residual [mm]"];
     plot(SIZE, title, |area| {
-        let mut chart = chart_of(area, axes, names, &series, &label)?;
+        let mut chart = chart_of(area, axes, names, &series)?;
         for (each, line) in series.iter().zip(&lines) {
             each.draw(&mut chart, line)?;
             Series::new("", each.colour, Mark::Dot).draw(&mut chart, line)?;
@@ -137,23 +128,20 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
         format!("residual [{unit}]"),
     ];
     let axes = [ChartAxis::linear(x, 6), ChartAxis::linear(y, 6)];
-    let mut chart = chart_of(&panel, axes, [&names[0], &names[1]], &[], &|x| short(*x))?;
-    chart.draw_series(points.iter().map(|point| {
+    let mut chart = chart_of(&panel, axes, [&names[0], &names[1]], &[])?;
+    for point in points {
         let [low, high] = [-1.0, 1.0].map(|side| point.seen + side * point.standard_error);
-        PathElement::new(
-            [(point.at, low * factor), (point.at, high * factor)],
-            COLOURS[0].stroke_width(3),
-        )
-    }))?;
-    chart.draw_series(
-        (points.iter())
-            .map(|point| Circle::new((point.at, point.seen * factor), 5, COLOURS[0].filled())),
-    )?;
-    chart.draw_series(LineSeries::new(
-        (points.iter()).map(|point| (point.at, point.pattern * factor)),
-        COLOURS[1].stroke_width(4),
-    ))?;
-    Ok(())
+        let bar = [(point.at, low * factor), (point.at, high * factor)];
+        Series::new("", COLOURS[0], Mark::Line).draw(&mut chart, &bar)?;
+    }
+    let line = |of: fn(&PatternPoint) -> f64| -> Vec<(f64, f64)> {
+        points
+            .iter()
+            .map(|point| (point.at, of(point) * factor))
+            .collect()
+    };
+    Series::new("", COLOURS[0], Mark::Dot).draw(&mut chart, &line(|point| point.seen))?;
+    Series::new("", COLOURS[1], Mark::Line).draw(&mut chart, &line(|point| point.pattern))
 }
 
 fn panel_title(pattern: &PatternMessage) -> String {

@@ -75,18 +75,30 @@ pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> Strin
 
 /// The same with columns of any names.
 pub fn table_of(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    let line = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
-        let cells: Vec<String> = cells
-            .map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell)))
-            .collect();
-        format!("<tr>{}</tr>\n", cells.concat())
-    };
-    let head = line("th", &mut header.iter().map(AsRef::as_ref));
-    let body: String = (rows.into_iter())
-        .map(|row| line("td", &mut row.iter().map(String::as_str)))
-        .collect();
+    let cells = |row: Vec<String>| row.iter().map(|text| cell(text)).collect();
+    table_of_cells(header, rows.into_iter().map(cells))
+}
+
+/// A cell of text.
+pub fn cell(text: &str) -> String {
+    format!("<td>{}</td>", escaped(text))
+}
+
+/// The same with rows of cells (HTML).
+pub fn table_of_cells(
+    header: &[impl AsRef<str>],
+    rows: impl IntoIterator<Item = String>,
+) -> String {
+    let mut head = String::new();
+    for name in header {
+        head += &format!("<th>{}</th>", escaped(name.as_ref()));
+    }
+    let mut body = String::new();
+    for cells in rows {
+        body += &format!("<tr>{cells}</tr>\n");
+    }
     format!(
-        "<div class=\"wide\"><table>\n<thead>{head}</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
+        "<div class=\"wide\"><table>\n<thead><tr>{head}</tr>\n</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
     )
 }
 

@@ -1,7 +1,7 @@
 //! Plots of budgets of measurements as SVG.
 
 use super::charts::{
-    COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, short, whole_ticks,
+    COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, whole_ticks,
 };
 use crate::plan::search::{BudgetPoint, repeated_configurations};
 
@@ -53,7 +53,7 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
         "\u{3c1}\u{2080}, rms residual error [\u{b5}m]",
     ];
     plot(SIZE, title, |area| {
-        let mut chart = chart_of(area, axes, names, &series, &|x| short(*x))?;
+        let mut chart = chart_of(area, axes, names, &series)?;
         let lines = lines.into_iter().map(|(_, line)| line).chain([bound]);
         for (each, line) in series.iter().zip(lines) {
             if each.mark == Mark::Line {

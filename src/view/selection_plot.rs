@@ -58,25 +58,19 @@ pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String,
         drawn.push((Series::new(&name, colour, Mark::Triangle), marks.collect()));
     }
     let (series, points): (Vec<Series>, Vec<Vec<(f64, f64)>>) = drawn.into_iter().unzip();
+    let size_names = message.sizes.iter().map(|each| each.size.to_string());
     let axes = [
-        ChartAxis::new(-0.5..count - 0.5, sizes().map(|(place, _)| place).collect()),
+        ChartAxis::named(size_names.collect()),
         ChartAxis::logarithmic(heights.clone()),
     ];
-    let label = |place: &f64| {
-        let mut here = sizes().filter(|(at, _)| (at - place).abs() < 1e-9);
-        here.next()
-            .map_or_else(String::new, |(_, of_size)| of_size.size.to_string())
-    };
     let names = [
         "readings that were chosen",
         "mean distance at all others [mm]",
     ];
     let (mut above, mut drawn) = (0, Vec::new());
     for points in points {
-        let logarithms = points
-            .into_iter()
-            .map(|(place, mean)| (place, mean.log10()));
-        let (seen, higher): (Vec<_>, Vec<_>) = logarithms.partition(|(_, at)| *at < heights.end);
+        let points = points.into_iter().map(|(x, mean)| (x, mean.log10()));
+        let (seen, higher): (Vec<_>, Vec<_>) = points.partition(|(_, y)| *y < heights.end);
         above += higher.len();
         drawn.push(seen);
     }
@@ -85,7 +79,7 @@ pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String,
         _ => format!("{title} ({above} lie above)"),
     };
     plot(SIZE, &title, |area| {
-        let mut chart = chart_of(area, axes, names, &series, &label)?;
+        let mut chart = chart_of(area, axes, names, &series)?;
         (series.iter().zip(&drawn)).try_for_each(|(each, points)| each.draw(&mut chart, points))
     })
 }

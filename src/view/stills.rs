@@ -12,7 +12,7 @@ use std::fmt::Write;
 use nalgebra::{Point3, Vector3};
 
 use self::painter::{Camera, Painter};
-use self::scene::{Scene, Stage};
+use self::scene::{Scene, Scenery};
 use super::markup::escaped;
 use crate::experiment::Candidate;
 use crate::plan::{Experiment, Plan};
@@ -38,7 +38,7 @@ pub struct Stills<'a> {
     plan: Plan,
     /// Of a plan of absolute readings: what is read in each experiment, and from where.
     rows: Vec<&'a Candidate>,
-    stage: Stage,
+    scenery: Scenery,
     camera: Camera,
 }
 
@@ -72,27 +72,27 @@ impl<'a> Stills<'a> {
     }
 
     fn new(scenario: &'a Scenario, plan: Plan, rows: Vec<&'a Candidate>) -> Self {
-        let stage = Stage::new(scenario, &plan, &rows);
-        let camera = stage.camera();
+        let scenery = Scenery::new(scenario, &plan, &rows);
+        let camera = scenery.camera();
         Self {
             scenario,
             plan,
             rows,
-            stage,
+            scenery,
             camera,
         }
     }
 
     /// What is shown, from the first experiment on.
     fn shown(&self) -> impl Iterator<Item = (usize, &Experiment, &Scene)> {
-        let both = self.plan.experiments.iter().zip(&self.stage.scenes);
+        let both = self.plan.experiments.iter().zip(&self.scenery.scenes);
         both.enumerate()
             .map(|(index, (experiment, scene))| (index, experiment, scene))
     }
 
     /// The view that turns, and the stills, as figures of a page.
     pub fn figures(&self) -> String {
-        let mut figures = turning::view(&self.stage);
+        let mut figures = turning::view(&self.scenery);
         for (index, experiment, scene) in self.shown() {
             let [angles, loads] = self.words(index, experiment);
             let number = index + 1;
@@ -144,7 +144,7 @@ impl<'a> Stills<'a> {
 
     /// Pictures of each experiment, for one page.
     pub fn pictures(mut self) -> Vec<Pictures> {
-        let scenes = std::mem::take(&mut self.stage.scenes);
+        let scenes = std::mem::take(&mut self.scenery.scenes);
         let picture = |(index, mut scene): (usize, Scene)| {
             let number = index + 1;
             let label = format!("Where the load of experiment {number} hangs");
@@ -237,7 +237,7 @@ impl<'a> Stills<'a> {
     fn picture(&self, svg: &mut String, scene: &Scene) {
         let camera = &self.camera;
         let mut painter = Painter::new(camera);
-        for (part, mesh) in self.stage.surfaces(scene) {
+        for (part, mesh) in self.scenery.surfaces(scene) {
             // What is only half in the picture would be hard to make out.
             if part.is_robot || mesh.vertices.iter().all(|corner| camera.is_seen(corner)) {
                 painter.add(&mesh, part.rgba);

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Looks at an HTML page in a headless Chromium and prints what it saw as JSON.
 
-    look_at_page.py CHROMIUM PAGE [--width PX] [--dark] [--paper a4|letter] [--screenshot FILE.png] [--pdf FILE.pdf]
+    look_at_page.py CHROMIUM PAGE [--width PX] [--dark] [--paper a4|letter] [--screenshot FILE.png] [--element SELECTOR] [--pdf FILE.pdf]
 
 Speaks the DevTools protocol over a pipe, with the standard library alone.
 """
@@ -203,8 +203,12 @@ def look(browser, page, given):
         raise SystemExit(f"the look failed: {answer['exceptionDetails']}")
     seen = answer["result"]["value"]
     if given.screenshot:
-        picture = call("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip={
-            "x": 0, "y": 0, "width": width, "height": seen["page_px"][1], "scale": 1})
+        clip = {"x": 0, "y": 0, "width": width, "height": seen["page_px"][1]}
+        if given.element:
+            box = f"document.querySelector({json.dumps(given.element)}).getBoundingClientRect().toJSON()"
+            clip = call("Runtime.evaluate", expression=box, returnByValue=True)["result"]["value"]
+            clip = {key: clip[key] for key in ["x", "y", "width", "height"]}
+        picture = call("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip={**clip, "scale": 1})
         given.screenshot.write_bytes(base64.b64decode(picture["data"]))
     parameters = lambda method: [
         each["params"] for each in browser.events if each.get("method") == method]
@@ -236,6 +240,7 @@ def main():
     arguments.add_argument("--dark", action="store_true")
     arguments.add_argument("--paper", choices=PAPERS_MM)
     arguments.add_argument("--screenshot", type=pathlib.Path)
+    arguments.add_argument("--element", help="the part that a screenshot shows (a CSS selector)")
     arguments.add_argument("--pdf", type=pathlib.Path)
     given = arguments.parse_args()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:

@@ -132,7 +132,7 @@ pub fn plot_looks_well(svg: &Path) {
     let page = svg.with_extension("html");
     let drawing = std::fs::read_to_string(svg).expect("it is there");
     let html = format!(
-        "<!DOCTYPE html><html lang='en'><head><title>plot</title><link rel='icon' href='data:,'><style>svg {{ width: 100%; \
+        "<!DOCTYPE html><html lang='en'><head><title>plot</title><meta name='viewport' content='width=device-width'><link rel='icon' href='data:,'><style>svg {{ width: 100%; \
          height: auto }}</style></head><body style='margin: 0; background: #fff'><div aria-label='plot'>{drawing}</div></body></html>"
     );
     std::fs::write(&page, html).expect("it can be written");

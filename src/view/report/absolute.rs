@@ -4,7 +4,7 @@ use plotters::prelude::*;
 
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::figures::path_figure;
-use super::{conditions_card, provenance, sources};
+use super::{conditions_card, plan_header, plan_row, provenance, sources};
 use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
@@ -12,9 +12,9 @@ use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
 use crate::record::{absolute_trials::AbsoluteTrials, messages::ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::study::verdict::Kept;
-use crate::text::wording::{counted, dash, micrometres, number, percent};
+use crate::text::wording::{counted, dash, micrometres, percent};
 use crate::view::charts::{COLOURS, PlotError};
-use crate::view::charts::{ChartAxis, Rows, WHOLE, short};
+use crate::view::charts::{ChartAxis, Rows, WHOLE};
 use crate::view::markup::{
     card, figure, heading, micro_sign, page, paragraph, section, table, table_of,
 };
@@ -266,8 +266,7 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
         axis: ChartAxis::linear(0.0..longest.max(f64::MIN_POSITIVE), 8),
         title: "\u{3c1}\u{2080}, predicted rms distance [\u{b5}m]".to_owned(),
     };
-    let label = |tick: &f64| short(*tick);
-    let svg = rows.drawn("Accuracy at each test pose", &label, |chart| {
+    let svg = rows.drawn("Accuracy at each test pose", |chart| {
         for (row, value) in values.iter().enumerate() {
             let middle = rows.middle(row);
             let corners = [(0.0, middle - HALF_BAR), (*value, middle + HALF_BAR)];
@@ -280,27 +279,15 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
 
 /// The stills, and the plan as a table.
 fn readings(shown: &AbsolutePageRecord<'_>) -> String {
-    let mut header = vec!["row".to_owned()];
-    let columns = shown.scenario.task.belief.commands().columns();
-    header.extend(columns.iter().map(|column| column.replace('_', " [") + "]"));
-    header
-        .extend(["force [N]", "torque [N m]", "reflector", "station", "times"].map(str::to_owned));
-    let vector = |values: &[f64]| {
-        let values: Vec<String> = values.iter().map(|&value| short(value)).collect();
-        values.join(", ")
-    };
     let own = &shown.scenario.task.belief.calibration_tool.name;
     let rows = (shown.plan.plan.iter().enumerate()).map(|(index, reading)| {
-        let mut row = vec![(index + 1).to_string()];
-        row.extend(reading.q_deg.iter().map(|&angle| number(Some(angle), 3)));
-        let wrench = reading.wrench.as_ref();
-        row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
-        row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[3..])));
+        let mut row = plan_row(index, &reading.q_deg, reading.wrench.as_ref());
         row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
         row.push(reading.station.clone().unwrap_or_else(dash));
         row.push(reading.repeats.to_string());
         row
     });
+    let header = plan_header(shown.scenario, "row", &["reflector", "station", "times"]);
     format!(
         "<div class=\"stills\">{}</div>\n{}{}",
         shown.stills,

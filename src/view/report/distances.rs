@@ -6,7 +6,7 @@ use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{inverse_interval, micrometres, number};
 use crate::view::charts::{COLOURS, PlotError};
 use crate::view::charts::{
-    Chart, ChartAxis, INK, Mark, Rows, Series, WHOLE, chart_of, drawing, interval, short,
+    Chart, ChartAxis, INK, Mark, Rows, Series, WHOLE, chart_of, drawing, interval,
 };
 use crate::view::markup::{figure, table_of};
 
@@ -84,7 +84,7 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
         .flat_map(|line| shares(line.runs).map(|(_, share)| share))
         .fold(f64::MIN_POSITIVE, f64::max);
     let title = "Distribution of the residual error of each plan";
-    let svg = rows.drawn(title, &power_of_ten, |chart| {
+    let svg = rows.drawn(title, |chart| {
         (lines.iter().enumerate()).try_for_each(|(row, line)| {
             draw_line(chart, &rows.axis, rows.middle(row) - 0.46, line, highest)
         })
@@ -123,7 +123,7 @@ pub fn means_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
         title: "mean residual error [\u{b5}m], logarithmic".to_owned(),
     };
     let title = "Mean residual error of each plan with its 95 % interval";
-    let svg = rows.drawn(title, &power_of_ten, |chart| {
+    let svg = rows.drawn(title, |chart| {
         (means.iter().enumerate()).try_for_each(|(row, (line, ends))| {
             interval(chart, *ends, rows.middle(row), line.role.colour())
         })
@@ -164,7 +164,7 @@ pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
     let title = "Cumulative distribution of the residual error";
     let svg = drawing((WHOLE, 620), title, |area| {
         let inside = axes[0].range.clone();
-        let mut chart = chart_of(area, axes, names, &series, &power_of_ten)?;
+        let mut chart = chart_of(area, axes, names, &series)?;
         (lines.iter().zip(&series)).try_for_each(|(line, series)| {
             let points = below(line.runs).filter(|(x, _)| inside.contains(x));
             series.draw(&mut chart, &points.collect::<Vec<_>>())
@@ -281,12 +281,6 @@ fn range(lines: &[&Line<'_>]) -> std::ops::Range<f64> {
         .map(|each| each[3] * 1.3)
         .fold(f64::MIN_POSITIVE, f64::max);
     logarithm(low.min(high / 2.0))..logarithm(high)
-}
-
-/// A tick of a logarithmic axis.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "as charts label ticks")]
-fn power_of_ten(tick: &f64) -> String {
-    short(10_f64.powf(*tick))
 }
 
 /// The decimal logarithm of a distance in um.

@@ -8,7 +8,7 @@ use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
 use crate::text::wording::{micrometres, percent};
 use crate::view::charts::{
     COLOURS, ChartAxis, GRID, HALF, INK, Mark, PlotError, Rows, Series, Tip, WHOLE, chart_of,
-    drawing, interval, short, whole_ticks,
+    drawing, interval, whole_ticks,
 };
 
 /// The height of the figures that are no row charts.
@@ -67,7 +67,7 @@ pub fn accuracy_figure(
                 "\u{3c1}\u{2080}, rms residual error [\u{b5}m]",
             ];
             let axes = over_numbers(&x, ChartAxis::linear(0.0..top, 5));
-            let mut chart = chart_of(area, axes, names, &series, &|x| short(*x))?;
+            let mut chart = chart_of(area, axes, names, &series)?;
             let mut tips = Vec::new();
             for (each, points) in series.iter().zip(&points) {
                 each.draw(&mut chart, points)?;
@@ -96,7 +96,7 @@ pub fn path_figure(values_um: &[f64], over_all_um: Option<f64>) -> Result<String
     drawing((WHOLE, HEIGHT), "Accuracy along the test poses", |area| {
         let axes = over_numbers(&x, ChartAxis::linear(0.0..top.max(f64::MIN_POSITIVE), 5));
         let names = ["test pose", "\u{3c1}\u{2080} [\u{b5}m]"];
-        let mut chart = chart_of(area, axes, names, &[], &|x| short(*x))?;
+        let mut chart = chart_of(area, axes, names, &[])?;
         if let Some(all) = over_all_um {
             let across = [(x.start, all), (x.end, all)];
             Series::new("", INK, Mark::Dashed).draw(&mut chart, &across)?;
@@ -132,7 +132,7 @@ pub fn criteria_figure(plans: &[CriterionPlanMessage]) -> Result<String, PlotErr
         title: "\u{3c1}\u{2080} at the test pose [\u{b5}m]".to_owned(),
     };
     let title = "Accuracy of the best plan for each criterion";
-    rows.drawn(title, &|tick| short(*tick), |chart| {
+    rows.drawn(title, |chart| {
         for (row, plan) in plans.iter().enumerate() {
             let Some(rho0) = plan.rho0_mm else { continue };
             let colour = if row == 0 { COLOURS[0] } else { COLOURS[4] };
@@ -187,7 +187,7 @@ pub fn compliances_figure(estimates: &[RelativeEstimate]) -> Result<String, Plot
         title: "estimate less simulated truth, share of it [%]".to_owned(),
     };
     let title = "Identified compliances with 95 % intervals, against the simulated truth";
-    rows.drawn(title, &|tick| short(*tick), |chart| {
+    rows.drawn(title, |chart| {
         let bottom_to_top = [(0.0, 0.0), (0.0, estimates.len() as f64)];
         chart.draw_series([PathElement::new(bottom_to_top, INK.stroke_width(2))])?;
         for (row, each) in estimates.iter().enumerate() {
@@ -211,7 +211,7 @@ pub fn residuals_figure(standardised: &[[Option<f64>; 3]]) -> Result<String, Plo
     drawing((HALF, HEIGHT), "Standardised residuals", |area| {
         let names = ["measurement", "standardised residual"];
         let axes = over_numbers(&x, ChartAxis::linear(-high..high, 6));
-        let mut chart = chart_of(area, axes, names, &series, &|x| short(*x))?;
+        let mut chart = chart_of(area, axes, names, &series)?;
         let band = [(x.start, -NORMAL_95), (x.end, NORMAL_95)];
         chart.draw_series([Rectangle::new(band, GRID.mix(0.6).filled())])?;
         chart.draw_series([PathElement::new([(x.start, 0.0), (x.end, 0.0)], INK)])?;

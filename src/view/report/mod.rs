@@ -184,26 +184,12 @@ const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summ
 
 /// The stills, and the plan as a table.
 fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> String {
-    let mut header = vec!["experiment".to_owned()];
-    let columns = run.scenario.task.belief.commands().columns();
-    header.extend(columns.iter().map(|column| column.replace('_', " [") + "]"));
-    header.extend([
-        "force [N]".to_owned(),
-        "torque [N m]".to_owned(),
-        "times".to_owned(),
-    ]);
-    let vector = |values: &[f64]| {
-        let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
-        values.join(", ")
-    };
     let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
-        let mut row = vec![(index + 1).to_string()];
-        row.extend(experiment.q_deg.iter().map(|&angle| number(Some(angle), 3)));
-        row.push(vector(&experiment.wrench[..3]));
-        row.push(vector(&experiment.wrench[3..]));
+        let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
         row.push(experiment.repeats.to_string());
         row
     });
+    let header = plan_header(run.scenario, "experiment", &["times"]);
     format!(
         "<div class=\"stills\">{}</div>\n{}{}",
         run.stills,
@@ -212,6 +198,31 @@ fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Stri
         ),
         table_of(&header, rows)
     )
+}
+
+/// The columns of a plan's table.
+fn plan_header(scenario: &Scenario, row: &str, more: &[&str]) -> Vec<String> {
+    let columns = scenario.task.belief.commands().columns();
+    let angles = columns.iter().map(|column| column.replace('_', " [") + "]");
+    let words = |words: &[&str]| words.iter().map(ToString::to_string).collect::<Vec<_>>();
+    let mut header = words(&[row]);
+    header.extend(angles);
+    header.extend(words(&["force [N]", "torque [N m]"]));
+    header.extend(words(more));
+    header
+}
+
+/// A row of it: number, angles and load, where there is one.
+fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<String> {
+    let vector = |values: &[f64]| {
+        let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
+        values.join(", ")
+    };
+    let mut row = vec![(index + 1).to_string()];
+    row.extend(q_deg.iter().map(|&angle| number(Some(angle), 3)));
+    row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
+    row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[3..])));
+    row
 }
 
 /// The identified compliances.

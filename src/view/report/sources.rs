@@ -3,7 +3,7 @@
 use crate::plan::{BudgetSource, UncertaintyBudget};
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{micrometres, number, percent, significant};
-use crate::view::markup::{escaped, micro_sign, paragraph, section};
+use crate::view::markup::{cell, micro_sign, paragraph, section, table_of_cells};
 
 /// A row of a table: its words and numbers, and the share that ends it (%).
 struct SourceRow {
@@ -14,21 +14,12 @@ struct SourceRow {
 /// A table whose last column is a share with its bar, the largest first.
 fn with_bars(header: &[&str], mut rows: Vec<SourceRow>) -> String {
     rows.sort_by(|one, other| other.share_percent.total_cmp(&one.share_percent));
-    let tagged = |tag: &str, words: &mut dyn Iterator<Item = &str>| {
-        words.fold(String::new(), |all, word| {
-            all + &format!("<{tag}>{}</{tag}>", escaped(word))
-        })
-    };
-    let head = tagged("th", &mut header.iter().copied());
-    let body = rows.iter().fold(String::new(), |all, row| {
-        let cells = tagged("td", &mut row.cells.iter().map(String::as_str));
+    let cells = rows.iter().map(|row| {
+        let cells: String = row.cells.iter().map(|text| cell(text)).collect();
         let share = row.share_percent;
-        let bar = bar(share, false, &percent(Some(share / 100.0), 1));
-        all + &format!("<tr>{cells}{bar}</tr>\n")
+        cells + &bar(share, false, &percent(Some(share / 100.0), 1))
     });
-    format!(
-        "<div class=\"wide\"><table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
-    )
+    table_of_cells(header, cells)
 }
 
 /// A cell with a bar over so many percent of it behind its text.
@@ -140,31 +131,25 @@ fn contributions(plans: &[&StudyPlanMessage]) -> String {
     }
     sources.sort_by(|one, other| largest_of(other).total_cmp(&largest_of(one)));
     let largest = largest_of(sources.first().unwrap_or(&"")).max(f64::MIN_POSITIVE);
-    let cell = |plan: &&StudyPlanMessage, source: &str| {
+    let contribution = |plan: &&StudyPlanMessage, source: &str| {
         let found = plan.contributions.iter().find(|each| each.source == source);
         found.map_or_else(
-            || "<td></td>".to_owned(),
+            || cell(""),
             |each| {
-                bar(
-                    100.0 * each.contribution_um / largest,
-                    each.hidden,
-                    &number(Some(each.contribution_um), 2),
-                )
+                let um = each.contribution_um;
+                bar(100.0 * um / largest, each.hidden, &number(Some(um), 2))
             },
         )
     };
     let row = |source: &str| {
-        let cells: String = plans.iter().map(|plan| cell(plan, source)).collect();
         let is_hidden = all().any(|each| each.source == source && each.hidden);
-        let hidden = if is_hidden { " (hidden)" } else { "" };
-        format!("<tr><td>{}{hidden}</td>{cells}</tr>\n", escaped(source))
+        let name = format!("{source}{}", if is_hidden { " (hidden)" } else { "" });
+        let cells = plans.iter().map(|plan| contribution(plan, source));
+        cell(&name) + &cells.collect::<String>()
     };
-    let names: Vec<String> = plans.iter().map(|plan| escaped(&plan.name)).collect();
-    let head = names.join("</th><th>");
-    let body: String = sources.into_iter().map(row).collect();
-    format!(
-        "<div class=\"wide\"><table>\n<thead><tr><th>source</th><th>{head}</th></tr></thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
-    )
+    let names = plans.iter().map(|plan| plan.name.as_str());
+    let header: Vec<&str> = ["source"].into_iter().chain(names).collect();
+    table_of_cells(&header, sources.into_iter().map(row))
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! From where the viewer shows the scene: robot, loads and tracker fill the view, whatever their size.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 
-use crate::view::recording::{Body, Recording, Step};
+use crate::view::recording::{Recording, Step};
 
 /// Half the viewer's angle of view, from bottom to top (rad).
 const HALF_VIEW_RAD: f64 = 55.0 / 2.0 * std::f64::consts::PI / 180.0;
@@ -92,19 +92,20 @@ fn forward(recording: &Recording) -> Vector3<f64> {
     -(from * ELEVATION_RAD.cos() + Vector3::z() * ELEVATION_RAD.sin())
 }
 
-/// What is to be seen: the corners of each link in each step, the force's arrow, and the tracker with its stand.
+/// What is to be seen: the surface of each link in each step, the force's arrow, and the tracker with its stand.
 fn points(recording: &Recording) -> Vec<Vector3<f64>> {
-    let links: Vec<_> = recording.links.iter().map(corners).collect();
     let mut points = Vec::new();
     for step in main_steps(recording) {
         for stance in [&step.unloaded, &step.enlarged] {
-            for ((body, corners), pose) in
-                (recording.links.iter().zip(&links)).zip(&stance.world_from_link)
-            {
-                if body.only_with.is_none_or(|tool| tool == step.tool()) {
-                    points.extend(corners.iter().map(|corner| (pose * corner).coords));
-                }
-            }
+            let shown = (recording.links.iter().zip(&stance.world_from_link))
+                .filter(|(body, _)| body.only_with.is_none_or(|tool| tool == step.tool()));
+            points.extend(shown.flat_map(|(body, pose)| {
+                let vertices = body
+                    .surfaces
+                    .iter()
+                    .flat_map(|surface| &surface.mesh.vertices);
+                vertices.map(move |vertex| (pose * vertex).coords)
+            }));
             points.push(stance.tool_m);
         }
         points.extend(arrow_tip(recording, step));
@@ -123,28 +124,6 @@ fn points(recording: &Recording) -> Vec<Vector3<f64>> {
 
 fn arrow_tip(recording: &Recording, step: &Step) -> Option<Vector3<f64>> {
     (recording.force_arrow_m(step)).map(|force| step.enlarged.tool_m + force)
-}
-
-/// The corners of the box about a body, in its own frame (m).
-fn corners(body: &Body) -> Vec<Point3<f64>> {
-    let vertices = || {
-        (body.surfaces.iter()).flat_map(|surface| surface.mesh.vertices.iter().map(|v| v.coords))
-    };
-    let low = vertices().reduce(|low, each| low.inf(&each));
-    let high = vertices().reduce(|high, each| high.sup(&each));
-    let Some((low, high)) = low.zip(high) else {
-        return Vec::new();
-    };
-    let corner = |index: usize| {
-        Point3::from(Vector3::from_fn(|axis, _| {
-            if index >> axis & 1 == 0 {
-                low[axis]
-            } else {
-                high[axis]
-            }
-        }))
-    };
-    (0..8).map(corner).collect()
 }
 
 #[cfg(test)]

@@ -194,14 +194,14 @@ impl<'a> Painter<'a> {
         // On how many samples each patch must come after which other.
         let mut hides: Vec<HashMap<usize, usize>> = vec![HashMap::new(); self.patches.len()];
         for &index in &left {
-            image.samples(&self.patches[index], |place, depth| {
+            for (place, depth) in image.samples(&self.patches[index]) {
                 if let Some(nearest) = image.nearest[place]
                     && nearest != index
                     && image.depth[place] > depth + TOUCHING_M
                 {
                     *hides[nearest].entry(index).or_default() += 1;
                 }
-            });
+            }
         }
         // To be painted next: the patch that hides least of what is not yet painted.
         let mut waits: Vec<usize> = hides.iter().map(|hidden| hidden.values().sum()).collect();
@@ -236,38 +236,28 @@ impl DepthImage {
         let mut image = Self {
             width,
             height,
-            depth: Vec::new(),
+            depth: vec![f64::NEG_INFINITY; width * height],
             nearest: vec![None; width * height],
         };
-        let mut depth = vec![f64::NEG_INFINITY; width * height];
         for (index, patch) in patches.iter().enumerate() {
-            let nearest = &mut image.nearest;
-            let mut found = Vec::new();
-            Self::samples_of(width, height, patch, |place, near| {
-                if near > depth[place] {
-                    depth[place] = near;
-                    found.push(place);
+            for (place, near) in image.samples(patch) {
+                if near > image.depth[place] {
+                    image.depth[place] = near;
+                    image.nearest[place] = Some(index);
                 }
-            });
-            for place in found {
-                nearest[place] = Some(index);
             }
         }
-        image.depth = depth;
         image
     }
 
-    fn samples(&self, patch: &Patch, visit: impl FnMut(usize, f64)) {
-        Self::samples_of(self.width, self.height, patch, visit);
-    }
-
-    /// Visits every sample that a patch covers, with its depth there.
+    /// Every sample that a patch covers, with its depth there.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "some hundred"
     )]
-    fn samples_of(width: usize, height: usize, patch: &Patch, mut visit: impl FnMut(usize, f64)) {
+    fn samples(&self, patch: &Patch) -> Vec<(usize, f64)> {
+        let mut samples = Vec::new();
         for triangle in &patch.triangles {
             let [a, b, c] = triangle.map(|[x, y, z]| [x * SAMPLES - 0.5, y * SAMPLES - 0.5, z]);
             let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
@@ -279,18 +269,19 @@ impl DepthImage {
                 let high = a[axis].max(b[axis]).max(c[axis]).floor();
                 low as usize..((high + 1.0).max(0.0) as usize).min(end)
             };
-            for row in range(1, height) {
-                for column in range(0, width) {
+            for row in range(1, self.height) {
+                for column in range(0, self.width) {
                     let (x, y) = (column as f64 - a[0], row as f64 - a[1]);
                     let towards_b = (x * (c[1] - a[1]) - y * (c[0] - a[0])) / area;
                     let towards_c = (y * (b[0] - a[0]) - x * (b[1] - a[1])) / area;
                     if towards_b >= 0.0 && towards_c >= 0.0 && towards_b + towards_c <= 1.0 {
                         let depth = a[2] + towards_b * (b[2] - a[2]) + towards_c * (c[2] - a[2]);
-                        visit(row * width + column, depth);
+                        samples.push((row * self.width + column, depth));
                     }
                 }
             }
         }
+        samples
     }
 }
 

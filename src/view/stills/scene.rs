@@ -24,15 +24,15 @@ const FAR_M: f64 = 5.0;
 const LEAVES_M: f64 = 1.5;
 
 /// What is drawn of the model, and where it is in each configuration of a plan.
-pub struct Stage {
+pub struct Scenery {
     /// What is drawn.
-    pub parts: Vec<Part>,
+    pub parts: Vec<ScenePart>,
     /// The configurations.
     pub scenes: Vec<Scene>,
 }
 
 /// A surface of the model.
-pub struct Part {
+pub struct ScenePart {
     /// In its own frame.
     pub mesh: Mesh,
     /// Red, green, blue and opacity in 0 to 1.
@@ -59,7 +59,7 @@ pub struct Scene {
     pub is_planned: bool,
 }
 
-impl Stage {
+impl Scenery {
     /// Of a plan; of absolute readings, `rows` say what is read in each experiment, and from where.
     pub fn new(scenario: &Scenario, plan: &Plan, rows: &[&Candidate]) -> Self {
         let robot = &scenario.task.belief.nominal;
@@ -104,7 +104,7 @@ impl Stage {
             let pose = state.geometry_pose(each.id);
             let mesh = Mesh::new(&each.shape);
             let is_near = |corner: &Point3<f64>| (pose * corner).xy().coords.norm() < NEAR_M;
-            Part {
+            ScenePart {
                 is_robot: moves || mesh.vertices.iter().all(is_near),
                 mesh,
                 rgba: each.rgba,
@@ -118,7 +118,7 @@ impl Stage {
     }
 
     /// The parts as they are in a scene, in world coordinates.
-    pub fn surfaces(&self, scene: &Scene) -> impl Iterator<Item = (&Part, Mesh)> {
+    pub fn surfaces(&self, scene: &Scene) -> impl Iterator<Item = (&ScenePart, Mesh)> {
         (self.parts.iter().zip(&scene.poses))
             .map(|(part, pose)| (part, part.mesh.clone().transformed(pose)))
     }

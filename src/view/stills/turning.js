@@ -1,5 +1,5 @@
 // Draws the plan to be turned: triangles with a depth buffer of its own on a canvas, so that every browser shows the same.
-(() => {
+addEventListener("DOMContentLoaded", () => {
   "use strict";
   const figure = document.querySelector(".turning");
   const [canvas, words] = ["canvas", "span"].map(name => figure.querySelector(name));
@@ -150,4 +150,4 @@
   addEventListener("resize", redraw);
   figure.hidden = false;
   draw();
-})();
+});
