@@ -3,9 +3,26 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix3xX, Matrix6xX, Vector3};
 
-use super::braced::{BareArm, BracedArm, ColumnWorth};
 use super::reading::DeflectionPrecision;
-use crate::robot::{KinematicState, Load};
+use crate::robot::{KinematicState, Load, SerialChain, Tool};
+
+/// An arm with a tool, of which compliances alone may be unknown.
+#[derive(Debug, Clone, Copy)]
+pub struct BareArm<'a> {
+    /// The chain.
+    pub chain: &'a SerialChain,
+    /// The nominal compliances of all joints (rad/(N m)).
+    pub compliance_rad_per_nm: &'a [f64],
+    /// The tool.
+    pub tool: &'a Tool,
+}
+
+/// A change of a joint's column of the Jacobian, position and rotation rows, is worth so much.
+#[derive(Debug, Clone, Copy, Default)]
+struct ColumnWorth {
+    position: Vector3<f64>,
+    rotation: Vector3<f64>,
+}
 
 /// Compliances that are to be found, and what their columns of the observation matrix are multiplied by.
 #[derive(Debug, Clone)]
@@ -65,8 +82,8 @@ pub struct ComplianceRows<'a> {
     arm: BareArm<'a>,
     columns: ComplianceColumns,
     sizes: Vec<f64>,
-    /// The arm where springs beside the joints' own brace it.
-    braced: Option<Box<BracedArm>>,
+    /// The arm's geometry where springs beside the joints' own brace it, see [`KinematicState::brace`].
+    braced: Option<Box<KinematicState>>,
     /// Room for what changes of the Jacobian's columns are worth.
     worth: Vec<ColumnWorth>,
 }
@@ -88,30 +105,24 @@ impl<'a> ComplianceRows<'a> {
         }
     }
 
-    /// The number p of parameters.
-    pub const fn parameters(&self) -> usize {
-        self.sizes.len()
+    /// Moves to where the arm has this geometry.
+    pub fn stand(&mut self, state: &KinematicState) {
+        let mobility = state.mobility(self.arm.compliance_rad_per_nm);
+        self.braced = mobility.map(|mobility| {
+            let mut braced = state.clone();
+            braced.brace(&mobility);
+            Box::new(braced)
+        });
     }
 
-    /// The number of a reading's rows: 3, or 6 where rotations are read.
-    pub const fn rows(&self) -> usize {
-        if self.columns.rotation_scale.is_some() {
-            6
-        } else {
-            3
-        }
-    }
-
-    /// Moves to the joint angles `q` (rad), where the arm has this geometry.
-    pub fn stand(&mut self, q: &[f64], state: &KinematicState) {
-        if self.arm.chain.elements.has_springs() {
-            self.braced = BracedArm::new(self.arm, state, q).map(Box::new);
-        }
+    /// Whether [`Self::pull_back`] has the derivatives: not of an arm that springs brace.
+    pub const fn has_gradient(&self) -> bool {
+        self.braced.is_none()
     }
 
     /// The state whose Jacobian tells what the tool is moved by.
     pub fn seen<'s>(&'s self, state: &'s KinematicState) -> &'s KinematicState {
-        (self.braced.as_ref()).map_or(state, |braced| &braced.state)
+        self.braced.as_deref().unwrap_or(state)
     }
 
     /// Writes the derivatives of a reading (6 x p), position above rotation: the columns of A (eqs. 4 and 8).
@@ -183,10 +194,7 @@ impl<'a> ComplianceRows<'a> {
         gradient: &mut [f64],
     ) {
         let mut worth = std::mem::take(&mut self.worth);
-        self.weigh(self.seen(state), load, factor, &mut worth);
-        if let Some(braced) = &self.braced {
-            braced.pull_back(self.arm, state, &mut worth, gradient);
-        }
+        self.weigh(state, load, factor, &mut worth);
         sweep(state, &mut worth, gradient);
         self.worth = worth;
     }

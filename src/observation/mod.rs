@@ -6,15 +6,14 @@
 //! the commanded angles to first order in compliance (eqs. 3 to 8, extended), for planning; and through
 //! the static equilibrium, for identification.
 //!
-//! What is planned is seen as [`PlannedReadings`]: by that model (`observed`) or in the same form closed, with
-//! gradients: where deflections alone are read of an arm without springs beside the joints' own (`first_order`), and
-//! where compliances alone are unknown and only the instrument's noise disturbs (`compliances`). Tests hold the
-//! three together. [`ReadingErrors`] are those of absolute readings besides the instrument's noise; [`ConfigurationEquations`] say what
-//! readings of one configuration tell together, which share them.
+//! What is planned is seen as [`PlannedReadings`], by that model (`observed`). Two closed forms stand beside it, each tied to it by a
+//! test: rows and gradients of compliances alone, where only the instrument's noise disturbs (`compliances`), and the gradient of
+//! deflections of an arm without springs beside the joints' own (`gradient`). How sources of errors move a reading, and so any
+//! covariance, is told in one place (`reading_errors`): [`ReadingErrors`] are those of absolute readings by level;
+//! [`ConfigurationEquations`] say what readings of one configuration tell together, which share them.
 
-mod braced;
 mod compliances;
-mod first_order;
+mod gradient;
 mod information;
 mod model;
 mod observed;
@@ -30,9 +29,7 @@ mod visits;
 #[cfg(test)]
 mod visits_tests;
 
-pub use braced::BareArm;
-pub use compliances::ComplianceColumns;
-pub use first_order::FirstOrder;
+pub use compliances::{BareArm, ComplianceColumns};
 pub use information::{
     NormalEquations, normal_equations, planned_information, planned_information_of_each,
     planned_positions, planned_rows,

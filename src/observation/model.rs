@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3};
 
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
-use super::sweep::{Sweep, SweepPose};
+use super::sweep::{Shown, Sweep, SweepPose};
 use crate::parameter::{ElasticArm, Leaning, ParameterKind, ParameterSet};
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain,
@@ -31,7 +31,9 @@ pub struct ObservationModel<'a> {
     belief: ElasticArm,
     chain: SerialChain,
     solver: EquilibriumSolver,
+    /// The geometry to first order in compliance, and where it is: a target's number, and the joints' angles.
     state: KinematicState,
+    state_is_of: (usize, Vec<f64>),
     sweep: Sweep,
     /// What the joints are commanded, and where they stand by that before anything holds them.
     asked_rad: Vec<f64>,
@@ -85,6 +87,7 @@ impl<'a> ObservationModel<'a> {
             chain: belief.loaded_chain(),
             solver: EquilibriumSolver::new(joints),
             state: KinematicState::new(joints),
+            state_is_of: (usize::MAX, vec![0.0; joints]),
             sweep: Sweep::new(&set, nominal, values),
             asked_rad: vec![0.0; joints],
             commanded_rad: vec![0.0; joints],
@@ -110,6 +113,11 @@ impl<'a> ObservationModel<'a> {
         values: &[f64],
     ) -> ObservationModel<'static> {
         ObservationModel::made_of(Cow::Owned(set), nominal, values)
+    }
+
+    /// The parameters.
+    pub fn set(&self) -> &ParameterSet {
+        &self.set
     }
 
     /// The belief with the parameters' values.
@@ -160,8 +168,12 @@ impl<'a> ObservationModel<'a> {
         derivatives: &mut Matrix6xX<f64>,
     ) -> Prediction {
         let load = self.command(setup);
-        let mut prediction =
-            self.first_order(&load, setup.target, !kind.is_deflection(), derivatives);
+        let shown = if kind.is_deflection() {
+            Shown::Deflection
+        } else {
+            Shown::Pose
+        };
+        let mut prediction = self.first_order(&load, setup.target, shown, derivatives);
         self.to_instrument(setup.station, kind, &mut prediction, derivatives);
         prediction
     }
@@ -180,6 +192,14 @@ impl<'a> ObservationModel<'a> {
             return prediction;
         }
         self.predict_first_order(setup, kind, derivatives)
+    }
+
+    /// Writes the derivatives of what is left at a target under a load if the joints' own deflections at the model's values are
+    /// compensated (6 x p, in the robot's base frame): what parameters change of these. To first order in compliance; the scale of the
+    /// loads, the instrument and where things stand have no part in it, the task's force has.
+    pub fn uncompensated(&mut self, setup: &Setup, derivatives: &mut Matrix6xX<f64>) {
+        let load = self.command(setup);
+        self.first_order(&load, setup.target, Shown::Uncompensated, derivatives);
     }
 
     /// Sets the joints' angles, and returns the load that acts.
@@ -214,17 +234,28 @@ impl<'a> ObservationModel<'a> {
         (off_springs.here, off_springs.unloaded) = (here, unloaded);
     }
 
+    /// Brings the geometry to the joints' angles.
+    fn stand(&mut self, target: usize) {
+        let (last, q) = &mut self.state_is_of;
+        if *last != target || *q != self.commanded_rad {
+            let tool = &self.belief.tools[target];
+            (self.chain.at(tool)).update(&self.commanded_rad, &mut self.state);
+            *last = target;
+            q.copy_from_slice(&self.commanded_rad);
+        }
+    }
+
     /// The target's position and orientation in the base frame, or J k J^T W and the rotation that
     /// goes with it.
     fn first_order(
         &mut self,
         load: &Load,
         target: usize,
-        has_rigid_motion: bool,
+        shown: Shown,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Prediction {
-        let tool = &self.belief.tools[target];
-        (self.chain.at(tool)).update(&self.commanded_rad, &mut self.state);
+        let has_rigid_motion = shown == Shown::Pose;
+        self.stand(target);
         let gravity = if has_rigid_motion {
             self.chain.gravity_m_s2
         } else {
@@ -262,8 +293,7 @@ impl<'a> ObservationModel<'a> {
             torque: &self.torque,
             leanings: (self.off_springs.as_ref())
                 .map(|leanings| [leanings.here.as_slice(), &leanings.unloaded]),
-            is_first_order: true,
-            has_rigid_motion,
+            shown,
         };
         self.sweep.derivatives(&pose, derivatives);
         if has_rigid_motion {
@@ -303,8 +333,7 @@ impl<'a> ObservationModel<'a> {
             torque: self.solver.torque(),
             leanings: (self.off_springs.as_ref())
                 .map(|leanings| [leanings.here.as_slice(), &leanings.unloaded]),
-            is_first_order: false,
-            has_rigid_motion: true,
+            shown: Shown::Rest,
         };
         self.sweep.derivatives(&pose, derivatives);
         Ok(Prediction {

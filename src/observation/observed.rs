@@ -1,242 +1,171 @@
-//! Readings that are planned, by the observation model itself: rotations among them, and arms with springs beside the
-//! joints' own, such as a gravity compensator.
-//!
-//! Derivatives are those of [`ObservationModel`] at nominal parameters.
+//! Readings that are planned: derivatives by the observation model at nominal parameters.
 
-use std::cell::RefCell;
+use std::cell::{RefCell, RefMut};
 
-use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
+use nalgebra::{DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
 
-use super::braced::BareArm;
 use super::model::ObservationModel;
-use super::reading::{DeflectionPrecision, Setup, Whitener, of_positions};
-use super::reading_errors::moved_by;
-use crate::parameter::{
-    ElasticArm, ParameterKind, ParameterSet, ReadingSource, TransmissionError, counted_times,
-};
-use crate::robot::{Approach, EquilibriumSolver, KinematicState, Kinematics, Load};
+use super::reading::{ReadingKind, Setup};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use crate::robot::{Approach, EquilibriumSolver, KinematicState, Load};
 
 /// How far parameters are changed to see what compensation leaves, as a share of their typical size.
 const PARAMETER_SHIFT: f64 = 1e-3;
 
 /// An arm's readings at one of its tools, at nominal parameters.
 #[derive(Debug, Clone)]
-pub struct ObservedRows<'a> {
+pub(super) struct ObservedRows<'a> {
     arm: &'a ElasticArm,
-    target: usize,
-    precision: DeflectionPrecision,
-    sources: &'a [ReadingSource],
-    /// How often an experiment is repeated.
-    repeats: f64,
-    /// From which side configurations are approached.
-    approach: Option<Approach>,
+    kind: ReadingKind,
     /// What derivatives are multiplied by, one for each of the parameters that are asked for.
     sizes: Vec<f64>,
-    /// The parameters, and behind them the zeros of joints whose gears err.
-    set: ParameterSet,
-    /// Where the joints' zeros are in the set, if gears err.
+    /// Where the joints' zeros are among the model's parameters, behind those that are asked for, if gears err.
     zeros: Vec<usize>,
-    q: Vec<f64>,
+    /// Whether compensation rests on the commanded angles alone, see [`Self::uncompensated`].
+    is_bare: bool,
     work: RefCell<ObservedRoom>,
 }
 
 #[derive(Debug, Clone)]
 struct ObservedRoom {
     model: ObservationModel<'static>,
+    setup: Setup,
     rows: Matrix6xX<f64>,
-    state: KinematicState,
+    /// Whether the rows are those of the setup.
+    is_predicted: bool,
 }
 
 impl<'a> ObservedRows<'a> {
-    /// The model of an arm at one of its tools. Derivatives are in units of the parameters' `sizes` (p).
+    /// The readings of an arm at one of its tools, which these sources disturb. Derivatives are in units of the parameters' `sizes`
+    /// (p).
     pub fn new(
         arm: &'a ElasticArm,
         target: usize,
         wanted: &ParameterSet,
         sizes: &[f64],
-        precision: DeflectionPrecision,
-        sources: &'a [ReadingSource],
+        kind: ReadingKind,
+        sources: &[ReadingSource],
     ) -> Self {
-        let gears_err = sources
-            .iter()
-            .any(|source| matches!(source, ReadingSource::TransmissionError(_)));
+        let gears_err =
+            (sources.iter()).any(|source| matches!(source, ReadingSource::TransmissionError(_)));
         let (set, zeros) = if gears_err {
             with_zeros(arm, wanted)
         } else {
             (wanted.clone(), Vec::new())
         };
         let nominal: Vec<f64> = set.parameters().iter().map(|each| each.nominal).collect();
-        let joints = arm.chain.len();
-        let work = ObservedRoom {
-            rows: Matrix6xX::zeros(set.len()),
-            model: ObservationModel::of(set.clone(), arm, &nominal),
-            state: KinematicState::new(joints),
-        };
+        // Where joints stand off their springs by what they carry, the arm's weight counts, and with it what it carries.
+        let is_laden = arm.payload.is_some()
+            && (wanted.parameters().iter()).any(|each| is_by_torque(arm, each.kind));
         Self {
             arm,
-            target,
-            precision,
-            sources,
-            repeats: 1.0,
-            approach: None,
+            kind,
             sizes: sizes.to_vec(),
-            set,
             zeros,
-            q: vec![0.0; joints],
-            work: RefCell::new(work),
+            is_bare: !arm.chain.elements.has_springs() && !is_laden,
+            work: RefCell::new(ObservedRoom {
+                rows: Matrix6xX::zeros(set.len()),
+                model: ObservationModel::of(set, arm, &nominal),
+                setup: Setup {
+                    commanded_rad: DVector::zeros(arm.chain.len()),
+                    load: Load::NONE,
+                    target,
+                    station: 0,
+                    approach: None,
+                },
+                is_predicted: false,
+            }),
         }
     }
 
-    /// See [`super::PlannedReadings::set_repeats`].
-    pub fn set_repeats(&mut self, repeats: u32) {
-        self.repeats = f64::from(repeats);
+    /// Whether the arm has neither springs beside the joints' own nor a payload that turns joints over their gaps.
+    pub const fn is_bare(&self) -> bool {
+        self.is_bare
     }
 
-    /// See [`super::PlannedReadings::come_from`]; what the arm carries counts, too.
+    /// See [`super::PlannedReadings::come_from`].
     pub fn come_from(&mut self, approach: Option<&Approach>) {
-        self.approach = approach.cloned();
-    }
-
-    /// What is new in each reading besides the instrument's noise.
-    pub const fn sources(&self) -> &[ReadingSource] {
-        self.sources
-    }
-
-    /// The number of a reading's rows: 3, or 6 where rotations are read.
-    pub const fn rows(&self) -> usize {
-        self.precision.rows()
-    }
-
-    /// The number p of parameters.
-    pub const fn parameters(&self) -> usize {
-        self.sizes.len()
+        let room = self.work.get_mut();
+        if room.setup.approach.as_ref() != approach {
+            room.setup.approach = approach.cloned();
+            room.is_predicted = false;
+        }
     }
 
     /// Moves to the joint angles `q` (rad).
     pub fn move_to(&mut self, q: &[f64]) {
-        self.q.copy_from_slice(q);
+        let room = self.work.get_mut();
+        room.setup.commanded_rad.copy_from_slice(q);
+        room.is_predicted = false;
+    }
+
+    /// The room with the rows of the reading under a load, in the parameters' units.
+    fn predicted(&self, load: &Load) -> RefMut<'_, ObservedRoom> {
+        let mut room = self.work.borrow_mut();
+        if !room.is_predicted || room.setup.load != *load {
+            let ObservedRoom {
+                model, setup, rows, ..
+            } = &mut *room;
+            setup.load = *load;
+            model.predict_as_planned(setup, self.kind, rows);
+            room.is_predicted = true;
+        }
+        room
     }
 
     /// Writes the derivatives of the reading (6 x p), each with respect to its parameter in its size; a reading of
     /// three rows leaves the last three to be ignored.
     pub fn derivatives(&self, load: &Load, matrix: &mut Matrix6xX<f64>) {
-        let work = &mut *self.work.borrow_mut();
-        work.predict(self, load);
+        let room = self.predicted(load);
         for (index, size) in self.sizes.iter().enumerate() {
-            matrix.set_column(index, &(work.rows.column(index) * *size));
+            matrix.set_column(index, &(room.rows.column(index) * *size));
         }
     }
 
-    /// What one of the sources adds to a reading's covariance, whatever is repeated (m^2, m rad, rad^2).
-    pub fn covariance_of_one(&self, source: usize, load: &Load) -> Matrix6<f64> {
-        let work = &mut *self.work.borrow_mut();
-        match &self.sources[source] {
-            ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
-                work.predict(self, load);
-                (self.zeros.iter().zip(deviations))
-                    .map(|(&place, deviation)| {
-                        let seen = work.rows.column(place) * *deviation;
-                        seen * seen.transpose()
-                    })
-                    .sum()
-            }
-            source => {
-                let arm = self.bare();
-                arm.chain.at(arm.tool).update(&self.q, &mut work.state);
-                let own = source.covariance_of_positions(&work.state.tool_position);
-                own.map_or_else(
-                    || {
-                        let seen = work.state.clone().braced(arm.compliance_rad_per_nm);
-                        let at_target = (load, &Vector3::zeros());
-                        let columns = moved_by(source, arm, [&work.state, &seen], at_target);
-                        columns.iter().map(|each| each * each.transpose()).sum()
-                    },
-                    |own| of_positions(&own),
-                )
-            }
-        }
+    /// How errors of gears of these standard deviations (rad), one for each joint, move the reading.
+    pub fn moved_by_gears(&self, load: &Load, deviations: &[f64]) -> Vec<Vector6<f64>> {
+        let room = self.predicted(load);
+        (self.zeros.iter().zip(deviations))
+            .map(|(&place, deviation)| room.rows.column(place) * *deviation)
+            .collect()
     }
 
-    fn bare(&self) -> BareArm<'a> {
-        BareArm {
-            chain: &self.arm.chain,
-            compliance_rad_per_nm: &self.arm.compliance_rad_per_nm,
-            tool: &self.arm.tools[self.target],
-        }
-    }
-
-    /// See [`super::PlannedReadings::covariance_between`].
-    pub fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix6<f64> {
-        if let ReadingSource::TransmissionError(TransmissionError { deviations, .. }) =
-            &self.sources[source]
-        {
-            let seen = |load: &Load| -> Vec<Vector6<f64>> {
-                let work = &mut *self.work.borrow_mut();
-                work.predict(self, load);
-                (self.zeros.iter().zip(deviations))
-                    .map(|(&place, deviation)| work.rows.column(place) * *deviation)
-                    .collect()
-            };
-            let pairs = seen(one).into_iter().zip(seen(other));
-            return pairs.map(|(one, other)| one * other.transpose()).sum();
-        }
-        let part = self.sources[source].shared_part(self.precision.unloaded);
-        if part > 0.0 {
-            // No load decides on any other.
-            self.covariance_of_one(source, one) * part
-        } else {
-            Matrix6::zeros()
-        }
-    }
-
-    /// What one of the sources adds to it; what repeats share as often as it is shared.
-    pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix6<f64> {
-        self.covariance_of_one(source, load) * self.times(source)
-    }
-
-    fn times(&self, source: usize) -> f64 {
-        let part = self.sources[source].shared_part(self.precision.unloaded);
-        counted_times(part, self.repeats)
-    }
-
-    /// W with W C W^T = I for a reading's covariance C; rows that it does not have are zero.
-    fn whitener(&self, load: &Load) -> Matrix6<f64> {
-        let of_noise = counted_times(self.precision.unloaded.shared_part(), self.repeats);
-        let mut covariance = self.precision.covariance() * of_noise;
-        for source in 0..self.sources.len() {
-            covariance += self.covariance_of(source, load);
-        }
-        whitener(&covariance, self.precision.rows())
-    }
-
-    /// Writes the derivatives of the whitened reading, 3 x p for positions, and 3 x p for rotations beside them.
-    pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
-        let size = self.parameters();
-        let mut rows = Matrix6xX::zeros(size);
-        self.derivatives(load, &mut rows);
-        let whitener = self.whitener(load);
-        for (index, each) in rows.column_iter().enumerate() {
-            let white = whitener * each;
-            for block in 0..self.precision.rows() / 3 {
+    /// Writes the derivatives of the reading, whitened by W, 3 x p for positions, and 3 x p for rotations beside them.
+    pub fn observe(&self, load: &Load, whitener: &Matrix6<f64>, matrix: &mut Matrix3xX<f64>) {
+        let room = self.predicted(load);
+        let count = self.sizes.len();
+        for (index, size) in self.sizes.iter().enumerate() {
+            let white = whitener * (room.rows.column(index) * *size);
+            for block in 0..self.kind.rows() / 3 {
                 let three = white.fixed_rows::<3>(3 * block);
-                matrix.column_mut(block * size + index).copy_from(&three);
+                matrix.column_mut(block * count + index).copy_from(&three);
             }
         }
     }
 
-    /// See [`super::PlannedReadings::uncompensated`]. The robot is commanded q = `q_0` - k tau with the torques tau of the
-    /// load where it rests without it, so that a parameter leaves J~ d(k tau) at the loaded tool, J~ that of the arm
-    /// with its springs.
+    /// See [`super::PlannedReadings::uncompensated`]. Of a bare arm the model has it at the commanded angles. Else the robot is
+    /// commanded q = `q_0` - k tau with the torques tau of the load where it rests without it, so that a parameter leaves
+    /// J~ d(k tau) at the loaded tool, J~ that of the arm with its springs.
     pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
-        let nominal: Vec<f64> = (self.set.parameters().iter())
-            .map(|each| each.nominal)
-            .collect();
-        let standing = DVector::zeros(self.q.len());
-        let at_rest = self.compensated(&nominal, load, &standing);
-        let mut state = at_rest.1;
-        if let Some(mobility) = state.mobility(&self.arm.compliance_rad_per_nm) {
-            state.brace(&mobility);
+        let room = &mut *self.work.borrow_mut();
+        room.setup.load = *load;
+        if self.is_bare {
+            room.is_predicted = false;
+            room.model.uncompensated(&room.setup, &mut room.rows);
+            for (index, size) in self.sizes.iter().enumerate() {
+                let left = room.rows.fixed_view::<3, 1>(0, index);
+                matrix.set_column(index, &(left * *size));
+            }
+            return;
         }
+        let (setup, set) = (&room.setup, room.model.set());
+        let nominal: Vec<f64> = set.parameters().iter().map(|each| each.nominal).collect();
+        let standing = DVector::zeros(setup.commanded_rad.len());
+        let compensated = |values: &[f64], load: &Load, back: &DVector<f64>| {
+            compensated(&set.apply(self.arm, values), setup, load, back)
+        };
+        let (nominally, state) = compensated(&nominal, load, &standing);
+        let state = state.braced(&self.arm.compliance_rad_per_nm);
         let seen = |angles: &DVector<f64>| -> Vector3<f64> {
             let joints = angles.iter().enumerate();
             joints
@@ -244,22 +173,22 @@ impl<'a> ObservedRows<'a> {
                 .sum()
         };
         for (index, size) in self.sizes.iter().enumerate() {
-            let parameter = &self.set.parameters()[index];
+            let parameter = &set.parameters()[index];
             let left = match parameter.kind {
-                ParameterKind::TaskScale => seen(&at_rest.0),
+                ParameterKind::TaskScale => seen(&nominally),
                 ParameterKind::TaskForce { axis } => {
                     let newton = Load {
                         force_n: Vector3::ith(axis.index(), 1.0),
                         torque_nm: Vector3::zeros(),
                     };
-                    seen(&self.compensated(&nominal, &newton, &standing).0)
+                    seen(&compensated(&nominal, &newton, &standing).0)
                 }
                 _ => {
                     let shift = PARAMETER_SHIFT * parameter.scale;
                     let at = |shift: f64| {
                         let mut values = nominal.clone();
                         values[index] += shift;
-                        self.compensated(&values, load, &at_rest.0).0
+                        compensated(&values, load, &nominally).0
                     };
                     seen(&((at(shift) - at(-shift)) / (2.0 * shift)))
                 }
@@ -267,73 +196,52 @@ impl<'a> ObservedRows<'a> {
             matrix.set_column(index, &(left * *size));
         }
     }
-
-    /// The joints' own deflections (rad, m) that are compensated under a load at values of the parameters, and the arm's
-    /// geometry where it rests without the load. The joints are commanded back by so much (rad, m), where their gears err by more
-    /// or less.
-    fn compensated(
-        &self,
-        values: &[f64],
-        load: &Load,
-        back: &DVector<f64>,
-    ) -> (DVector<f64>, KinematicState) {
-        let arm = self.set.apply(self.arm, values);
-        let chain = arm.loaded_chain();
-        let mut at_tool = chain.at(&arm.tools[self.target]);
-        // A gap that the load crosses is compensated, too.
-        let without = arm.offsets_rad(&self.q, self.target, &Load::NONE, self.approach.as_ref());
-        let with = arm.offsets_rad(&self.q, self.target, load, self.approach.as_ref());
-        let commanded: Vec<f64> = (self.q.iter().zip(&without))
-            .map(|(q, offset)| q + offset)
-            .collect();
-        let compliance = &arm.compliance_rad_per_nm;
-        let mut solver = EquilibriumSolver::new(chain.len());
-        let rests = solver.solve(&mut at_tool, compliance, &commanded, &Load::NONE);
-        let state = if rests.is_ok() {
-            solver.state().clone()
-        } else {
-            at_tool.state(&commanded)
-        };
-        let gear = |joint: usize| {
-            arm.transmission_error_rad(joint, self.q[joint] - back[joint])
-                - arm.transmission_error_rad(joint, self.q[joint])
-        };
-        let angle = |joint: usize, _| {
-            compliance[joint] * state.load_torque(joint, load)
-                + (with[joint] - without[joint])
-                + gear(joint)
-        };
-        (DVector::from_fn(chain.len(), angle), state)
-    }
 }
 
-impl ObservedRoom {
-    /// Fills the rows with the derivatives of the reading in the parameters' units.
-    fn predict(&mut self, of: &ObservedRows<'_>, load: &Load) {
-        let setup = Setup {
-            commanded_rad: DVector::from_column_slice(&of.q),
-            load: *load,
-            target: of.target,
-            station: 0,
-            approach: of.approach.clone(),
-        };
-        let kind = of.precision.kind();
-        self.model.predict_as_planned(&setup, kind, &mut self.rows);
-    }
+/// The joints' own deflections (rad, m) of an arm that are compensated under a load, and the arm's geometry where it rests without the
+/// load. The joints are commanded back by so much (rad, m), where their gears err by more or less.
+fn compensated(
+    arm: &ElasticArm,
+    setup: &Setup,
+    load: &Load,
+    back: &DVector<f64>,
+) -> (DVector<f64>, KinematicState) {
+    let q = setup.commanded_rad.as_slice();
+    let chain = arm.loaded_chain();
+    let mut at_tool = chain.at(&arm.tools[setup.target]);
+    // A gap that the load crosses is compensated, too.
+    let offsets = |load: &Load| arm.offsets_rad(q, setup.target, load, setup.approach.as_ref());
+    let (without, with) = (offsets(&Load::NONE), offsets(load));
+    let commanded: Vec<f64> = (q.iter().zip(&without))
+        .map(|(q, offset)| q + offset)
+        .collect();
+    let compliance = &arm.compliance_rad_per_nm;
+    let mut solver = EquilibriumSolver::new(chain.len());
+    let rests = solver.solve(&mut at_tool, compliance, &commanded, &Load::NONE);
+    let state = if rests.is_ok() {
+        solver.state().clone()
+    } else {
+        at_tool.state(&commanded)
+    };
+    let gear = |joint: usize| {
+        arm.transmission_error_rad(joint, q[joint] - back[joint])
+            - arm.transmission_error_rad(joint, q[joint])
+    };
+    let angle = |joint: usize, _| {
+        compliance[joint] * state.load_torque(joint, load)
+            + (with[joint] - without[joint])
+            + gear(joint)
+    };
+    (DVector::from_fn(chain.len(), angle), state)
 }
 
-/// W with W C W^T = I for the first rows of a covariance C; the others are zero.
-fn whitener(covariance: &Matrix6<f64>, rows: usize) -> Matrix6<f64> {
-    if rows == 6 {
-        let whitener = Whitener::of_covariance(covariance);
-        return whitener.map_or_else(Matrix6::zeros, |whitener| *whitener.matrix());
+/// Whether a parameter is of a joint that stands off its spring by what it carries.
+pub(super) fn is_by_torque(arm: &ElasticArm, kind: ParameterKind) -> bool {
+    match kind {
+        ParameterKind::JointBacklash { joint } => arm.backlash[joint].turned_over_at_nm.is_some(),
+        ParameterKind::JointStiffening { .. } => true,
+        _ => false,
     }
-    let three: Matrix3<f64> = covariance.fixed_view::<3, 3>(0, 0).into_owned();
-    let inverse = Cholesky::new(three).and_then(|factor| factor.l().try_inverse());
-    let mut whitener = Matrix6::zeros();
-    let mut own = whitener.fixed_view_mut::<3, 3>(0, 0);
-    own.copy_from(&inverse.unwrap_or_else(Matrix3::zeros));
-    whitener
 }
 
 /// A set with the zeros of all joints, and where these are.
@@ -356,6 +264,3 @@ fn with_zeros(arm: &ElasticArm, wanted: &ParameterSet) -> (ParameterSet, Vec<usi
         Err(_) => (wanted.clone(), Vec::new()),
     }
 }
-
-#[cfg(test)]
-pub(super) mod tests;

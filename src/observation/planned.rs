@@ -1,14 +1,15 @@
 //! Readings that are planned: the one way in which planning, predictions and studies see them.
 
 use std::borrow::Cow;
+use std::cell::RefCell;
 
-use nalgebra::{DMatrix, Matrix3xX, Matrix6, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
 
-use super::braced::BareArm;
-use super::compliances::ComplianceRows;
-use super::first_order::{FirstOrder, stands_off_spring};
+use super::compliances::{BareArm, ComplianceRows};
+use super::gradient::{DeflectionGradient, WhitenedReading};
 use super::observed::ObservedRows;
-use super::reading::{DeflectionPrecision, of_positions};
+use super::reading::{DeflectionPrecision, Whitener};
+use super::reading_errors::{effects, products};
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource, Unloaded, counted_times};
 use crate::robot::{Approach, KinematicState, Kinematics, Load};
 
@@ -34,6 +35,11 @@ pub struct PlannedReadings<'a> {
     /// The arm's geometry there.
     state: KinematicState,
     precision: DeflectionPrecision,
+    /// What disturbs readings besides the instrument's noise.
+    sources: &'a [ReadingSource],
+    /// How often an experiment is repeated.
+    repeats: f64,
+    parameters: usize,
     rows: PlannedRows<'a>,
 }
 
@@ -42,10 +48,15 @@ pub struct PlannedReadings<'a> {
 enum PlannedRows<'a> {
     /// Of compliances alone, where only the instrument's noise disturbs: in closed form, with gradients.
     Compliances(Box<ComplianceRows<'a>>),
-    /// Of any parameters in deflections of an arm without springs beside the joints' own: the same.
-    Deflections(Box<FirstOrder<'a>>),
-    /// Of any others.
-    Others(Box<ObservedRows<'a>>),
+    /// Of any parameters.
+    Any(Box<ObservedRows<'a>>, Option<Box<ClosedGradient<'a>>>),
+}
+
+/// Gradients where they are in closed form, and the reading that was observed last: its gradient is asked for next.
+#[derive(Debug, Clone)]
+struct ClosedGradient<'a> {
+    of: DeflectionGradient<'a>,
+    last: RefCell<Option<WhitenedReading>>,
 }
 
 impl<'a> PlannedReadings<'a> {
@@ -58,24 +69,23 @@ impl<'a> PlannedReadings<'a> {
         precision: DeflectionPrecision,
         sources: &'a [ReadingSource],
     ) -> Self {
-        // Where joints stand off their springs by what they carry, the arm's weight counts, and with it what it carries.
-        let is_laden = arm.payload.is_some()
-            && (set.parameters().iter()).any(|each| stands_off_spring(arm, each.kind).is_some());
-        let is_bare = !arm.chain.elements.has_springs() && !is_laden;
-        let rows = if precision.rows() == 3 && is_bare {
-            let sigma_m = precision.sigma_m;
-            let model = FirstOrder::new(arm, target, set, sizes, sigma_m, sources);
-            PlannedRows::Deflections(Box::new(model.resting_on(precision.unloaded)))
-        } else {
-            let model = ObservedRows::new(arm, target, set, sizes, precision, sources);
-            PlannedRows::Others(Box::new(model))
-        };
+        let observed = ObservedRows::new(arm, target, set, sizes, precision.kind(), sources);
+        let gradient = (precision.rows() == 3 && observed.is_bare())
+            .then(|| DeflectionGradient::new(arm, target, set, sizes, sources))
+            .flatten();
+        let gradient = gradient.map(|of| {
+            Box::new(ClosedGradient {
+                of,
+                last: RefCell::new(None),
+            })
+        });
         let bare = BareArm {
             chain: &arm.chain,
             compliance_rad_per_nm: &arm.compliance_rad_per_nm,
             tool: &arm.tools[target],
         };
-        Self::of(bare, precision, rows)
+        let rows = PlannedRows::Any(Box::new(observed), gradient);
+        Self::of(bare, sizes.len(), precision, rows).disturbed_by(sources)
     }
 
     /// The readings where the compliances of some joints alone are to be found, and only the instrument's noise
@@ -87,17 +97,31 @@ impl<'a> PlannedReadings<'a> {
         precision: DeflectionPrecision,
     ) -> Self {
         let rows = ComplianceRows::new(arm, joints, sizes, precision);
-        Self::of(arm, precision, PlannedRows::Compliances(Box::new(rows)))
+        let rows = PlannedRows::Compliances(Box::new(rows));
+        Self::of(arm, sizes.len(), precision, rows)
     }
 
-    fn of(arm: BareArm<'a>, precision: DeflectionPrecision, rows: PlannedRows<'a>) -> Self {
+    fn of(
+        arm: BareArm<'a>,
+        parameters: usize,
+        precision: DeflectionPrecision,
+        rows: PlannedRows<'a>,
+    ) -> Self {
         Self {
             q: vec![0.0; arm.chain.len()],
             state: KinematicState::new(arm.chain.len()),
             arm,
             precision,
+            sources: &[],
+            repeats: 1.0,
+            parameters,
             rows,
         }
+    }
+
+    const fn disturbed_by(mut self, sources: &'a [ReadingSource]) -> Self {
+        self.sources = sources;
+        self
     }
 
     /// The same where nothing is read, as at a test pose: see [`Self::uncompensated`].
@@ -114,21 +138,26 @@ impl<'a> PlannedReadings<'a> {
     /// covariance as often as it is shared: then r readings that are taken as independent tell as much as the r repeats
     /// do, J^T (`R_shared` + `R_new`/r)^-1 J.
     pub fn set_repeats(&mut self, repeats: u32) {
-        match &mut self.rows {
-            // Repeats share nothing of the instrument's noise.
-            PlannedRows::Compliances(_) => {}
-            PlannedRows::Deflections(model) => model.set_repeats(repeats),
-            PlannedRows::Others(model) => model.set_repeats(repeats),
-        }
+        self.forget();
+        self.repeats = f64::from(repeats);
     }
 
     /// Readings are from now on those of configurations that are approached from this side. Where joints have gaps, it decides on
     /// which side of them they stand: alone, or beside what they carry.
     pub fn come_from(&mut self, approach: Option<&Approach>) {
-        match &mut self.rows {
-            PlannedRows::Compliances(_) => {}
-            PlannedRows::Deflections(model) => model.come_from(approach),
-            PlannedRows::Others(model) => model.come_from(approach),
+        self.forget();
+        if let PlannedRows::Any(observed, gradient) = &mut self.rows {
+            observed.come_from(approach);
+            if let Some(gradient) = gradient {
+                gradient.of.come_from(approach);
+            }
+        }
+    }
+
+    /// What was observed last is no longer what there is.
+    fn forget(&mut self) {
+        if let PlannedRows::Any(_, Some(gradient)) = &mut self.rows {
+            *gradient.last.get_mut() = None;
         }
     }
 
@@ -139,31 +168,23 @@ impl<'a> PlannedReadings<'a> {
 
     /// The number of a reading's rows: 3, or 6 where rotations are read.
     pub const fn rows(&self) -> usize {
-        match &self.rows {
-            PlannedRows::Compliances(model) => model.rows(),
-            PlannedRows::Deflections(_) => 3,
-            PlannedRows::Others(model) => model.rows(),
-        }
+        self.precision.rows()
     }
 
     /// The number p of parameters.
-    pub fn parameters(&self) -> usize {
-        match &self.rows {
-            PlannedRows::Compliances(model) => model.parameters(),
-            PlannedRows::Deflections(model) => model.parameters(),
-            PlannedRows::Others(model) => model.parameters(),
-        }
+    pub const fn parameters(&self) -> usize {
+        self.parameters
     }
 
     /// Moves to the joint angles `q` (rad).
     pub fn move_to(&mut self, q: &[f64]) {
+        self.forget();
         let BareArm { chain, tool, .. } = self.arm;
         self.q.copy_from_slice(q);
         chain.at(tool).update(q, &mut self.state);
         match &mut self.rows {
-            PlannedRows::Compliances(model) => model.stand(q, &self.state),
-            PlannedRows::Deflections(model) => model.stand(q, &self.state),
-            PlannedRows::Others(model) => model.move_to(q),
+            PlannedRows::Compliances(model) => model.stand(&self.state),
+            PlannedRows::Any(model, _) => model.move_to(q),
         }
     }
 
@@ -189,12 +210,7 @@ impl<'a> PlannedReadings<'a> {
     pub fn derivatives(&self, load: &Load, matrix: &mut Matrix6xX<f64>) {
         match &self.rows {
             PlannedRows::Compliances(model) => model.derivatives(&self.state, load, matrix),
-            PlannedRows::Deflections(model) => {
-                let mut three = Matrix3xX::zeros(matrix.ncols());
-                model.derivatives(load, &mut three);
-                matrix.fixed_rows_mut::<3>(0).copy_from(&three);
-            }
-            PlannedRows::Others(model) => model.derivatives(load, matrix),
+            PlannedRows::Any(model, _) => model.derivatives(load, matrix),
         }
     }
 
@@ -205,24 +221,44 @@ impl<'a> PlannedReadings<'a> {
     pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         match &self.rows {
             PlannedRows::Compliances(model) => model.uncompensated(&self.state, load, matrix),
-            PlannedRows::Deflections(model) => model.uncompensated(load, matrix),
-            PlannedRows::Others(model) => model.uncompensated(load, matrix),
+            PlannedRows::Any(model, _) => model.uncompensated(load, matrix),
         }
+    }
+
+    /// How one standard deviation of each number of a source moves a reading (m, rad).
+    fn effects(&self, source: &ReadingSource, load: &Load) -> Vec<Vector6<f64>> {
+        if let ReadingSource::TransmissionError(error) = source
+            && let PlannedRows::Any(model, _) = &self.rows
+        {
+            // A joint stands elsewhere loaded and unloaded: a deflection shows what that changes.
+            return model.moved_by_gears(load, &error.deviations);
+        }
+        let at_target = (load, &Vector3::zeros());
+        effects(
+            source,
+            self.arm,
+            [&self.state, &self.seen()],
+            at_target,
+            None,
+        )
+    }
+
+    /// How many times a source's variance counts.
+    fn times(&self, source: &ReadingSource) -> f64 {
+        counted_times(source.shared_part(self.unloaded()), self.repeats)
     }
 
     /// What one of the sources adds to a reading's covariance (m^2, m rad, rad^2), what repeats share as often as it
     /// is shared.
     pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix6<f64> {
-        match &self.rows {
-            PlannedRows::Compliances(_) => Matrix6::zeros(),
-            PlannedRows::Deflections(model) => of_positions(&model.covariance_of(source, load)),
-            PlannedRows::Others(model) => model.covariance_of(source, load),
-        }
+        let source = &self.sources[source];
+        let effects = self.effects(source, load);
+        products(&effects, &effects) * self.times(source)
     }
 
     /// What all sources add to the instrument's noise.
     pub fn covariance_of_all(&self, load: &Load) -> Matrix6<f64> {
-        let sources = 0..self.sources().len();
+        let sources = 0..self.sources.len();
         sources.map(|source| self.covariance_of(source, load)).sum()
     }
 
@@ -232,22 +268,49 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// What one of the sources adds to the covariance of two deflections of this configuration under these loads.
-    pub fn covariance_between(&self, source: usize, loads: [&Load; 2]) -> Matrix6<f64> {
-        match &self.rows {
-            PlannedRows::Compliances(_) => Matrix6::zeros(),
-            PlannedRows::Deflections(model) => {
-                of_positions(&model.covariance_between(source, loads))
-            }
-            PlannedRows::Others(model) => model.covariance_between(source, loads),
+    fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix6<f64> {
+        let source = &self.sources[source];
+        match source.shared_part(self.unloaded()) {
+            0.0 => Matrix6::zeros(),
+            part => products(&self.effects(source, one), &self.effects(source, other)) * part,
         }
     }
 
     /// What all sources add to it.
     pub fn covariance_shared(&self, loads: [&Load; 2]) -> Matrix6<f64> {
-        let sources = 0..self.sources().len();
+        let sources = 0..self.sources.len();
         sources
             .map(|source| self.covariance_between(source, loads))
             .sum()
+    }
+
+    /// W with W C W^T = I for the covariance C of a reading; rows that it does not have are zero.
+    fn whitener(&self, load: &Load) -> Matrix6<f64> {
+        let times = counted_times(self.unloaded().shared_part(), self.repeats);
+        let noise = self.precision.covariance() * times;
+        let alone = |variance: f64| {
+            if variance > 0.0 {
+                variance.sqrt().recip()
+            } else {
+                0.0
+            }
+        };
+        let alone = || Matrix6::from_diagonal(&noise.diagonal().map(alone));
+        if self.sources.is_empty() {
+            return alone();
+        }
+        let covariance = noise + self.covariance_of_all(load);
+        if self.rows() == 6 {
+            let whitener = Whitener::of_covariance(&covariance);
+            return whitener.map_or_else(alone, |whitener| *whitener.matrix());
+        }
+        let three: Matrix3<f64> = covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        let inverse = three.cholesky().and_then(|factor| factor.l().try_inverse());
+        inverse.map_or_else(alone, |inverse| {
+            let mut whitener = Matrix6::zeros();
+            whitener.fixed_view_mut::<3, 3>(0, 0).copy_from(&inverse);
+            whitener
+        })
     }
 
     /// The covariance of the readings of this configuration's experiments: loads, and how often they are measured.
@@ -279,7 +342,7 @@ impl<'a> PlannedReadings<'a> {
                     part
                 }
         });
-        let sources = (0..self.sources().len()).map(|source| {
+        let sources = (0..self.sources.len()).map(|source| {
             together(&mut |row, column| {
                 let (load, repeats) = &experiments[row];
                 if row == column {
@@ -320,37 +383,54 @@ impl<'a> PlannedReadings<'a> {
             .collect()
     }
 
-    fn sources(&self) -> &[ReadingSource] {
-        match &self.rows {
-            PlannedRows::Compliances(_) => &[],
-            PlannedRows::Deflections(model) => model.sources(),
-            PlannedRows::Others(model) => model.sources(),
-        }
-    }
-
     /// Writes the derivatives of the whitened reading: 3 x p for positions, and 3 x p for rotations beside them.
     pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         match &self.rows {
             PlannedRows::Compliances(model) => model.observe(&self.state, load, matrix),
-            PlannedRows::Deflections(model) => model.observe(load, matrix),
-            PlannedRows::Others(model) => model.observe(load, matrix),
+            PlannedRows::Any(model, gradient) => {
+                let whitener = self.whitener(load);
+                model.observe(load, &whitener, matrix);
+                if let Some(gradient) = gradient {
+                    gradient.note(load, &whitener, matrix);
+                }
+            }
         }
     }
 
     /// Adds the derivatives of a cost of the information A^T A of the whitened rows A with respect to the joint angles
-    /// to `gradient` (n). `factor` is that with respect to A.
+    /// to `gradient` (n). `factor` is that with respect to A, A times a symmetric matrix.
     pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
-        match &mut self.rows {
-            PlannedRows::Compliances(model) => {
-                model.pull_back(&self.state, load, factor, gradient);
-            }
-            PlannedRows::Deflections(model) if model.has_gradient() => {
-                model.pull_back(load, factor, gradient);
-            }
-            PlannedRows::Deflections(_) | PlannedRows::Others(_) => {
-                self.add_differences(load, factor, gradient);
-            }
+        if let PlannedRows::Compliances(model) = &mut self.rows
+            && model.has_gradient()
+        {
+            model.pull_back(&self.state, load, factor, gradient);
+        } else if self.closed_gradient(load, factor, gradient).is_none() {
+            self.add_differences(load, factor, gradient);
         }
+    }
+
+    /// The same in closed form, where there is one, and with respect to the force.
+    fn closed_gradient(
+        &mut self,
+        load: &Load,
+        factor: &Matrix3xX<f64>,
+        gradient: &mut [f64],
+    ) -> Option<Vector3<f64>> {
+        let PlannedRows::Any(_, Some(closed)) = &self.rows else {
+            return None;
+        };
+        let is_known = (closed.last.borrow().as_ref()).is_some_and(|last| last.load == *load);
+        if !is_known {
+            self.observe(load, &mut Matrix3xX::zeros(factor.ncols()));
+        }
+        let (unloaded, repeats) = (self.unloaded(), self.repeats);
+        let times = |source: &ReadingSource| counted_times(source.shared_part(unloaded), repeats);
+        let PlannedRows::Any(_, Some(closed)) = &mut self.rows else {
+            return None;
+        };
+        let ClosedGradient { of, last } = &mut **closed;
+        let here = (&*self.q, &self.state);
+        Some(of.pull_back(here, last.get_mut().as_ref()?, &times, factor, gradient))
     }
 
     /// The same by differences.
@@ -373,23 +453,41 @@ impl<'a> PlannedReadings<'a> {
 
     /// The same with respect to the force.
     pub fn force_gradient(&mut self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
-        match &mut self.rows {
-            PlannedRows::Compliances(model) => model.force_gradient(&self.state, factor),
-            PlannedRows::Deflections(model) if model.has_gradient() => {
-                model.pull_back(load, factor, &mut [])
+        if let PlannedRows::Compliances(model) = &self.rows {
+            return model.force_gradient(&self.state, factor);
+        }
+        if let Some(of_force) = self.closed_gradient(load, factor, &mut []) {
+            return of_force;
+        }
+        let mut matrix = Matrix3xX::zeros(factor.ncols());
+        let shift = FORCE_SHIFT * load.force_n.norm().max(1.0);
+        Vector3::from_fn(|axis, _| {
+            let mut at = |shift: f64| {
+                let mut load = *load;
+                load.force_n[axis] += shift;
+                self.observe(&load, &mut matrix);
+                factor.dot(&matrix)
+            };
+            (at(shift) - at(-shift)) / (2.0 * shift)
+        })
+    }
+}
+
+impl ClosedGradient<'_> {
+    /// Notes what was observed.
+    fn note(&self, load: &Load, whitener: &Matrix6<f64>, rows: &Matrix3xX<f64>) {
+        let whitener = whitener.fixed_view::<3, 3>(0, 0).into_owned();
+        match &mut *self.last.borrow_mut() {
+            Some(last) => {
+                (last.load, last.whitener) = (*load, whitener);
+                last.rows.copy_from(rows);
             }
-            PlannedRows::Deflections(_) | PlannedRows::Others(_) => {
-                let mut matrix = Matrix3xX::zeros(factor.ncols());
-                let shift = FORCE_SHIFT * load.force_n.norm().max(1.0);
-                Vector3::from_fn(|axis, _| {
-                    let mut at = |shift: f64| {
-                        let mut load = *load;
-                        load.force_n[axis] += shift;
-                        self.observe(&load, &mut matrix);
-                        factor.dot(&matrix)
-                    };
-                    (at(shift) - at(-shift)) / (2.0 * shift)
-                })
+            last => {
+                *last = Some(WhitenedReading {
+                    load: *load,
+                    whitener,
+                    rows: rows.clone(),
+                });
             }
         }
     }
@@ -434,3 +532,6 @@ fn weigh_repeats(experiments: &[(Load, u32)], rows: usize, columns: &mut DMatrix
         own *= f64::from(repeats).sqrt().powf(power);
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests;

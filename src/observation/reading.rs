@@ -283,10 +283,3 @@ impl Observation {
         residual
     }
 }
-
-/// Of positions alone: rotations are not disturbed.
-pub(super) fn of_positions(covariance: &Matrix3<f64>) -> Matrix6<f64> {
-    let mut whole = Matrix6::zeros();
-    whole.fixed_view_mut::<3, 3>(0, 0).copy_from(covariance);
-    whole
-}

@@ -1,4 +1,5 @@
-//! Errors of an absolute reading besides the instrument's own noise, by level, to first order at the commanded angles.
+//! Errors of readings besides the instrument's own noise: how each source moves a target, to first order at the commanded angles, and
+//! those of an absolute reading by level.
 //!
 //! With the columns `J_j`, `z_j` of the target's Jacobian (those of the arm with its springs) and compliances k, an error of a joint
 //! moves the target along its column, and a load that is off by (dF, dT) at the target by the sum of `k_j` `J_j` (`J_j` . dF + `z_j` . dT).
@@ -6,9 +7,8 @@
 
 use nalgebra::{Matrix6, Matrix6xX, Vector3, Vector6};
 
-use super::braced::BareArm;
-use super::reading::of_positions;
-use crate::parameter::{ReadingSource, TransmissionError};
+use super::compliances::BareArm;
+use crate::parameter::{ReadingSource, SourceLevel, TransmissionError};
 use crate::robot::{KinematicState, Kinematics, Load, Tool};
 
 /// Of what makes a deflection's error, a reading has so much: two of them make one.
@@ -53,26 +53,23 @@ impl ReadingErrors {
         arm.chain.at(arm.tool).update(q, &mut state);
         let lever = carried_m - state.tool_position;
         let seen = state.clone().braced(arm.compliance_rad_per_nm);
-        let moved = |source: &ReadingSource, share: f64| {
-            let columns = moved_by(source, arm, [&state, &seen], (load, &lever));
-            columns.into_iter().map(move |column| column * share.sqrt())
-        };
         let mut reading = Matrix6::zeros();
         let (mut visit, mut configuration) = (Vec::new(), Vec::new());
         for source in sources {
-            match source {
-                ReadingSource::JointRepeatability(_) => visit.extend(moved(source, HALF)),
-                ReadingSource::LoadDirection(_) | ReadingSource::LoadPoint(_) => {
-                    visit.extend(moved(source, 1.0));
+            let share: f64 = if source.is_of_both_readings() {
+                HALF
+            } else {
+                1.0
+            };
+            let columns = effects(source, arm, [&state, &seen], (load, &lever), station_m);
+            let columns = columns.into_iter().map(|column| column * share.sqrt());
+            match source.level() {
+                SourceLevel::Reading => {
+                    let columns: Vec<_> = columns.collect();
+                    reading += products(&columns, &columns);
                 }
-                ReadingSource::TransmissionError(_) => configuration.extend(moved(source, 1.0)),
-                ReadingSource::Range(noise) => {
-                    let apart = state.tool_position - station_m.unwrap_or(&noise.from_m);
-                    reading += of_positions(&(noise.covariance(&apart) * HALF));
-                }
-                ReadingSource::Discrepancy(deviation) => {
-                    configuration.extend([0, 1, 2].map(|axis| Vector6::ith(axis, *deviation)));
-                }
+                SourceLevel::Visit => visit.extend(columns),
+                _ => configuration.extend(columns),
             }
         }
         let together = |columns: &[Vector6<f64>]| {
@@ -103,13 +100,15 @@ pub(super) fn column(state: &KinematicState, joint: usize) -> Vector6<f64> {
     Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z)
 }
 
-/// How one standard deviation of each number of a source moves a target (m, rad): a joint, or a load, which acts at a place (m, from
-/// the target). The arm's geometry is that without and with the springs beside the joints' own at work.
-pub(super) fn moved_by(
+/// How one standard deviation of each number of a source moves a target (m, rad): by joints, by a load, which acts at a place (m, from
+/// the target), or by itself, read from where an instrument stands (m). The arm's geometry is that without and with the springs beside
+/// the joints' own at work. Its products are a covariance.
+pub(super) fn effects(
     source: &ReadingSource,
     arm: BareArm<'_>,
     [plain, seen]: [&KinematicState; 2],
     (load, lever): (&Load, &Vector3<f64>),
+    station_m: Option<&Vector3<f64>>,
 ) -> Vec<Vector6<f64>> {
     let of_load = |force_n: Vector3<f64>, torque_nm: Vector3<f64>| -> Vector6<f64> {
         let off = Load {
@@ -120,6 +119,8 @@ pub(super) fn moved_by(
             .map(|(joint, k)| column(seen, joint) * (k * plain.load_torque(joint, &off)))
             .sum()
     };
+    let units = |size: f64| [0, 1, 2].map(|axis| Vector3::ith(axis, size));
+    let by_itself = |moved: Vector3<f64>| Vector6::new(moved.x, moved.y, moved.z, 0.0, 0.0, 0.0);
     match source {
         ReadingSource::JointRepeatability(deviations)
         | ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
@@ -129,18 +130,23 @@ pub(super) fn moved_by(
                 .map(|(joint, deviation)| column(seen, joint) * *deviation)
                 .collect()
         }
-        ReadingSource::LoadDirection(deviation) => {
-            let turns = [0, 1, 2].map(|axis| Vector3::ith(axis, *deviation));
-            let moved = |turn: Vector3<f64>| {
-                of_load(turn.cross(&load.force_n), turn.cross(&load.torque_nm))
-            };
-            turns.map(moved).to_vec()
+        ReadingSource::LoadDirection(deviation) => units(*deviation)
+            .map(|turn| of_load(turn.cross(&load.force_n), turn.cross(&load.torque_nm)))
+            .to_vec(),
+        ReadingSource::LoadPoint(deviation) => units(*deviation)
+            .map(|shift| of_load(Vector3::zeros(), shift.cross(&load.force_n)))
+            .to_vec(),
+        ReadingSource::Range(noise) => {
+            let apart_m = plain.tool_position - station_m.unwrap_or(&noise.from_m);
+            let moved = |unit| by_itself(noise.drawn(&unit, &apart_m));
+            units(1.0).map(moved).to_vec()
         }
-        ReadingSource::LoadPoint(deviation) => {
-            let shifts = [0, 1, 2].map(|axis| Vector3::ith(axis, *deviation));
-            let moved = |shift: Vector3<f64>| of_load(Vector3::zeros(), shift.cross(&load.force_n));
-            shifts.map(moved).to_vec()
-        }
-        ReadingSource::Range(_) | ReadingSource::Discrepancy(_) => Vec::new(),
+        ReadingSource::Discrepancy(deviation) => units(*deviation).map(by_itself).to_vec(),
     }
+}
+
+/// The covariance of two readings that the same numbers move, the one's rows by the other's columns; of one with itself.
+pub(super) fn products(of_one: &[Vector6<f64>], of_other: &[Vector6<f64>]) -> Matrix6<f64> {
+    let pairs = of_one.iter().zip(of_other);
+    pairs.map(|(one, other)| one * other.transpose()).sum()
 }

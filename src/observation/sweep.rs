@@ -17,7 +17,9 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6x3, Matrix6xX, Rotation3, Vec
 
 use super::reading_errors::column as jacobian_column;
 use super::rotation::left_jacobian;
-use crate::parameter::{Axis, ElasticArm, Leaning, ParameterKind, ParameterSet, Payload, along};
+use crate::parameter::{
+    Axis, ElasticArm, GearWave, Leaning, ParameterKind, ParameterSet, Payload, along,
+};
 use crate::robot::{KinematicState, Load, Motion, SerialChain};
 
 /// The directions of a frame's displacement and rotation parameters.
@@ -77,10 +79,35 @@ pub(super) struct SweepPose<'a> {
     pub torque: &'a [f64],
     /// How the joints stand off their springs, and how they stood without the load; where some do.
     pub leanings: Option<[&'a [Leaning]; 2]>,
-    /// Whether Y = J, to first order in compliance.
-    pub is_first_order: bool,
-    /// Whether the target's rigid motion counts, and not its deflection alone.
-    pub has_rigid_motion: bool,
+    pub shown: Shown,
+}
+
+/// What of a target is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shown {
+    /// Where it rests.
+    Rest,
+    /// Where it is to first order in compliance, Y = J,
+    Pose,
+    /// its deflection alone,
+    Deflection,
+    /// and what the joints' own deflections move it by: what is left where the nominal ones are compensated.
+    Uncompensated,
+}
+
+impl SweepPose<'_> {
+    fn is_first_order(&self) -> bool {
+        self.shown != Shown::Rest
+    }
+
+    /// Whether the target's rigid motion counts.
+    fn has_rigid_motion(&self) -> bool {
+        matches!(self.shown, Shown::Rest | Shown::Pose)
+    }
+
+    fn is_uncompensated(&self) -> bool {
+        self.shown == Shown::Uncompensated
+    }
 }
 
 /// A motion of all that is beyond a place of the chain.
@@ -164,9 +191,7 @@ impl Sweep {
                     self.response_to(joint) * (pose.torque[joint] * factor)
                 }
                 ParameterKind::JointZero { joint } => self.of_zero(pose, joint),
-                ParameterKind::JointWave { joint, wave } => {
-                    self.of_zero(pose, joint) * wave.at(pose.asked_rad[joint])
-                }
+                ParameterKind::JointWave { joint, wave } => self.of_wave(pose, joint, wave),
                 ParameterKind::JointBacklash { joint } => {
                     self.of_leaning(pose, joint, |leaning| leaning.side)
                 }
@@ -227,21 +252,15 @@ impl Sweep {
                     .map_or_else(Vector6::zeros, |payload| {
                         self.of_centre(pose, &payload, axis)
                     }),
-                ParameterKind::LoadScale => self.of_load(pose, pose.load),
-                ParameterKind::LoadOffset => {
-                    let along = Load {
-                        force_n: along(pose.load),
-                        torque_nm: Vector3::zeros(),
-                    };
-                    self.of_load(pose, &along.scaled(pose.belief.load_scale))
-                }
+                ParameterKind::LoadScale
+                | ParameterKind::LoadOffset
+                | ParameterKind::TaskScale
+                | ParameterKind::TaskForce { .. } => self.of_load_parameter(pose, parameter.kind),
                 ParameterKind::ToolPosition { .. }
                 | ParameterKind::ToolRotation { .. }
                 | ParameterKind::BasePosition { .. }
                 | ParameterKind::BaseRotation { .. }
-                | ParameterKind::Drift { .. }
-                | ParameterKind::TaskScale
-                | ParameterKind::TaskForce { .. } => Vector6::zeros(),
+                | ParameterKind::Drift { .. } => Vector6::zeros(),
             };
             derivatives.set_column(index, &column);
         }
@@ -270,9 +289,28 @@ impl Sweep {
             return Vector6::zeros();
         };
         let [here, unloaded] = leanings.map(|all| by(&all[joint]));
-        let mut column = self.of_zero(pose, joint) * here;
-        if !pose.has_rigid_motion {
+        // Before the load acts it stands off its spring, too; what that adds is compensated.
+        let before = if pose.is_uncompensated() {
+            unloaded
+        } else {
+            here
+        };
+        let mut column = self.of_zero(pose, joint) * before;
+        if !pose.has_rigid_motion() {
             column += jacobian_column(pose.state, joint) * (here - unloaded);
+        }
+        column
+    }
+
+    /// What more of a wave in a joint's gear moves. Where the joint is commanded back by what its spring gives, the gear errs by more
+    /// or less.
+    fn of_wave(&self, pose: &SweepPose<'_>, joint: usize, wave: GearWave) -> Vector6<f64> {
+        let here = wave.at(pose.asked_rad[joint]);
+        let mut column = self.of_zero(pose, joint) * here;
+        if pose.is_uncompensated() {
+            let back = pose.belief.compliance_rad_per_nm[joint] * pose.torque[joint];
+            let there = wave.at(pose.asked_rad[joint] - back);
+            column += jacobian_column(pose.state, joint) * (there - here);
         }
         column
     }
@@ -304,7 +342,7 @@ impl Sweep {
     /// How far a joint stands off its spring under the load and not without it, where that is seen beside its deflection (rad).
     fn crossed(pose: &SweepPose<'_>, joint: usize) -> f64 {
         match pose.leanings {
-            Some(leanings) if !pose.has_rigid_motion => {
+            Some(leanings) if !pose.has_rigid_motion() => {
                 let [here, unloaded] = leanings.map(|all| pose.belief.leans_by(joint, &all[joint]));
                 here - unloaded
             }
@@ -334,6 +372,21 @@ impl Sweep {
         }
     }
 
+    /// What more of the loads moves: of those of readings, or, where the task's are compensated, of these.
+    fn of_load_parameter(&self, pose: &SweepPose<'_>, kind: ParameterKind) -> Vector6<f64> {
+        let force = |force_n| Load {
+            force_n,
+            torque_nm: Vector3::zeros(),
+        };
+        let load = match (kind, pose.is_uncompensated()) {
+            (ParameterKind::LoadScale, false) | (ParameterKind::TaskScale, true) => *pose.load,
+            (ParameterKind::LoadOffset, false) => force(along(pose.load) * pose.belief.load_scale),
+            (ParameterKind::TaskForce { axis }, true) => force(Vector3::ith(axis.index(), 1.0)),
+            _ => return Vector6::zeros(),
+        };
+        self.of_load(pose, &load)
+    }
+
     /// What more of a load moves.
     fn of_load(&self, pose: &SweepPose<'_>, load: &Load) -> Vector6<f64> {
         let mut column = Vector6::zeros();
@@ -347,7 +400,7 @@ impl Sweep {
 
     /// The tension of a spring (N) and its stiffness (N/m) there; nothing to first order in compliance.
     fn tension(pose: &SweepPose<'_>, spring: usize) -> (f64, f64) {
-        if pose.is_first_order {
+        if pose.is_first_order() {
             return (0.0, 0.0);
         }
         let elements = &pose.chain.elements;
@@ -369,7 +422,7 @@ impl Sweep {
 
     /// What the springs beside a joint's own change where it is moved.
     fn of_joint_springs(&self, pose: &SweepPose<'_>, joint: usize) -> Vector6<f64> {
-        if pose.is_first_order {
+        if pose.is_first_order() {
             return Vector6::zeros();
         }
         let springs = pose.chain.elements.joint_springs.iter();
@@ -384,7 +437,7 @@ impl Sweep {
     /// What a twist of all from joint m on changes by the places of springs that it moves.
     fn of_places(&self, pose: &SweepPose<'_>, m: usize, twist: &Twist) -> Vector6<f64> {
         let mut column = Vector6::zeros();
-        if pose.is_first_order || pose.chain.elements.springs.is_empty() {
+        if pose.is_first_order() || pose.chain.elements.springs.is_empty() {
             return column;
         }
         let motion = Motion {
@@ -430,17 +483,17 @@ impl Sweep {
         moved: &Vector3<f64>,
         omega: &Vector3<f64>,
     ) -> Vector6<f64> {
-        let (mut position, mut rotation) = if pose.has_rigid_motion {
+        let (mut position, mut rotation) = if pose.has_rigid_motion() {
             (*moved, *omega)
         } else {
             (Vector3::zeros(), Vector3::zeros())
         };
-        if pose.is_first_order {
+        if matches!(pose.shown, Shown::Pose | Shown::Deflection) {
             let before = self.bent_before[m];
             position += omega.cross(&self.bent_from[m]) + before.cross(moved);
             // The orientation is exp(phi) R, phi = sum z_j delta_j: its angular velocity is
             // dphi + omega + phi x omega, and dphi that of the joints from m on, which turn.
-            rotation += if pose.has_rigid_motion {
+            rotation += if pose.has_rigid_motion() {
                 before.cross(omega)
             } else {
                 omega.cross(&(self.bent_before[pose.torque.len()] - before))

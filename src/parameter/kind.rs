@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{ElasticArm, GearWave, SourceLevel};
+use super::{ElasticArm, FrameChange, GearWave, SourceLevel};
 
 /// An axis of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -286,6 +286,19 @@ impl ParameterKind {
         })
     }
 
+    /// Where its value is in how its owner's frame differs from the nominal one; none of what is no coordinate of a frame.
+    pub(super) fn place_of_frame(self, frame: &mut FrameChange) -> Option<&mut f64> {
+        match self {
+            Self::LinkPosition { axis, .. }
+            | Self::ToolPosition { axis, .. }
+            | Self::BasePosition { axis, .. } => Some(&mut frame.position_m[axis.index()]),
+            Self::LinkRotation { axis, .. }
+            | Self::ToolRotation { axis, .. }
+            | Self::BaseRotation { axis, .. } => Some(&mut frame.rotation_rad[axis.index()]),
+            _ => None,
+        }
+    }
+
     /// The unit of its value; "1" for a logarithm.
     pub const fn unit(self, is_logarithmic: bool) -> &'static str {
         match self {
@@ -548,15 +561,8 @@ impl Parameter {
         if !self.is_logarithmic {
             return value;
         }
-        let nominal = match self.kind {
-            ParameterKind::JointCompliance { joint } => nominal.compliance_rad_per_nm[joint],
-            ParameterKind::SpringStiffness { spring } => {
-                nominal.chain.elements.springs[spring].stiffness_n_per_m
-            }
-            ParameterKind::LinkMass { link } => nominal.chain.joints[link].mass_kg,
-            ParameterKind::PayloadMass => (nominal.payload).map_or(0.0, |payload| payload.mass_kg),
-            _ => nominal.load_scale,
-        };
-        nominal * value.exp()
+        // What has no place is the task's, of which the arm has none.
+        let place = self.kind.place(&mut nominal.clone()).map(|place| *place);
+        place.unwrap_or(1.0) * value.exp()
     }
 }

@@ -15,6 +15,7 @@
 pub(crate) mod arms;
 mod backlash;
 mod elastic_arm;
+mod frames;
 mod freedoms;
 mod gear;
 mod kind;
@@ -28,13 +29,13 @@ mod words;
 pub use backlash::Backlash;
 pub(crate) use elastic_arm::along;
 pub use elastic_arm::{ElasticArm, Leaning, Payload};
+pub(crate) use frames::FrameChange;
 pub(crate) use freedoms::relative_precision;
 pub use freedoms::{Freedoms, structural_directions};
 pub use gear::{GearWave, WaveError, WavePhase};
 pub use kind::{Axis, Parameter, ParameterKind};
 pub use level::SourceLevel;
 pub use prior::Prior;
-pub(crate) use set::FrameChange;
 pub use set::{ParameterError, ParameterSet};
 pub use stiffening::Stiffening;
 pub use uncertainty::{

@@ -1,8 +1,9 @@
 //! An ordered set of parameters, and beliefs made from vectors of their values.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector};
 use thiserror::Error;
 
+use super::frames::{Displacements, FrameChange};
 use super::kind::Owner;
 use super::prior::Prior;
 use super::{ElasticArm, Parameter, ParameterKind};
@@ -288,62 +289,18 @@ impl ParameterSet {
             bases: vec![FrameChange::default(); nominal.instrument_from_base.len()],
         };
         for (parameter, &value) in self.parameters.iter().zip(values) {
-            let place = match parameter.kind {
-                ParameterKind::LinkPosition { link, axis } => {
-                    &mut all.links[link].position_m[axis.index()]
-                }
-                ParameterKind::LinkRotation { link, axis } => {
-                    &mut all.links[link].rotation_rad[axis.index()]
-                }
-                ParameterKind::ToolPosition { tool, axis } => {
-                    &mut all.tools[tool].position_m[axis.index()]
-                }
-                ParameterKind::ToolRotation { tool, axis } => {
-                    &mut all.tools[tool].rotation_rad[axis.index()]
-                }
-                ParameterKind::BasePosition { station, axis } => {
-                    &mut all.bases[station].position_m[axis.index()]
-                }
-                ParameterKind::BaseRotation { station, axis } => {
-                    &mut all.bases[station].rotation_rad[axis.index()]
-                }
-                _ => continue,
+            let frame = match parameter.kind.owner() {
+                Owner::Link(link) => &mut all.links[link],
+                Owner::Tool(tool) => &mut all.tools[tool],
+                Owner::Station(station) => &mut all.bases[station],
+                Owner::Joint(_) | Owner::Spring(_) | Owner::Only => continue,
+            };
+            let Some(place) = parameter.kind.place_of_frame(frame) else {
+                continue;
             };
             *place = value;
         }
         all
-    }
-}
-
-/// See [`ParameterSet::displacements`].
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Displacements {
-    pub links: Vec<FrameChange>,
-    pub tools: Vec<FrameChange>,
-    pub bases: Vec<FrameChange>,
-}
-
-/// How a frame differs from its nominal one, along its own axes.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct FrameChange {
-    pub position_m: Vector3<f64>,
-    pub rotation_rad: Vector3<f64>,
-}
-
-impl FrameChange {
-    /// From the nominal frame to the other one.
-    pub fn isometry(&self) -> Isometry3<f64> {
-        Isometry3::from_parts(
-            Translation3::from(self.position_m),
-            UnitQuaternion::from_scaled_axis(self.rotation_rad),
-        )
-    }
-
-    /// Leaves the bits of a frame as they are where nothing is different.
-    fn apply(&self, frame: &mut Isometry3<f64>) {
-        if *self != Self::default() {
-            *frame *= self.isometry();
-        }
     }
 }
 

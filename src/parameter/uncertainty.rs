@@ -166,17 +166,8 @@ impl RangeNoise {
         self.along_per_metre * self.along_per_metre - self.per_metre * self.per_metre
     }
 
-    /// The covariance of a deflection (m^2) that is read so far apart from the instrument (m).
-    pub fn covariance(&self, apart_m: &Vector3<f64>) -> Matrix3<f64> {
-        let across = apart_m.norm_squared() * self.per_metre * self.per_metre;
-        let alike = Matrix3::identity() * across;
-        match self.more_along() {
-            0.0 => alike,
-            more => alike + apart_m * apart_m.transpose() * more,
-        }
-    }
-
-    /// The derivative of sum(B * covariance) with respect to where the reading is taken, for a symmetric B.
+    /// The derivative of sum(B * covariance) with respect to where a deflection is read, so far apart from the instrument (m), for a
+    /// symmetric B.
     pub fn adjoint(&self, apart_m: &Vector3<f64>, of_covariance: &Matrix3<f64>) -> Vector3<f64> {
         let alike = apart_m * (2.0 * of_covariance.trace() * self.per_metre * self.per_metre);
         match self.more_along() {
@@ -199,17 +190,6 @@ impl RangeNoise {
 }
 
 impl ReadingSource {
-    /// The covariance of a deflection's position (m^2) of what moves nothing, where the tool stands there; `None` of what
-    /// moves the robot, its load or its joints.
-    pub fn covariance_of_positions(&self, tool_m: &Vector3<f64>) -> Option<Matrix3<f64>> {
-        let alike = |variance: f64| Some(Matrix3::identity() * variance);
-        match self {
-            Self::Discrepancy(deviation) => alike(deviation * deviation),
-            Self::Range(noise) => Some(noise.covariance(&(tool_m - noise.from_m))),
-            _ => None,
-        }
-    }
-
     /// How many normal numbers a reading takes for it.
     pub const fn numbers(&self) -> usize {
         match self {

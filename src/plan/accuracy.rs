@@ -41,7 +41,7 @@ impl<'a> ExperimentModel<'a> {
     /// standard deviation of rotations. Where more is uncertain there are columns for that, and rows are
     /// weighted: `sigma_m` L^-1 J with the reading's covariance L L^T.
     pub fn observation_matrix(&self, experiment: &Experiment) -> DMatrix<f64> {
-        self.rows_of(self.readings(), experiment)
+        self.rows_of(&mut self.readings(), experiment)
     }
 
     /// The readings that are planned, with derivatives by all unknowns in their units.
@@ -68,13 +68,14 @@ impl<'a> ExperimentModel<'a> {
 
     /// The same of experiments of one configuration.
     pub fn observation_matrices_of(&self, experiments: &[&Experiment]) -> Vec<DMatrix<f64>> {
+        let mut model = self.readings();
         let is_shared = (self.uncertain).is_some_and(Extended::is_shared_by_configuration);
         if is_shared && experiments.len() > 1 {
-            return self.rows_together(self.readings(), experiments);
+            return self.rows_together(model, experiments);
         }
         let experiments = experiments.iter();
         experiments
-            .map(|experiment| self.observation_matrix(experiment))
+            .map(|experiment| self.rows_of(&mut model, experiment))
             .collect()
     }
 
@@ -93,7 +94,11 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// `sigma_m` times the whitened rows of an experiment, those of rotations below those of positions.
-    pub fn rows_of(&self, mut model: PlannedReadings<'_>, experiment: &Experiment) -> DMatrix<f64> {
+    pub fn rows_of(
+        &self,
+        model: &mut PlannedReadings<'_>,
+        experiment: &Experiment,
+    ) -> DMatrix<f64> {
         let size = model.parameters();
         let blocks = self.rows() / 3;
         let mut matrix = Matrix3xX::zeros(blocks * size);

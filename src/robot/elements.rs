@@ -96,12 +96,4 @@ impl Elements {
     pub fn has_springs(&self) -> bool {
         !self.joint_springs.is_empty() || !self.springs.is_empty()
     }
-
-    /// The joints that change the stiffness of springs.
-    pub(crate) fn joints_of_springs(&self) -> Range<usize> {
-        let joints = self.springs.iter().map(Spring::joints);
-        joints
-            .reduce(|one, other| one.start.min(other.start)..one.end.max(other.end))
-            .unwrap_or(0..0)
-    }
 }

@@ -166,7 +166,7 @@ impl<'a> Deviations<'a> {
     ) -> Vec<DMatrix<f64>> {
         let rows = match (&self.set, experiments) {
             (Some(set), [only]) => {
-                vec![model.rows_of(self.readings_of(set, 0, &self.believed), only)]
+                vec![model.rows_of(&mut self.readings_of(set, 0, &self.believed), only)]
             }
             (Some(set), _) => {
                 model.rows_together(self.readings_of(set, 0, &self.believed), experiments)

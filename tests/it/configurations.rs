@@ -6,7 +6,7 @@ use elastocal::identification::{Case, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::normal::{LANES, fill_normals};
 use elastocal::numeric::random::streams::Stream;
-use elastocal::observation::FirstOrder;
+use elastocal::observation::{NOTHING_READ, PlannedReadings};
 use elastocal::parameter::{ParameterKind, ReadingSource, Unloaded};
 use elastocal::plan::search::{Bound, NoBound, Problem};
 use elastocal::plan::{Assessment, Criterion, Experiment, Plan, posterior, write_plan};
@@ -15,10 +15,10 @@ use elastocal::scenario::Scenario;
 use elastocal::study::account::Account;
 use elastocal::task::Method;
 use elastocal::testbed::{Circumstances, TrueRobots, add_noise_of};
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix6xX, Vector3};
 use serde_json::Value;
 
-use crate::repeats::linear_equations;
+use crate::repeats::{deflection, linear_equations};
 use crate::support::{Workplace, scenario_text, table4};
 use crate::uncertainties::assert_holds;
 
@@ -180,26 +180,11 @@ fn written_out(scenario: &Scenario, measurements: &[Measurement]) -> DMatrix<f64
     let belief = &scenario.task.belief;
     let extended = belief.uncertain.as_ref().expect("much is uncertain");
     let arm = extended.arm();
-    let mut model = FirstOrder::new(
-        arm,
-        0,
-        extended.set(),
-        &vec![1.0; belief.unknowns()],
-        1.0,
-        &[],
-    );
-    let mut deflection = |q: &DVector<f64>, load: &Load| {
-        model.stand(
-            q.as_slice(),
-            &arm.chain.at(&arm.tools[0]).state(q.as_slice()),
-        );
-        model.deflection(load)
-    };
-    let mut along = |each: &Measurement, joint: usize| {
-        let mut at = |shift: f64| {
+    let along = |each: &Measurement, joint: usize| {
+        let at = |shift: f64| {
             let mut q = each.configuration_rad.clone();
             q[joint] += shift;
-            deflection(&q, &each.load)
+            deflection(arm, &q, &each.load)
         };
         (at(1e-5) - at(-1e-5)) / 2e-5
     };
@@ -550,20 +535,18 @@ fn gears_err_alike_under_all_loads() {
     let kinds = (0..6).map(|joint| (ParameterKind::JointZero { joint }, None));
     let set = elastocal::parameter::ParameterSet::new(arm, kinds).expect("zeros");
     let sources: Vec<ReadingSource> = extended.sources().map(|(_, each)| each.clone()).collect();
-    let mut model = FirstOrder::new(arm, 0, &set, &[1.0; 6], 1.0, &sources);
+    let mut model = PlannedReadings::new(arm, 0, &set, &[1.0; 6], NOTHING_READ, &sources);
     let q = table4(4).experiments[1].configuration_rad.clone();
-    model.stand(
-        q.as_slice(),
-        &arm.chain.at(&arm.tools[0]).state(q.as_slice()),
-    );
+    model.move_to(q.as_slice());
     let loads = FORCES.map(|[x, y, z]| Load::force(x, y, z));
     let [one, other] = loads.map(|load| {
-        let mut columns = Matrix3xX::zeros(6);
+        let mut columns = Matrix6xX::zeros(6);
         model.derivatives(&load, &mut columns);
-        columns
+        columns.fixed_rows::<3>(0).into_owned()
     });
     let expected = &one * other.transpose() * 3e-3_f64.powi(2);
     let found = model.covariance_shared([&loads[0], &loads[1]]);
+    let found = found.fixed_view::<3, 3>(0, 0).into_owned();
     assert!((found - expected).norm() < 1e-12 * expected.norm());
     assert!((found - found.transpose()).norm() > 1e-3 * found.norm());
 }

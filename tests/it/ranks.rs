@@ -5,13 +5,14 @@ use elastocal::experiment::{Experiment, Plan};
 use elastocal::identification::{Case, Identification, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::generator;
-use elastocal::observation::FirstOrder;
+use elastocal::observation::{DeflectionPrecision, PlannedReadings};
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Matrix6xX, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
+use crate::repeats::deflection;
 use crate::support::table4;
 use crate::uncertainties::{entry, loaded, with};
 
@@ -73,18 +74,23 @@ impl<'a> LinearWorld<'a> {
         let extended = belief.uncertain.as_ref().expect("much is uncertain");
         let sources: Vec<_> = extended.sources().map(|(_, each)| each.clone()).collect();
         let (arm, set, sizes) = (extended.arm(), extended.set(), vec![1.0; size]);
-        let mut model = FirstOrder::new(arm, 0, set, &sizes, sigma_m, &sources);
-        let mut jacobian = Matrix3xX::zeros(size);
+        let precision = DeflectionPrecision {
+            sigma_m,
+            ..belief.instrument.precision()
+        };
+        let mut model = PlannedReadings::new(arm, 0, set, &sizes, precision, &sources);
+        let mut jacobian = Matrix6xX::zeros(size);
         let mut measurements = Vec::new();
         for experiment in self.plan.experiments.clone() {
             let load = experiment.load;
-            let q = experiment.configuration_rad.as_slice();
-            model.stand(q, &arm.chain.at(&arm.tools[0]).state(q));
+            model.move_to(experiment.configuration_rad.as_slice());
             model.derivatives(&load, &mut jacobian);
-            let shared = model.covariance_shared([&load, &load]);
-            let new = root(to_dynamic(&(model.covariance(&load) - shared)));
-            let exact: Vector3<f64> = model.deflection(&load)
-                + &jacobian * &differs
+            let three = |all: Matrix6<f64>| all.fixed_view::<3, 3>(0, 0).into_owned();
+            let shared = three(model.covariance_shared([&load, &load]));
+            let all = three(precision.covariance() + model.covariance_of_all(&load));
+            let new = root(to_dynamic(&(all - shared)));
+            let exact: Vector3<f64> = deflection(arm, &experiment.configuration_rad, &load)
+                + jacobian.fixed_rows::<3>(0) * &differs
                 + root(to_dynamic(&shared)) * self.normals::<3>();
             for _ in 0..experiment.repeats {
                 let deflection_m = exact + &new * self.normals::<3>();

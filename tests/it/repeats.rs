@@ -5,13 +5,14 @@ use elastocal::experiment::{Experiment, Plan};
 use elastocal::identification::{Case, Robustness, Sigma};
 use elastocal::laboratory::next::measured_plan;
 use elastocal::measurement::{Measurement, RotationMeasurement, by_experiment};
-use elastocal::observation::FirstOrder;
+use elastocal::observation::{NOTHING_READ, ObservationModel, PlannedReadings, ReadingKind, Setup};
+use elastocal::parameter::{ElasticArm, ParameterSet};
 use elastocal::plan::posterior;
-use elastocal::robot::Approach;
+use elastocal::robot::{Approach, Load};
 use elastocal::scenario::Scenario;
 use elastocal::task::{Belief, Method};
 use elastocal::testbed::{TrueRobots, add_noise_of};
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6xX, Vector3};
 use serde_json::Value;
 
 use crate::support::{Workplace, table4};
@@ -29,6 +30,21 @@ fn repeated(repeats: u32) -> Plan {
     }
 }
 
+/// The deflection (m) of an arm's first tool, to first order.
+pub fn deflection(arm: &ElasticArm, q: &DVector<f64>, load: &Load) -> Vector3<f64> {
+    let (nothing, mut ignored) = (ParameterSet::empty(), Matrix6xX::zeros(0));
+    let setup = Setup {
+        commanded_rad: q.clone(),
+        load: *load,
+        target: 0,
+        station: 0,
+        approach: None,
+    };
+    ObservationModel::new(&nothing, arm, &[])
+        .predict_first_order(&setup, ReadingKind::Deflection, &mut ignored)
+        .position_m
+}
+
 /// What measurements say of all that a belief has unknown, to first order: a row for each number that was measured, and what is left of it
 /// at what is believed.
 pub fn linear_equations(
@@ -37,16 +53,18 @@ pub fn linear_equations(
 ) -> (DMatrix<f64>, DVector<f64>) {
     let extended = belief.uncertain.as_ref().expect("much is uncertain");
     let (size, arm) = (belief.unknowns(), extended.arm());
-    let mut model = FirstOrder::new(arm, 0, extended.set(), &vec![1.0; size], 1.0, &[]);
+    let sizes = vec![1.0; size];
+    let mut model = PlannedReadings::new(arm, 0, extended.set(), &sizes, NOTHING_READ, &[]);
+
     let count = 3 * measurements.len();
     let (mut rows, mut right) = (DMatrix::zeros(count, size), DVector::zeros(count));
-    let mut jacobian = Matrix3xX::zeros(size);
+    let mut jacobian = Matrix6xX::zeros(size);
     for (index, each) in measurements.iter().enumerate() {
-        let q = each.configuration_rad.as_slice();
-        model.stand(q, &arm.chain.at(&arm.tools[0]).state(q));
+        model.move_to(each.configuration_rad.as_slice());
         model.derivatives(&each.load, &mut jacobian);
-        rows.rows_mut(3 * index, 3).copy_from(&jacobian);
-        let left = each.deflection_m - model.deflection(&each.load);
+        rows.rows_mut(3 * index, 3)
+            .copy_from(&jacobian.fixed_rows::<3>(0));
+        let left = each.deflection_m - deflection(arm, &each.configuration_rad, &each.load);
         right.rows_mut(3 * index, 3).copy_from(&left);
     }
     (rows, right)

@@ -2,13 +2,10 @@
 
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
 
-use super::ComplianceRows;
-use crate::observation::first_order::tests::{arms, load};
-use crate::observation::observed::ObservedRows;
-use crate::observation::observed::tests::{
-    DEFLECTIONS, ROTATIONS, configuration, differences, with_a_spring,
+use crate::observation::planned::tests::{
+    DEFLECTIONS, ROTATIONS, arms, configuration, load, with_a_spring,
 };
-use crate::observation::{BareArm, DeflectionPrecision};
+use crate::observation::{BareArm, DeflectionPrecision, PlannedReadings};
 use crate::parameter::arms::Numbers;
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::{Elements, Load};
@@ -33,10 +30,9 @@ fn compare(
         compliance_rad_per_nm: &arm.compliance_rad_per_nm,
         tool: &arm.tools[0],
     };
-    let mut closed = ComplianceRows::new(bare, &joints, &sizes, precision);
-    let mut observed = ObservedRows::new(arm, 0, &set, &sizes, precision, &[]);
-    let state = arm.chain.at(&arm.tools[0]).state(q);
-    closed.stand(q, &state);
+    let mut closed = PlannedReadings::of_compliances(bare, &joints, &sizes, precision);
+    let mut observed = PlannedReadings::new(arm, 0, &set, &sizes, precision, &[]);
+    closed.move_to(q);
     observed.move_to(q);
     let agree = |what: &str, found: &[f64], expected: &[f64], room: f64| {
         let size = expected
@@ -48,7 +44,7 @@ fn compare(
         }
     };
     let [mut found, mut expected] = [0, 1].map(|_| Matrix6xX::zeros(count));
-    closed.derivatives(&state, load, &mut found);
+    closed.derivatives(load, &mut found);
     observed.derivatives(load, &mut expected);
     let rows = precision.rows();
     for (found, expected) in found.column_iter().zip(expected.column_iter()) {
@@ -61,11 +57,11 @@ fn compare(
     }
     let of_loads = found.fixed_rows::<3>(0).into_owned();
     let [mut whitened, mut expected] = [0, 1].map(|_| Matrix3xX::zeros(rows / 3 * count));
-    closed.observe(&state, load, &mut whitened);
+    closed.observe(load, &mut whitened);
     observed.observe(load, &mut expected);
     agree("whitened", whitened.as_slice(), expected.as_slice(), room);
     let [mut found, mut expected] = [0, 1].map(|_| Matrix3xX::zeros(count));
-    closed.uncompensated(&state, load, &mut found);
+    closed.uncompensated(load, &mut found);
     observed.uncompensated(load, &mut expected);
     agree("uncompensated", found.as_slice(), expected.as_slice(), room);
     if arm.chain.elements.has_springs() {
@@ -82,10 +78,12 @@ fn compare(
         factor.columns_mut(block * count, count).copy_from(&product);
     }
     let mut found = vec![0.0; count];
-    closed.pull_back(&state, load, &factor, &mut found);
-    let (expected, of_force) = differences(&mut observed, q, load, &factor);
+    closed.pull_back(load, &factor, &mut found);
+    let mut expected = vec![0.0; count];
+    observed.pull_back(load, &factor, &mut expected);
     agree("by joints", &found, &expected, room.max(1e-5));
-    let found = closed.force_gradient(&state, &factor);
+    let of_force = observed.force_gradient(load, &factor);
+    let found = closed.force_gradient(load, &factor);
     agree(
         "by the force",
         found.as_slice(),
