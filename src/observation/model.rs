@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3};
 
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
-use super::sweep::{Shown, Sweep, SweepPose};
+use super::sweep::{Sweep, SweepPose, SweptForm};
 use crate::parameter::{ElasticArm, Leaning, ParameterKind, ParameterSet};
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain,
@@ -169,9 +169,9 @@ impl<'a> ObservationModel<'a> {
     ) -> Prediction {
         let load = self.command(setup);
         let shown = if kind.is_deflection() {
-            Shown::Deflection
+            SweptForm::Deflection
         } else {
-            Shown::Pose
+            SweptForm::Pose
         };
         let mut prediction = self.first_order(&load, setup.target, shown, derivatives);
         self.to_instrument(setup.station, kind, &mut prediction, derivatives);
@@ -199,7 +199,7 @@ impl<'a> ObservationModel<'a> {
     /// loads, the instrument and where things stand have no part in it, the task's force has.
     pub fn uncompensated(&mut self, setup: &Setup, derivatives: &mut Matrix6xX<f64>) {
         let load = self.command(setup);
-        self.first_order(&load, setup.target, Shown::Uncompensated, derivatives);
+        self.first_order(&load, setup.target, SweptForm::Uncompensated, derivatives);
     }
 
     /// Sets the joints' angles, and returns the load that acts.
@@ -251,10 +251,10 @@ impl<'a> ObservationModel<'a> {
         &mut self,
         load: &Load,
         target: usize,
-        shown: Shown,
+        shown: SweptForm,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Prediction {
-        let has_rigid_motion = shown == Shown::Pose;
+        let has_rigid_motion = shown == SweptForm::Pose;
         self.stand(target);
         let gravity = if has_rigid_motion {
             self.chain.gravity_m_s2
@@ -333,7 +333,7 @@ impl<'a> ObservationModel<'a> {
             torque: self.solver.torque(),
             leanings: (self.off_springs.as_ref())
                 .map(|leanings| [leanings.here.as_slice(), &leanings.unloaded]),
-            shown: Shown::Rest,
+            shown: SweptForm::Rest,
         };
         self.sweep.derivatives(&pose, derivatives);
         Ok(Prediction {

@@ -79,12 +79,12 @@ pub(super) struct SweepPose<'a> {
     pub torque: &'a [f64],
     /// How the joints stand off their springs, and how they stood without the load; where some do.
     pub leanings: Option<[&'a [Leaning]; 2]>,
-    pub shown: Shown,
+    pub shown: SweptForm,
 }
 
 /// What of a target is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Shown {
+pub(super) enum SweptForm {
     /// Where it rests.
     Rest,
     /// Where it is to first order in compliance, Y = J,
@@ -97,16 +97,16 @@ pub(super) enum Shown {
 
 impl SweepPose<'_> {
     fn is_first_order(&self) -> bool {
-        self.shown != Shown::Rest
+        self.shown != SweptForm::Rest
     }
 
     /// Whether the target's rigid motion counts.
     fn has_rigid_motion(&self) -> bool {
-        matches!(self.shown, Shown::Rest | Shown::Pose)
+        matches!(self.shown, SweptForm::Rest | SweptForm::Pose)
     }
 
     fn is_uncompensated(&self) -> bool {
-        self.shown == Shown::Uncompensated
+        self.shown == SweptForm::Uncompensated
     }
 }
 
@@ -488,7 +488,7 @@ impl Sweep {
         } else {
             (Vector3::zeros(), Vector3::zeros())
         };
-        if matches!(pose.shown, Shown::Pose | Shown::Deflection) {
+        if matches!(pose.shown, SweptForm::Pose | SweptForm::Deflection) {
             let before = self.bent_before[m];
             position += omega.cross(&self.bent_from[m]) + before.cross(moved);
             // The orientation is exp(phi) R, phi = sum z_j delta_j: its angular velocity is

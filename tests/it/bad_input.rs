@@ -324,7 +324,7 @@ const MEASUREMENT_EDITS: &[(&str, &str, &[&str], Option<&str>)] = &[
     ("0.05", "0", &["line 3", "sx_mm,sy_mm,sz_mm", "found 0.03, 0.03, 0;", "positive"], None),
     ("0.05", "-1", &["line 3", "found 0.03, 0.03, -1;", "positive"], None),
     ("-5.37", "five", &["line 3", "dz_mm", "found \"five\"", "finite number"], None),
-    ("-2500", "0", &["m.csv: no measurement depends on any"], None),
+    ("-2500", "0", &["m.csv: the measurements determine none of the parameters"], None),
     // Metres instead of millimetres the wrong way round.
     (",-5.37", ",5370", &["m.csv: measurement", "with the parameters that fit so far"], Some("signs, units and frames")),
 ];

@@ -78,7 +78,8 @@ pub fn looks_well(page: &Path, figures: usize) {
         let views = seen["views"].as_array().expect("an array");
         assert_eq!(seen["scripts"].as_u64(), Some(2 * views.len() as u64));
         for view in views {
-            assert!(view["drawn"].as_f64() > Some(0.02), "{place}: {view}");
+            // A slim arm that is folded up covers little more than half a percent.
+            assert!(view["drawn"].as_f64() > Some(0.004), "{place}: {view}");
             let stills = found_stills(&seen);
             assert_eq!(view["steps"], stills > 1, "{place}: {view}");
             assert!(

@@ -474,7 +474,7 @@ fn what_frames_need_is_told() {
         ),
         (
             changed(&|_, each| each.configuration_rad *= 0.017),
-            "in rad where deg are read",
+            "are the angles in radians instead of degrees?",
         ),
         (
             changed(&|_, each| each.configuration_rad.swap_rows(1, 3)),

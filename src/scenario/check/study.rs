@@ -99,12 +99,16 @@ impl Checker<'_> {
         let mm = 1e-3 * context.sigma_of.deflection_factor();
         let (counts, sigmas) = (table.experiments.as_ref(), table.sigma_mm.as_ref());
         let scales = table.load_scale.as_ref();
+        let numbers = [
+            counts.map(Vec::len),
+            sigmas.map(Vec::len),
+            scales.map(Vec::len),
+        ];
+        let combinations = (numbers.into_iter().flatten()).fold(1, usize::saturating_mul);
+        self.at_most("study.sweep", combinations, MOST_CONDITIONS)?;
         let counts = self.swept("experiments", counts, base.experiments, enough)?;
         let scales = self.swept("load_scale", scales, base.load_scale, number(FACTOR, 1.0))?;
         let sigmas_m = self.swept("sigma_mm", sigmas, base.sigma_m, number(DEVIATION, mm))?;
-        let lengths = [counts.len(), scales.len(), sigmas_m.len()];
-        let combinations = lengths.into_iter().fold(1, usize::saturating_mul);
-        self.at_most("study.sweep", combinations, MOST_CONDITIONS)?;
         let mut all = Vec::with_capacity(combinations);
         for &experiments in &counts {
             for &load_scale in &scales {
@@ -133,7 +137,6 @@ impl Checker<'_> {
         if values.is_empty() {
             return Err(self.wrong(&key, "is empty; at least one number is needed"));
         }
-        self.at_most("study.sweep", values.len(), MOST_CONDITIONS)?;
         let one = |(index, value): (usize, &T)| {
             if values[..index].contains(value) {
                 return Err(self.wrong(&key, format!("found {value} twice")));
