@@ -89,7 +89,7 @@ fn a_prediction_is_split_and_shown() {
         assert!(svg.contains(&words), "{words}");
     }
     let page = place.read("p.html");
-    assert!(page.starts_with("<!DOCTYPE html>") && !page.contains("<script"));
+    crate::report::assert_self_contained(&page);
     for words in [
         "an absolute accuracy",
         "evidence, no proof",

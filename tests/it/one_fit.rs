@@ -478,7 +478,7 @@ fn what_frames_need_is_told() {
         ),
         (
             changed(&|_, each| each.configuration_rad.swap_rows(1, 3)),
-            "Swap q2 and q4",
+            "Swap q2_deg and q4_deg",
         ),
         (
             changed(&|_, each| each.target = Some("cat".to_owned())),

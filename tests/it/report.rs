@@ -52,7 +52,7 @@ fn without_own_script(page: &str) -> String {
 }
 
 /// Nothing in the page makes a browser fetch or run anything, but for the view that turns.
-fn assert_self_contained(page: &str) {
+pub fn assert_self_contained(page: &str) {
     assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"));
     let page = without_own_script(page);
     for forbidden in [
