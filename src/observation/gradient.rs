@@ -16,7 +16,7 @@
 //! d/dq_j = z_j . sum (J_n x a_n + z_n x c_n)  over what is at or beyond j   +   J_j . sum a_n x z_n  over the rest
 //! ```
 
-use nalgebra::{Matrix3, Matrix3xX, Rotation3, Vector3};
+use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
 use super::observed::is_by_torque;
 use crate::parameter::{
@@ -209,48 +209,40 @@ impl<'a> DeflectionGradient<'a> {
         }
     }
 
-    /// Moves to the joint angles `q` (rad), where the arm with its tool has this geometry.
-    fn stand(&mut self, q: &[f64], state: &KinematicState) {
+    /// Moves to where the arm with its tool has this geometry.
+    fn stand(&mut self, state: &KinematicState) {
         self.tool_position = state.tool_position;
         for (joint, lever) in self.joints.iter_mut().enumerate() {
             *lever = Lever::at(state.position_column(joint), state.rotation_column(joint));
         }
-        let chain = &self.arm.chain;
-        let mut before = Rotation3::identity();
-        for (index, (joint, &angle)) in chain.joints.iter().zip(q).enumerate() {
-            // The link's axes, as they are at zero angle.
-            before *= Rotation3::from(joint.previous_from_link.rotation);
-            for (place, lever) in self.places.iter().zip(&mut self.levers) {
-                if place.moved_from == index {
-                    *lever = place.lever(before.matrix(), state);
-                }
-            }
-            if !joint.drive.slides {
-                before *= Rotation3::from_axis_angle(&joint.axis, angle);
-            }
-        }
         for (place, lever) in self.places.iter().zip(&mut self.levers) {
-            if let PlaceMotion::ToolAlong(_) = place.motion {
-                *lever = place.lever(&state.tool_rotation, state);
-            }
+            *lever = if let PlaceMotion::ToolAlong(_) = place.motion {
+                place.lever(&state.tool_rotation, state)
+            } else {
+                // The link's axes, as they are at zero angle.
+                let link = place.moved_from;
+                let own = &self.arm.chain.joints[link].previous_from_link.rotation;
+                let axes = (state.before[link] * own).to_rotation_matrix();
+                place.lever(axes.matrix(), state)
+            };
         }
     }
 
-    /// Adds the derivatives of a cost of the information A^T A of a reading at joint angles `q` (rad), where the arm has this geometry,
-    /// with respect to these angles to `gradient` (n), and returns those with respect to the force. `factor` (3 x p) is the derivative
+    /// Adds the derivatives of a cost of the information A^T A of a reading where the arm has this geometry, with respect to the joint
+    /// angles to `gradient` (n), and returns those with respect to the force. `factor` (3 x p) is the derivative
     /// with respect to A, and must be A times a symmetric matrix, as it is for such a cost. A source's variance counts so many `times`.
     ///
     /// The adjoint of J is then L^-T times the factor, and that of the covariance
     /// -1/2 L^-T factor A^T L^-1.
     pub fn pull_back(
         &mut self,
-        (q, state): (&[f64], &KinematicState),
+        state: &KinematicState,
         reading: &WhitenedReading,
         times: &dyn Fn(&ReadingSource) -> f64,
         factor: &Matrix3xX<f64>,
         gradient: &mut [f64],
     ) -> Vector3<f64> {
-        self.stand(q, state);
+        self.stand(state);
         let (load, whitener) = (&reading.load, reading.whitener);
         let mut product = Matrix3::zeros();
         for (one, other) in factor.column_iter().zip(reading.rows.column_iter()) {

@@ -167,13 +167,23 @@ impl<'a> ObservationModel<'a> {
         kind: ReadingKind,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Prediction {
+        self.first_order_at(None, setup, kind, derivatives)
+    }
+
+    fn first_order_at(
+        &mut self,
+        state: Option<&KinematicState>,
+        setup: &Setup,
+        kind: ReadingKind,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Prediction {
         let load = self.command(setup);
         let shown = if kind.is_deflection() {
             SweptForm::Deflection
         } else {
             SweptForm::Pose
         };
-        let mut prediction = self.first_order(&load, setup.target, shown, derivatives);
+        let mut prediction = self.first_order(state, &load, setup.target, shown, derivatives);
         self.to_instrument(setup.station, kind, &mut prediction, derivatives);
         prediction
     }
@@ -186,12 +196,23 @@ impl<'a> ObservationModel<'a> {
         kind: ReadingKind,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Prediction {
+        self.predict_as_planned_at(None, setup, kind, derivatives)
+    }
+
+    /// The same where the target's geometry at the commanded angles may be known already.
+    pub(super) fn predict_as_planned_at(
+        &mut self,
+        state: Option<&KinematicState>,
+        setup: &Setup,
+        kind: ReadingKind,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Prediction {
         if self.chain.elements.has_springs()
             && let Ok(prediction) = self.predict(Form::AtRest, setup, kind, derivatives)
         {
             return prediction;
         }
-        self.predict_first_order(setup, kind, derivatives)
+        self.first_order_at(state, setup, kind, derivatives)
     }
 
     /// Writes the derivatives of what is left at a target under a load if the joints' own deflections at the model's values are
@@ -199,7 +220,13 @@ impl<'a> ObservationModel<'a> {
     /// loads, the instrument and where things stand have no part in it, the task's force has.
     pub fn uncompensated(&mut self, setup: &Setup, derivatives: &mut Matrix6xX<f64>) {
         let load = self.command(setup);
-        self.first_order(&load, setup.target, SweptForm::Uncompensated, derivatives);
+        self.first_order(
+            None,
+            &load,
+            setup.target,
+            SweptForm::Uncompensated,
+            derivatives,
+        );
     }
 
     /// Sets the joints' angles, and returns the load that acts.
@@ -249,13 +276,18 @@ impl<'a> ObservationModel<'a> {
     /// goes with it.
     fn first_order(
         &mut self,
+        given: Option<&KinematicState>,
         load: &Load,
         target: usize,
         shown: SweptForm,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Prediction {
         let has_rigid_motion = shown == SweptForm::Pose;
-        self.stand(target);
+        let given = given.filter(|_| self.commanded_rad == self.asked_rad);
+        if given.is_none() {
+            self.stand(target);
+        }
+        let state = given.unwrap_or(&self.state);
         let gravity = if has_rigid_motion {
             self.chain.gravity_m_s2
         } else {
@@ -265,26 +297,25 @@ impl<'a> ObservationModel<'a> {
         let mut turned = Vector3::zeros();
         for joint in 0..self.torque.len() {
             self.torque[joint] =
-                self.state.load_torque(joint, load) + self.state.gravity_torque(joint, &gravity);
+                state.load_torque(joint, load) + state.gravity_torque(joint, &gravity);
             let angle = self.belief.compliance_rad_per_nm[joint] * self.torque[joint];
-            bent += self.state.position_column(joint) * angle;
-            turned += self.state.rotation_column(joint) * angle;
+            bent += state.position_column(joint) * angle;
+            turned += state.rotation_column(joint) * angle;
         }
         if let Some(off_springs) = self.off_springs.as_ref().filter(|_| !has_rigid_motion) {
             let leanings = off_springs.here.iter().zip(&off_springs.unloaded);
             for (joint, (here, unloaded)) in leanings.enumerate() {
                 let crossed =
                     self.belief.leans_by(joint, here) - self.belief.leans_by(joint, unloaded);
-                bent += self.state.position_column(joint) * crossed;
-                turned += self.state.rotation_column(joint) * crossed;
+                bent += state.position_column(joint) * crossed;
+                turned += state.rotation_column(joint) * crossed;
             }
         }
-        self.sweep.respond_rigidly(&self.state);
         let pose = SweepPose {
             set: &self.set,
             belief: &self.belief,
             chain: &self.chain,
-            state: &self.state,
+            state,
             q: &self.commanded_rad,
             target,
             asked_rad: &self.asked_rad,
@@ -298,8 +329,8 @@ impl<'a> ObservationModel<'a> {
         self.sweep.derivatives(&pose, derivatives);
         if has_rigid_motion {
             Prediction {
-                position_m: self.state.tool_position + bent,
-                rotation: exponential(&turned) * self.state.tool_rotation,
+                position_m: state.tool_position + bent,
+                rotation: exponential(&turned) * state.tool_rotation,
             }
         } else {
             Prediction {

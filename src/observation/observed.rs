@@ -100,14 +100,14 @@ impl<'a> ObservedRows<'a> {
     }
 
     /// The room with the rows of the reading under a load, in the parameters' units.
-    fn predicted(&self, load: &Load) -> RefMut<'_, ObservedRoom> {
+    fn predicted(&self, state: &KinematicState, load: &Load) -> RefMut<'_, ObservedRoom> {
         let mut room = self.work.borrow_mut();
         if !room.is_predicted || room.setup.load != *load {
             let ObservedRoom {
                 model, setup, rows, ..
             } = &mut *room;
             setup.load = *load;
-            model.predict_as_planned(setup, self.kind, rows);
+            model.predict_as_planned_at(Some(state), setup, self.kind, rows);
             room.is_predicted = true;
         }
         room
@@ -115,25 +115,45 @@ impl<'a> ObservedRows<'a> {
 
     /// Writes the derivatives of the reading (6 x p), each with respect to its parameter in its size; a reading of
     /// three rows leaves the last three to be ignored.
-    pub fn derivatives(&self, load: &Load, matrix: &mut Matrix6xX<f64>) {
-        let room = self.predicted(load);
+    pub fn derivatives(&self, state: &KinematicState, load: &Load, matrix: &mut Matrix6xX<f64>) {
+        let room = self.predicted(state, load);
         for (index, size) in self.sizes.iter().enumerate() {
             matrix.set_column(index, &(room.rows.column(index) * *size));
         }
     }
 
-    /// How errors of gears of these standard deviations (rad), one for each joint, move the reading.
-    pub fn moved_by_gears(&self, load: &Load, deviations: &[f64]) -> Vec<Vector6<f64>> {
-        let room = self.predicted(load);
-        (self.zeros.iter().zip(deviations))
-            .map(|(&place, deviation)| room.rows.column(place) * *deviation)
-            .collect()
+    /// Tells how errors of gears of these standard deviations (rad), one for each joint, move the reading.
+    pub fn for_each_gear(
+        &self,
+        state: &KinematicState,
+        load: &Load,
+        deviations: &[f64],
+        tell: &mut impl FnMut(Vector6<f64>),
+    ) {
+        let room = self.predicted(state, load);
+        for (&place, deviation) in self.zeros.iter().zip(deviations) {
+            tell(room.rows.column(place) * *deviation);
+        }
     }
 
     /// Writes the derivatives of the reading, whitened by W, 3 x p for positions, and 3 x p for rotations beside them.
-    pub fn observe(&self, load: &Load, whitener: &Matrix6<f64>, matrix: &mut Matrix3xX<f64>) {
-        let room = self.predicted(load);
+    pub fn observe(
+        &self,
+        state: &KinematicState,
+        load: &Load,
+        whitener: &Matrix6<f64>,
+        matrix: &mut Matrix3xX<f64>,
+    ) {
+        let room = self.predicted(state, load);
         let count = self.sizes.len();
+        if self.kind.rows() == 3 {
+            let whitener = whitener.fixed_view::<3, 3>(0, 0).into_owned();
+            for (index, size) in self.sizes.iter().enumerate() {
+                let own = room.rows.fixed_view::<3, 1>(0, index) * *size;
+                matrix.set_column(index, &(whitener * own));
+            }
+            return;
+        }
         for (index, size) in self.sizes.iter().enumerate() {
             let white = whitener * (room.rows.column(index) * *size);
             for block in 0..self.kind.rows() / 3 {

@@ -3,13 +3,13 @@
 use std::borrow::Cow;
 use std::cell::RefCell;
 
-use nalgebra::{DMatrix, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, Matrix6, Matrix6xX, SMatrix, Vector3, Vector6};
 
 use super::compliances::{BareArm, ComplianceRows};
 use super::gradient::{DeflectionGradient, WhitenedReading};
 use super::observed::ObservedRows;
 use super::reading::{DeflectionPrecision, Whitener};
-use super::reading_errors::{effects, products};
+use super::reading_errors::for_each_effect;
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource, Unloaded, counted_times};
 use crate::robot::{Approach, KinematicState, Kinematics, Load};
 
@@ -210,7 +210,7 @@ impl<'a> PlannedReadings<'a> {
     pub fn derivatives(&self, load: &Load, matrix: &mut Matrix6xX<f64>) {
         match &self.rows {
             PlannedRows::Compliances(model) => model.derivatives(&self.state, load, matrix),
-            PlannedRows::Any(model, _) => model.derivatives(load, matrix),
+            PlannedRows::Any(model, _) => model.derivatives(&self.state, load, matrix),
         }
     }
 
@@ -225,22 +225,22 @@ impl<'a> PlannedReadings<'a> {
         }
     }
 
-    /// How one standard deviation of each number of a source moves a reading (m, rad).
-    fn effects(&self, source: &ReadingSource, load: &Load) -> Vec<Vector6<f64>> {
+    /// Tells how one standard deviation of each number of a source moves a reading (m, rad).
+    fn for_each_effect(
+        &self,
+        source: &ReadingSource,
+        load: &Load,
+        tell: &mut impl FnMut(Vector6<f64>),
+    ) {
         if let ReadingSource::TransmissionError(error) = source
             && let PlannedRows::Any(model, _) = &self.rows
         {
             // A joint stands elsewhere loaded and unloaded: a deflection shows what that changes.
-            return model.moved_by_gears(load, &error.deviations);
+            return model.for_each_gear(&self.state, load, &error.deviations, tell);
         }
         let at_target = (load, &Vector3::zeros());
-        effects(
-            source,
-            self.arm,
-            [&self.state, &self.seen()],
-            at_target,
-            None,
-        )
+        let states = [&self.state, &*self.seen()];
+        for_each_effect(source, self.arm, states, at_target, None, tell);
     }
 
     /// How many times a source's variance counts.
@@ -248,12 +248,20 @@ impl<'a> PlannedReadings<'a> {
         counted_times(source.shared_part(self.unloaded()), self.repeats)
     }
 
-    /// What one of the sources adds to a reading's covariance (m^2, m rad, rad^2), what repeats share as often as it
-    /// is shared.
+    /// What one of the sources adds to the covariance of a reading's first R rows (m^2, m rad, rad^2), what repeats share as often as
+    /// it is shared.
+    fn added<const R: usize>(&self, source: &ReadingSource, load: &Load) -> SMatrix<f64, R, R> {
+        let mut sum = SMatrix::zeros();
+        self.for_each_effect(source, load, &mut |effect| {
+            let effect = effect.fixed_rows::<R>(0);
+            sum += effect * effect.transpose();
+        });
+        sum * self.times(source)
+    }
+
+    /// What one of the sources adds to a reading's covariance.
     pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix6<f64> {
-        let source = &self.sources[source];
-        let effects = self.effects(source, load);
-        products(&effects, &effects) * self.times(source)
+        self.added(&self.sources[source], load)
     }
 
     /// What all sources add to the instrument's noise.
@@ -272,7 +280,17 @@ impl<'a> PlannedReadings<'a> {
         let source = &self.sources[source];
         match source.shared_part(self.unloaded()) {
             0.0 => Matrix6::zeros(),
-            part => products(&self.effects(source, one), &self.effects(source, other)) * part,
+            part => {
+                let effects = |load| {
+                    let mut effects = Vec::new();
+                    self.for_each_effect(source, load, &mut |effect| effects.push(effect));
+                    effects
+                };
+                let (one, other) = (effects(one), effects(other));
+                let pairs = one.iter().zip(&other);
+                let sum: Matrix6<f64> = pairs.map(|(one, other)| one * other.transpose()).sum();
+                sum * part
+            }
         }
     }
 
@@ -299,13 +317,15 @@ impl<'a> PlannedReadings<'a> {
         if self.sources.is_empty() {
             return alone();
         }
-        let covariance = noise + self.covariance_of_all(load);
         if self.rows() == 6 {
-            let whitener = Whitener::of_covariance(&covariance);
+            let whitener = Whitener::of_covariance(&(noise + self.covariance_of_all(load)));
             return whitener.map_or_else(alone, |whitener| *whitener.matrix());
         }
-        let three: Matrix3<f64> = covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        let inverse = three.cholesky().and_then(|factor| factor.l().try_inverse());
+        let mut covariance: Matrix3<f64> = noise.fixed_view::<3, 3>(0, 0).into_owned();
+        for source in self.sources {
+            covariance += self.added::<3>(source, load);
+        }
+        let inverse = (covariance.cholesky()).and_then(|factor| factor.l().try_inverse());
         inverse.map_or_else(alone, |inverse| {
             let mut whitener = Matrix6::zeros();
             whitener.fixed_view_mut::<3, 3>(0, 0).copy_from(&inverse);
@@ -389,7 +409,7 @@ impl<'a> PlannedReadings<'a> {
             PlannedRows::Compliances(model) => model.observe(&self.state, load, matrix),
             PlannedRows::Any(model, gradient) => {
                 let whitener = self.whitener(load);
-                model.observe(load, &whitener, matrix);
+                model.observe(&self.state, load, &whitener, matrix);
                 if let Some(gradient) = gradient {
                     gradient.note(load, &whitener, matrix);
                 }
@@ -429,7 +449,7 @@ impl<'a> PlannedReadings<'a> {
             return None;
         };
         let ClosedGradient { of, last } = &mut **closed;
-        let here = (&*self.q, &self.state);
+        let here = &self.state;
         Some(of.pull_back(here, last.get_mut().as_ref()?, &times, factor, gradient))
     }
 

@@ -5,7 +5,7 @@
 //! moves the target along its column, and a load that is off by (dF, dT) at the target by the sum of `k_j` `J_j` (`J_j` . dF + `z_j` . dT).
 //! Readings that share an error share its random numbers, each by columns of its own: targets of one visit are moved together.
 
-use nalgebra::{Matrix6, Matrix6xX, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Matrix6x3, Matrix6xX, Vector3, Vector6};
 
 use super::compliances::BareArm;
 use crate::parameter::{ReadingSource, SourceLevel, TransmissionError};
@@ -61,16 +61,16 @@ impl ReadingErrors {
             } else {
                 1.0
             };
-            let columns = effects(source, arm, [&state, &seen], (load, &lever), station_m);
-            let columns = columns.into_iter().map(|column| column * share.sqrt());
-            match source.level() {
-                SourceLevel::Reading => {
-                    let columns: Vec<_> = columns.collect();
-                    reading += products(&columns, &columns);
+            let mut add = |effect: Vector6<f64>| {
+                let effect = effect * share.sqrt();
+                match source.level() {
+                    SourceLevel::Reading => reading += effect * effect.transpose(),
+                    SourceLevel::Visit => visit.push(effect),
+                    _ => configuration.push(effect),
                 }
-                SourceLevel::Visit => visit.extend(columns),
-                _ => configuration.extend(columns),
-            }
+            };
+            let seen_at = [&state, &seen];
+            for_each_effect(source, arm, seen_at, (load, &lever), station_m, &mut add);
         }
         let together = |columns: &[Vector6<f64>]| {
             Matrix6xX::from_fn(columns.len(), |row, column| columns[column][row])
@@ -100,53 +100,63 @@ pub(super) fn column(state: &KinematicState, joint: usize) -> Vector6<f64> {
     Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z)
 }
 
-/// How one standard deviation of each number of a source moves a target (m, rad): by joints, by a load, which acts at a place (m, from
-/// the target), or by itself, read from where an instrument stands (m). The arm's geometry is that without and with the springs beside
-/// the joints' own at work. Its products are a covariance.
-pub(super) fn effects(
+/// Tells how one standard deviation of each number of a source moves a target (m, rad): by joints, by a load, which acts at a place (m,
+/// from the target), or by itself, read from where an instrument stands (m). The arm's geometry is that without and with the springs
+/// beside the joints' own at work. Products of them are a covariance. Does not allocate.
+pub(super) fn for_each_effect(
     source: &ReadingSource,
     arm: BareArm<'_>,
     [plain, seen]: [&KinematicState; 2],
     (load, lever): (&Load, &Vector3<f64>),
     station_m: Option<&Vector3<f64>>,
-) -> Vec<Vector6<f64>> {
-    let of_load = |force_n: Vector3<f64>, torque_nm: Vector3<f64>| -> Vector6<f64> {
-        let off = Load {
-            force_n,
-            torque_nm: torque_nm + lever.cross(&force_n),
-        };
-        (arm.compliance_rad_per_nm.iter().enumerate())
-            .map(|(joint, k)| column(seen, joint) * (k * plain.load_torque(joint, &off)))
-            .sum()
+    tell: &mut impl FnMut(Vector6<f64>),
+) {
+    // Columns by the axes of a vector that each joint's torque follows in this way, in N or N m.
+    let by_torques = |follows: &dyn Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>| {
+        let mut effects = Matrix6x3::zeros();
+        for (joint, k) in arm.compliance_rad_per_nm.iter().enumerate() {
+            let (moved, turned) = (plain.position_column(joint), plain.rotation_column(joint));
+            effects += column(seen, joint) * (follows(&moved, &turned) * *k).transpose();
+        }
+        effects
     };
-    let units = |size: f64| [0, 1, 2].map(|axis| Vector3::ith(axis, size));
-    let by_itself = |moved: Vector3<f64>| Vector6::new(moved.x, moved.y, moved.z, 0.0, 0.0, 0.0);
+    let (force, torque) = (&load.force_n, &load.torque_nm);
+    let mut tell_axes = |effects: Matrix6x3<f64>, deviation: f64| {
+        for effect in effects.column_iter() {
+            tell(effect * deviation);
+        }
+    };
+    let by_itself = |moved: &Matrix3<f64>| {
+        let mut effects = Matrix6x3::zeros();
+        effects.fixed_view_mut::<3, 3>(0, 0).copy_from(moved);
+        effects
+    };
     match source {
         ReadingSource::JointRepeatability(deviations)
         | ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
-            let joints = deviations.iter().enumerate();
-            let uncertain = joints.filter(|(_, deviation)| **deviation > 0.0);
-            uncertain
-                .map(|(joint, deviation)| column(seen, joint) * *deviation)
-                .collect()
+            for (joint, deviation) in deviations.iter().enumerate() {
+                if *deviation > 0.0 {
+                    tell(column(seen, joint) * *deviation);
+                }
+            }
         }
-        ReadingSource::LoadDirection(deviation) => units(*deviation)
-            .map(|turn| of_load(turn.cross(&load.force_n), turn.cross(&load.torque_nm)))
-            .to_vec(),
-        ReadingSource::LoadPoint(deviation) => units(*deviation)
-            .map(|shift| of_load(Vector3::zeros(), shift.cross(&load.force_n)))
-            .to_vec(),
+        ReadingSource::LoadDirection(deviation) => {
+            let turns = |moved: &Vector3<f64>, turned: &Vector3<f64>| {
+                force.cross(&(moved + turned.cross(lever))) + torque.cross(turned)
+            };
+            tell_axes(by_torques(&turns), *deviation);
+        }
+        ReadingSource::LoadPoint(deviation) => {
+            tell_axes(by_torques(&|_, turned| force.cross(turned)), *deviation);
+        }
         ReadingSource::Range(noise) => {
             let apart_m = plain.tool_position - station_m.unwrap_or(&noise.from_m);
-            let moved = |unit| by_itself(noise.drawn(&unit, &apart_m));
-            units(1.0).map(moved).to_vec()
+            let drawn = |axis| noise.drawn(&Vector3::ith(axis, 1.0), &apart_m);
+            let moved = Matrix3::from_columns(&[0, 1, 2].map(drawn));
+            tell_axes(by_itself(&moved), 1.0);
         }
-        ReadingSource::Discrepancy(deviation) => units(*deviation).map(by_itself).to_vec(),
+        ReadingSource::Discrepancy(deviation) => {
+            tell_axes(by_itself(&Matrix3::identity()), *deviation);
+        }
     }
-}
-
-/// The covariance of two readings that the same numbers move, the one's rows by the other's columns; of one with itself.
-pub(super) fn products(of_one: &[Vector6<f64>], of_other: &[Vector6<f64>]) -> Matrix6<f64> {
-    let pairs = of_one.iter().zip(of_other);
-    pairs.map(|(one, other)| one * other.transpose()).sum()
 }

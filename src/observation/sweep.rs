@@ -48,8 +48,10 @@ pub(super) struct Sweep {
     bases: Vec<FrameAxes>,
     /// The orientation of the frame before each link (the previous link), and of the last link.
     before: Vec<Matrix3<f64>>,
-    /// Y^T, n x 6.
+    /// Y^T at rest, n x 6.
     pub response: DMatrix<f64>,
+    /// Y's columns: how the target moves with each joint's rest angle.
+    columns: Vec<Vector6<f64>>,
     /// Sums over the joints before m of `Z_j z_j^T`, for m = 0 to n.
     inner: Vec<Matrix6x3<f64>>,
     /// Sums over the joints from m on of `Z_j` times what multiplies omega.
@@ -156,6 +158,7 @@ impl Sweep {
                 .collect(),
             before: vec![Matrix3::identity(); joints + 1],
             response: DMatrix::zeros(joints, 6),
+            columns: vec![Vector6::zeros(); joints],
             inner: vec![Matrix6x3::zeros(); joints + 1],
             outer: vec![Matrix6x3::zeros(); joints + 1],
             bent_before: vec![Vector3::zeros(); joints + 1],
@@ -163,22 +166,18 @@ impl Sweep {
         }
     }
 
-    /// Takes Y = J.
-    pub fn respond_rigidly(&mut self, state: &KinematicState) {
-        for joint in 0..state.joints() {
-            let (position, rotation) = (state.position_column(joint), state.rotation_column(joint));
-            for row in 0..3 {
-                self.response[(joint, row)] = position[row];
-                self.response[(joint, row + 3)] = rotation[row];
-            }
-        }
-    }
-
     /// Writes the derivatives (6 x p, in the robot's base frame) of the target's position and of its
     /// orientation as an angular velocity; without rigid motion, of the deflection and its rotation
     /// vector. Parameters of the base are left out. Does not allocate.
     pub fn derivatives(&mut self, pose: &SweepPose<'_>, derivatives: &mut Matrix6xX<f64>) {
-        self.orient(pose);
+        self.orient(pose.state);
+        for (joint, column) in self.columns.iter_mut().enumerate() {
+            *column = if pose.is_first_order() {
+                jacobian_column(pose.state, joint)
+            } else {
+                Vector6::from_fn(|row, _| self.response[(joint, row)])
+            };
+        }
         self.sum(pose);
         for (index, parameter) in pose.set.parameters().iter().enumerate() {
             let column = match parameter.kind {
@@ -188,7 +187,7 @@ impl Sweep {
                     } else {
                         1.0
                     };
-                    self.response_to(joint) * (pose.torque[joint] * factor)
+                    self.columns[joint] * (pose.torque[joint] * factor)
                 }
                 ParameterKind::JointZero { joint } => self.of_zero(pose, joint),
                 ParameterKind::JointWave { joint, wave } => self.of_wave(pose, joint, wave),
@@ -322,21 +321,10 @@ impl Sweep {
         (&base.displacement, &base.rotation)
     }
 
-    fn orient(&mut self, pose: &SweepPose<'_>) {
-        let mut rotation = Matrix3::identity();
-        for (index, (joint, &angle)) in pose.chain.joints.iter().zip(pose.q).enumerate() {
-            self.before[index] = rotation;
-            rotation *= Rotation3::from(joint.previous_from_link.rotation).into_inner();
-            if !joint.drive.slides {
-                rotation *= Rotation3::from_axis_angle(&joint.axis, angle).into_inner();
-            }
+    fn orient(&mut self, state: &KinematicState) {
+        for (matrix, before) in self.before.iter_mut().zip(&state.before) {
+            *matrix = before.to_rotation_matrix().into_inner();
         }
-        self.before[pose.q.len()] = rotation;
-    }
-
-    /// Y's column of a joint: how the target moves with the joint's rest angle.
-    fn response_to(&self, joint: usize) -> Vector6<f64> {
-        Vector6::from_fn(|row, _| self.response[(joint, row)])
     }
 
     /// How far a joint stands off its spring under the load and not without it, where that is seen beside its deflection (rad).
@@ -354,17 +342,17 @@ impl Sweep {
         let (state, joints) = (pose.state, pose.torque.len());
         let compliance = &pose.belief.compliance_rad_per_nm;
         for (joint, &compliance) in compliance.iter().enumerate() {
-            let moved = self.response_to(joint) * compliance;
+            let moved = self.columns[joint] * compliance;
             self.inner[joint + 1] = self.inner[joint] + moved * state.turning[joint].transpose();
             self.bent_before[joint + 1] = self.bent_before[joint]
                 + state.rotation_column(joint)
                     * (compliance * pose.torque[joint] + Self::crossed(pose, joint));
         }
         for joint in (0..joints).rev() {
-            let moved = self.response_to(joint) * compliance[joint];
+            let moved = self.columns[joint] * compliance[joint];
             let turned = state.position_column(joint).cross(&pose.load.force_n)
                 + state.rotation_column(joint).cross(&pose.load.torque_nm)
-                + state.mass_column(joint).cross(pose.gravity_m_s2);
+                + state.weight_moment(joint, pose.gravity_m_s2);
             self.outer[joint] = self.outer[joint + 1] + moved * turned.transpose();
             self.bent_from[joint] = self.bent_from[joint + 1]
                 + state.position_column(joint)
@@ -393,7 +381,7 @@ impl Sweep {
         for joint in 0..pose.torque.len() {
             let torque = pose.state.load_torque(joint, load);
             let compliance = pose.belief.compliance_rad_per_nm[joint];
-            column += self.response_to(joint) * (torque * compliance);
+            column += self.columns[joint] * (torque * compliance);
         }
         column
     }
@@ -414,7 +402,7 @@ impl Sweep {
             for joint in 0..pose.torque.len() {
                 let torque = tension * pose.chain.elements.pull(spring, pose.state, joint);
                 let compliance = pose.belief.compliance_rad_per_nm[joint];
-                column += self.response_to(joint) * (torque * compliance);
+                column += self.columns[joint] * (torque * compliance);
             }
         }
         column
@@ -431,7 +419,7 @@ impl Sweep {
             .map(|spring| spring.stiffness)
             .sum();
         let compliance = pose.belief.compliance_rad_per_nm[joint];
-        self.response_to(joint) * (-stiffness * compliance)
+        self.columns[joint] * (-stiffness * compliance)
     }
 
     /// What a twist of all from joint m on changes by the places of springs that it moves.
@@ -449,7 +437,7 @@ impl Sweep {
         (pose.chain.elements).add_change(pose.state, &motion, &mut change);
         for (joint, torque) in change.iter().enumerate() {
             let compliance = pose.belief.compliance_rad_per_nm[joint];
-            column += self.response_to(joint) * (torque * compliance);
+            column += self.columns[joint] * (torque * compliance);
         }
         column
     }
@@ -517,7 +505,7 @@ impl Sweep {
             let moved = pose.state.moves(joint, link + 1, &centre);
             let torque = moved.dot(pose.gravity_m_s2);
             let compliance = pose.belief.compliance_rad_per_nm[joint];
-            column += self.response_to(joint) * (torque * compliance * mass.mass_kg);
+            column += self.columns[joint] * (torque * compliance * mass.mass_kg);
         }
         column
     }

@@ -149,6 +149,7 @@ impl Kinematics for ChainAtTool<'_> {
         }
         let mut world_from_tool = self.tool.link_from_tool;
         for (index, (joint, &angle)) in self.chain.joints.iter().zip(q).enumerate() {
+            state.before[index] = world_from_link.rotation;
             world_from_link *= joint.previous_from_link;
             let axis = world_from_link.rotation * joint.axis.into_inner();
             let slides = joint.drive.slides;
@@ -172,6 +173,7 @@ impl Kinematics for ChainAtTool<'_> {
                 world_from_tool = world_from_link * self.tool.link_from_tool;
             }
         }
+        state.before[self.chain.len()] = world_from_link.rotation;
         state.gather_distal_masses();
         state.place_tool(
             self.tool.joints,

@@ -1,6 +1,6 @@
 //! The arm's geometry at one configuration, in the world frame, and what follows from it.
 
-use nalgebra::{DMatrix, Matrix3, Matrix6xX, Vector3, Vector6};
+use nalgebra::{DMatrix, Matrix3, Matrix6xX, UnitQuaternion, Vector3, Vector6};
 
 use super::elements::Elements;
 
@@ -90,6 +90,8 @@ pub struct KinematicState {
     /// A point on the axis of each joint (m); for one that slides, the origin of its frame before it has
     /// slid.
     pub anchor: Vec<Vector3<f64>>,
+    /// The orientation of the frame before each link (the previous link's), and of the last link; written by serial chains alone.
+    pub before: Vec<UnitQuaternion<f64>>,
     /// The mass that each joint carries (kg).
     pub distal_mass: Vec<f64>,
     /// The centre of the mass that each joint carries (m).
@@ -124,6 +126,7 @@ impl KinematicState {
             places: Vec::new(),
             first_axis: 0,
             anchor: vec![Vector3::zeros(); joints],
+            before: vec![UnitQuaternion::identity(); joints + 1],
             distal_mass: vec![0.0; joints],
             distal_centre: vec![Vector3::zeros(); joints],
             tool_joints: joints,
@@ -240,7 +243,18 @@ impl KinematicState {
 
     /// The torque of gravity about joint j (N m).
     pub fn gravity_torque(&self, joint: usize, gravity_m_s2: &Vector3<f64>) -> f64 {
+        if *gravity_m_s2 == Vector3::zeros() {
+            return 0.0;
+        }
         self.mass_column(joint).dot(gravity_m_s2)
+    }
+
+    /// What gravity's torque about joint j follows a turn of all that the joint carries by (N m).
+    pub(crate) fn weight_moment(&self, joint: usize, gravity_m_s2: &Vector3<f64>) -> Vector3<f64> {
+        if *gravity_m_s2 == Vector3::zeros() {
+            return Vector3::zeros();
+        }
+        self.mass_column(joint).cross(gravity_m_s2)
     }
 
     /// The derivative of the torque of gravity and of the load about joint j with respect to the
@@ -280,7 +294,7 @@ impl KinematicState {
     ) {
         for outer in 0..self.joints() {
             let forces = self.position_column(outer).cross(&load.force_n)
-                + self.mass_column(outer).cross(gravity_m_s2);
+                + self.weight_moment(outer, gravity_m_s2);
             let torque = self.rotation_column(outer).cross(&load.torque_nm);
             gradient[(outer, outer)] = self.turning[outer].dot(&forces);
             for (inner, axis) in self.turning[..outer].iter().enumerate() {
