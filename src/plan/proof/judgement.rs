@@ -85,6 +85,12 @@ fn judge_one(
             }
         }
     }
+    if judgement.largest > threshold
+        && judgement.largest.is_finite()
+        && sum.middle() + sum.remainder <= threshold
+    {
+        judgement.largest = judgement.largest.min(sum.largest_of_concave());
+    }
     let is_to_be_left_out = at_centre > threshold && judgement.multipliers.is_empty();
     let outside = (margins.iter())
         .filter(|margin| is_to_be_left_out && margin.middle() < 0.0)

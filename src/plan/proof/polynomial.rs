@@ -1,7 +1,17 @@
 //! One box's Taylor model, and its largest value.
 
+use nalgebra::{SMatrix, SVector};
+
 use super::rounding::{UNDERFLOW, UNIT, UP};
 use super::taylor::{COEFFICIENTS, ModelWorkspace, TaylorModel, VARIABLES, linear, second};
+
+type Form = SMatrix<f64, VARIABLES, VARIABLES>;
+
+/// How much is added to a form's diagonal, and taken off again where it is checked to be positive semidefinite, as shares of its size:
+/// Cholesky's factorisation in double precision succeeds of no form that is less positive than 1e-14 of it below zero.
+const SLACK: [f64; 2] = [1e-11, 1e-12];
+/// Rounds over the coordinates in search of a concave function's largest value.
+const SWEEPS: usize = 12;
 
 /// A polynomial in 1, `x_j`, T2(`x_j`), `x_i x_j` with a remainder.
 #[derive(Debug, Clone, Copy)]
@@ -72,6 +82,68 @@ impl Polynomial {
         }
         // Fewer than 50 roundings of what adds up to `size`. (The vertex is below slope/2 <= size.)
         sum + (64.0 * UNIT * size + UNDERFLOW) * UP
+    }
+
+    /// A bound of the largest value over the box by a concave function that is nowhere below the polynomial.
+    ///
+    /// With the quadratic form M, whose convex part has entries whose sizes add up to `r_i` in row i, B = 2 (diag(r) - M) is positive
+    /// semidefinite, which is checked, and for any y
+    ///
+    /// ```text
+    /// g.x + x^T M x <= sum r + g.x - x^T B x / 2 <= sum r + y^T B y / 2 + sum |g - B y|
+    /// ```
+    ///
+    /// The last is an equality for the y where the concave function is largest.
+    pub fn largest_of_concave(&self) -> f64 {
+        let (c, count) = (&self.coefficients, self.variables);
+        let (mut form, mut slopes) = (Form::zeros(), SVector::<f64, VARIABLES>::zeros());
+        let mut least = c[0] + self.remainder;
+        let mut size = c[0].abs() + self.remainder;
+        for j in 0..count {
+            let own = c[second(j, j)];
+            slopes[j] = c[linear(j)];
+            // T2 = 2 t^2 - 1
+            form[(j, j)] = 2.0 * own;
+            least -= own;
+            for i in 0..j {
+                form[(i, j)] = c[second(i, j)] / 2.0;
+                form[(j, i)] = form[(i, j)];
+            }
+        }
+        let scale = form.abs().sum();
+        size += slopes.abs().sum() + 2.0 * scale;
+        if !size.is_finite() {
+            return f64::INFINITY;
+        }
+        let eigen = form.symmetric_eigen();
+        let convex = eigen.eigenvectors
+            * Form::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0)))
+            * eigen.eigenvectors.transpose();
+        let rows = SVector::from_fn(|row, _| {
+            let sum: f64 = convex.row(row).iter().map(|entry| entry.abs()).sum();
+            sum + scale * SLACK[0]
+        });
+        let own = (Form::from_diagonal(&rows) - form) * 2.0;
+        let shifted = own - Form::identity() * (scale * SLACK[1]);
+        let Some(factor) = shifted.cholesky() else {
+            return f64::INFINITY;
+        };
+        let mut place = factor.solve(&slopes);
+        if place.amax() > 1.0 {
+            place.apply(|each| *each = each.clamp(-1.0, 1.0));
+            for _ in 0..SWEEPS {
+                for j in 0..count {
+                    let others = own.column(j).dot(&place) - own[(j, j)] * place[j];
+                    place[j] = ((slopes[j] - others) / own[(j, j)]).clamp(-1.0, 1.0);
+                }
+            }
+        }
+        let pull = own * place;
+        let kept = rows.rows(0, count).sum();
+        size += 4.0 * (kept + own.abs().sum());
+        let top = kept + place.dot(&pull) / 2.0 + (slopes - pull).abs().sum();
+        // Fewer than 500 roundings of what adds up to `size`.
+        least + top + (512.0 * UNIT * size + UNDERFLOW) * UP
     }
 
     /// The value at the box's centre, roughly.

@@ -40,6 +40,11 @@ fn exact(value: f64) -> BigRational {
     BigRational::from_float(value).unwrap_or_else(BigRational::zero)
 }
 
+/// Whether a bound, which may be none, holds.
+fn is_at_least(bound: f64, value: &BigRational) -> bool {
+    bound == f64::INFINITY || exact(bound) >= *value
+}
+
 fn whole(value: i32) -> BigRational {
     BigRational::from_integer(BigInt::from(value))
 }
@@ -410,8 +415,10 @@ fn polynomials_are_bounded_over_the_box_and_at_its_centre() {
             let here = value(&|k| workspace.coefficients(one)[k][0], x);
             let there = value(&|k| workspace.coefficients(other)[k][0], x);
             assert!(exact(a.largest()) >= here);
+            assert!(is_at_least(a.largest_of_concave(), &here));
             let total = here + exact(factor) * there;
             assert!(exact(sum.largest()) >= total);
+            assert!(is_at_least(sum.largest_of_concave(), &total));
             let stored = value(&|k| sum.coefficient(k), x);
             assert!((stored - total).abs() <= exact(sum.remainder));
         }
@@ -419,6 +426,31 @@ fn polynomials_are_bounded_over_the_box_and_at_its_centre() {
         let here = value(&|k| workspace.coefficients(one)[k][0], &centre);
         assert!(exact(a.least_at_centre()) <= here);
     }
+}
+
+/// p = x/10 - (x + y + z)^2 - (x^2 + y^2 + z^2)/10, largest at x = 10.5/31, y = z = -5/31.
+#[test]
+fn coupled_concave_polynomials_are_bounded_by_their_largest_value() {
+    let mut workspace = ModelWorkspace::new(3);
+    let all: Vec<TaylorModel> = (0..3)
+        .map(|j| workspace.variable(j, &[0.0; LANES], &[1.0; LANES]))
+        .collect();
+    let mut sum = workspace.sum();
+    for each in &all {
+        sum = sum.add(1.0, *each);
+    }
+    let together = sum.end();
+    let mut squares = workspace.sum();
+    for each in &all {
+        squares = squares.square(*each);
+    }
+    let squares = squares.end();
+    let own = workspace.sum().add(0.1, all[0]).add(-0.1, squares);
+    let model = own.product(-1.0, together, together).end();
+    let polynomial = Polynomial::new(&workspace, model, 0, 3);
+    let largest = 0.05 * 10.5 / 31.0;
+    assert!((polynomial.largest_of_concave() - largest).abs() < 1e-9);
+    assert!(polynomial.largest() > 2.7);
 }
 
 #[test]
