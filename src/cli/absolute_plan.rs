@@ -10,17 +10,17 @@ use elastocal::parameter::ParameterKind;
 use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use elastocal::plan::search::{PlanBound, Watch};
 use elastocal::record::absolute_plan::AbsolutePlanMessage;
-use elastocal::record::absolute_trials::AbsoluteTrials;
 use elastocal::record::json::{merge, results};
 use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::robot_trials::RobotTrials;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::study::absolute::{AbsoluteEntry, AbsoluteRunner};
-use elastocal::study::runner::RunsInBlocks;
-use elastocal::study::{StudyError, account::Account, verdict::Kept};
+use elastocal::study::verdict::Kept;
+use elastocal::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
 use elastocal::text::wording::counted;
 use elastocal::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
 use elastocal::view::stills::Stills;
+use elastocal::workflow::study::try_plan;
 use serde_json::json;
 
 use super::conditions::{search_stopped, undetermined_by_plan};
@@ -137,13 +137,20 @@ impl PlanArgs {
             let known = planning.known_arm(&posterior);
             add_static_compliance(&mut report, &known, &task.test_poses)?;
         }
+        let measurements = planning.prediction(&plan).readings;
+        let kind = EntryKind::Readings(Box::new(StudiedReadings {
+            planning,
+            plan,
+            groups: &self.parameters,
+            is_random: false,
+        }));
         let trials = robots
-            .map(|robots| self.try_plan(scenario, planning, plan, robots))
+            .map(|robots| self.try_plan(scenario, kind, measurements, robots))
             .transpose()?;
         let tried = trials.as_ref();
         merge(
             &mut report.json,
-            json!({ "trials": tried.map(AbsoluteTrials::json) }),
+            json!({ "trials": tried.map(RobotTrials::json) }),
         );
         if let Some(tried) = tried {
             report.text += &describe_trials(tried);
@@ -164,7 +171,7 @@ impl PlanArgs {
         scenario: &Scenario,
         (plan, provenance): (&AbsolutePlanMessage, &ProvenanceMessage),
         readings: &[(&Candidate, u32)],
-        trials: Option<&AbsoluteTrials>,
+        trials: Option<&RobotTrials>,
         (report, mut written): (&mut Report, Written),
     ) -> anyhow::Result<()> {
         if let Some(path) = &self.report_out {
@@ -183,41 +190,26 @@ impl PlanArgs {
         Ok(())
     }
 
-    /// Draws robots that are read as a plan says, and looks at what is left.
-    fn try_plan(
+    /// Tries a plan on virtual robots.
+    pub fn try_plan(
         &self,
         scenario: &Scenario,
-        planning: AbsolutePlanning<'_>,
-        plan: Vec<(usize, u32)>,
+        kind: EntryKind<'_>,
+        measurements: u32,
         robots: u64,
-    ) -> anyhow::Result<AbsoluteTrials> {
-        let (task, truth) = (&scenario.task, &scenario.truth);
-        let entries = [AbsoluteEntry {
-            name: "plan".to_owned(),
-            planning,
-            plan,
-            is_random: false,
-        }];
-        let runner = AbsoluteRunner::new((task, truth), &self.parameters, scenario.seed, &entries)?;
-        let runner = runner.stopped_by(&STOP);
+    ) -> anyhow::Result<RobotTrials> {
+        let conditions = Conditions::plain(&scenario.task, measurements);
+        let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
         let bar = bar(self.common.quiet, "robots");
         bar.set_length(robots);
-        let blocks = 0..runner.blocks(robots);
-        let tallies = runner.run(robots, blocks, 1, &|done| bar.inc(done));
+        let watch = (&STOP, &(|done| bar.inc(done)) as _);
+        let trials = try_plan(&setting, scenario.seed, kind, robots, watch);
         bar.finish_and_clear();
         searched();
-        let tallies = match tallies {
-            Err(StudyError::Stopped) => return Err(Interrupted.into()),
-            other => other?,
-        };
-        let prediction = (runner.predictions().next()).ok_or(StudyError::NoPrediction)?;
-        let account = Account::of_absolute(task, truth, &entries[0], prediction);
-        let account = account.ok_or(StudyError::NoPrediction)?;
-        let first = runner.first_failure();
-        let runs = (&tallies[0], first.clone());
-        let message = AbsoluteTrials::new(task, prediction, &account, runs);
-        let first = first.unwrap_or_default();
-        Ok(message.ok_or(StudyError::AllFailed { robots, first })?)
+        match trials {
+            Err(StudyError::Stopped) => Err(Interrupted.into()),
+            trials => Ok(trials?),
+        }
     }
 
     /// What is predicted of a plan that was designed, from candidates that may be drawn, or read from a file.
@@ -384,7 +376,7 @@ fn drawn_words(drawn: DrawnWanted, planning: &AbsolutePlanning<'_>) -> String {
 }
 
 /// What was seen of a prediction, for a person.
-fn describe_trials(trials: &AbsoluteTrials) -> String {
+fn describe_trials(trials: &RobotTrials) -> String {
     let runs = &trials.runs;
     let mut text = format!(
         "\nOf {} sampled, read by the plan and identified: residual error {} +- {} mm rms, predicted {} mm",
@@ -400,7 +392,7 @@ fn describe_trials(trials: &AbsoluteTrials) -> String {
 }
 
 /// What must be looked at of simulated robots.
-fn unkept(trials: &AbsoluteTrials) -> Vec<Condition> {
+fn unkept(trials: &RobotTrials) -> Vec<Condition> {
     let runs = &trials.runs;
     let mut conditions = Vec::new();
     if runs.failed > 0 {

@@ -3,7 +3,7 @@
 
 use super::recording::Recording;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
-use crate::study::{Level, runner::block_runs};
+use crate::study::Level;
 
 /// A study, before its runs.
 #[derive(Debug, Clone)]
@@ -52,7 +52,7 @@ impl StudyRecording {
 
     /// The numbers of runs of [`FIRST_RUNS`] that are less than the first block.
     pub fn first_runs(&self) -> impl Iterator<Item = u64> + use<> {
-        let block = block_runs(self.header.level).min(self.header.trials);
+        let block = self.header.block_runs().min(self.header.trials);
         FIRST_RUNS.into_iter().filter(move |runs| *runs < block)
     }
 }

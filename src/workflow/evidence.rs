@@ -14,7 +14,7 @@ use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage, EvidenceMes
 use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
 use crate::study::model_level::LinearModel;
-use crate::study::runner::{Runner, RunsInBlocks};
+use crate::study::runner::Runner;
 use crate::study::{Conditions, Entry, EntryKind, Level, Setting, StudyError};
 use crate::task::Task;
 
@@ -97,7 +97,7 @@ pub fn gather(
 pub fn distances(
     scenario: &Scenario,
     experiments: u32,
-    kinds: Vec<(String, EntryKind)>,
+    kinds: Vec<(String, EntryKind<'_>)>,
     trials: u64,
     stop: Option<&AtomicBool>,
 ) -> Result<Vec<StudyPlanMessage>, StudyError> {
@@ -108,7 +108,7 @@ pub fn distances(
         setting: 0,
         kind,
     };
-    let entries: Vec<Entry> = kinds.into_iter().map(entry).collect();
+    let entries: Vec<Entry<'_>> = kinds.into_iter().map(entry).collect();
     let mut runner = Runner::new(&setting, scenario.seed, Level::Model, &entries)?;
     if let Some(stop) = stop {
         runner = runner.stopped_by(stop);

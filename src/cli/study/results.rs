@@ -50,7 +50,7 @@ impl Results {
             format!(
                 "{}\n{}{}{}{} runs of each plan, {}{took}. Results are in {}\n",
                 describe(&self.messages),
-                predictions(&self.messages, self.accuracy()),
+                predictions(&self.messages, self.header.accuracy()),
                 sentence(&self.messages, &self.header),
                 noted(&self.failures(true)),
                 self.header.trials,
@@ -59,14 +59,6 @@ impl Results {
             ),
             self.conditions(),
         )
-    }
-
-    /// What is accurate here.
-    fn accuracy(&self) -> AccuracyKind {
-        match self.header.absolute {
-            Some(_) => AccuracyKind::Absolute,
-            None => AccuracyKind::Relative,
-        }
     }
 
     fn conditions(&self) -> Vec<Condition> {
