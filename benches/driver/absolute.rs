@@ -1,5 +1,7 @@
 //! Absolute readings of a UR10: the one fit with and without joint error functions, and one virtual robot after another.
 
+use std::sync::Arc;
+
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
@@ -98,7 +100,7 @@ pub fn trials(scenario: &'static Scenario) -> impl FnMut(u64) {
     let entries = Box::leak(Box::new([Entry {
         name: "plan".to_owned(),
         setting: 0,
-        kind: EntryKind::Readings(Box::new(StudiedReadings {
+        kind: EntryKind::Readings(Arc::new(StudiedReadings {
             plan: planning.random(READINGS, 1).expect("a plan"),
             planning,
             groups,

@@ -24,6 +24,8 @@ pub mod tally;
 pub mod verdict;
 pub mod virtual_readings;
 
+use std::sync::Arc;
+
 use thiserror::Error;
 
 use crate::files::FileError;
@@ -71,7 +73,7 @@ impl<'a> Setting<'a> {
 }
 
 /// What is measured in each run.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub enum EntryKind<'a> {
     /// A plan of the scenario's or the search's choice.
     Fixed(Plan),
@@ -80,7 +82,7 @@ pub enum EntryKind<'a> {
     /// A fresh random feasible plan in every run.
     RandomEach,
     /// A plan of absolute readings.
-    Readings(Box<StudiedReadings<'a>>),
+    Readings(Arc<StudiedReadings<'a>>),
 }
 
 /// A plan of absolute readings that takes part in a study.
@@ -103,16 +105,6 @@ impl EntryKind<'_> {
             Self::Fixed(plan) | Self::Random(plan) => Some(plan),
             Self::RandomEach | Self::Readings(_) => None,
         }
-    }
-
-    /// The same of deflections once more.
-    pub fn again(&self) -> Option<EntryKind<'static>> {
-        Some(match self {
-            Self::Fixed(plan) => EntryKind::Fixed(plan.clone()),
-            Self::Random(plan) => EntryKind::Random(plan.clone()),
-            Self::RandomEach => EntryKind::RandomEach,
-            Self::Readings(_) => return None,
-        })
     }
 
     /// Whether others are compared with it.

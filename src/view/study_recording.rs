@@ -3,7 +3,6 @@
 
 use super::recording::Recording;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
-use crate::study::Level;
 
 /// A study, before its runs.
 #[derive(Debug, Clone)]
@@ -43,10 +42,7 @@ impl StudyRecording {
             "{} runs of {}, {}",
             header.trials,
             header.title(),
-            match header.level {
-                Level::Model => "by the linear model",
-                Level::Robot => "on the virtual robot",
-            }
+            header.level.words()
         )
     }
 

@@ -1,6 +1,7 @@
 //! The plans of a study, and what its runs come to.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
@@ -121,30 +122,31 @@ pub fn entries<'a>(
             if !plan.source.fits(setting.conditions.experiments) {
                 continue;
             }
-            // Sigma changes no plan of deflections.
-            let known = entries.iter().find(|entry| {
-                let conditions = &settings[entry.setting].conditions;
-                let sigma_m = setting.conditions.sigma_m;
-                entry.name == plan.name
-                    && Conditions {
-                        sigma_m,
-                        ..*conditions
-                    } == setting.conditions
-            });
-            let kind = match (
-                setting.task.design.accuracy,
-                known.and_then(|entry| entry.kind.again()),
-            ) {
-                (_, Some(kind)) => kind,
-                (AccuracyKind::Relative, None) => entry_kind(scenario.seed, setting, plan, design)?,
-                (AccuracyKind::Absolute, None) => {
+            let kind = match setting.task.design.accuracy {
+                AccuracyKind::Relative => {
+                    // Sigma changes no plan.
+                    let known = entries.iter().find(|entry| {
+                        let conditions = &settings[entry.setting].conditions;
+                        let sigma_m = setting.conditions.sigma_m;
+                        entry.name == plan.name
+                            && Conditions {
+                                sigma_m,
+                                ..*conditions
+                            } == setting.conditions
+                    });
+                    match known {
+                        Some(entry) => entry.kind.clone(),
+                        None => entry_kind(scenario.seed, setting, plan, design)?,
+                    }
+                }
+                AccuracyKind::Absolute => {
                     let readings = readings_of(scenario.seed, setting, plan, wanted, watch);
                     let readings = readings.map_err(|error| {
                         let wrong = error.in_file(wanted.path);
                         let problem = format!("plan {:?}: {}", plan.name, wrong.problem);
                         FileError { problem, ..wrong }
                     })?;
-                    EntryKind::Readings(Box::new(readings))
+                    EntryKind::Readings(Arc::new(readings))
                 }
             };
             entries.push(Entry {

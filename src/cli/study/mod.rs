@@ -24,7 +24,7 @@ use elastocal::workflow::study::{self, EntryError, ReadingsWanted, Timing, forei
 use indicatif::ProgressStyle;
 use serde_json::json;
 
-use self::results::{Results, describe, describe_level, write};
+use self::results::{Results, describe, write};
 use super::interruption::{Interrupted, STOP, ask_work, keeps, proceed};
 use super::plan::{DRAWN, design};
 use super::plan_args::{ANYWHERE, UNKNOWN, refuse_others};
@@ -188,7 +188,7 @@ impl StudyCommand {
             ..Header::new(&scenario, level, self.sizes(&scenario), plans)
         })?;
         let (trials, title) = (part.header.trials, part.header.title());
-        let level = describe_level(level);
+        let level = level.words();
         (self.common).say(&format!("{trials} runs of {title}, {level}"));
         let target = self.rerun.as_ref();
         let observer = (self.shard.is_none() || target.is_some())

@@ -5,7 +5,7 @@ use std::path::Path;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::record::study::{StudyPlanMessage, study_csv};
 use elastocal::record::tally_file::{Header, PlanHeader};
-use elastocal::study::{Level, tally::Tally};
+use elastocal::study::tally::Tally;
 use elastocal::task::AccuracyKind;
 use elastocal::text::wording::{inverse_interval, significant};
 use elastocal::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
@@ -54,7 +54,7 @@ impl Results {
                 sentence(&self.messages, &self.header),
                 noted(&self.failures(true)),
                 self.header.trials,
-                describe_level(self.header.level),
+                self.header.level.words(),
                 folder.display()
             ),
             self.conditions(),
@@ -96,7 +96,7 @@ impl Results {
             provenance: &self.header.provenance,
             trials: self.header.trials,
             experiments: first.conditions.experiments,
-            level: describe_level(self.header.level),
+            level: self.header.level.words(),
             is_absolute: self.header.absolute.is_some(),
             reference: first.reference.map(|index| &*plans[index].name),
             plans: &self.messages,
@@ -146,14 +146,6 @@ fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
             reasons.join("; ")
         )
     })
-}
-
-/// What runs are made of, for people.
-pub const fn describe_level(level: Level) -> &'static str {
-    match level {
-        Level::Model => "by the linear model",
-        Level::Robot => "on the virtual robot",
-    }
 }
 
 /// The table for a person, with a column for each condition that varies.
