@@ -170,6 +170,12 @@ impl Header {
         self.plans.iter().map(label).collect()
     }
 
+    /// The name of the plan that others are compared with.
+    pub fn reference(&self) -> Option<&str> {
+        let reference = self.plans.iter().find_map(|plan| plan.reference);
+        reference.map(|index| &*self.plans[index].name)
+    }
+
     /// The number of blocks of shard `shard`, from 1.
     pub const fn blocks_of(&self, shard: u64) -> u64 {
         let blocks = self.trials.div_ceil(self.block_runs());

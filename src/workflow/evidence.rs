@@ -10,7 +10,7 @@ use crate::plan::search::{
     exact_design,
 };
 use crate::plan::{Criterion, Plan};
-use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage, EvidenceMessage};
+use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
 use crate::study::model_level::LinearModel;
@@ -79,10 +79,9 @@ pub fn gather(
         criteria_compared: (compare_criteria(task, approximate, designed, seed, watch).iter())
             .map(|best| CriterionPlanMessage::new(&commands, best))
             .collect(),
-        accuracy: accuracy.iter().map(AccuracyMessage::from).collect(),
+        accuracy,
         repeated: (2..=largest / own.max(1))
             .filter_map(|times| BudgetPoint::repeated(task, designed, times, bound))
-            .map(|point| AccuracyMessage::from(&point))
             .collect(),
         lower_bounds_rho0_mm: (1..=largest)
             .map(|size| bound.of_size(size).ok().map(|bound| bound.best * 1e3))

@@ -341,13 +341,12 @@ pub struct Timing {
 
 /// study.json.
 pub fn study_json(header: &Header, plans: &[StudyPlanMessage], timing: Option<Timing>) -> Value {
-    let reference = header.plans.iter().find_map(|plan| plan.reference);
     let json = json!({
         "gate": header.gate,
         "trials": header.trials,
         "level": header.level,
         "parameters": header.parameters,
-        "reference": reference.map(|index| &header.plans[index].name),
+        "reference": header.reference(),
         "plans": plans,
     });
     let mut json = results("study", &header.provenance, json);

@@ -93,12 +93,7 @@ impl Results {
             return Ok(None);
         }
         let page = study_page(&StudyPageRecord {
-            provenance: &self.header.provenance,
-            trials: self.header.trials,
-            experiments: first.conditions.experiments,
-            level: self.header.level.words(),
-            is_absolute: self.header.absolute.is_some(),
-            reference: first.reference.map(|index| &*plans[index].name),
+            header: &self.header,
             plans: &self.messages,
             conditions: &self.conditions(),
             command: &command_line(),

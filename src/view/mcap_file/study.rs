@@ -98,8 +98,7 @@ fn study_record<'a>(study: &'a StudyRecording, last: &'a Snapshot) -> StudyRecor
         trials: header.trials,
         level: header.level,
         parameters: &header.parameters,
-        reference: (header.plans.iter().find_map(|plan| plan.reference))
-            .map(|index| &*header.plans[index].name),
+        reference: header.reference(),
         plans: &last.plans,
     }
 }

@@ -229,7 +229,7 @@ fn more_accurate(run: &RunRecord<'_>, assessment: &Assessment) -> Option<(String
     let text = format!(
         "If {} is not enough: {m} measurements reach {}.",
         length(assessment.rho0_m),
-        micrometres(Some(larger.rho0_mm))
+        length(Some(larger.rho0_m))
     );
     Some((text, format!("--experiments {m} --plan-out plan.csv")))
 }
