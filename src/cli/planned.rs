@@ -43,7 +43,7 @@ pub enum PlannedAccuracy<'a> {
     /// Of absolute readings.
     Readings(
         Arc<StudiedReadings<'a>>,
-        PredictedAccuracy,
+        Box<PredictedAccuracy>,
         Box<AbsolutePlanMessage>,
     ),
 }
@@ -66,7 +66,7 @@ impl<'a> PlannedAccuracy<'a> {
             groups: &args.parameters,
             is_random: false,
         };
-        Self::Readings(Arc::new(studied), prediction, Box::new(record))
+        Self::Readings(Arc::new(studied), Box::new(prediction), Box::new(record))
     }
 
     fn json(&self, scenario: &Scenario) -> serde_json::Result<Value> {

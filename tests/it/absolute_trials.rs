@@ -161,7 +161,7 @@ fn deflections_keep_what_is_predicted() {
     let evaluate = "evaluate r.toml --plan p.csv --no-proof --trials 300";
     let trials = place.json_with_conditions(evaluate)["trials"].clone();
     assert_eq!(trials["prediction"], "holds", "{trials}");
-    assert_eq!(number(&trials["robots"]) as u64, 300);
+    assert_eq!(trials["robots"], 300);
     let measurements = place.read("p.csv").lines().count() - 1;
     let study = format!("\n[study]\nexperiments = {measurements}\ntrials = 300\n{file}");
     place.write("s.toml", text + &study);
