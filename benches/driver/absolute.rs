@@ -1,5 +1,7 @@
 //! Absolute readings of a UR10: the one fit with and without joint error functions, and one virtual robot after another.
 
+use std::sync::Arc;
+
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
@@ -8,8 +10,8 @@ use elastocal::parameter::ParameterSet;
 use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::study::absolute::{AbsoluteEntry, AbsoluteRunner, BLOCK_RUNS};
-use elastocal::study::runner::RunsInBlocks;
+use elastocal::study::runner::Runner;
+use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, StudiedReadings};
 use nalgebra::{DVector, Isometry3, Matrix6, Matrix6xX, Rotation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 
@@ -91,18 +93,23 @@ pub fn trials(scenario: &'static Scenario) -> impl FnMut(u64) {
         configurations: 20,
         seed: 1,
     };
-    let planning = AbsolutePlanning::anywhere(&scenario.task, groups, wanted).expect("a region");
-    let plan = planning.random(READINGS, 1).expect("a plan");
-    let entries = Box::leak(Box::new([AbsoluteEntry {
+    let conditions = Conditions::plain(&scenario.task, READINGS);
+    let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
+    let settings = Box::leak(Box::new([setting]));
+    let planning = AbsolutePlanning::anywhere(&settings[0].task, groups, wanted).expect("a region");
+    let entries = Box::leak(Box::new([Entry {
         name: "plan".to_owned(),
-        planning,
-        plan,
-        is_random: true,
+        setting: 0,
+        kind: EntryKind::Readings(Arc::new(StudiedReadings {
+            plan: planning.random(READINGS, 1).expect("a plan"),
+            planning,
+            groups,
+            is_random: true,
+        })),
     }]));
-    let runner = AbsoluteRunner::new((&scenario.task, &scenario.truth), groups, 1, entries);
-    let runner = runner.expect("a prediction");
+    let runner = Runner::new(settings, 1, Level::Robot, entries).expect("a prediction");
     move |blocks| {
-        let made = runner.run(blocks * BLOCK_RUNS, 0..blocks, 1, &|_| {});
+        let made = runner.run(blocks * runner.block_runs(), 0..blocks, 1, &|_| {});
         made.expect("a valid study");
     }
 }

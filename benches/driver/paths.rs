@@ -11,9 +11,9 @@ use elastocal::numeric::random::streams::Stream;
 use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design, random_plan};
 use elastocal::plan::{Criterion, Plan, read_plan};
 use elastocal::scenario::Scenario;
-use elastocal::study::runner::{Runner, RunsInBlocks, block_runs};
+use elastocal::study::runner::{Runner, block_runs};
 use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, repeated};
-use elastocal::task::Method;
+use elastocal::task::{AccuracyKind, Method};
 use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::recording::Recording;
@@ -246,7 +246,7 @@ fn study(scenario: &'static Scenario, level: Level, experiments: u32, on_threads
     let runner = Runner::new(settings, scenario.seed, level, entries).expect("a valid study");
     let pool = threads(on_threads);
     Box::new(move |blocks| {
-        let trials = blocks * block_runs(level);
+        let trials = blocks * runner.block_runs();
         let tallies = pool.install(|| runner.run(trials, 0..blocks, 1, &|_| {}));
         black_box(tallies.expect("a valid study"));
     })
@@ -256,7 +256,7 @@ fn study(scenario: &'static Scenario, level: Level, experiments: u32, on_threads
 fn normals() -> HotPath {
     let mut normals = vec![[0.0; LANES]; 36];
     Box::new(move |blocks| {
-        for first in (0..blocks * block_runs(Level::Model)).step_by(LANES) {
+        for first in (0..blocks * block_runs(AccuracyKind::Relative, Level::Model)).step_by(LANES) {
             fill_normals(Stream::Noise, 1, first, &mut normals);
             black_box(&normals);
         }

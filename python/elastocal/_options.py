@@ -221,7 +221,9 @@ class PlanOptions(PlanGiven, total=False):
 
 
 class ReplayGiven(Common, total=False):
-    pass
+    candidates: FilePath | None
+    draw: int | None
+    parameters: Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"] | Sequence[Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"]] | None
 
 
 class ReplayOptions(ReplayGiven, total=False):

@@ -3,24 +3,24 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::compensation::KnownArm;
-use elastocal::plan::search::{Bound, PlanBound};
-use elastocal::plan::{Assessment, Criterion, FurtherError, posterior, read_plan};
-use elastocal::record::json::{merge, results};
-use elastocal::record::messages::AssessmentMessage;
+use elastocal::codes::ErrorCode;
+use elastocal::experiment::{Candidate, read_candidates};
+use elastocal::files::FileError;
+use elastocal::plan::absolute::AbsolutePlanning;
+use elastocal::plan::search::Bound;
+use elastocal::plan::{Assessment, Criterion, read_plan};
+use elastocal::record::json::merge;
+use elastocal::record::robot_trials::RobotTrials;
+use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
-use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::conditions::conditions;
 use super::interruption::{STOP, proceed};
 use super::plan_args::PlanArgs;
-use super::proof::leaving_out;
-use super::static_compliance::add_static_compliance;
-use super::table::{number, or_dash, table};
+use super::planned::PlannedAccuracy;
 use super::written::Written;
-use super::{Report, uncertainty_budget, without_effect};
+use super::{Report, without_effect};
 
 /// Arguments of `evaluate`.
 #[derive(Debug, Args)]
@@ -31,8 +31,8 @@ pub struct Evaluate {
     /// By which criterion no plan is better than the bound that is searched; of test-pose it is proved
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
-    /// With design.accuracy = "absolute", sample so many virtual robots, read each by the plan, identify it, and compare
-    /// residual errors with the predicted accuracy
+    /// Sample so many virtual robots, measure each by the plan, identify it, and compare residual errors with the predicted
+    /// accuracy
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
     trials: Option<u64>,
     /// Also the static compliance of the tool at the test poses (mm/N), with 95 % intervals after the plan.
@@ -45,25 +45,40 @@ pub struct Evaluate {
 
 impl Evaluate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.args.load(Some(&self.plan), &[])?;
+        let (args, file) = (&self.args, Some(&*self.plan));
+        let scenario = args.load(file, &[])?;
         let of_deflections = [("--criterion", self.criterion != Criterion::TestPose)];
-        let instead = "`study` draws robots for plans of deflections";
-        let of_readings = [("--trials", self.trials.is_some(), instead)];
-        self.args
-            .refuse_others(&scenario, &of_deflections, &of_readings)?;
-        match scenario.task.design.accuracy {
-            AccuracyKind::Absolute => (self.args).evaluate_readings(
-                &scenario,
-                &self.plan,
-                self.trials,
-                self.static_compliance,
-            ),
-            AccuracyKind::Relative => self.deflections(&scenario),
+        args.refuse_others(&scenario, &of_deflections, &[])?;
+        let mut written = Written::default();
+        let (planned, besides) = match scenario.task.design.accuracy {
+            AccuracyKind::Absolute => self.readings(&scenario)?,
+            AccuracyKind::Relative => self.deflections(&scenario, &mut written)?,
+        };
+        let found = (&planned, besides);
+        let mut report = args.report("evaluate", &scenario, file, found, &mut written)?;
+        if self.static_compliance {
+            planned.add_static_compliance(&mut report, &scenario.task)?;
         }
+        let trials = (self.trials)
+            .map(|robots| args.add_trials(&mut report, &scenario, &planned, robots))
+            .transpose()?;
+        if let Some(record) = trials.as_ref().map(RobotTrials::json) {
+            merge(&mut report.json, json!({ "trials": record }));
+        }
+        args.finish(
+            &scenario,
+            file,
+            (&planned, trials.as_ref()),
+            (report, written),
+        )
     }
 
-    /// The predicted accuracy of a plan of deflections.
-    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Report> {
+    /// A plan of deflections, and how near it is to the best that there can be.
+    fn deflections(
+        &self,
+        scenario: &Scenario,
+        written: &mut Written,
+    ) -> anyhow::Result<(PlannedAccuracy<'static>, Report)> {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
         let plan = read_plan(&self.plan, task.belief.commands())?;
         let candidates = args.read_candidates(task)?;
@@ -86,149 +101,82 @@ impl Evaluate {
             };
             Assessment::new(task, &plan, Some(&rho0)).beside(&bound, &plan)
         };
-        let message = AssessmentMessage::new(scenario, &assessment);
-        let provenance = args.provenance(scenario, Some(&self.plan))?;
-        let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
-        merge(&mut json, serde_json::to_value(&message)?);
-        let mut written = Written::default();
-        let proved = match &candidates {
-            Some(candidates) => {
-                merge(&mut json, json!({ "candidates": candidates.offer }));
-                args.told(&candidates.offer)
-            }
-            None => args.proof.tell(&bound, &provenance, &mut written)?,
-        };
-        let budget = assessment.uncertainty_budget.as_ref();
-        let text =
-            describe(scenario, &assessment) + &proved + &args.budget.write(budget, &mut written);
-        let mut conditions = conditions(scenario, &assessment);
-        conditions.extend(written.conditions());
-        let mut report = Report::new(json, text, conditions);
-        if self.static_compliance {
-            let (arm, set) = task.belief.parameters_of_arm()?;
-            let known = KnownArm {
-                tool: arm.tools.len() - 1,
-                arm: &arm,
-                set: &set,
-                posterior: &posterior(&task.belief, &plan),
-            };
-            add_static_compliance(&mut report, &known, &task.test_poses)?;
-        }
-        Ok(report)
-    }
-}
-
-/// The uncertainty budget of a plan, where it is more than the instrument's noise.
-pub fn budget(assessment: &Assessment) -> String {
-    let common = assessment.common_sources.as_ref();
-    uncertainty_budget::describe(
-        assessment.uncertainty_budget.as_ref(),
-        common.map(|common| (&*common.names, common.rho0_m * 1e3)),
-    )
-}
-
-/// What no plan is better than, in words that follow the plan's own value.
-fn bounded(
-    bound: &PlanBound,
-    efficiency: Option<f64>,
-    beyond: &str,
-    shown: &dyn Fn(f64) -> String,
-) -> String {
-    let efficiency = efficiency.map_or_else(String::new, |each| format!(" (efficiency {each:.4})"));
-    let mut text = format!(
-        "; no plan of as many can be {beyond} {}{efficiency}\n",
-        shown(bound.best)
-    );
-    if let Some(proof) = &bound.proof {
-        text += &format!(
-            "proved: no plan of as many is {beyond} {}{}\n",
-            shown(proof.best),
-            leaving_out(&proof.left_out)
-        );
-    }
-    text
-}
-
-/// What no plan is better than by another criterion, for a person.
-fn describe_criterion(assessment: &Assessment) -> String {
-    let Some((criterion, bound)) = &assessment.criterion_bound else {
-        return String::new();
-    };
-    let name = criterion.name();
-    let bound = match bound {
-        Ok(bound) => bound,
-        Err(reason) => return format!("{name}: no bound and no efficiency: {reason}\n"),
-    };
-    let shown = |value: f64| format!("{value:.6e}");
-    let beyond = if criterion.is_maximised() {
-        "above"
-    } else {
-        "below"
-    };
-    let value = or_dash(assessment.value(*criterion), shown);
-    let efficiency = assessment.criterion_efficiency();
-    format!("{name} = {value}") + &bounded(bound, efficiency, beyond, &shown)
-}
-
-/// An assessment for a person.
-pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
-    let mut text = format!(
-        "{}: rho0 = {} um at the test pose{}",
-        counted(assessment.experiments.into(), "experiment"),
-        number(assessment.rho0_m.map(|value| value * 1e6), 3),
-        scenario.task.counted_words()
-    );
-    let shown = |value_m: f64| format!("{:.3} um", value_m * 1e6);
-    text += &match assessment.bound() {
-        Some(bound) => bounded(bound, assessment.efficiency(), "below", &shown),
-        None => "\n".to_owned(),
-    };
-    if let Some(reason) = assessment.no_bound() {
-        text += &format!("no bound and no efficiency: {reason}\n");
-    }
-    if let Some(quantile_m) = assessment.quantile95_m {
-        text += &format!("95 % stay below {}\n", shown(quantile_m));
-    }
-    text += "A relative accuracy: of the deflection by the load, whatever the pose without it.\n";
-    text += &budget(assessment);
-    text += &describe_criterion(assessment);
-    let names = scenario.task.belief.parameter_names().into_iter();
-    let rows = (names.zip(&assessment.standard_errors))
-        .map(|(name, error)| vec![name, number(error.map(|error| error * 1e9), 2)]);
-    text += &format!(
-        "\n{}\n",
-        table("joint | standard error [1e-9 rad/(N m)]", rows)
-    );
-    text += &further(assessment);
-    let rows = assessment.criteria.iter().map(|(criterion, value)| {
-        let better = if criterion.is_maximised() {
-            "larger"
+        let mut besides = Report::default();
+        if let Some(candidates) = &candidates {
+            besides.text = args.told(&candidates.offer);
+            besides.json = json!({ "candidates": candidates.offer });
         } else {
-            "smaller"
-        };
-        let value = or_dash(*value, |value| format!("{value:.6e}"));
-        vec![criterion.name().to_owned(), value, better.to_owned()]
-    });
-    text += &table("criterion | value | better", rows);
-    for violation in &assessment.violations {
-        text += &format!("\nviolation: {violation}");
+            let provenance = args.provenance(scenario, Some(&self.plan))?;
+            besides.text = args.proof.tell(&bound, &provenance, written)?;
+        }
+        let planned = PlannedAccuracy::Deflections(plan, Box::new(assessment));
+        Ok((planned, besides))
     }
-    if !assessment.violations.is_empty() {
-        text.push('\n');
+
+    /// A plan of absolute readings, and how near it is to the best of the candidates, where there are some.
+    fn readings<'a>(
+        &'a self,
+        scenario: &'a Scenario,
+    ) -> anyhow::Result<(PlannedAccuracy<'a>, Report)> {
+        let (args, task, file) = (&self.args, &scenario.task, &self.plan);
+        let rows = read_candidates(file, task.belief.commands())?;
+        let planning = AbsolutePlanning::of_plan(task, &args.parameters, &rows);
+        let planning = planning.map_err(|error| error.in_file(file))?;
+        let mut bound = None;
+        if let Some(path) = &args.candidates {
+            let candidates = read_candidates(path, task.belief.commands())?;
+            let among = AbsolutePlanning::new(task, &args.parameters, &candidates);
+            let among = among.map_err(|error| error.in_file(path))?;
+            let chosen = places_among(&among, &planning.candidates)
+                .map_err(|problem| FileError::new(file, problem).code(ErrorCode::CandidateFile))?;
+            bound = (among.bound(&chosen)).map_err(|error| error.in_file(path))?;
+        }
+        let plan = planning.whole();
+        let beside = (bound.as_ref(), None);
+        let planned = PlannedAccuracy::of_readings(task, args, planning, plan, beside);
+        let besides = Report::new(json!({ "trials": null }), String::new(), Vec::new());
+        Ok((planned, besides))
     }
-    text
 }
 
-/// What is to be found besides compliances.
-fn further(assessment: &Assessment) -> String {
-    if assessment.further.is_empty() {
-        return String::new();
+/// The readings of a plan as candidates by their places, and how often each is read; or why it is no plan of them.
+fn places_among(
+    among: &AbsolutePlanning<'_>,
+    rows: &[Candidate],
+) -> Result<Vec<(usize, u32)>, String> {
+    let mut plan: Vec<(usize, u32)> = Vec::new();
+    for row in rows {
+        let line = row.line;
+        let Some(place) = among.candidates.iter().position(|each| is_same(each, row)) else {
+            return Err(format!(
+                "line {line}: this reading is none of the candidates"
+            ));
+        };
+        let times = row.most.unwrap_or(1);
+        match plan.iter_mut().find(|known| known.0 == place) {
+            Some(known) => known.1 += times,
+            None => plan.push((place, times)),
+        }
     }
-    let row = |each: &FurtherError| {
-        let error = each.standard_error.map(|error| format!("{error:.3e}"));
-        let error = error.unwrap_or_else(|| "not determined".to_owned());
-        vec![each.name.clone(), error, each.unit.to_owned()]
-    };
-    let rows = assessment.further.iter().map(row);
-    table("also to be found | standard error | unit", rows) + "\n"
+    for &(place, times) in &plan {
+        let candidate = &among.candidates[place];
+        if let Some(most) = candidate.most.filter(|most| *most < times) {
+            let line = candidate.line;
+            return Err(format!(
+                "the candidate of line {line} is read {times} times, and may be {most} times"
+            ));
+        }
+    }
+    Ok(plan)
+}
+
+/// Whether a row of a plan is a candidate; a thousandth of an arc second is nothing.
+fn is_same(candidate: &Candidate, row: &Candidate) -> bool {
+    const SAME_RAD: f64 = 5e-9;
+    let apart = &candidate.configuration_rad - &row.configuration_rad;
+    let wrench = |row: &Candidate| row.load.unwrap_or(Load::NONE).wrench();
+    apart.amax() <= SAME_RAD
+        && wrench(candidate) == wrench(row)
+        && (&candidate.target, &candidate.station, &candidate.approach)
+            == (&row.target, &row.station, &row.approach)
 }

@@ -3,7 +3,6 @@
 //! Every command loads the scenario, says on stderr what it does, and ends in a [`Report`]: results
 //! for stdout as JSON or as text, and the conditions that must be looked at.
 
-mod absolute_plan;
 mod budget;
 mod check;
 mod compare;
@@ -28,6 +27,7 @@ mod next;
 mod patterns;
 mod plan;
 mod plan_args;
+mod planned;
 pub mod printed_error;
 pub mod process;
 pub mod progress;

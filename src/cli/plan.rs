@@ -1,31 +1,33 @@
 //! `plan`: design a plan of experiments.
 
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use elastocal::codes::ErrorCode;
+use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
+use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning, DrawnWanted};
 use elastocal::plan::search::{
-    ApproximateDesign, Bound, BoundKind, Candidates, Certificate, Problem, SearchError, Watch,
+    ApproximateDesign, Bound, BoundKind, Candidates, Certificate, OfferedCandidates, Problem,
+    SearchError, Watch,
 };
-use elastocal::plan::{Assessment, Criterion, Plan, take_nearest_turns, write_plan};
+use elastocal::plan::{Assessment, Criterion, Plan, take_nearest_turns};
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
-use elastocal::record::json::{merge, results};
-use elastocal::record::messages::{AssessmentMessage, plan_messages};
+use elastocal::record::json::merge;
+use elastocal::record::messages::plan_messages;
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
-use elastocal::view::stills::Stills;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
 use serde_json::json;
 
-use super::conditions::{conditions, search_stopped};
-use super::evaluate::describe;
-use super::interruption::{ask_search, searched};
+use super::conditions::search_stopped;
+use super::interruption::{STOP, ask_search, searched};
 use super::plan_args::{ANYWHERE, PlanArgs};
+use super::planned::PlannedAccuracy;
 use super::progress::{bar, show};
 use super::proof::ProofArgs;
 use super::table::table;
@@ -160,14 +162,14 @@ fn told(designed: &Designed, is_anywhere: bool) -> String {
 
 impl PlanCommand {
     /// The best plans within a time, of which there is at least one; none where no time was given.
-    fn within(&self, scenario: &Scenario, stop: &AtomicBool) -> anyhow::Result<Vec<TimedPlan>> {
+    fn within(&self, scenario: &Scenario) -> anyhow::Result<Vec<TimedPlan>> {
         let Some(minutes) = self.minutes else {
             return Ok(Vec::new());
         };
         let searching = format!("searching plans of at most {minutes} minutes");
         self.args.common.say(&searching);
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
-        let watch = Watch::quiet(stop);
+        let watch = Watch::quiet(ask_search());
         let timed = plans_within(task, laboratory, minutes, scenario.seed, watch)?;
         if timed.is_empty() {
             let problem = format!("no plan takes at most {minutes} minutes");
@@ -181,11 +183,14 @@ impl PlanCommand {
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let outputs = [
-            ("--plan-out", self.plan_out.as_deref()),
-            ("--stills-out", self.stills_out.as_deref()),
-        ];
-        let mut scenario = self.args.load(None, &outputs)?;
+        let (args, outputs) = (
+            &self.args,
+            [
+                ("--plan-out", self.plan_out.as_deref()),
+                ("--stills-out", self.stills_out.as_deref()),
+            ],
+        );
+        let mut scenario = args.load(None, &outputs)?;
         if let Some(experiments) = self.experiments {
             scenario.task.design.experiments = experiments;
             scenario.task.design.configurations = None;
@@ -195,34 +200,102 @@ impl PlanCommand {
             ("--criterion", self.criterion != Criterion::TestPose),
         ];
         let of_readings = [("--draw", self.draw.is_some(), ANYWHERE)];
-        self.args
-            .refuse_others(&scenario, &of_deflections, &of_readings)?;
-        let wanted = Wanted {
+        args.refuse_others(&scenario, &of_deflections, &of_readings)?;
+        let timed = self.within(&scenario)?;
+        let mut wanted = Wanted {
             criterion: self.criterion,
             experiments: scenario.task.design.experiments,
             configurations: self.configurations.or(scenario.task.design.configurations),
         };
-        match scenario.task.design.accuracy {
-            AccuracyKind::Absolute => {
-                let drawn = self.draw.unwrap_or(DRAWN);
-                let files = [self.plan_out.as_deref(), self.stills_out.as_deref()];
-                (self.args).design_readings(&scenario, wanted.sizes(), drawn, files)
-            }
-            AccuracyKind::Relative => self.deflections(scenario, wanted),
-        }
-    }
-
-    /// A plan of deflections, of candidates or anywhere in the scenario's region.
-    fn deflections(&self, mut scenario: Scenario, mut wanted: Wanted) -> anyhow::Result<Report> {
-        let common = &self.args.common;
-        let candidates = self.args.read_candidates(&scenario.task)?;
-        let stop = ask_search();
-        let timed = self.within(&scenario, stop)?;
         if let Some(best) = timed.first() {
             wanted.experiments = best.experiments;
             wanted.configurations = Some(best.configurations);
             scenario.task.design.experiments = best.experiments;
         }
+        let mut written = Written::default();
+        let (planned, besides) = match scenario.task.design.accuracy {
+            AccuracyKind::Absolute => self.readings(&scenario, wanted)?,
+            AccuracyKind::Relative => self.deflections(&scenario, wanted, &timed, &mut written)?,
+        };
+        let found = (&planned, besides);
+        let mut report = args.report("plan", &scenario, None, found, &mut written)?;
+        report.text = tell(&timed) + &report.text;
+        if let Some(path) = &self.plan_out {
+            report.text += &written.noted(path, planned.write(&scenario.task, path));
+        }
+        if let Some(path) = &self.stills_out {
+            report.text += &written.save(path, &planned.stills(&scenario).sheet());
+        }
+        args.finish(&scenario, None, (&planned, None), (report, written))
+    }
+
+    /// A plan of absolute readings, of candidates or of configurations that are drawn.
+    fn readings<'a>(
+        &'a self,
+        scenario: &'a Scenario,
+        wanted: Wanted,
+    ) -> anyhow::Result<(PlannedAccuracy<'a>, Report)> {
+        let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
+        let (groups, sizes) = (&args.parameters, wanted.sizes());
+        let bar = bar(args.common.quiet, "searching the plan");
+        let watch = Watch {
+            stop: ask_search(),
+            progress: &|done, all, _| show(&bar, done, all),
+        };
+        let readings = counted(sizes[0].into(), "absolute reading");
+        let say = |place: &str| {
+            let designing = format!("designing a plan of {readings} {place}");
+            args.common.say(&designing);
+        };
+        let mut drawn = None;
+        let (planning, found) = if let Some(path) = &args.candidates {
+            let rows = read_candidates(path, task.belief.commands())?;
+            let in_file = |error: AbsolutePlanError| error.in_file(path);
+            let planning = AbsolutePlanning::new(task, groups, &rows).map_err(in_file)?;
+            let candidates = planning.candidates.len() as u64;
+            say(&format!("among {}", counted(candidates, "candidate")));
+            let found = planning.design(sizes, seed, watch).map_err(in_file)?;
+            (planning, found)
+        } else {
+            say("at sampled configurations");
+            let configurations = self.draw.unwrap_or(DRAWN);
+            let wanted = DrawnWanted {
+                configurations,
+                seed,
+            };
+            drawn = Some(wanted);
+            AbsolutePlanning::design_anywhere(task, groups, wanted, sizes, watch)
+                .map_err(|error| error.in_file(&scenario.path))?
+        };
+        bar.finish_and_clear();
+        searched();
+        let offered = counted(planning.offer.offered as u64, "candidate");
+        let offer = match drawn {
+            Some(drawn) => drawn_words(drawn, &planning.offer),
+            None => args.left_out(&offered, &planning.offer),
+        };
+        let [searches, agreeing] = found.searches;
+        let json = json!({ "searches": searches, "searches_agreeing": agreeing });
+        let after = format!(
+            "{offer}Of {searches} searches for the plan, {agreeing} ended within 0.1 % of it.\n"
+        );
+        let beside = (found.bound.as_ref(), drawn);
+        let planned = PlannedAccuracy::of_readings(task, args, planning, found.plan, beside);
+        let conditions = STOP.load(Ordering::Relaxed).then(search_stopped);
+        let conditions = conditions.into_iter().collect();
+        Ok((planned, Report::new(json, after, conditions)))
+    }
+
+    /// A plan of deflections, of candidates or anywhere in the scenario's region.
+    fn deflections(
+        &self,
+        scenario: &Scenario,
+        wanted: Wanted,
+        timed: &[TimedPlan],
+        written: &mut Written,
+    ) -> anyhow::Result<(PlannedAccuracy<'static>, Report)> {
+        let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
+        let candidates = args.read_candidates(task)?;
         let of = match (&candidates, wanted.configurations) {
             (Some(all), _) => format!(
                 " among {}",
@@ -231,51 +304,28 @@ impl PlanCommand {
             (None, Some(count)) => format!(" in {}", counted(count.into(), "configuration")),
             (None, None) => String::new(),
         };
-        common.say(&format!(
+        args.common.say(&format!(
             "designing a plan of {}{of} for the criterion {}",
             counted(wanted.experiments.into(), "measurement"),
             self.criterion.name()
         ));
-        let (task, seed) = (&scenario.task, scenario.seed);
         let (mut designed, certificate) = if let Some(candidates) = &candidates {
-            (self.among(&scenario, candidates, wanted)?, None)
+            (self.among(scenario, candidates, wanted)?, None)
         } else {
             let (designed, approximate) =
-                design(common, task, seed, wanted, &self.args.proof, stop)?;
+                design(&args.common, task, seed, wanted, &args.proof, ask_search())?;
             (designed, Some(approximate.certificate))
         };
         let plan = &mut designed.exact.plan;
         let minutes = (self.minutes.zip(timed.first()))
-            .map(|(most, timed)| keep_in_time(&scenario, plan, timed, most));
+            .map(|(most, timed)| keep_in_time(scenario, plan, timed, most));
         if candidates.is_none() {
             take_nearest_turns(task, scenario.laboratory.home(), plan);
         }
-        let plan = &designed.exact.plan;
         let assessment = designed.assessment(task);
-        let mut text = tell(&timed) + &describe(&scenario, &assessment) + &left_out(task) + "\n";
-        let mut written = Written::default();
-        let provenance = self.args.provenance(&scenario, None)?;
-        if let Some(candidates) = &candidates {
-            text += &self.args.told(&candidates.offer);
-        }
-        if let Some(certificate) = &certificate {
-            let bound = designed.wanted_bound();
-            text += &self.args.proof.tell(bound, &provenance, &mut written)?;
-            text += &rests_on(certificate, &assessment);
-        }
-        text += &told(&designed, candidates.is_none());
-        let budget = assessment.uncertainty_budget.as_ref();
-        text += &self.args.budget.write(budget, &mut written);
-        if let Some(path) = &self.plan_out {
-            text += &written.noted(path, write_plan(path, task.belief.commands(), plan));
-        }
-        if let Some(path) = &self.stills_out {
-            text += &written.save(path, &Stills::of_plan(&scenario, plan).sheet());
-        }
         let [experiments, configurations] = wanted.sizes();
         let mut json = json!({
-            "gate": scenario.gate,
-            "plan": plan_messages(&task.belief.commands(), plan),
+            "plan": plan_messages(&task.belief.commands(), &designed.exact.plan),
             "criterion": self.criterion.name(),
             "minutes": minutes,
             "configurations": configurations.min(experiments),
@@ -285,16 +335,22 @@ impl PlanCommand {
             "bound_searches": certificate.map_or(0, |certificate| certificate.searches),
             "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
         });
+        let mut after = left_out(task) + "\n";
         if let Some(candidates) = &candidates {
+            after += &args.told(&candidates.offer);
             merge(&mut json, json!({ "candidates": candidates.offer }));
         }
-        let mut json = results("plan", &provenance, json);
-        let message = AssessmentMessage::new(&scenario, &assessment);
-        merge(&mut json, serde_json::to_value(message)?);
-        let mut conditions = conditions(&scenario, &assessment);
-        conditions.extend(designed.is_cut_short.then(search_stopped));
-        conditions.extend(written.conditions());
-        Ok(Report::new(json, text, conditions))
+        if let Some(certificate) = &certificate {
+            let provenance = args.provenance(scenario, None)?;
+            let bound = designed.wanted_bound();
+            after += &args.proof.tell(bound, &provenance, written)?;
+            after += &rests_on(certificate, &assessment);
+        }
+        after += &told(&designed, candidates.is_none());
+        let is_cut_short = designed.is_cut_short;
+        let planned = PlannedAccuracy::Deflections(designed.exact.plan, Box::new(assessment));
+        let conditions = is_cut_short.then(search_stopped).into_iter().collect();
+        Ok((planned, Report::new(json, after, conditions)))
     }
 
     /// The best plan of candidates, with a progress bar.
@@ -320,6 +376,18 @@ impl PlanCommand {
         searched();
         Ok(designed)
     }
+}
+
+/// How candidates were drawn, and what is not said of others.
+fn drawn_words(drawn: DrawnWanted, offer: &OfferedCandidates) -> String {
+    format!(
+        "The candidates are {} at random (seed {}), without and with a load: {} of {} are possible; and others near those that \
+         were chosen. The region has more: the bound is evidence, no proof.\n",
+        counted(drawn.configurations.into(), "configuration"),
+        drawn.seed,
+        offer.possible,
+        offer.offered
+    )
 }
 
 /// Takes the plan of a larger search where it keeps within so many minutes, too, and else the one that is known to; and

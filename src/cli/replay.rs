@@ -3,19 +3,21 @@
 use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::make_folder;
-use elastocal::plan::{Plan, search::random_plan};
+use elastocal::plan::search::random_plan;
+use elastocal::record::absolute_plan::readings_run_json;
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
-use elastocal::study::{Conditions, Entry, EntryKind, Setting};
+use elastocal::study::absolute::ReadingRuns;
+use elastocal::study::{Entry, EntryKind, Setting};
 use elastocal::view::recording::Recording;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::interruption::proceed;
-use super::study::entries;
+use super::study::StudyPlansArgs;
 use super::table::table_of;
 use super::views::{REPLAY_ENDINGS, write_recording};
 use super::written::Written;
-use super::{Common, Report, inputs, results};
+use super::{Common, Report, inputs, rests, results};
 
 /// Arguments of `replay`.
 #[derive(Debug, Args)]
@@ -25,15 +27,30 @@ pub struct Replay {
     /// The number of the run, from 0.
     #[arg(long, value_name = "R")]
     run: u64,
+    #[command(flatten)]
+    plans: StudyPlansArgs,
+}
+
+/// A plan's run.
+struct ReplayedPlan {
+    name: String,
+    record: Value,
+    /// The distance (m) at each test pose.
+    residuals_m: Vec<f64>,
+    /// Of deflections, what is shown.
+    calibration: Option<Calibration>,
 }
 
 impl Replay {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
-        let mut scenario = common.load_relative()?;
+        let mut scenario = common.load()?;
+        rests(&scenario)?;
+        self.plans.refuse_others(&scenario, &[])?;
         let folder = common.folder(&scenario);
         let record = format!("replay_{}.json", self.run);
         let mut roles = inputs(&scenario);
+        roles.may_read("the candidates", self.plans.path());
         roles.writes_to(&folder, &[&record]);
         for ending in REPLAY_ENDINGS {
             roles.writes_to(&folder, &[&format!("replay_{}.{ending}", self.run)]);
@@ -43,79 +60,94 @@ impl Replay {
         // The first conditions of a sweep stand for all.
         scenario.study.conditions.truncate(1);
         let settings = scenario.settings();
-        let entries = entries(common, &scenario, &settings)?;
+        let candidates = self.plans.candidates(&scenario)?;
+        let entries = (self.plans).entries(common, &scenario, &settings, candidates.as_deref())?;
         proceed()?;
-        let Setting {
-            conditions, task, ..
-        } = settings[0].clone();
-        scenario.task = task;
         common.say(&format!(
             "replaying run {} with {} plans on the virtual robot",
             self.run,
             entries.len()
         ));
-        let calibrations = (entries.iter())
-            .map(|entry| {
-                let plan = self.plan(&scenario, conditions, entry)?;
-                Ok((
-                    entry.name.clone(),
-                    calibrate(
-                        &scenario.task,
-                        &scenario.truth,
-                        &plan,
-                        scenario.seed,
-                        self.run,
-                    )?,
-                ))
-            })
+        let plans = (entries.iter())
+            .map(|entry| self.replayed(&settings[0], scenario.seed, entry))
             .collect::<anyhow::Result<Vec<_>>>()?;
-        let commands = scenario.task.belief.commands();
-        let messages: Vec<_> = (calibrations.iter())
-            .map(|(name, calibration)| CalibrationMessage::new(&commands, name, calibration))
-            .collect();
-        let keys = json!({ "run": self.run, "plans": messages });
+        let records: Vec<&Value> = plans.iter().map(|plan| &plan.record).collect();
+        let keys = json!({ "run": self.run, "plans": records });
         let json = results("replay", &ProvenanceMessage::new(&scenario), keys);
-        let text = serde_json::to_string_pretty(&json)? + "\n";
-        let recording = Recording::new(&scenario, &calibrations)?;
+        let mut text = describe(&scenario, &plans);
         let mut written = Written::default();
         let record = folder.join(record);
-        written.save(&record, &text);
-        let shown = write_recording(&recording, &record, &mut written);
-        let mut text = describe(&scenario, &calibrations);
-        text += &format!("recorded in {}, .mcap and .json\n", shown.display());
+        written.save(&record, &(serde_json::to_string_pretty(&json)? + "\n"));
+        let shown = plans.into_iter();
+        let shown = shown.filter_map(|plan| Some((plan.name, plan.calibration?)));
+        let shown: Vec<(String, Calibration)> = shown.collect();
+        text += &if shown.is_empty() {
+            format!("recorded in {}\n", record.display())
+        } else {
+            let scenario = Scenario {
+                task: settings[0].task.clone(),
+                ..scenario.clone()
+            };
+            let recording = Recording::new(&scenario, &shown)?;
+            let shown = write_recording(&recording, &record, &mut written);
+            format!("recorded in {}, .mcap and .json\n", shown.display())
+        };
         Ok(Report::new(json, text, written.conditions()))
     }
 
-    /// What an entry measures in the run.
-    fn plan(
+    /// What an entry gives in the run.
+    fn replayed(
         &self,
-        scenario: &Scenario,
-        conditions: Conditions,
-        entry: &Entry,
-    ) -> anyhow::Result<Plan> {
-        Ok(match &entry.kind {
+        setting: &Setting<'_>,
+        seed: u64,
+        entry: &Entry<'_>,
+    ) -> anyhow::Result<ReplayedPlan> {
+        let (task, name) = (&setting.task, entry.name.clone());
+        let plan = match &entry.kind {
             EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
-            EntryKind::RandomEach => random_plan(
-                &scenario.task,
-                conditions.experiments,
-                scenario.seed,
-                self.run,
-            )?,
+            EntryKind::RandomEach => {
+                random_plan(task, setting.conditions.experiments, seed, self.run)?
+            }
+            EntryKind::Readings(readings) => {
+                let runs = ReadingRuns::new(setting, readings)?;
+                let mut robots = runs.robots()?;
+                let run = runs.run(&mut robots, [seed, self.run])?;
+                let came = (&runs.prediction, &run, &robots.sampled(self.run));
+                return Ok(ReplayedPlan {
+                    record: readings_run_json(&name, task, readings, came)?,
+                    name,
+                    residuals_m: run
+                        .residuals_m
+                        .iter()
+                        .map(nalgebra::Vector3::norm)
+                        .collect(),
+                    calibration: None,
+                });
+            }
+        };
+        let calibration = calibrate(task, setting.truth, &plan, seed, self.run)?;
+        let record = CalibrationMessage::new(&task.belief.commands(), &name, &calibration);
+        Ok(ReplayedPlan {
+            name,
+            record: serde_json::to_value(record)?,
+            residuals_m: (calibration.poses.iter())
+                .map(|pose| pose.seen.residual_m.norm())
+                .collect(),
+            calibration: Some(calibration),
         })
     }
 }
 
 /// The distance that each plan leaves at each test pose.
-fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)]) -> String {
+fn describe(scenario: &Scenario, plans: &[ReplayedPlan]) -> String {
     let mut header = vec!["plan".to_owned()];
     header.extend((scenario.task.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
-    let row = |(name, calibration): &(String, Calibration)| {
-        let distance = |pose: &elastocal::calibration::CompensatedPose| {
-            format!("{:.3}", pose.seen.residual_m.norm() * 1e6)
-        };
-        let mut row = vec![name.clone()];
-        row.extend(calibration.poses.iter().map(distance));
-        row
+    let row = |plan: &ReplayedPlan| {
+        let distances =
+            (plan.residuals_m.iter()).map(|residual_m| format!("{:.3}", residual_m * 1e6));
+        std::iter::once(plan.name.clone())
+            .chain(distances)
+            .collect()
     };
-    table_of(&header, calibrations.iter().map(row))
+    table_of(&header, plans.iter().map(row))
 }

@@ -15,10 +15,10 @@ use elastocal::view::{recording::Recording, stills::Stills};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
-use super::evaluate::budget;
 use super::identify::deflections;
 use super::interruption::{STOP, proceed};
 use super::plan::design;
+use super::planned::budget;
 use super::proof::ProofArgs;
 use super::table::{number, table};
 use super::uncertainty_budget::BudgetArgs;

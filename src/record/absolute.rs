@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::codes::Condition;
 use crate::identification::{
-    AbsoluteCase, AbsoluteFit, DistanceStatistics, RejectedReading, Unexplained,
+    AbsoluteCase, AbsoluteFit, DistanceStatistics, LeftOut, RejectedReading, Unexplained,
 };
 use crate::parameter::{Axis, ParameterKind};
 
@@ -48,15 +48,6 @@ pub struct MountedFrameMessage {
     pub rotation_std_mrad: Option<[f64; 3]>,
 }
 
-/// What was left out as redundant.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct LeftOutMessage {
-    /// The parameter.
-    pub name: String,
-    /// Why, in a sentence.
-    pub reason: String,
-}
-
 /// What absolute readings tell of a robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct AbsoluteMessage {
@@ -73,7 +64,7 @@ pub struct AbsoluteMessage {
     /// The targets on their links.
     pub targets: Vec<MountedFrameMessage>,
     /// What was left out as redundant.
-    pub left_out: Vec<LeftOutMessage>,
+    pub left_out: Vec<LeftOut>,
     /// What the readings do not determine, in sentences.
     pub undetermined: Vec<String>,
     /// Distances from the predicted positions (mm).
@@ -189,12 +180,7 @@ impl AbsoluteMessage {
             covariance: covariance(fit),
             stations: stations(case, fit),
             targets: targets(case, fit),
-            left_out: (fit.left_out.iter())
-                .map(|each| LeftOutMessage {
-                    name: each.name.clone(),
-                    reason: each.sentence.clone(),
-                })
-                .collect(),
+            left_out: fit.left_out.clone(),
             undetermined: [&*fit.undetermined, &*fit.stays_nominal].concat(),
             distance_mm: (distances.as_ref())
                 .map(DistanceStatistics::in_thousandths)

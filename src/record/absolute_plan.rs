@@ -1,14 +1,20 @@
 //! A plan of absolute readings as a record.
 
+use nalgebra::Vector3;
 use serde::Serialize;
+use serde_json::{Value, json};
 
-use super::messages::CommonSourcesMessage;
+use super::absolute::AbsoluteMessage;
+use super::messages::{CommonSourcesMessage, TruthMessage};
 use crate::experiment::Candidate;
+use crate::identification::{AbsoluteCase, AbsoluteError};
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::{OfferedCandidates, PlanBound};
 use crate::robot::{Commands, Load};
-use crate::task::{AccuracyKind, Task};
+use crate::study::{StudiedReadings, absolute::ReadingsRun};
+use crate::task::{AccuracyKind, Task, TestPose};
+use crate::testbed::RunTruth;
 
 /// What is read in a plan, and where.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -99,6 +105,56 @@ impl PlannedReadingMessage {
     }
 }
 
+/// What is read in a plan: candidates by their places, and how often each.
+fn planned(
+    task: &Task,
+    planning: &AbsolutePlanning<'_>,
+    plan: &[(usize, u32)],
+) -> Vec<PlannedReadingMessage> {
+    let commands = task.belief.commands();
+    let rows = planning.readings(plan).into_iter();
+    rows.map(|(row, repeats)| PlannedReadingMessage::new(&commands, row, repeats))
+        .collect()
+}
+
+/// A run of a plan of absolute readings by its name, as a record.
+///
+/// # Errors
+/// The readings are none of the robot.
+pub fn readings_run_json(
+    name: &str,
+    task: &Task,
+    readings: &StudiedReadings<'_>,
+    (prediction, run, truth): (&PredictedAccuracy, &ReadingsRun, &RunTruth),
+) -> Result<Value, AbsoluteError> {
+    let case = AbsoluteCase::new(&task.belief, &run.readings)?;
+    let millimetres = |vector_m: &Vector3<f64>| <[f64; 3]>::from(vector_m * 1e3);
+    let poses = task.test_poses.iter().zip(&prediction.poses_m);
+    let pose = |((pose, rho0_m), residual_m): ((&TestPose, &Option<f64>), &Vector3<f64>)| {
+        json!({
+            "name": pose.name,
+            "weight": pose.weight,
+            "rho0_mm": rho0_m.map(|value| value * 1e3),
+            "residual_mm": residual_m.norm() * 1e3,
+            "residual_xyz_mm": millimetres(residual_m),
+        })
+    };
+    let measured = run.readings.iter().map(|each| {
+        let quaternion = each
+            .rotation
+            .map(|turned| [turned.w, turned.i, turned.j, turned.k]);
+        json!({ "position_mm": millimetres(&each.position_m), "quaternion": quaternion })
+    });
+    Ok(json!({
+        "name": name,
+        "plan": planned(task, &readings.planning, &readings.plan),
+        "measurements": measured.collect::<Vec<_>>(),
+        "truth": TruthMessage::new(task.belief.parameters.iter().copied(), truth),
+        "identification": AbsoluteMessage::new(&case, &run.fit),
+        "test_poses": poses.zip(&run.residuals_m).map(pose).collect::<Vec<_>>(),
+    }))
+}
+
 impl AbsolutePlanMessage {
     /// The record of a plan: candidates by their places, and how often each is read.
     pub fn new(
@@ -108,7 +164,6 @@ impl AbsolutePlanMessage {
         prediction: &PredictedAccuracy,
         bound: Option<&PlanBound>,
     ) -> Self {
-        let commands = task.belief.commands();
         let unknowns = (planning.set().parameters().iter().enumerate())
             .filter(|(index, _)| !planning.is_elsewhere(*index, plan));
         let poses = task.test_poses.iter().zip(&prediction.poses_m);
@@ -143,11 +198,7 @@ impl AbsolutePlanMessage {
                     standard_error: prediction.posterior.standard_error(index),
                 })
                 .collect(),
-            plan: (plan.iter())
-                .map(|&(place, repeats)| {
-                    PlannedReadingMessage::new(&commands, &planning.candidates[place], repeats)
-                })
-                .collect(),
+            plan: planned(task, planning, plan),
             candidates: planning.offer.clone(),
             drawn: None,
             assumed_exact: planning.assumed_exact(),

@@ -1,6 +1,7 @@
 //! The records of what a designed plan is shown beside.
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
+use serde_json::json;
 
 use super::messages::{ExperimentMessage, plan_messages};
 use super::study::StudyPlanMessage;
@@ -21,9 +22,11 @@ pub struct EvidenceMessage {
     /// The best plans for other criteria.
     pub criteria_compared: Vec<CriterionPlanMessage>,
     /// The best accuracy that was found for other numbers of measurements.
-    pub accuracy: Vec<AccuracyMessage>,
+    #[serde(serialize_with = "written")]
+    pub accuracy: Vec<BudgetPoint>,
     /// The designed plan, repeated as a whole.
-    pub repeated: Vec<AccuracyMessage>,
+    #[serde(serialize_with = "written")]
+    pub repeated: Vec<BudgetPoint>,
     /// The lower bound of `rho0_mm` for 1, 2, 3, ... measurements (mm); null where there is none.
     pub lower_bounds_rho0_mm: Vec<Option<f64>>,
 }
@@ -44,19 +47,6 @@ pub struct CriterionPlanMessage {
     pub plan: Vec<ExperimentMessage>,
 }
 
-/// The best accuracy that was found for a number of measurements.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct AccuracyMessage {
-    /// The number of measurements.
-    pub experiments: u32,
-    /// The number of different configurations.
-    pub configurations: u32,
-    /// The predicted rms distance at the test poses (mm).
-    pub rho0_mm: f64,
-    /// No plan of as many measurements has a smaller one (mm); null where there is no bound.
-    pub lower_bound_rho0_mm: Option<f64>,
-}
-
 impl CriterionPlanMessage {
     /// The record of a criterion's best plan.
     pub fn new(commands: &Commands, best: &CriterionPlan) -> Self {
@@ -72,13 +62,14 @@ impl CriterionPlanMessage {
     }
 }
 
-impl From<&BudgetPoint> for AccuracyMessage {
-    fn from(point: &BudgetPoint) -> Self {
-        Self {
-            experiments: point.experiments,
-            configurations: point.configurations,
-            rho0_mm: point.rho0_m * 1e3,
-            lower_bound_rho0_mm: point.lower_bound_m().map(|bound_m| bound_m * 1e3),
-        }
-    }
+/// The accuracy and the bound for each number of measurements and of configurations.
+fn written<S: Serializer>(points: &[BudgetPoint], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_seq(points.iter().map(|point| {
+        json!({
+            "experiments": point.experiments,
+            "configurations": point.configurations,
+            "rho0_mm": point.rho0_m * 1e3,
+            "lower_bound_rho0_mm": point.lower_bound_m().map(|bound_m| bound_m * 1e3),
+        })
+    }))
 }

@@ -8,17 +8,15 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, Vector3};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
+use super::json::merge;
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::codes::Condition;
 use crate::files::{FileError, hexadecimal, schema::RESULTS_VERSION, sha256_of};
 use crate::identification::{Identification, MeasurementResidual, UncertainEstimate};
 use crate::measurement::Measurement;
-use crate::plan::search::PlanProof;
-use crate::plan::{
-    Assessment, CommonSources, Criterion, Experiment, FurtherError, Plan, UncertaintyBudget,
-    Violation,
-};
+use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
 use crate::record::{platform::platform, residuals};
 use crate::robot::{Commands, Load};
@@ -306,58 +304,6 @@ impl From<&UncertainEstimate> for UncertainMessage {
     }
 }
 
-/// The predicted accuracy of a plan; the arrays go by `parameters`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct AssessmentMessage {
-    /// What must be accurate: `relative`, how far the load moves the tool.
-    pub accuracy: &'static str,
-    /// The number of measurements.
-    pub experiments: u32,
-    /// The names of the identified joints.
-    pub parameters: Vec<String>,
-    /// The predicted rms distance over the test poses (mm), eq. 20; null where the compensation
-    /// needs a compliance that the plan does not determine.
-    pub rho0_mm: Option<f64>,
-    /// The distance (mm) that 95 % of all draws of what is uncertain stay below; null where there is no `rho0_mm`.
-    pub quantile95_mm: Option<f64>,
-    /// What `rho0_mm` is made of; null where there is none.
-    pub uncertainty_budget: Option<UncertaintyBudget>,
-    /// The error sources in common with the campaign of `robot.prior`; null where there are none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub common_sources: Option<CommonSourcesMessage>,
-    /// The standard errors of the compliances (rad/(N m)); null where one is not determined.
-    pub compliance_std_rad_per_nm: Vec<Option<f64>>,
-    /// The standard errors of what is to be found besides compliances.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub further_std: Vec<FurtherError>,
-    /// The criteria of Table 1 by name, in relative units; `test_pose` in mm.
-    pub criteria: BTreeMap<String, Option<f64>>,
-    /// No plan of the class that the bound speaks about has a smaller `rho0_mm` for as many
-    /// measurements; null for a plan outside of it.
-    pub lower_bound_rho0_mm: Option<f64>,
-    /// What the bound by the criterion that was asked for rests on (that of `lower_bound_rho0_mm`, unless it is another):
-    /// "proved", or "evidence" of many searches; null where there is no bound.
-    pub bound_kind: Option<&'static str>,
-    /// No plan of the class is better by the criterion that was asked for: for `test_pose` none has a smaller `rho0_mm`, for
-    /// others a value as in `criteria`; null where there is no bound.
-    pub criterion_bound: Option<f64>,
-    /// The same: what is proved; null where nothing is.
-    pub proved_criterion_bound: Option<f64>,
-    /// How near the plan comes to `criterion_bound`: 1 for the best that there can be.
-    pub criterion_efficiency: Option<f64>,
-    /// No plan of the class has a smaller `rho0_mm` for as many measurements: what is proved; null where nothing
-    /// is.
-    pub proved_lower_bound_rho0_mm: Option<f64>,
-    /// How near the proof is, by the criterion that was asked for; null where there is none.
-    pub proof: Option<PlanProof>,
-    /// `lower_bound_rho0_mm` over `rho0_mm`.
-    pub efficiency: Option<f64>,
-    /// Why there is no bound by the criterion that was asked for; null where there is one.
-    pub no_bound_reason: Option<String>,
-    /// What makes the plan impossible.
-    pub violations: Vec<ViolationMessage>,
-}
-
 /// Error sources whose value is the same in the campaign of `robot.prior` and in this one.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct CommonSourcesMessage {
@@ -376,65 +322,59 @@ impl From<CommonSources> for CommonSourcesMessage {
     }
 }
 
-/// What makes a plan impossible.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ViolationMessage {
-    /// What it is.
-    #[serde(flatten)]
-    pub violation: Violation,
-    /// The same in words.
-    pub text: String,
-}
-
-impl AssessmentMessage {
-    /// The record of an assessment.
-    pub fn new(scenario: &Scenario, assessment: &Assessment) -> Self {
-        let unit = |criterion| {
-            if criterion == Criterion::TestPose {
-                1e3
-            } else {
-                1.0
-            }
-        };
-        let millimetres = |&(criterion, value): &(Criterion, Option<f64>)| {
-            let value = value.map(|value| value * unit(criterion));
-            (criterion.name().to_owned(), value)
-        };
-        let rho0_proof = assessment.bound().and_then(|bound| bound.proof.as_ref());
-        let (criterion, asked_for) = (assessment.asked_for()).unzip();
-        let bound = asked_for.and_then(|bound| bound.as_ref().ok());
-        let proof = bound.and_then(|bound| bound.proof.as_ref());
-        let in_unit = |value: f64| criterion.map_or(value, |criterion| value * unit(criterion));
-        Self {
-            accuracy: AccuracyKind::Relative.name(),
-            experiments: assessment.experiments,
-            parameters: scenario.task.belief.parameter_names(),
-            rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
-            quantile95_mm: assessment.quantile95_m.map(|value| value * 1e3),
-            uncertainty_budget: assessment.uncertainty_budget.clone(),
-            common_sources: (assessment.common_sources.clone()).map(CommonSourcesMessage::from),
-            compliance_std_rad_per_nm: assessment.standard_errors.clone(),
-            further_std: assessment.further.clone(),
-            criteria: assessment.criteria.iter().map(millimetres).collect(),
-            lower_bound_rho0_mm: assessment.bound_m().map(|value| value * 1e3),
-            bound_kind: bound.map(|bound| bound.kind.name()),
-            criterion_bound: bound.map(|bound| in_unit(bound.best)),
-            proved_criterion_bound: proof.map(|proof| in_unit(proof.best)),
-            criterion_efficiency: assessment.criterion_efficiency(),
-            proved_lower_bound_rho0_mm: rho0_proof.map(|proof| proof.best * 1e3),
-            proof: proof.cloned(),
-            efficiency: assessment.efficiency(),
-            no_bound_reason: asked_for
-                .and_then(|bound| bound.as_ref().err())
-                .map(ToString::to_string),
-            violations: (assessment.violations.iter())
-                .map(|violation| ViolationMessage {
-                    violation: violation.clone(),
-                    text: violation.to_string(),
-                })
-                .collect(),
-        }
+/// The predicted accuracy of a plan; arrays go by `parameters`, lengths are in mm. Null is what the plan does not determine, and bounds
+/// that there are none of.
+pub fn assessment_json(scenario: &Scenario, assessment: &Assessment) -> Value {
+    let unit = |criterion| match criterion {
+        Criterion::TestPose => 1e3,
+        _ => 1.0,
+    };
+    let millimetres = |value_m: Option<f64>| value_m.map(|value_m| value_m * 1e3);
+    let criterion = |&(criterion, value): &(Criterion, Option<f64>)| {
+        let value = value.map(|value| value * unit(criterion));
+        (criterion.name().to_owned(), value)
+    };
+    let criteria: BTreeMap<String, Option<f64>> =
+        assessment.criteria.iter().map(criterion).collect();
+    let rho0_proof = assessment.bound().and_then(|bound| bound.proof.as_ref());
+    let (criterion, asked_for) = (assessment.asked_for()).unzip();
+    let bound = asked_for.and_then(|bound| bound.as_ref().ok());
+    let no_bound = asked_for.and_then(|bound| bound.as_ref().err());
+    let proof = bound.and_then(|bound| bound.proof.as_ref());
+    let in_unit = |value: f64| criterion.map_or(value, |criterion| value * unit(criterion));
+    let violation = |violation: &Violation| {
+        let mut json = json!(violation);
+        merge(&mut json, json!({ "text": violation.to_string() }));
+        json
+    };
+    let violations = assessment.violations.iter().map(violation);
+    let mut json = json!({
+        "accuracy": AccuracyKind::Relative.name(),
+        "experiments": assessment.experiments,
+        "parameters": scenario.task.belief.parameter_names(),
+        "rho0_mm": millimetres(assessment.rho0_m),
+        "quantile95_mm": millimetres(assessment.quantile95_m),
+        "uncertainty_budget": assessment.uncertainty_budget,
+        "compliance_std_rad_per_nm": assessment.standard_errors,
+        "criteria": criteria,
+        "lower_bound_rho0_mm": millimetres(assessment.bound_m()),
+        "bound_kind": bound.map(|bound| bound.kind.name()),
+        "criterion_bound": bound.map(|bound| in_unit(bound.best)),
+        "proved_criterion_bound": proof.map(|proof| in_unit(proof.best)),
+        "criterion_efficiency": assessment.criterion_efficiency(),
+        "proved_lower_bound_rho0_mm": millimetres(rho0_proof.map(|proof| proof.best)),
+        "proof": proof,
+        "efficiency": assessment.efficiency(),
+        "no_bound_reason": no_bound.map(ToString::to_string),
+        "violations": violations.collect::<Vec<_>>(),
+    });
+    if let Some(common) = assessment.common_sources.clone() {
+        json["common_sources"] = json!(CommonSourcesMessage::from(common));
     }
+    if !assessment.further.is_empty() {
+        json["further_std"] = json!(assessment.further);
+    }
+    json
 }
 
 /// What compensation achieves at a test pose.

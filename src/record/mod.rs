@@ -11,12 +11,11 @@
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`understanding`]: a robot as it was understood.
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
-//! - [`absolute_plan`]: a plan of absolute readings; [`absolute_trials`]: what was seen of one.
+//! - [`absolute_plan`]: a plan of absolute readings; [`robot_trials`]: virtual robots on which one was tried.
 //! - [`evidence`]: what a plan is shown beside.
 
 pub mod absolute;
 pub mod absolute_plan;
-pub mod absolute_trials;
 pub mod campaign;
 pub mod evidence;
 pub mod inconsistencies;
@@ -26,6 +25,7 @@ pub mod model_selection;
 pub mod patterns;
 pub mod platform;
 pub mod residuals;
+pub mod robot_trials;
 pub mod selection;
 pub mod study;
 pub mod tally_file;

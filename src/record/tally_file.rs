@@ -11,17 +11,15 @@ use sha2::{Digest, Sha256};
 
 use super::messages::ProvenanceMessage;
 use crate::codes::ErrorCode;
-use crate::experiment::Candidate;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::files::{output::write_whole, schema::check_version, typed::from_json};
 use crate::gate::Gate;
 use crate::identification::ParameterGroup;
-use crate::plan::{absolute::PredictedAccuracy, posterior, quantile95_m};
 use crate::scenario::Scenario;
-use crate::study::absolute::{AbsoluteEntry, AbsoluteRunner, BLOCK_RUNS};
-use crate::study::account::Account;
-use crate::study::runner::{self, RunsInBlocks};
-use crate::study::{Conditions, Entry, Level, Setting, tally::Tally};
+use crate::study::account::{Account, predicted_quantile95_m};
+use crate::study::runner::{PlanInStudy, Runner, block_runs};
+use crate::study::{Conditions, EntryKind, Level, tally::Tally};
+use crate::task::AccuracyKind;
 
 /// What a study's numbers depend on; tallies of different headers do not add.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -82,52 +80,26 @@ pub struct PlanHeader {
 }
 
 impl PlanHeader {
-    /// The plans of a study of deflections.
-    pub fn of_deflections(
-        scenario: &Scenario,
-        settings: &[Setting<'_>],
-        entries: &[Entry],
-    ) -> Vec<Self> {
-        let plan = |(entry, reference): (&Entry, Option<usize>)| {
-            let setting = &settings[entry.setting];
-            let (task, fixed) = (&setting.task, entry.kind.plan());
+    /// The plans of a study.
+    pub fn of(runner: &Runner<'_>) -> Vec<Self> {
+        let plan = |(plan, reference): (PlanInStudy<'_>, Option<usize>)| {
+            let (entry, setting, prediction) = plan;
+            let has_account = prediction.is_some() || setting.truth.leaves_more_than_noise();
             Self {
                 name: entry.name.clone(),
                 conditions: setting.conditions,
                 reference,
-                sha256: fixed.map(fingerprint),
-                account: fixed
-                    .filter(|_| scenario.truth.leaves_more_than_noise())
-                    .and_then(|plan| Account::new(task, setting.truth, plan)),
-                predicted_quantile95_m: fixed
-                    .and_then(|plan| quantile95_m(task, &posterior(&task.belief, plan)))
-                    .map(to_ten_digits),
+                sha256: match &entry.kind {
+                    EntryKind::Readings(readings) => {
+                        Some(fingerprint(&readings.planning.readings(&readings.plan)))
+                    }
+                    kind => kind.plan().map(fingerprint),
+                },
+                account: has_account.then(|| Account::of_entry(plan)).flatten(),
+                predicted_quantile95_m: predicted_quantile95_m(plan).map(to_ten_digits),
             }
         };
-        let entries = entries.iter().zip(runner::references(entries));
-        entries.map(plan).collect()
-    }
-
-    /// The plans of a study of absolute readings.
-    pub fn of_absolute(
-        scenario: &Scenario,
-        entries: &[AbsoluteEntry<'_>],
-        runner: &AbsoluteRunner<'_>,
-    ) -> Vec<Self> {
-        let (task, truth) = (&scenario.task, &scenario.truth);
-        let plan = |((entry, prediction), reference): ((&AbsoluteEntry<'_>, _), _)| {
-            let prediction: &PredictedAccuracy = prediction;
-            Self {
-                name: entry.name.clone(),
-                conditions: Conditions::plain(task, prediction.readings),
-                reference,
-                sha256: Some(fingerprint(&rows(entry))),
-                account: Account::of_absolute(task, truth, entry, prediction),
-                predicted_quantile95_m: prediction.quantile95_m.map(to_ten_digits),
-            }
-        };
-        let predicted = entries.iter().zip(runner.predictions());
-        predicted.zip(runner.references()).map(plan).collect()
+        runner.plans().zip(runner.references()).map(plan).collect()
     }
 }
 
@@ -153,9 +125,14 @@ impl Header {
 
     /// The number of runs of a block.
     pub const fn block_runs(&self) -> u64 {
+        block_runs(self.accuracy(), self.level)
+    }
+
+    /// What must be accurate.
+    pub const fn accuracy(&self) -> AccuracyKind {
         match self.absolute {
-            Some(_) => BLOCK_RUNS,
-            None => runner::block_runs(self.level),
+            Some(_) => AccuracyKind::Absolute,
+            None => AccuracyKind::Relative,
         }
     }
 
@@ -193,6 +170,12 @@ impl Header {
         self.plans.iter().map(label).collect()
     }
 
+    /// The name of the plan that others are compared with.
+    pub fn reference(&self) -> Option<&str> {
+        let reference = self.plans.iter().find_map(|plan| plan.reference);
+        reference.map(|index| &*self.plans[index].name)
+    }
+
     /// The number of blocks of shard `shard`, from 1.
     pub const fn blocks_of(&self, shard: u64) -> u64 {
         let blocks = self.trials.div_ceil(self.block_runs());
@@ -225,12 +208,6 @@ fn to_ten_digits(value: f64) -> f64 {
 /// What a change of any digit changes.
 fn fingerprint(of: &impl std::fmt::Debug) -> String {
     hexadecimal(&Sha256::digest(format!("{of:?}")))
-}
-
-/// The rows of a plan of absolute readings, and how often each is read.
-fn rows<'a>(entry: &'a AbsoluteEntry<'_>) -> Vec<(&'a Candidate, u32)> {
-    let row = |&(place, repeats): &(usize, u32)| (&entry.planning.candidates[place], repeats);
-    entry.plan.iter().map(row).collect()
 }
 
 /// A part of a study: the first blocks of one shard.

@@ -1,26 +1,21 @@
-//! The reference simulation of plans of absolute readings: robots are sampled, read in MuJoCo as the plan says, identified, and looked at
-//! where they must be accurate.
+//! A run of a plan of absolute readings: a robot is sampled, read in MuJoCo as the plan says, identified, and looked at where it must be
+//! accurate.
 //!
 //! In run r, everything that the scenario lists as uncertain is sampled as in any study, each at its level: the targets that one visit
 //! reads share its errors. What is unknown and of which nothing is known before is sampled by shares of its typical size, and the
 //! instrument's frames are anywhere. The one fit sees readings with the covariance that they were planned with, and what it then says of
 //! the loaded tool's place is compared with where the virtual robot has it.
 
-use std::sync::Mutex;
-use std::sync::atomic::AtomicBool;
-
 use nalgebra::{
     Isometry3, Matrix3, Matrix6, Matrix6xX, Point3, Rotation3, SymmetricEigen, Vector3,
 };
 
-use super::StudyError;
-use super::runner::RunsInBlocks;
-use super::tally::{Batch, Failure};
+use super::tally::{FailedRun, Failure, Outcome};
 use super::virtual_readings::{ReadPlan, TargetReading, VirtualReadingError};
+use super::{Setting, StudiedReadings, StudyError};
 use crate::files::FileError;
-use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
+use crate::identification::{AbsoluteCase, AbsoluteFit, ReadingWeights};
 use crate::measurement::AbsoluteReading;
-use crate::numeric::random::normal::LANES;
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup, SharedErrors};
 use crate::parameter::{ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty};
@@ -32,33 +27,31 @@ use crate::testbed::{TrueRobots, Truth};
 const SHARE_OF_SIZE: f64 = 0.3;
 /// ... and compliances with this standard deviation of their logarithm.
 const COMPLIANCE_SPREAD: f64 = 0.1;
-/// The runs of a block, the unit of work: a run takes longer than one of deflections. Sums depend on it, so it is fixed.
-pub const BLOCK_RUNS: u64 = LANES as u64;
-
-/// A plan of absolute readings that takes part in a study.
-#[derive(Debug)]
-pub struct AbsoluteEntry<'a> {
-    /// Its name.
-    pub name: String,
-    /// The readings that there may be.
-    pub planning: AbsolutePlanning<'a>,
-    /// The plan: candidates by their places, and how often each is read.
-    pub plan: Vec<(usize, u32)>,
-    /// Whether it was drawn at random.
-    pub is_random: bool,
-}
 
 /// A plan made ready: what is drawn, read and held against what.
 #[derive(Debug)]
-struct JudgedPlan<'a> {
-    entry: &'a AbsoluteEntry<'a>,
-    prediction: PredictedAccuracy,
+pub struct ReadingRuns<'a> {
+    task: &'a Task,
+    studied: &'a StudiedReadings<'a>,
+    /// What is predicted.
+    pub prediction: PredictedAccuracy,
     predicted_m: f64,
     /// How it is carried out.
     read: ReadPlan<'a>,
     truth: Truth,
     /// Where the tool is predicted to be at each test pose.
     regions: Vec<PlaceRegion>,
+}
+
+/// What one run gave.
+#[derive(Debug)]
+pub struct ReadingsRun {
+    /// What the instrument said.
+    pub readings: Vec<AbsoluteReading>,
+    /// What was identified from it.
+    pub fit: AbsoluteFit,
+    /// By how much the tool is elsewhere than predicted at each test pose (m, world frame), of it what counts.
+    pub residuals_m: Vec<Vector3<f64>>,
 }
 
 /// A region in which the tool is predicted to be.
@@ -96,150 +89,166 @@ impl PlaceRegion {
     }
 }
 
-/// Runs of plans of absolute readings on virtual robots, in blocks.
-#[derive(Debug)]
-pub struct AbsoluteRunner<'a> {
-    task: &'a Task,
-    groups: &'a [ParameterGroup],
-    seed: u64,
-    tried: Vec<JudgedPlan<'a>>,
-    stop: Option<&'a AtomicBool>,
-    /// The first run that failed, and why.
-    first_failure: Mutex<Option<(u64, String)>>,
-}
-
-impl<'a> AbsoluteRunner<'a> {
-    /// Prepares plans for a task, a virtual robot, what is unknown besides what the belief says, and a seed.
+impl<'a> ReadingRuns<'a> {
+    /// Prepares a plan under a study's conditions.
+    ///
+    /// # Errors
+    /// It predicts nothing, or not what it reads.
     pub fn new(
-        (task, truth): (&'a Task, &Truth),
-        groups: &'a [ParameterGroup],
-        seed: u64,
-        entries: &'a [AbsoluteEntry<'a>],
+        setting: &'a Setting<'_>,
+        studied: &'a StudiedReadings<'a>,
     ) -> Result<Self, StudyError> {
-        let tried = (entries.iter())
-            .map(|entry| JudgedPlan::new(task, truth, entry))
-            .collect::<Result<Vec<_>, _>>()?;
-        // What the model lacks is told before the work.
-        for each in &tried {
-            each.robots(task)?;
+        let (task, planning) = (&setting.task, &studied.planning);
+        let read = ReadPlan::new(task, planning, &studied.plan);
+        let machining = &task.belief.machining_tool.name;
+        if !read.targets().any(|target| target == machining) {
+            return Err(StudyError::Unread(machining.clone()));
         }
+        let prediction = planning.prediction(&studied.plan);
+        let predicted_m = prediction.rho0_m().ok_or(StudyError::NoPrediction)?;
+        let no_place = Matrix3::zeros();
         Ok(Self {
+            regions: (prediction.places_m2.iter())
+                .map(|place| PlaceRegion::new(place.as_ref().unwrap_or(&no_place)))
+                .collect(),
+            truth: Truth {
+                uncertainties: uncertainties(setting.truth, planning),
+                ..setting.truth.clone()
+            },
+            read,
             task,
-            groups,
-            seed,
-            tried,
-            stop: None,
-            first_failure: Mutex::new(None),
+            studied,
+            prediction,
+            predicted_m,
         })
     }
 
-    /// The same, which gives up when the flag is set.
-    pub fn stopped_by(self, stop: &'a AtomicBool) -> Self {
-        Self {
-            stop: Some(stop),
-            ..self
+    /// The virtual robot of one run after another.
+    ///
+    /// # Errors
+    /// Its model lacks what is read.
+    pub fn robots(&self) -> Result<TrueRobots, FileError> {
+        TrueRobots::of_readings(&self.task.belief, &self.truth, self.read.targets())
+    }
+
+    /// How many numbers are looked at.
+    pub fn freedom(&self) -> usize {
+        self.regions.iter().map(|region| region.freedom).sum()
+    }
+
+    /// What is predicted for the squared distance, and its variance from run to run; in sigma.
+    pub fn expected(&self) -> [f64; 2] {
+        let variance_m2 = self.task.belief.instrument.sigma_m.powi(2);
+        let variance_m4 = self.prediction.square_variance_m4.unwrap_or(0.0);
+        [
+            self.predicted_m.powi(2) / variance_m2,
+            variance_m4 / variance_m2.powi(2),
+        ]
+    }
+
+    /// What a run came to.
+    pub fn outcome(&self, run: &ReadingsRun) -> Outcome {
+        let (mut square_m2, mut nees, mut inside) = (0.0, 0.0, 0);
+        let poses = self.task.test_poses.iter().zip(&self.regions);
+        for ((pose, region), residual_m) in poses.zip(&run.residuals_m) {
+            let (square, is_inside) = region.look(residual_m);
+            square_m2 += pose.weight * residual_m.norm_squared();
+            nees += square;
+            inside += u32::from(is_inside);
+        }
+        Outcome {
+            square: square_m2 / self.task.belief.instrument.sigma_m.powi(2),
+            nees,
+            intervals: [
+                u32::try_from(self.regions.len()).unwrap_or(u32::MAX),
+                inside,
+            ],
         }
     }
 
-    /// What each plan predicts.
-    pub fn predictions(&self) -> impl Iterator<Item = &PredictedAccuracy> {
-        self.tried.iter().map(|each| &each.prediction)
-    }
-
-    /// Why the first of the runs that were made and failed did so.
-    pub fn first_failure(&self) -> Option<String> {
-        let first = self.first_failure.lock().ok()?;
-        first.as_ref().map(|(_, reason)| reason.clone())
-    }
-
-    fn note(&self, run: u64, reason: String) {
-        if let Ok(mut first) = self.first_failure.lock()
-            && first.as_ref().is_none_or(|(known, _)| run < *known)
-        {
-            *first = Some((run, reason));
-        }
-    }
-
-    /// One run of one plan: draws, reads, identifies, and looks.
-    fn see(
+    /// One run under a seed: draws, reads, identifies, and looks.
+    ///
+    /// # Errors
+    /// What it failed by.
+    pub fn run(
         &self,
-        tried: &JudgedPlan<'_>,
         robots: &mut TrueRobots,
-        run: u64,
-        (batch, lane): (&mut Batch, usize),
-    ) -> Result<(), Unseen> {
-        let task = self.task;
-        let belief = &task.belief;
-        let no_reading = unseen(Failure::Measurement);
-        (robots.become_run_of(&tried.truth, tried.read.len(), self.seed, run))
+        [seed, run]: [u64; 2],
+    ) -> Result<ReadingsRun, FailedRun> {
+        let no_reading = |error: &dyn ToString| Failure::Measurement.because(error);
+        (robots.become_run_of(&self.truth, self.read.len(), seed, run))
             .map_err(|error| no_reading(&error))?;
-        let frames = tried.read.frames([self.seed, run]);
-        let read = self.read(tried, robots, &frames, run);
-        let read = read.map_err(|error| no_reading(&error))?;
-        let no_fit = unseen(Failure::Identification);
-        let case = AbsoluteCase::new(belief, &read).map_err(|error| no_fit(&error))?;
-        let mut case = case.sharing(tried.sharing(&frames));
+        let frames = self.read.frames([seed, run]);
+        let readings =
+            (self.readings(robots, &frames, [seed, run])).map_err(|error| no_reading(&error))?;
+        let no_fit = |error| Failure::Identification.because(&error);
+        let mut case = AbsoluteCase::new(&self.task.belief, &readings)
+            .map_err(no_fit)?
+            .sharing(self.sharing(&frames));
         let fit = case
-            .fit(self.groups, ReadingWeights::AsNeeded)
-            .map_err(|error| no_fit(&error))?;
-        let frame = tried.prediction.station;
-        let own = &tried.entry.planning.stations()[frame];
+            .fit(self.studied.groups, ReadingWeights::AsNeeded)
+            .map_err(no_fit)?;
+        let residuals_m = self.residuals(robots, &frames, &case, &fit)?;
+        Ok(ReadingsRun {
+            readings,
+            fit,
+            residuals_m,
+        })
+    }
+
+    /// By how much the tool is elsewhere than a fit says at each test pose.
+    fn residuals(
+        &self,
+        robots: &mut TrueRobots,
+        frames: &[Isometry3<f64>],
+        case: &AbsoluteCase<'_>,
+        fit: &AbsoluteFit,
+    ) -> Result<Vec<Vector3<f64>>, FailedRun> {
+        let frame = self.prediction.station;
+        let own = &self.studied.planning.stations()[frame];
         let station = case.stations.iter().position(|name| name == own);
-        let machining = &belief.machining_tool.name;
+        let machining = &self.task.belief.machining_tool.name;
         let target = case.targets.iter().position(|target| target == machining);
         let (Some(station), Some(target)) = (station, target) else {
-            let reason = "no reading that counts is there".to_owned();
-            return Err((Failure::Undetermined, reason));
+            return Err(Failure::Undetermined.because("no reading that counts is there"));
         };
-        let mut arm = fit.arm;
+        let mut arm = fit.arm.clone();
         // What scales the loads of the readings is not the task's.
         (arm.load_scale, arm.load_offset_n) = (1.0, 0.0);
         let nothing = ParameterSet::empty();
         let mut model = ObservationModel::new(&nothing, &arm, &[]);
         let mut ignored = Matrix6xX::zeros(0);
-        let variance_m2 = belief.instrument.sigma_m.powi(2);
-        let mut square_m2 = 0.0;
-        let no_rest = unseen(Failure::TestPose);
-        for (pose, region) in task.test_poses.iter().zip(&tried.regions) {
-            let setup = Setup {
-                commanded_rad: pose.configuration_rad.clone(),
-                load: pose.load,
-                target,
-                station,
-                approach: None,
-            };
-            let said = model
-                .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
-                .map_err(|error| no_rest(&error))?;
-            let is_at = robots
-                .machining_tool_at_work(&pose.configuration_rad, pose)
-                .map_err(|error| no_rest(&error))?;
-            let frame = &frames[frame];
-            let off = (frame * Point3::from(is_at)).coords - said.position_m;
-            let counted = pose.counted(&(frame.rotation.inverse() * off));
-            square_m2 += pose.weight * counted.norm_squared();
-            let (nees, is_inside) = region.look(&counted);
-            batch.nees[lane] += nees;
-            batch.freedom[lane] += region.freedom;
-            batch.intervals[lane][0] += 1;
-            batch.intervals[lane][1] += u32::from(is_inside);
-        }
-        batch.square[lane] = square_m2 / variance_m2;
-        batch.expected[lane] = tried.predicted_m.powi(2) / variance_m2;
-        let variance_m4 = tried.prediction.square_variance_m4.unwrap_or(0.0);
-        batch.variance[lane] = variance_m4 / variance_m2.powi(2);
-        Ok(())
+        let no_rest = |error| Failure::TestPose.because(&error);
+        (self.task.test_poses.iter())
+            .map(|pose| {
+                let setup = Setup {
+                    commanded_rad: pose.configuration_rad.clone(),
+                    load: pose.load,
+                    target,
+                    station,
+                    approach: None,
+                };
+                let said = model
+                    .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
+                    .map_err(no_rest)?;
+                let is_at = robots
+                    .machining_tool_at_work(&pose.configuration_rad, pose)
+                    .map_err(no_rest)?;
+                let frame = &frames[frame];
+                let off = (frame * Point3::from(is_at)).coords - said.position_m;
+                Ok(pose.counted(&(frame.rotation.inverse() * off)))
+            })
+            .collect()
     }
 
     /// What the instrument says: of each reading that visits repeat alike, the mean.
-    fn read(
+    fn readings(
         &self,
-        tried: &JudgedPlan<'_>,
         robots: &mut TrueRobots,
         frames: &[Isometry3<f64>],
-        run: u64,
+        numbers: [u64; 2],
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
-        let planning = &tried.entry.planning;
+        let planning = &self.studied.planning;
         let is_pose = self.task.belief.instrument.rotation_sigma_rad.is_some();
         let of_one = |(each, shown): (RepeatedReading, Vec<TargetReading>)| {
             let sum_m: Vector3<f64> = shown.iter().map(|shown| shown.position_m).sum();
@@ -250,99 +259,26 @@ impl<'a> AbsoluteRunner<'a> {
                 sum_m / f64::from(each.times),
                 is_pose.then(|| mean_turn(&turns)),
             );
-            tried.read.reading(each.place, mean, covariance)
+            self.read.reading(each.place, mean, covariance)
         };
-        let read = (tried.read).read(self.task, robots, frames, [self.seed, run])?;
+        let read = self.read.read(self.task, robots, frames, numbers)?;
         Ok(read.into_iter().map(of_one).collect())
     }
-}
 
-/// Why nothing is seen, in words too.
-type Unseen = (Failure, String);
-
-fn unseen(failure: Failure) -> impl Fn(&dyn std::error::Error) -> Unseen {
-    move |error| (failure, error.to_string())
-}
-
-impl RunsInBlocks for AbsoluteRunner<'_> {
-    type Workspace<'a>
-        = Vec<TrueRobots>
-    where
-        Self: 'a;
-
-    fn block_runs(&self) -> u64 {
-        BLOCK_RUNS
-    }
-
-    /// The first random one.
-    fn references(&self) -> Vec<Option<usize>> {
-        let random = self.tried.iter().position(|each| each.entry.is_random);
-        vec![random; self.tried.len()]
-    }
-
-    fn stop(&self) -> Option<&AtomicBool> {
-        self.stop
-    }
-
-    fn workspace(&self) -> Result<Self::Workspace<'_>, StudyError> {
-        let robots = self.tried.iter().map(|each| each.robots(self.task));
-        Ok(robots.collect::<Result<_, _>>()?)
-    }
-
-    fn draw<'a>(&'a self, _: &mut Self::Workspace<'a>, _: u64) {}
-
-    fn make<'a>(
-        &'a self,
-        robots: &mut Self::Workspace<'a>,
-        plan: usize,
-        (first, count): (u64, usize),
-        batch: &mut Batch,
-    ) -> Result<(), StudyError> {
-        *batch = Batch::default();
-        for (lane, run) in (first..).take(count).enumerate() {
-            self.proceed()?;
-            let seen = self.see(&self.tried[plan], &mut robots[plan], run, (batch, lane));
-            if let Err((failure, reason)) = seen {
-                batch.failed[lane] = Some(failure);
-                self.note(run, reason);
+    /// The errors that readings share, from an instrument with these frames.
+    fn sharing(&self, frames: &[Isometry3<f64>]) -> SharedErrors {
+        let mut next = 0;
+        let of_group = |group: &Vec<RepeatedReading>| {
+            let mut sharing = self.studied.planning.sharing(group, frames);
+            for reading in &mut sharing.readings {
+                *reading += next;
             }
+            next += group.len();
+            sharing
+        };
+        SharedErrors {
+            groups: self.read.groups.iter().map(of_group).collect(),
         }
-        Ok(())
-    }
-}
-
-impl<'a> JudgedPlan<'a> {
-    fn new(
-        task: &'a Task,
-        truth: &Truth,
-        entry: &'a AbsoluteEntry<'a>,
-    ) -> Result<Self, StudyError> {
-        let belief = &task.belief;
-        let read = ReadPlan::new(task, &entry.planning, &entry.plan);
-        let machining = &belief.machining_tool.name;
-        if !read.targets().any(|target| target == machining) {
-            return Err(StudyError::Unread(machining.clone()));
-        }
-        let prediction = entry.planning.prediction(&entry.plan);
-        let predicted_m = prediction.rho0_m().ok_or(StudyError::NoPrediction)?;
-        let no_place = Matrix3::zeros();
-        Ok(Self {
-            regions: (prediction.places_m2.iter())
-                .map(|place| PlaceRegion::new(place.as_ref().unwrap_or(&no_place)))
-                .collect(),
-            truth: Truth {
-                uncertainties: uncertainties(truth, &entry.planning),
-                ..truth.clone()
-            },
-            read,
-            entry,
-            prediction,
-            predicted_m,
-        })
-    }
-
-    fn robots(&self, task: &Task) -> Result<TrueRobots, FileError> {
-        TrueRobots::of_readings(&task.belief, &self.truth, self.read.targets())
     }
 }
 
@@ -370,24 +306,6 @@ fn uncertainties(truth: &Truth, planning: &AbsolutePlanning<'_>) -> Vec<Uncertai
         });
     }
     all
-}
-
-impl JudgedPlan<'_> {
-    /// The errors that readings share, from an instrument with these frames.
-    fn sharing(&self, frames: &[Isometry3<f64>]) -> SharedErrors {
-        let mut next = 0;
-        let of_group = |group: &Vec<RepeatedReading>| {
-            let mut sharing = self.entry.planning.sharing(group, frames);
-            for reading in &mut sharing.readings {
-                *reading += next;
-            }
-            next += group.len();
-            sharing
-        };
-        SharedErrors {
-            groups: self.read.groups.iter().map(of_group).collect(),
-        }
-    }
 }
 
 /// The mean of rotations that hardly differ.

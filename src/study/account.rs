@@ -13,13 +13,14 @@
 use nalgebra::{Cholesky, DMatrix};
 use serde::{Deserialize, Serialize};
 
-use super::absolute::AbsoluteEntry;
 use super::deviations::{Deviations, by_repeats};
-use super::{summary::Measured, verdict::Kept};
+use super::runner::PlanInStudy;
+use super::{EntryKind, StudiedReadings, summary::Measured, verdict::Kept};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{
-    CommonSources, EARLIER, ExperimentModel, NOISE, Plan, alone_and_together, posterior, task_rows,
+    CommonSources, EARLIER, ExperimentModel, NOISE, Plan, alone_and_together, posterior,
+    quantile95_m, task_rows,
 };
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -90,14 +91,23 @@ impl Account {
         format!("exceeded: {ratio:.3} times what is predicted{why}")
     }
 
-    /// The account of a plan of absolute readings; `None` where it predicts nothing.
-    pub fn of_absolute(
+    /// The account of a plan of a study, of absolute readings with what it predicts; `None` where every run has a plan of its own,
+    /// or where the plan does not determine what the test poses need.
+    pub fn of_entry((entry, setting, prediction): PlanInStudy<'_>) -> Option<Self> {
+        let (task, truth) = (&setting.task, setting.truth);
+        match &entry.kind {
+            EntryKind::Readings(readings) => Self::of_readings(task, truth, readings, prediction?),
+            kind => Self::new(task, truth, kind.plan()?),
+        }
+    }
+
+    fn of_readings(
         task: &Task,
         truth: &Truth,
-        entry: &AbsoluteEntry<'_>,
+        readings: &StudiedReadings<'_>,
         prediction: &PredictedAccuracy,
     ) -> Option<Self> {
-        let (planning, plan) = (&entry.planning, &entry.plan);
+        let (planning, plan) = (&readings.planning, &readings.plan);
         let believed = planning.uncertainty_budget(plan, prediction)?.sources;
         let hidden: Vec<&Uncertainty> = (truth.uncertainties.iter())
             .filter(|each| each.is_hidden || task.belief.uncertain.is_none())
@@ -233,6 +243,15 @@ impl Account {
             parts,
             common: CommonSources::of_deflections(task, &posterior, predicted_m),
         })
+    }
+}
+
+/// The distance (m) that a plan of a study predicts 95 % of the runs to stay below; `None` as of its account.
+pub fn predicted_quantile95_m((entry, setting, prediction): PlanInStudy<'_>) -> Option<f64> {
+    let task = &setting.task;
+    match prediction {
+        Some(prediction) => prediction.quantile95_m,
+        None => quantile95_m(task, &posterior(&task.belief, entry.kind.plan()?)),
     }
 }
 

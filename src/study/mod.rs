@@ -7,8 +7,8 @@
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`verdict`]: whether the observed accuracy is the predicted one.
+//! - [`absolute`]: a run of a plan of absolute readings: the virtual robot is read, identified and looked at.
 //! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and validated on all others.
-//! - [`absolute`]: robots that are read as a plan of absolute readings says, identified and looked at.
 //! - [`virtual_readings`]: what an instrument writes down of such a plan in a run.
 
 pub mod absolute;
@@ -24,10 +24,15 @@ pub mod tally;
 pub mod verdict;
 pub mod virtual_readings;
 
+use std::sync::Arc;
+
 use thiserror::Error;
 
 use crate::files::FileError;
+use crate::identification::ParameterGroup;
 use crate::plan::Plan;
+use crate::plan::absolute::AbsolutePlanning;
+use crate::plan::search::CandidatePlan;
 use crate::task::Task;
 use crate::testbed::Truth;
 use tally::Failure;
@@ -35,14 +40,14 @@ use tally::Failure;
 pub use settings::{Conditions, Level, StudyPlan, StudySettings, StudySource};
 
 /// A plan that takes part in a study.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Entry {
+#[derive(Debug)]
+pub struct Entry<'a> {
     /// Its name.
     pub name: String,
     /// The conditions that it is studied under, as an index.
     pub setting: usize,
     /// What is measured in each run.
-    pub kind: EntryKind,
+    pub kind: EntryKind<'a>,
 }
 
 /// The task under the conditions of a part of the study, and the virtual robot.
@@ -68,22 +73,46 @@ impl<'a> Setting<'a> {
 }
 
 /// What is measured in each run.
-#[derive(Debug, Clone, PartialEq)]
-pub enum EntryKind {
+#[derive(Debug, Clone)]
+pub enum EntryKind<'a> {
     /// A plan of the scenario's or the search's choice.
     Fixed(Plan),
     /// One plan drawn at random for all runs.
     Random(Plan),
     /// A fresh random feasible plan in every run.
     RandomEach,
+    /// A plan of absolute readings.
+    Readings(Arc<StudiedReadings<'a>>),
 }
 
-impl EntryKind {
-    /// The plan, where all runs have the same.
+/// A plan of absolute readings that takes part in a study.
+#[derive(Debug)]
+pub struct StudiedReadings<'a> {
+    /// The readings that there may be.
+    pub planning: AbsolutePlanning<'a>,
+    /// The plan: candidates by their places, and how often each is read.
+    pub plan: CandidatePlan,
+    /// What is unknown besides what the belief says.
+    pub groups: &'a [ParameterGroup],
+    /// Whether it was drawn at random.
+    pub is_random: bool,
+}
+
+impl EntryKind<'_> {
+    /// The plan of deflections, where all runs have the same.
     pub const fn plan(&self) -> Option<&Plan> {
         match self {
             Self::Fixed(plan) | Self::Random(plan) => Some(plan),
-            Self::RandomEach => None,
+            Self::RandomEach | Self::Readings(_) => None,
+        }
+    }
+
+    /// Whether others are compared with it.
+    pub fn is_random(&self) -> bool {
+        match self {
+            Self::Fixed(_) => false,
+            Self::Random(_) | Self::RandomEach => true,
+            Self::Readings(readings) => readings.is_random,
         }
     }
 }

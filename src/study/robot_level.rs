@@ -6,24 +6,13 @@ use nalgebra::{DMatrix, DVector};
 use crate::files::FileError;
 use crate::identification::Identification;
 
-use super::tally::Failure;
+use super::tally::{FailedRun, Failure, Outcome};
 use crate::calibration::{identify_as_planned, see};
 use crate::compensation::{compensate_identified, test_pose_rows};
 use crate::numeric::random::normal::LANES;
 use crate::plan::Plan;
 use crate::task::Task;
 use crate::testbed::{TrueRobots, Truth, add_noise};
-
-/// What a run came to.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
-    /// The squared distance in sigma^2, weighted over the test poses.
-    pub square: f64,
-    /// The normalised estimation error squared of what the measurements determine.
-    pub nees: f64,
-    /// The 95 % intervals of compliances, and how many of them hold the true one.
-    pub intervals: [u32; 2],
-}
 
 /// What one thread needs for runs.
 #[derive(Debug)]
@@ -82,22 +71,22 @@ impl<'a> RobotRuns<'a> {
         plan: &Plan,
         (noise, laboratory): (&[[f64; LANES]], &[[f64; LANES]]),
         lane: usize,
-    ) -> Result<Outcome, Failure> {
+    ) -> Result<Outcome, FailedRun> {
         let belief = &self.task.belief;
         let mut measurements = self
             .robots
             .measure_noise_free(plan, &belief.instrument, laboratory, lane)
-            .map_err(|_| Failure::Measurement)?;
+            .map_err(|error| Failure::Measurement.because(&error))?;
         add_noise(&mut measurements, &belief.instrument, noise, lane);
-        let identification =
-            identify_as_planned(belief, &measurements).map_err(|_| Failure::Identification)?;
+        let identification = identify_as_planned(belief, &measurements)
+            .map_err(|error| Failure::Identification.because(&error))?;
         let posterior = &identification.posterior;
         let truth = self.robots.unknowns(belief);
         let values = posterior.mean.iter().zip(&truth);
         let error = DVector::from_iterator(truth.len(), values.map(|(value, truth)| value - truth));
         let is_determined = |pose: &DMatrix<f64>| posterior.variance_of(pose).is_ok();
         if !posterior.estimable.is_complete() && !self.test_poses.iter().all(is_determined) {
-            return Err(Failure::Undetermined);
+            return Err(Failure::Undetermined.into());
         }
         let nees = (posterior.normalised_square(&error)).ok_or(Failure::Undetermined)?;
         let mut square_m2 = 0.0;
@@ -106,7 +95,7 @@ impl<'a> RobotRuns<'a> {
             let identified = (posterior.mean.as_slice(), estimated.as_slice());
             let seen = compensate_identified(belief, identified, pose, belief.method)
                 .and_then(|commanded| see(&mut self.robots, pose, &commanded))
-                .map_err(|_| Failure::TestPose)?;
+                .map_err(|error| Failure::TestPose.because(&error))?;
             square_m2 += pose.weight * seen.residual_m.norm_squared();
         }
         Ok(Outcome {

@@ -1,150 +1,37 @@
 //! Blocks of runs on all threads.
 
 use std::ops::Range;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
+use super::absolute::ReadingRuns;
 use super::model_level::{LinearModel, PlanModel};
 use super::robot_level::RobotRuns;
-use super::tally::{Batch, BlockSums, Failure, Tally};
+use super::tally::{Batch, BlockSums, FailedRun, Failure, Tally};
 use super::{Entry, EntryKind, Level, Setting, StudyError};
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
+use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::search::{Problem, RandomPlans};
 use crate::plan::{Criterion, Plan};
-use crate::testbed::{TrueCompliances, numbers};
-
-/// What makes the runs of a study, all plans of each, in blocks.
-pub trait RunsInBlocks: Sync {
-    /// What one thread needs.
-    type Workspace<'a>
-    where
-        Self: 'a;
-
-    /// The number of runs of a block, the unit of work.
-    fn block_runs(&self) -> u64;
-
-    /// For each plan, the one that it is compared with.
-    fn references(&self) -> Vec<Option<usize>>;
-
-    /// The flag that stops it.
-    fn stop(&self) -> Option<&AtomicBool>;
-
-    /// What a thread begins with.
-    ///
-    /// # Errors
-    /// The virtual robot's model lacks something.
-    fn workspace(&self) -> Result<Self::Workspace<'_>, StudyError>;
-
-    /// Draws what all plans share in up to [`LANES`] runs from `first` on.
-    fn draw<'a>(&'a self, workspace: &mut Self::Workspace<'a>, first: u64);
-
-    /// Makes runs of one plan, from a first one on, so many of them.
-    ///
-    /// # Errors
-    /// It was asked to stop.
-    fn make<'a>(
-        &'a self,
-        workspace: &mut Self::Workspace<'a>,
-        plan: usize,
-        runs: (u64, usize),
-        batch: &mut Batch,
-    ) -> Result<(), StudyError>;
-
-    /// The number of blocks of so many runs.
-    fn blocks(&self, trials: u64) -> u64 {
-        trials.div_ceil(self.block_runs())
-    }
-
-    /// Whether to go on.
-    ///
-    /// # Errors
-    /// It was asked to stop.
-    fn proceed(&self) -> Result<(), StudyError> {
-        match self.stop() {
-            Some(stop) if stop.load(Ordering::Relaxed) => Err(StudyError::Stopped),
-            _ => Ok(()),
-        }
-    }
-
-    /// Consecutive runs in a fixed order, a batch at a time.
-    ///
-    /// # Errors
-    /// It was asked to stop.
-    fn block<'a>(
-        &'a self,
-        workspace: &mut Self::Workspace<'a>,
-        first: u64,
-        runs: u64,
-    ) -> Result<Vec<Tally>, StudyError> {
-        let references = self.references();
-        let mut tallies = vec![Tally::default(); references.len()];
-        let mut sums = vec![BlockSums::default(); references.len()];
-        let mut batches = vec![Batch::default(); references.len()];
-        let end = first + runs;
-        for first in (first..end).step_by(LANES) {
-            let count = usize::try_from(end - first).map_or(LANES, |left| left.min(LANES));
-            self.draw(workspace, first);
-            for (plan, batch) in batches.iter_mut().enumerate() {
-                self.proceed()?;
-                self.make(workspace, plan, (first, count), batch)?;
-                batch.clean(count);
-            }
-            for (plan, (tally, sums)) in tallies.iter_mut().zip(&mut sums).enumerate() {
-                let reference = references[plan].map(|other| &batches[other]);
-                tally.add(sums, &batches[plan], reference, count);
-            }
-        }
-        for (tally, sums) in tallies.iter_mut().zip(&mut sums) {
-            tally.close(sums);
-        }
-        Ok(tallies)
-    }
-
-    /// Makes the runs of every `step`-th block of a range side by side, each from its first run on, and tallies each plan; after
-    /// every block, `progress` is told how many runs it had.
-    ///
-    /// # Errors
-    /// The virtual robot's model lacks something, or it was asked to stop.
-    fn run(
-        &self,
-        trials: u64,
-        blocks: Range<u64>,
-        step: u64,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Vec<Tally>, StudyError> {
-        let step = step.max(1);
-        let count = (blocks.end.saturating_sub(blocks.start)).div_ceil(step);
-        let nothing = || vec![Tally::default(); self.references().len()];
-        (0..count)
-            .into_par_iter()
-            .map(|index| blocks.start + index * step)
-            .map_init(
-                || self.workspace(),
-                |workspace, number| {
-                    let workspace = workspace.as_mut().map_err(|error| error.clone())?;
-                    let first = number * self.block_runs();
-                    let runs = self.block_runs().min(trials.saturating_sub(first));
-                    let tallies = self.block(workspace, first, runs)?;
-                    progress(runs);
-                    Ok(tallies)
-                },
-            )
-            .try_reduce(nothing, merge)
-    }
-}
+use crate::task::AccuracyKind;
+use crate::testbed::{TrueCompliances, TrueRobots, numbers};
 
 /// A study made ready to run.
 #[derive(Debug)]
 pub struct Runner<'a> {
     seed: u64,
     level: Level,
-    entries: &'a [Entry],
+    settings: &'a [Setting<'a>],
+    entries: &'a [Entry<'a>],
+    /// What plans of deflections under the same conditions have in common, by setting; none where readings are absolute.
     parts: Vec<Part<'a>>,
-    /// The model of each plan that is the same in all runs.
-    plans: Vec<Option<PlanModel>>,
+    plans: Vec<ReadyPlan<'a>>,
     stop: Option<&'a AtomicBool>,
+    /// The first run that failed, and why.
+    first_failure: Mutex<Option<(u64, String)>>,
 }
 
 /// What the plans under the same conditions have in common.
@@ -155,14 +42,32 @@ struct Part<'a> {
     model: LinearModel<'a>,
 }
 
+/// A plan made ready.
+#[derive(Debug)]
+enum ReadyPlan<'a> {
+    /// Of deflections: the linear model, where all runs have the same plan.
+    Deflections(Option<PlanModel>),
+    /// Of absolute readings.
+    Readings(Box<ReadingRuns<'a>>),
+}
+
+/// A plan with its conditions and, of absolute readings, what it predicts.
+pub type PlanInStudy<'a> = (
+    &'a Entry<'a>,
+    &'a Setting<'a>,
+    Option<&'a PredictedAccuracy>,
+);
+
 /// What one thread needs.
 pub struct ThreadWorkspace<'a> {
     normals: Vec<[f64; LANES]>,
     /// What the laboratory takes besides.
     laboratory: Vec<[f64; LANES]>,
     truth: TrueCompliances<'a>,
-    /// One for each setting.
+    /// One for each setting, of deflections.
     parts: Vec<PartWorkspace<'a>>,
+    /// The virtual robot of each plan of absolute readings.
+    robots: Vec<Option<TrueRobots>>,
 }
 
 /// What one thread needs for one setting.
@@ -183,12 +88,14 @@ impl<'a> Runner<'a> {
         settings: &'a [Setting<'a>],
         seed: u64,
         level: Level,
-        entries: &'a [Entry],
+        entries: &'a [Entry<'a>],
     ) -> Result<Self, StudyError> {
         let (Some(first), false) = (settings.first(), entries.is_empty()) else {
             return Err(StudyError::NoPlan);
         };
-        let parts: Vec<Part<'_>> = (settings.iter())
+        let of_deflections =
+            |setting: &&Setting<'_>| setting.task.design.accuracy == AccuracyKind::Relative;
+        let parts: Vec<Part<'_>> = (settings.iter().filter(of_deflections))
             .map(|setting| Part {
                 setting,
                 problem: Problem::new(&setting.task, Criterion::TestPose),
@@ -196,19 +103,29 @@ impl<'a> Runner<'a> {
             })
             .collect();
         let plans = (entries.iter())
-            .map(|entry| prepare(&parts[entry.setting], entry))
-            .collect::<Result<_, _>>()?;
-        if level == Level::Robot {
-            // What is wrong with the model shows before the work.
+            .map(|entry| match &entry.kind {
+                EntryKind::Readings(readings) => {
+                    let runs = ReadingRuns::new(&settings[entry.setting], readings)?;
+                    // What the model lacks is told before the work.
+                    runs.robots()?;
+                    Ok(ReadyPlan::Readings(Box::new(runs)))
+                }
+                kind => prepare(&parts[entry.setting], &entry.name, kind.plan())
+                    .map(ReadyPlan::Deflections),
+            })
+            .collect::<Result<_, StudyError>>()?;
+        if level == Level::Robot && !parts.is_empty() {
             RobotRuns::new(&first.task, first.truth)?;
         }
         Ok(Self {
             seed,
             level,
+            settings,
             entries,
             parts,
             plans,
             stop: None,
+            first_failure: Mutex::new(None),
         })
     }
 
@@ -220,56 +137,122 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Draws the true compliances of some runs.
-    fn draw_truth(&self, workspace: &mut ThreadWorkspace<'_>, first: u64) {
-        let truth = workspace.truth.draw(first);
-        for (part, mine) in self.parts.iter().zip(&mut workspace.parts) {
-            mine.unknown = part.model.deviations().values(truth, &workspace.laboratory);
+    /// The number of runs of a block, the unit of work.
+    pub fn block_runs(&self) -> u64 {
+        block_runs(self.settings[0].task.design.accuracy, self.level)
+    }
+
+    /// The number of blocks of so many runs.
+    pub fn blocks(&self, trials: u64) -> u64 {
+        trials.div_ceil(self.block_runs())
+    }
+
+    /// For each plan, the one that it is compared with: the first random one under the same conditions.
+    pub fn references(&self) -> Vec<Option<usize>> {
+        let reference = |each: &Entry<'_>| {
+            let is_it = |other: &Entry<'_>| other.setting == each.setting && other.kind.is_random();
+            self.entries.iter().position(is_it)
+        };
+        self.entries.iter().map(reference).collect()
+    }
+
+    /// The plans.
+    pub fn plans(&self) -> impl Iterator<Item = PlanInStudy<'_>> {
+        self.entries.iter().zip(&self.plans).map(|(entry, plan)| {
+            let prediction = match plan {
+                ReadyPlan::Deflections(_) => None,
+                ReadyPlan::Readings(runs) => Some(&runs.prediction),
+            };
+            (entry, &self.settings[entry.setting], prediction)
+        })
+    }
+
+    /// Why the first of the runs that were made and failed did so.
+    pub fn first_failure(&self) -> Option<String> {
+        let first = self.first_failure.lock().ok()?;
+        first.as_ref().map(|(_, reason)| reason.clone())
+    }
+
+    fn note(&self, run: u64, reason: String) {
+        if let Ok(mut first) = self.first_failure.lock()
+            && first.as_ref().is_none_or(|(known, _)| run < *known)
+        {
+            *first = Some((run, reason));
         }
     }
 
-    /// A run with a random plan of its own.
-    fn random_run(
+    /// Whether to go on.
+    fn proceed(&self) -> Result<(), StudyError> {
+        match self.stop {
+            Some(stop) if stop.load(Ordering::Relaxed) => Err(StudyError::Stopped),
+            _ => Ok(()),
+        }
+    }
+
+    /// Makes the runs of every `step`-th block of a range side by side, each from its first run on, and tallies each plan; after
+    /// every block, `progress` is told how many runs it had.
+    ///
+    /// # Errors
+    /// The virtual robot's model lacks something, or it was asked to stop.
+    pub fn run(
         &self,
-        workspace: &mut ThreadWorkspace<'_>,
-        setting: usize,
-        batch: &mut Batch,
-        lane: usize,
-        run: u64,
-    ) -> Result<(), Failure> {
-        let part = &self.parts[setting];
-        let experiments = part.setting.conditions.experiments;
-        let drawn = workspace.parts[setting]
-            .random
-            .draw(experiments, self.seed, run);
-        let plan = drawn.map_err(|_| Failure::NoPlan)?;
-        let unknown = &workspace.parts[setting].unknown;
-        let all = (part.model.plan(&plan)?).run(&workspace.normals, unknown);
-        take_lane(batch, &all, lane);
-        robot_run(workspace, setting, &plan, batch, lane);
-        Ok(())
-    }
-}
-
-impl RunsInBlocks for Runner<'_> {
-    type Workspace<'a>
-        = ThreadWorkspace<'a>
-    where
-        Self: 'a;
-
-    fn block_runs(&self) -> u64 {
-        block_runs(self.level)
+        trials: u64,
+        blocks: Range<u64>,
+        step: u64,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Vec<Tally>, StudyError> {
+        let step = step.max(1);
+        let count = (blocks.end.saturating_sub(blocks.start)).div_ceil(step);
+        let nothing = || vec![Tally::default(); self.entries.len()];
+        (0..count)
+            .into_par_iter()
+            .map(|index| blocks.start + index * step)
+            .map_init(
+                || self.workspace(),
+                |workspace, number| {
+                    let workspace = workspace.as_mut().map_err(|error| error.clone())?;
+                    let first = number * self.block_runs();
+                    let runs = self.block_runs().min(trials.saturating_sub(first));
+                    let tallies = self.block(workspace, first, runs)?;
+                    progress(runs);
+                    Ok(tallies)
+                },
+            )
+            .try_reduce(nothing, merge)
     }
 
-    fn references(&self) -> Vec<Option<usize>> {
-        references(self.entries)
+    /// Consecutive runs in a fixed order, a batch at a time.
+    fn block<'w>(
+        &'w self,
+        workspace: &mut ThreadWorkspace<'w>,
+        first: u64,
+        runs: u64,
+    ) -> Result<Vec<Tally>, StudyError> {
+        let references = self.references();
+        let mut tallies = vec![Tally::default(); references.len()];
+        let mut sums = vec![BlockSums::default(); references.len()];
+        let mut batches = vec![Batch::default(); references.len()];
+        let end = first + runs;
+        for first in (first..end).step_by(LANES) {
+            let count = usize::try_from(end - first).map_or(LANES, |left| left.min(LANES));
+            self.draw(workspace, first);
+            for (plan, batch) in batches.iter_mut().enumerate() {
+                self.make(workspace, plan, (first, count), batch)?;
+                batch.clean(count);
+            }
+            for (plan, (tally, sums)) in tallies.iter_mut().zip(&mut sums).enumerate() {
+                let reference = references[plan].map(|other| &batches[other]);
+                tally.add(sums, &batches[plan], reference, count);
+            }
+        }
+        for (tally, sums) in tallies.iter_mut().zip(&mut sums) {
+            tally.close(sums);
+        }
+        Ok(tallies)
     }
 
-    fn stop(&self) -> Option<&AtomicBool> {
-        self.stop
-    }
-
-    fn workspace(&self) -> Result<Self::Workspace<'_>, StudyError> {
+    /// What a thread begins with.
+    fn workspace(&self) -> Result<ThreadWorkspace<'_>, StudyError> {
         let parts: Vec<PartWorkspace<'_>> = (self.parts.iter())
             .map(|part| {
                 Ok(PartWorkspace {
@@ -284,31 +267,33 @@ impl RunsInBlocks for Runner<'_> {
                 })
             })
             .collect::<Result<_, StudyError>>()?;
-        let numbers = (self.parts.iter())
-            .map(|part| {
-                let measurements = part.setting.conditions.experiments as usize;
-                numbers(&part.setting.task.belief.instrument, measurements)
-            })
-            .max();
-        let of_laboratory =
-            (self.parts.iter().zip(&parts)).map(|(part, mine): (&Part<'_>, &PartWorkspace<'_>)| {
-                let measurements = part.setting.conditions.experiments as usize;
-                mine.robot.as_ref().map_or_else(
-                    || part.model.deviations().numbers(),
-                    |robot| robot.numbers(measurements),
-                )
-            });
+        let (mut of_noise, mut of_laboratory) = (0, 0);
+        for (part, mine) in self.parts.iter().zip(&parts) {
+            let measurements = part.setting.conditions.experiments as usize;
+            let instrument = &part.setting.task.belief.instrument;
+            of_noise = of_noise.max(numbers(instrument, measurements));
+            of_laboratory = of_laboratory.max(mine.robot.as_ref().map_or_else(
+                || part.model.deviations().numbers(),
+                |robot| robot.numbers(measurements),
+            ));
+        }
+        let robots = self.plans.iter().map(|plan| match plan {
+            ReadyPlan::Deflections(_) => Ok(None),
+            ReadyPlan::Readings(runs) => runs.robots().map(Some),
+        });
         let mut workspace = ThreadWorkspace {
-            laboratory: vec![[0.0; LANES]; of_laboratory.max().unwrap_or(0)],
-            normals: vec![[0.0; LANES]; numbers.unwrap_or(0)],
-            truth: TrueCompliances::new(self.parts[0].setting.truth, self.seed),
+            laboratory: vec![[0.0; LANES]; of_laboratory],
+            normals: vec![[0.0; LANES]; of_noise],
+            truth: TrueCompliances::new(self.settings[0].truth, self.seed),
+            robots: robots.collect::<Result<_, _>>()?,
             parts,
         };
         self.draw_truth(&mut workspace, 0);
         Ok(workspace)
     }
 
-    fn draw<'a>(&'a self, workspace: &mut Self::Workspace<'a>, first: u64) {
+    /// Draws what all plans of deflections share in up to [`LANES`] runs from `first` on.
+    fn draw(&self, workspace: &mut ThreadWorkspace<'_>, first: u64) {
         let (noise, laboratory) = (&mut workspace.normals, &mut workspace.laboratory);
         fill_normals(Stream::Noise, self.seed, first, noise);
         fill_normals(Stream::Circumstances, self.seed, first, laboratory);
@@ -317,33 +302,93 @@ impl RunsInBlocks for Runner<'_> {
         }
     }
 
-    fn make<'a>(
-        &'a self,
-        workspace: &mut Self::Workspace<'a>,
+    /// Draws the true compliances of some runs.
+    fn draw_truth(&self, workspace: &mut ThreadWorkspace<'_>, first: u64) {
+        if self.parts.is_empty() {
+            return;
+        }
+        let truth = workspace.truth.draw(first);
+        for (part, mine) in self.parts.iter().zip(&mut workspace.parts) {
+            mine.unknown = part.model.deviations().values(truth, &workspace.laboratory);
+        }
+    }
+
+    /// Makes runs of one plan, from a first one on, so many of them.
+    fn make<'w>(
+        &'w self,
+        workspace: &mut ThreadWorkspace<'w>,
         plan: usize,
         (first, count): (u64, usize),
         batch: &mut Batch,
     ) -> Result<(), StudyError> {
-        let entry = &self.entries[plan];
-        let mine = &workspace.parts[entry.setting];
-        let is_seen = mine.robot.is_some();
-        let fixed = self.plans[plan].as_ref().zip(entry.kind.plan());
-        match fixed {
-            Some((model, _)) => model.run_into(batch, &workspace.normals, &mine.unknown),
-            None => *batch = Batch::default(),
-        }
-        if fixed.is_some() && !is_seen {
-            return Ok(());
+        self.proceed()?;
+        match &self.plans[plan] {
+            ReadyPlan::Deflections(Some(model)) => {
+                let mine = &workspace.parts[self.entries[plan].setting];
+                model.run_into(batch, &workspace.normals, &mine.unknown);
+                if self.level == Level::Model {
+                    return Ok(());
+                }
+            }
+            ReadyPlan::Deflections(None) => *batch = Batch::default(),
+            ReadyPlan::Readings(runs) => {
+                let [expected, variance] = runs.expected();
+                *batch = Batch {
+                    expected: [expected; LANES],
+                    variance: [variance; LANES],
+                    freedom: [runs.freedom(); LANES],
+                    ..Batch::default()
+                };
+            }
         }
         for (lane, run) in (first..).take(count).enumerate() {
-            if let Some((_, plan)) = fixed {
-                robot_run(workspace, entry.setting, plan, batch, lane);
-            } else {
-                let made = self.random_run(workspace, entry.setting, batch, lane, run);
-                batch.failed[lane] = made.err().or(batch.failed[lane]);
+            self.proceed()?;
+            if let Err(failed) = self.one(workspace, plan, run, (batch, lane)) {
+                batch.failed[lane] = Some(failed.failure);
+                self.note(run, failed.reason);
             }
         }
         Ok(())
+    }
+
+    /// One run of one plan, in a lane.
+    fn one<'w>(
+        &'w self,
+        workspace: &mut ThreadWorkspace<'w>,
+        plan: usize,
+        run: u64,
+        (batch, lane): (&mut Batch, usize),
+    ) -> Result<(), FailedRun> {
+        let entry = &self.entries[plan];
+        let (ReadyPlan::Readings(runs), Some(robots)) =
+            (&self.plans[plan], &mut workspace.robots[plan])
+        else {
+            return match entry.kind.plan() {
+                Some(plan) => robot_run(workspace, entry.setting, plan, (batch, lane)),
+                None => self.random_run(workspace, entry.setting, run, (batch, lane)),
+            };
+        };
+        let made = runs.run(robots, [self.seed, run])?;
+        batch.put(lane, &runs.outcome(&made));
+        Ok(())
+    }
+
+    /// A run with a random plan of its own.
+    fn random_run(
+        &self,
+        workspace: &mut ThreadWorkspace<'_>,
+        setting: usize,
+        run: u64,
+        (batch, lane): (&mut Batch, usize),
+    ) -> Result<(), FailedRun> {
+        let part = &self.parts[setting];
+        let experiments = part.setting.conditions.experiments;
+        let mine = &mut workspace.parts[setting];
+        let drawn = mine.random.draw(experiments, self.seed, run);
+        let plan = drawn.map_err(|error| Failure::NoPlan.because(&error))?;
+        let all = (part.model.plan(&plan)?).run(&workspace.normals, &mine.unknown);
+        take_lane(batch, &all, lane);
+        robot_run(workspace, setting, &plan, (batch, lane))
     }
 }
 
@@ -357,20 +402,24 @@ fn take_lane(batch: &mut Batch, other: &Batch, lane: usize) {
 }
 
 /// The model of a plan that is the same in all runs.
-fn prepare(part: &Part<'_>, entry: &Entry) -> Result<Option<PlanModel>, StudyError> {
-    let Some(plan) = entry.kind.plan() else {
+fn prepare(
+    part: &Part<'_>,
+    name: &str,
+    plan: Option<&Plan>,
+) -> Result<Option<PlanModel>, StudyError> {
+    let Some(plan) = plan else {
         return Ok(None);
     };
     let (found, expected) = (plan.measurements(), part.setting.conditions.experiments);
     if found != expected {
         return Err(StudyError::Experiments {
-            plan: entry.name.clone(),
+            plan: name.to_owned(),
             found,
             expected,
         });
     }
     let model = part.model.plan(plan).map_err(|failure| StudyError::Plan {
-        plan: entry.name.clone(),
+        plan: name.to_owned(),
         failure,
     })?;
     Ok(Some(model))
@@ -381,45 +430,27 @@ fn robot_run(
     workspace: &mut ThreadWorkspace<'_>,
     setting: usize,
     plan: &Plan,
-    batch: &mut Batch,
-    lane: usize,
-) {
+    (batch, lane): (&mut Batch, usize),
+) -> Result<(), FailedRun> {
     let Some(robot) = &mut workspace.parts[setting].robot else {
-        return;
+        return Ok(());
     };
     let normals = (&*workspace.normals, &*workspace.laboratory);
-    if robot
+    robot
         .become_run(workspace.truth.current(), normals.1, lane)
-        .is_err()
-    {
-        batch.failed[lane] = Some(Failure::Measurement);
-        return;
-    }
-    match robot.run(plan, normals, lane) {
-        Ok(outcome) => {
-            batch.square[lane] = outcome.square;
-            batch.nees[lane] = outcome.nees;
-            batch.intervals[lane] = outcome.intervals;
-        }
-        Err(failure) => batch.failed[lane] = Some(failure),
-    }
+        .map_err(|error| Failure::Measurement.because(&error))?;
+    batch.put(lane, &robot.run(plan, normals, lane)?);
+    Ok(())
 }
 
 /// The number of runs of a block, the unit of work. Sums depend on it, so it is fixed.
-pub const fn block_runs(level: Level) -> u64 {
-    match level {
-        Level::Model => 2048,
-        Level::Robot => 64,
+pub const fn block_runs(accuracy: AccuracyKind, level: Level) -> u64 {
+    match (accuracy, level) {
+        // Such a run takes longer.
+        (AccuracyKind::Absolute, _) => LANES as u64,
+        (AccuracyKind::Relative, Level::Model) => 2048,
+        (AccuracyKind::Relative, Level::Robot) => 64,
     }
-}
-
-/// For each plan, the one that it is compared with: the first random one under the same conditions.
-pub fn references(entries: &[Entry]) -> Vec<Option<usize>> {
-    let is_random = |entry: &Entry| !matches!(entry.kind, EntryKind::Fixed(_));
-    let reference = |each: &Entry| {
-        (entries.iter()).position(|other| other.setting == each.setting && is_random(other))
-    };
-    entries.iter().map(reference).collect()
 }
 
 #[expect(

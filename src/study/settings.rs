@@ -28,6 +28,16 @@ pub enum Level {
     Robot,
 }
 
+impl Level {
+    /// What runs are made of, for people.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Model => "by the linear model",
+            Self::Robot => "on the virtual robot",
+        }
+    }
+}
+
 /// Which plans a Monte Carlo study compares, and over how many runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StudySettings {

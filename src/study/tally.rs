@@ -5,8 +5,9 @@
 //! exact, commutative and associative: the number of threads, the order of blocks, sharding and
 //! interruption change no bit. A tally's size does not depend on the number of runs.
 
-use serde::de::Error;
+use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use thiserror::Error;
 
 use crate::numeric::random::normal::LANES;
 
@@ -50,6 +51,30 @@ impl Failure {
             Self::TestPose => "a test pose has no stable equilibrium",
             Self::TooFar => "the distance is beyond 16384 sigma",
         }
+    }
+
+    /// The same of a run, with what happened.
+    pub fn because(self, reason: &(impl ToString + ?Sized)) -> FailedRun {
+        FailedRun {
+            failure: self,
+            reason: reason.to_string(),
+        }
+    }
+}
+
+/// A run that failed, with what happened in words.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{reason}")]
+pub struct FailedRun {
+    /// Why.
+    pub failure: Failure,
+    /// What happened.
+    pub reason: String,
+}
+
+impl From<Failure> for FailedRun {
+    fn from(failure: Failure) -> Self {
+        failure.because(failure.text())
     }
 }
 
@@ -95,6 +120,17 @@ const LOWEST_EXPONENT: i32 = -34;
 /// The number of bins of the histogram.
 pub const BINS: usize = 48 * BINS_PER_OCTAVE;
 
+/// What a run on the virtual robot came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The squared distance in sigma^2, weighted over the test poses.
+    pub square: f64,
+    /// The normalised estimation error squared.
+    pub nees: f64,
+    /// The 95 % intervals, and how many of them hold the truth.
+    pub intervals: [u32; 2],
+}
+
 /// The outcome of [`LANES`] consecutive runs of one plan.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Batch {
@@ -106,15 +142,22 @@ pub struct Batch {
     pub expected: [f64; LANES],
     /// The variance that it predicts for that.
     pub variance: [f64; LANES],
-    /// The number of combinations of compliances that are determined: what is expected for `nees`.
+    /// What is expected for `nees`: the number of combinations of compliances that are determined, or of numbers that are looked at.
     pub freedom: [usize; LANES],
-    /// 95 % intervals of compliances, and how many of them hold the true one; none by the linear model.
+    /// 95 % intervals of compliances, or regions of places, and how many of them hold the true one; none by the linear model.
     pub intervals: [[u32; 2]; LANES],
     /// Which runs failed.
     pub failed: [Option<Failure>; LANES],
 }
 
 impl Batch {
+    /// Puts what a run on the virtual robot came to in a lane.
+    pub fn put(&mut self, lane: usize, outcome: &Outcome) {
+        self.square[lane] = outcome.square;
+        self.nees[lane] = outcome.nees;
+        self.intervals[lane] = outcome.intervals;
+    }
+
     /// Turns absurd distances into failures, and makes failed runs and those from `runs` on zero, so
     /// that they add nothing to any sum.
     pub fn clean(&mut self, runs: usize) {

@@ -171,15 +171,24 @@ impl TrueRobots {
             let moved = visit.displacement(measuring)?;
             Ok(moved.position_m + visit.discrepancy_m())
         };
+        let deflections_m = visits
+            .into_iter()
+            .map(deflection)
+            .collect::<Result<_, _>>()?;
         Ok(RunTruth {
+            deflections_m,
+            ..self.sampled(run)
+        })
+    }
+
+    /// The same of a run in which nothing is loaded and read again.
+    pub fn sampled(&self, run: u64) -> RunTruth {
+        RunTruth {
             run,
-            deflections_m: visits
-                .into_iter()
-                .map(deflection)
-                .collect::<Result<_, _>>()?,
+            deflections_m: Vec::new(),
             compliance_rad_per_nm: self.compliance_rad_per_nm.clone(),
             sampled: self.laboratory.sampled(),
-        })
+        }
     }
 
     /// What each reading of a plan comes about by in this run, in the plan's order, with the robot that carries the

@@ -3,7 +3,6 @@
 
 use super::recording::Recording;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
-use crate::study::{Level, runner::block_runs};
 
 /// A study, before its runs.
 #[derive(Debug, Clone)]
@@ -43,16 +42,13 @@ impl StudyRecording {
             "{} runs of {}, {}",
             header.trials,
             header.title(),
-            match header.level {
-                Level::Model => "by the linear model",
-                Level::Robot => "on the virtual robot",
-            }
+            header.level.words()
         )
     }
 
     /// The numbers of runs of [`FIRST_RUNS`] that are less than the first block.
     pub fn first_runs(&self) -> impl Iterator<Item = u64> + use<> {
-        let block = block_runs(self.header.level).min(self.header.trials);
+        let block = self.header.block_runs().min(self.header.trials);
         FIRST_RUNS.into_iter().filter(move |runs| *runs < block)
     }
 }

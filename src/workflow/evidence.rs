@@ -10,11 +10,11 @@ use crate::plan::search::{
     exact_design,
 };
 use crate::plan::{Criterion, Plan};
-use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage, EvidenceMessage};
+use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
 use crate::study::model_level::LinearModel;
-use crate::study::runner::{Runner, RunsInBlocks};
+use crate::study::runner::Runner;
 use crate::study::{Conditions, Entry, EntryKind, Level, Setting, StudyError};
 use crate::task::Task;
 
@@ -79,10 +79,9 @@ pub fn gather(
         criteria_compared: (compare_criteria(task, approximate, designed, seed, watch).iter())
             .map(|best| CriterionPlanMessage::new(&commands, best))
             .collect(),
-        accuracy: accuracy.iter().map(AccuracyMessage::from).collect(),
+        accuracy,
         repeated: (2..=largest / own.max(1))
             .filter_map(|times| BudgetPoint::repeated(task, designed, times, bound))
-            .map(|point| AccuracyMessage::from(&point))
             .collect(),
         lower_bounds_rho0_mm: (1..=largest)
             .map(|size| bound.of_size(size).ok().map(|bound| bound.best * 1e3))
@@ -97,7 +96,7 @@ pub fn gather(
 pub fn distances(
     scenario: &Scenario,
     experiments: u32,
-    kinds: Vec<(String, EntryKind)>,
+    kinds: Vec<(String, EntryKind<'_>)>,
     trials: u64,
     stop: Option<&AtomicBool>,
 ) -> Result<Vec<StudyPlanMessage>, StudyError> {
@@ -108,7 +107,7 @@ pub fn distances(
         setting: 0,
         kind,
     };
-    let entries: Vec<Entry> = kinds.into_iter().map(entry).collect();
+    let entries: Vec<Entry<'_>> = kinds.into_iter().map(entry).collect();
     let mut runner = Runner::new(&setting, scenario.seed, Level::Model, &entries)?;
     if let Some(stop) = stop {
         runner = runner.stopped_by(stop);

@@ -5,7 +5,6 @@
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 //! - [`run`]: the designed plan beside others, through the whole loop.
 //! - [`study`]: the plans of a study, and what its runs come to.
-//! - [`absolute_study`]: the plans of a study of absolute readings.
 //! - [`identify`]: compliances from measurements, with residuals and likely mistakes.
 //! - [`calibrated`]: the robot as an identification left it.
 //! - [`export`]: the calibrated robot as a model's file.
@@ -13,7 +12,6 @@
 //! - [`stored_robot`]: that robot, from its file.
 //! - [`validate_absolute`]: other readings beside it.
 
-pub mod absolute_study;
 pub mod calibrated;
 pub mod design;
 pub mod evidence;

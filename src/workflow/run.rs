@@ -18,15 +18,15 @@ use crate::plan::search::{
 };
 use crate::record::evidence::EvidenceMessage;
 use crate::record::json::{merge, results};
-use crate::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
+use crate::record::messages::{CalibrationMessage, ProvenanceMessage, assessment_json};
 use crate::scenario::Scenario;
 use crate::understanding::implausible;
 
 /// So many random plans stand for what a laboratory without a plan would do.
 pub const RANDOM_PLANS: u64 = 99;
 
-/// The records of a plan's calibration and of what it predicted.
-pub type PlanRecords = (CalibrationMessage, AssessmentMessage);
+/// The record of a plan's calibration, and what it predicted.
+pub type PlanRecords = (CalibrationMessage, Assessment);
 
 /// A plan that took part.
 #[derive(Debug)]
@@ -213,7 +213,7 @@ impl TriedPlan {
         let (name, calibration) = &self.calibration;
         (
             CalibrationMessage::new(&scenario.task.belief.commands(), name, calibration),
-            AssessmentMessage::new(scenario, &self.assessment),
+            self.assessment.clone(),
         )
     }
 }
@@ -237,11 +237,12 @@ impl RunOutcome {
         // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the standard
         // errors are those of the identification.
         merge(&mut json, serde_json::to_value(&main.test_poses[0])?);
-        merge(&mut json, serde_json::to_value(assessment)?);
+        merge(&mut json, assessment_json(scenario, assessment));
         merge(&mut json, serde_json::to_value(&main.identification)?);
         let mut all = Vec::new();
         for (calibration, assessment) in &self.records {
             let mut plan = serde_json::to_value(calibration)?;
+            let assessment = assessment_json(scenario, assessment);
             merge(&mut plan, json!({ "assessment": assessment }));
             all.push(plan);
         }
@@ -249,7 +250,7 @@ impl RunOutcome {
             let Some(assessment) = &each.assessment else {
                 continue;
             };
-            let assessment = AssessmentMessage::new(scenario, assessment);
+            let assessment = assessment_json(scenario, assessment);
             let (name, problem) = (&each.name, &each.problem);
             all.push(
                 json!({ "name": name, "assessment": assessment, "test_poses": [], "problem": problem }),

@@ -1,18 +1,31 @@
 //! The plans of a study, and what its runs come to.
 
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
 use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::design::{Designed, Wanted};
-use crate::codes::Condition;
-use crate::experiment::Plan;
-use crate::plan::search::{SearchError, random_plan};
+use crate::codes::{Condition, ErrorCode};
+use crate::experiment::{Candidate, Plan};
+use crate::files::FileError;
+use crate::identification::ParameterGroup;
+use crate::plan::Criterion;
+use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, DrawnWanted};
+use crate::plan::search::{CandidatePlan, SearchError, Watch, random_plan};
 use crate::record::json::{merge, results};
+use crate::record::robot_trials::RobotTrials;
 use crate::record::study::StudyPlanMessage;
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::scenario::Scenario;
+use crate::study::runner::Runner;
 use crate::study::tally::Tally;
-use crate::study::{Conditions, Entry, EntryKind, Setting, StudyPlan, StudySource, repeated};
+use crate::study::{
+    Conditions, Entry, EntryKind, Level, Setting, StudiedReadings, StudyError, StudyPlan,
+    StudySource, repeated,
+};
 use crate::task::{AccuracyKind, Task};
 
 /// Why a plan of a study is none.
@@ -29,39 +42,112 @@ pub enum EntryError {
         /// The study's.
         wanted: u32,
     },
+    /// A plan of absolute readings.
+    #[error(transparent)]
+    Readings(#[from] FileError),
+}
+
+/// What plans of absolute readings are made of.
+#[derive(Debug, Clone, Copy)]
+pub struct ReadingsWanted<'a> {
+    /// What is unknown besides what the scenario names.
+    pub groups: &'a [ParameterGroup],
+    /// What plans are chosen from, where there is a list.
+    pub candidates: Option<&'a [Candidate]>,
+    /// The file of that list, or else the scenario.
+    pub path: &'a Path,
+    /// How many configurations are drawn where there is no list.
+    pub configurations: u32,
 }
 
 /// Designs the plan of a name for a task.
 pub type Designer<'a> = &'a dyn Fn(&Task, &str, Wanted) -> Result<Designed, SearchError>;
+/// Hears of the plan of a name that is designed of so many absolute readings.
+pub type Watcher<'a> = &'a dyn Fn(&str, u32) -> Watch<'a>;
+
+/// Refuses what there is in studies of deflections alone, by its key.
+///
+/// # Errors
+/// The first such key.
+pub fn refuse_others(scenario: &Scenario) -> Result<(), FileError> {
+    let study = &scenario.study;
+    let of_plan = |(index, plan): (usize, &StudyPlan)| {
+        let (key, problem, hint) = match plan.source {
+            StudySource::RandomEach => {
+                let problem = "one random plan stands for all";
+                ("kind", problem, "say kind = \"random\"")
+            }
+            StudySource::Optimal { criterion, .. } if criterion != Criterion::TestPose => {
+                let problem = "plans are made for the test poses";
+                ("criterion", problem, "leave the key out")
+            }
+            StudySource::Optimal {
+                noise_only: true, ..
+            } => {
+                let problem = "plans are made for the whole";
+                ("noise_only", problem, "leave the key out")
+            }
+            _ => return None,
+        };
+        Some((format!("study.plan[{index}].{key}"), problem, hint))
+    };
+    let problem = "robots are read in MuJoCo, and not by the linear model";
+    let hint = "leave the key out, or set level = \"robot\"";
+    let level =
+        (study.level == Some(Level::Model)).then(|| ("study.level".to_owned(), problem, hint));
+    let found = level.or_else(|| study.plans.iter().enumerate().find_map(of_plan));
+    let Some((key, problem, hint)) =
+        found.filter(|_| scenario.task.design.accuracy == AccuracyKind::Absolute)
+    else {
+        return Ok(());
+    };
+    let problem = format!("{problem}: design.accuracy is \"absolute\"");
+    let wrong = FileError::new(&scenario.path, problem).at(key);
+    Err(wrong.code(ErrorCode::OtherAccuracy).hint(hint))
+}
 
 /// The plans of a study, under all conditions for which whole repetitions make up the measurements.
 ///
 /// # Errors
-/// A plan cannot be designed, drawn or repeated.
-pub fn entries(
+/// A plan cannot be designed, drawn or repeated, or is not possible.
+pub fn entries<'a>(
     scenario: &Scenario,
-    settings: &[Setting<'_>],
-    design: Designer<'_>,
-) -> Result<Vec<Entry>, EntryError> {
-    let mut entries: Vec<Entry> = Vec::new();
+    settings: &'a [Setting<'_>],
+    wanted: &ReadingsWanted<'a>,
+    (design, watch): (Designer<'_>, Watcher<'_>),
+) -> Result<Vec<Entry<'a>>, EntryError> {
+    let mut entries: Vec<Entry<'_>> = Vec::new();
     for (index, setting) in settings.iter().enumerate() {
         for plan in &scenario.study.plans {
             if !plan.source.fits(setting.conditions.experiments) {
                 continue;
             }
-            // Sigma changes no plan.
-            let known = entries.iter().find(|entry| {
-                let conditions = &settings[entry.setting].conditions;
-                let sigma_m = setting.conditions.sigma_m;
-                entry.name == plan.name
-                    && Conditions {
-                        sigma_m,
-                        ..*conditions
-                    } == setting.conditions
-            });
-            let kind = match known {
-                Some(entry) => entry.kind.clone(),
-                None => entry_kind(scenario.seed, setting, plan, design)?,
+            let kind = match setting.task.design.accuracy {
+                AccuracyKind::Relative => {
+                    // Sigma changes no plan.
+                    let known = entries.iter().find(|entry| {
+                        let conditions = &settings[entry.setting].conditions;
+                        let sigma_m = setting.conditions.sigma_m;
+                        entry.name == plan.name
+                            && Conditions {
+                                sigma_m,
+                                ..*conditions
+                            } == setting.conditions
+                    });
+                    match known {
+                        Some(entry) => entry.kind.clone(),
+                        None => entry_kind(scenario.seed, setting, plan, design)?,
+                    }
+                }
+                AccuracyKind::Absolute => {
+                    let readings = readings_of(scenario.seed, setting, plan, wanted, watch);
+                    let readings = readings.map_err(|error| {
+                        let wrong = error.in_file(wanted.path);
+                        let problem = format!("plan {:?}: {}", plan.name, wrong.problem);
+                        FileError { problem, ..wrong }
+                    })?;
+                    EntryKind::Readings(Arc::new(readings))
+                }
             };
             entries.push(Entry {
                 name: plan.name.clone(),
@@ -73,13 +159,87 @@ pub fn entries(
     Ok(entries)
 }
 
+/// Reads, designs or draws a plan of absolute readings, and repeats it as a whole.
+fn readings_of<'a>(
+    seed: u64,
+    setting: &'a Setting<'_>,
+    plan: &StudyPlan,
+    wanted: &ReadingsWanted<'a>,
+    watch: Watcher<'_>,
+) -> Result<StudiedReadings<'a>, AbsolutePlanError> {
+    let (task, conditions, groups) = (&setting.task, &setting.conditions, wanted.groups);
+    let measurements = conditions.experiments;
+    let scaled = |rows: &[Candidate]| -> Vec<Candidate> {
+        let scaled = |row: &Candidate| Candidate {
+            load: row.load.map(|load| load.scaled(conditions.load_scale)),
+            ..row.clone()
+        };
+        rows.iter().map(scaled).collect()
+    };
+    let candidates = wanted.candidates.map(scaled);
+    let drawn = DrawnWanted {
+        configurations: wanted.configurations,
+        seed,
+    };
+    let mut is_random = false;
+    let (planning, found) = match &plan.source {
+        StudySource::File { readings, .. } => {
+            let planning = AbsolutePlanning::of_plan(task, groups, &scaled(readings))?;
+            let plan = planning.whole();
+            (planning, plan)
+        }
+        StudySource::Optimal {
+            configurations,
+            experiments,
+            ..
+        } => {
+            let m = experiments.unwrap_or(measurements);
+            let sizes = [m, configurations.unwrap_or(m)];
+            let watch = watch(&plan.name, m);
+            let (planning, found) = match &candidates {
+                Some(rows) => {
+                    let planning = AbsolutePlanning::new(task, groups, rows)?;
+                    let found = planning.design(sizes, seed, watch)?;
+                    (planning, found)
+                }
+                None => AbsolutePlanning::design_anywhere(task, groups, drawn, sizes, watch)?,
+            };
+            (planning, found.plan)
+        }
+        StudySource::Random | StudySource::RandomEach => {
+            is_random = true;
+            let planning = match &candidates {
+                Some(rows) => AbsolutePlanning::new(task, groups, rows)?,
+                None => AbsolutePlanning::anywhere(task, groups, drawn)?,
+            };
+            let plan = planning.random(measurements, seed)?;
+            (planning, plan)
+        }
+    };
+    Ok(StudiedReadings {
+        plan: readings_repeated(found, measurements),
+        planning,
+        groups,
+        is_random,
+    })
+}
+
+/// A plan repeated as a whole until it has so many readings, which it is known to divide.
+fn readings_repeated(mut plan: CandidatePlan, readings: u32) -> CandidatePlan {
+    let once: u32 = plan.iter().map(|(_, times)| times).sum();
+    for (_, times) in &mut plan {
+        *times *= (readings / once.max(1)).max(1);
+    }
+    plan
+}
+
 /// Reads, designs or draws a plan, and repeats it as a whole.
 fn entry_kind(
     seed: u64,
     setting: &Setting<'_>,
     plan: &StudyPlan,
     design: Designer<'_>,
-) -> Result<EntryKind, EntryError> {
+) -> Result<EntryKind<'static>, EntryError> {
     let (task, conditions) = (&setting.task, &setting.conditions);
     let wanted = conditions.experiments;
     let whole = |plan: &Plan| {
@@ -114,6 +274,28 @@ fn entry_kind(
         StudySource::Random => EntryKind::Random(random_plan(task, wanted, seed, 0)?),
         StudySource::RandomEach => EntryKind::RandomEach,
     })
+}
+
+/// Tries a plan on so many virtual robots under a seed, unless the flag is set meanwhile; `progress` hears of each block.
+///
+/// # Errors
+/// The plan predicts nothing, no robot could be looked at, or it was asked to stop.
+pub fn try_plan(
+    setting: &Setting<'_>,
+    seed: u64,
+    kind: EntryKind<'_>,
+    robots: u64,
+    (stop, progress): (&AtomicBool, &(dyn Fn(u64) + Sync)),
+) -> Result<RobotTrials, StudyError> {
+    let entries = [Entry {
+        name: "plan".to_owned(),
+        setting: 0,
+        kind,
+    }];
+    let settings = std::slice::from_ref(setting);
+    let runner = Runner::new(settings, seed, Level::Robot, &entries)?.stopped_by(stop);
+    let tallies = runner.run(robots, 0..runner.blocks(robots), 1, progress)?;
+    RobotTrials::new(&runner, &tallies[0])
 }
 
 /// What is wrong with the loads of a study's plan files.
@@ -159,13 +341,12 @@ pub struct Timing {
 
 /// study.json.
 pub fn study_json(header: &Header, plans: &[StudyPlanMessage], timing: Option<Timing>) -> Value {
-    let reference = header.plans.iter().find_map(|plan| plan.reference);
     let json = json!({
         "gate": header.gate,
         "trials": header.trials,
         "level": header.level,
         "parameters": header.parameters,
-        "reference": reference.map(|index| &header.plans[index].name),
+        "reference": header.reference(),
         "plans": plans,
     });
     let mut json = results("study", &header.provenance, json);

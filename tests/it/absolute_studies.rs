@@ -146,7 +146,9 @@ fn a_study_is_of_the_same_robots() {
     assert!(place.read("t.html").contains("Do virtual robots keep it?"));
     let page = place.read("out/s/study.html");
     assert!(page.contains("An absolute accuracy: where the loaded tool is"));
-    assert!(!place.listing().contains(&"out/s/study.rrd".to_owned()));
+    for ending in ["rrd", "mcap"] {
+        assert!(place.path(&format!("out/s/study.{ending}")).exists());
+    }
 
     for shard in [1, 2] {
         place
@@ -169,6 +171,67 @@ fn a_study_is_of_the_same_robots() {
     other.ends_with(1).says("is of another study: absolute is");
     let quantiles = numbers(&plan["quantiles_mm"]);
     assert!(quantiles[0] < seen && seen < quantiles[3]);
+}
+
+/// Conditions of a sweep are the study under these alone, on any number of threads and in shards; and a replay is one of its
+/// runs.
+#[test]
+fn sweeps_and_replays_are_of_the_same_runs() {
+    let place = Workplace::new();
+    place.write("k.toml", absolute(KNOWN));
+    place
+        .run("plan k.toml --draw 20 --plan-out p.csv --quiet")
+        .ends_with(3);
+    let study = |more: &str| {
+        let file = "[[study.plan]]\nkind = \"file\"\nname = \"mine\"\nfile = \"p.csv\"\n";
+        absolute(KNOWN) + "\n[study]\nexperiments = 14\ntrials = 20\n" + more + file
+    };
+    let plans = |text: String, arguments: &str| {
+        place.write("s.toml", text);
+        place.json(&format!("study s.toml {arguments}"))["plans"].clone()
+    };
+    let swept =
+        "sweep = { sigma_mm = [0.02, 0.04], load_scale = [0.5, 1], experiments = [14, 28] }\n";
+    let all = plans(study(swept), "--threads 1");
+    assert_eq!(all.as_array().map(Vec::len), Some(8));
+    assert_eq!(all, plans(study(swept), "--threads 3"));
+    for shard in [1, 2] {
+        place
+            .run(&format!(
+                "study s.toml --shard {shard}/2 --tally-out {shard}.json --quiet"
+            ))
+            .ends_with(0);
+    }
+    assert_eq!(all, place.json("merge 1.json 2.json")["plans"]);
+    for each in all.as_array().expect("a list").iter().step_by(5) {
+        let (sigma, scale) = (number(&each["sigma_mm"]), number(&each["load_scale"]));
+        let alone = format!(
+            "sweep = {{ sigma_mm = [{sigma}], load_scale = [{scale}], experiments = [{}] }}\n",
+            each["experiments"]
+        );
+        assert_eq!(*each, plans(study(&alone), "")[0]);
+    }
+    // Less noise and more readings are better, and so is a larger load where compliances are found.
+    let predicted = |place: usize| number(&all[place]["combined_rms_mm"]);
+    for (better, worse) in [(0, 1), (2, 3), (4, 0), (6, 2), (2, 0)] {
+        assert!(
+            predicted(better) < predicted(worse),
+            "{better} {worse}: {all}"
+        );
+    }
+
+    let one = plans(study(""), "--trials 1");
+    let replayed = place.json("replay s.toml --run 0");
+    let replayed = &replayed["plans"][0];
+    let distance = number(&replayed["test_poses"][0]["residual_mm"]);
+    assert!((number(&one[0]["rms_mm"]) / distance - 1.0).abs() < 1e-9);
+    let readings = replayed["measurements"].as_array().expect("a list");
+    let left = &replayed["identification"]["residuals_mm"];
+    assert_eq!(left.as_array().map(Vec::len), Some(readings.len()));
+    assert_ne!(place.json("replay s.toml --run 1")["plans"][0], *replayed);
+    place
+        .run("replay s.toml --run 0 --parameters zeros --candidates p.csv --draw 3")
+        .ends_with(2);
 }
 
 /// What the belief does not know of is named, with what it leaves.
@@ -220,17 +283,7 @@ fn what_does_not_fit_is_refused() {
             "--level model",
             "--level model is for plans of deflections",
         ),
-        (
-            plan("kind = \"random\""),
-            "--rerun save=a.rrd",
-            "--rerun is for plans of deflections",
-        ),
         ("level = \"model\"\n".to_owned(), "", "study.level"),
-        (
-            "sweep = { sigma_mm = [0.01, 0.02] }\n".to_owned(),
-            "",
-            "study.sweep",
-        ),
         (plan("kind = \"random_each\""), "", "study.plan[0].kind"),
         (
             plan("kind = \"optimal\"\ncriterion = \"d\""),

@@ -148,6 +148,35 @@ fn what_is_hidden_breaks_the_prediction() {
     }
 }
 
+/// Plans of deflections are tried on virtual robots, too: the same as a study's at the robot's level, with the same error sources.
+#[test]
+fn deflections_keep_what_is_predicted() {
+    let place = Workplace::new();
+    let file = "[[study.plan]]\nkind = \"file\"\nname = \"mine\"\nfile = \"p.csv\"\n";
+    let text = scenario_text("ur10") + KNOWN;
+    place.write("r.toml", &text);
+    place
+        .run("plan r.toml --no-proof --plan-out p.csv --quiet")
+        .ends_with(0);
+    let evaluate = "evaluate r.toml --plan p.csv --no-proof --trials 300";
+    let trials = place.json_with_conditions(evaluate)["trials"].clone();
+    assert_eq!(trials["prediction"], "holds", "{trials}");
+    assert_eq!(trials["robots"], 300);
+    let measurements = place.read("p.csv").lines().count() - 1;
+    let study = format!("\n[study]\nexperiments = {measurements}\ntrials = 300\n{file}");
+    place.write("s.toml", text + &study);
+    let study = place.json_with_conditions("study s.toml --level robot");
+    for key in [
+        "rms_mm",
+        "rms_std_mm",
+        "verdict",
+        "histogram",
+        "contributions",
+    ] {
+        assert_eq!(study["plans"][0][key], trials[key], "{key}");
+    }
+}
+
 /// Options where they say nothing.
 #[test]
 fn options_that_do_not_fit_are_told() {
@@ -162,10 +191,6 @@ fn options_that_do_not_fit_are_told() {
         (
             "plan r.toml --draw 20",
             "--draw is for plans of absolute readings",
-        ),
-        (
-            "evaluate r.toml --plan c.csv --trials 20",
-            "--trials is for plans of absolute readings",
         ),
         (
             "plan s.toml --candidates c.csv --draw 20",

@@ -8,7 +8,7 @@ use elastocal::plan::search::{Problem, SearchError, Watch, approximate_design, e
 use elastocal::plan::{Assessment, Criterion, Experiment, Plan, posterior};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::study::runner::{Runner, RunsInBlocks};
+use elastocal::study::runner::Runner;
 use elastocal::study::summary::Summary;
 use elastocal::study::{Entry, EntryKind, Level};
 use elastocal::task::Method;

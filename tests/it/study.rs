@@ -6,7 +6,7 @@ use elastocal::numeric::random::streams::Stream;
 use elastocal::scenario::Scenario;
 use elastocal::study::model_level::LinearModel;
 use elastocal::study::robot_level::RobotRuns;
-use elastocal::study::runner::{Runner, RunsInBlocks};
+use elastocal::study::runner::Runner;
 use elastocal::study::summary::Summary;
 use elastocal::study::tally::{Sum, Tally};
 use elastocal::study::{Entry, EntryKind, Level, Setting, StudyError, repeated};
@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
 
 /// The paper's plans, repeated to so many measurements.
-fn paper_plans(sizes: &[u32], experiments: u32) -> Vec<Entry> {
+fn paper_plans(sizes: &[u32], experiments: u32) -> Vec<Entry<'static>> {
     let entry = |&size: &u32| Entry {
         name: format!("m{size}"),
         setting: 0,
@@ -32,7 +32,7 @@ fn setting(scenario: &Scenario, experiments: u32) -> [Setting<'_>; 1] {
     [Setting::new(&scenario.task, &scenario.truth, conditions)]
 }
 
-fn run(scenario: &Scenario, level: Level, entries: &[Entry], trials: u64) -> Vec<Tally> {
+fn run(scenario: &Scenario, level: Level, entries: &[Entry<'_>], trials: u64) -> Vec<Tally> {
     let experiments = entries[0].kind.plan().expect("fixed").measurements();
     let settings = setting(scenario, experiments);
     let runner = Runner::new(&settings, scenario.seed, level, entries).expect("works");
@@ -316,7 +316,7 @@ fn a_run_is_the_same_in_the_linear_model() {
     }
 }
 
-fn run_fixed_robot(entries: &[Entry]) -> Tally {
+fn run_fixed_robot(entries: &[Entry<'_>]) -> Tally {
     run(&scenario("klimchik2012"), Level::Robot, entries, 2000).remove(0)
 }
 
@@ -324,8 +324,9 @@ fn run_fixed_robot(entries: &[Entry]) -> Tally {
 fn what_cannot_be_studied_is_named() {
     let scenario = scenario("klimchik2012");
     let settings = setting(&scenario, 12);
-    let new =
-        |entries: &[Entry]| Runner::new(&settings, scenario.seed, Level::Model, entries).map(drop);
+    let new = |entries: &[Entry<'_>]| {
+        Runner::new(&settings, scenario.seed, Level::Model, entries).map(drop)
+    };
     assert!(matches!(new(&[]), Err(StudyError::NoPlan)));
     let wrong = new(&paper_plans(&[3], 6)).expect_err("six measurements");
     assert!(
@@ -645,7 +646,7 @@ fn an_interrupted_study_goes_on() {
     let settings = setting(&scenario, 12);
     let runner = Runner::new(&settings, scenario.seed, Level::Model, &entries).expect("works");
     let trials = 10_000;
-    let plans = PlanHeader::of_deflections(&scenario, &settings, &entries);
+    let plans = PlanHeader::of(&runner);
     let header = Header::new(&scenario, Level::Model, [trials, 1], plans);
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("t.json");

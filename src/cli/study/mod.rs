@@ -1,31 +1,33 @@
 //! `study`: how good are the scenario's plans over many runs?
 
-mod absolute;
 pub mod results;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use elastocal::files::{FileError, make_folder};
+use elastocal::experiment::{Candidate, read_candidates};
+use elastocal::files::{FileError, hexadecimal, make_folder, sha256_of};
+use elastocal::identification::ParameterGroup;
+use elastocal::plan::search::Watch;
 use elastocal::quantities::limits::{MOST_SHARDS, MOST_TRIALS};
-use elastocal::record::tally_file::{Header, PlanHeader, TallyFile};
+use elastocal::record::tally_file::{AbsoluteStudyHeader, Header, PlanHeader, TallyFile};
 use elastocal::record::{json::merge, messages::SchemaMessage};
 use elastocal::scenario::Scenario;
-use elastocal::study::runner::{Runner, RunsInBlocks};
+use elastocal::study::runner::Runner;
 use elastocal::study::{Entry, Level, Setting, StudyError};
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::{diagnostics::say, wording::counted};
 use elastocal::view::study_recording::next_snapshot;
 use elastocal::workflow::design::Wanted;
-use elastocal::workflow::study::{self, EntryError, Timing, foreign_loads};
+use elastocal::workflow::study::{self, EntryError, ReadingsWanted, Timing, foreign_loads};
 use indicatif::ProgressStyle;
 use serde_json::json;
 
-use self::absolute::AbsoluteStudyArgs;
-use self::results::{Results, describe, describe_level, write};
+use self::results::{Results, describe, write};
 use super::interruption::{Interrupted, STOP, ask_work, keeps, proceed};
-use super::plan::design;
+use super::plan::{DRAWN, design};
+use super::plan_args::{ANYWHERE, UNKNOWN, refuse_others};
 use super::progress::bar;
 use super::proof::ProofArgs;
 use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
@@ -56,7 +58,93 @@ pub struct StudyCommand {
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
     #[command(flatten)]
-    absolute: AbsoluteStudyArgs,
+    plans: StudyPlansArgs,
+}
+
+/// What plans of absolute readings are made of.
+#[derive(Debug, Args)]
+pub struct StudyPlansArgs {
+    /// With design.accuracy = "absolute", what is unknown, frames of stations and targets always among it; what the scenario's
+    /// robot.parameters name if not given.
+    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
+    parameters: Vec<ParameterGroup>,
+    /// With design.accuracy = "absolute", choose plans from these rows alone (CSV: joint angles, loads, targets, stations)
+    #[arg(long, value_name = "FILE")]
+    candidates: Option<PathBuf>,
+    /// With design.accuracy = "absolute" and without --candidates, begin with so many configurations at random [default: 200]
+    #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    draw: Option<u32>,
+}
+
+impl StudyPlansArgs {
+    /// Refuses options, and keys, that are about plans of the other accuracy.
+    pub fn refuse_others(
+        &self,
+        scenario: &Scenario,
+        of_deflections: &[(&str, bool)],
+    ) -> Result<(), FileError> {
+        let of_readings = [
+            ("--parameters", !self.parameters.is_empty(), UNKNOWN),
+            ("--candidates", self.candidates.is_some(), ANYWHERE),
+            ("--draw", self.draw.is_some(), ANYWHERE),
+        ];
+        refuse_others(scenario, of_deflections, &of_readings)?;
+        study::refuse_others(scenario)
+    }
+
+    /// The file of candidates.
+    pub fn path(&self) -> Option<&Path> {
+        self.candidates.as_deref()
+    }
+
+    /// The candidates of the file, where one was given.
+    pub fn candidates(&self, scenario: &Scenario) -> Result<Option<Vec<Candidate>>, FileError> {
+        let read = |path| read_candidates(path, scenario.task.belief.commands());
+        self.path().map(read).transpose()
+    }
+
+    /// The plans of a study, designed with a word and a progress bar; of absolute readings among candidates, where there are some.
+    pub fn entries<'a>(
+        &'a self,
+        common: &Common,
+        scenario: &'a Scenario,
+        settings: &'a [Setting<'_>],
+        candidates: Option<&'a [Candidate]>,
+    ) -> Result<Vec<Entry<'a>>, EntryError> {
+        let say = |name: &str, of: String| {
+            common.say(&format!("designing the plan {name:?} of {of}"));
+        };
+        let designer = |task: &Task, name: &str, wanted: Wanted| {
+            say(name, counted(wanted.experiments.into(), "measurement"));
+            let designed = design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP);
+            designed.map(|(designed, _)| designed)
+        };
+        let watch = |name: &str, readings: u32| {
+            say(name, counted(readings.into(), "absolute reading"));
+            Watch::quiet(&STOP)
+        };
+        let wanted = ReadingsWanted {
+            groups: &self.parameters,
+            candidates,
+            path: self.path().unwrap_or(&scenario.path),
+            configurations: self.draw.unwrap_or(DRAWN),
+        };
+        study::entries(scenario, settings, &wanted, (&designer, &watch))
+    }
+
+    /// What the numbers of a study of absolute readings depend on besides.
+    fn header(&self, scenario: &Scenario) -> Result<Option<AbsoluteStudyHeader>, FileError> {
+        if scenario.task.design.accuracy == AccuracyKind::Relative {
+            return Ok(None);
+        }
+        let hash = self.path().map(sha256_of).transpose()?;
+        Ok(Some(AbsoluteStudyHeader {
+            test_poses: scenario.task.test_poses.len(),
+            groups: self.parameters.clone(),
+            candidates_sha256: hash.map(|hash| hexadecimal(&hash)),
+            drawn: (hash.is_none()).then(|| self.draw.unwrap_or(DRAWN)),
+        }))
+    }
 }
 
 fn parse_shard(text: &str) -> Result<(u64, u64), String> {
@@ -80,19 +168,37 @@ impl StudyCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         rests(&scenario)?;
-        let is_absolute = scenario.task.design.accuracy == AccuracyKind::Absolute;
-        self.refuse_others(&scenario)?;
-        self.check_files(&scenario, is_absolute)?;
+        let of_model = [("--level model", self.level == Some(Level::Model))];
+        self.plans.refuse_others(&scenario, &of_model)?;
+        self.check_files(&scenario)?;
         keeps(self.kept(None));
-        if is_absolute {
-            self.absolute_readings(&scenario)
-        } else {
-            self.deflections(&scenario)
-        }
+        let level = match scenario.task.design.accuracy {
+            AccuracyKind::Absolute => Level::Robot,
+            AccuracyKind::Relative => (self.level.or(scenario.study.level)).unwrap_or_default(),
+        };
+        let settings = scenario.settings();
+        let candidates = self.plans.candidates(&scenario)?;
+        let entries =
+            (self.plans).entries(&self.common, &scenario, &settings, candidates.as_deref())?;
+        proceed()?;
+        let runner = Runner::new(&settings, scenario.seed, level, &entries)?.stopped_by(ask_work());
+        let plans = PlanHeader::of(&runner);
+        let part = self.begun(Header {
+            absolute: self.plans.header(&scenario)?,
+            ..Header::new(&scenario, level, self.sizes(&scenario), plans)
+        })?;
+        let (trials, title) = (part.header.trials, part.header.title());
+        let level = level.words();
+        (self.common).say(&format!("{trials} runs of {title}, {level}"));
+        let target = self.rerun.as_ref();
+        let observer = (self.shard.is_none() || target.is_some())
+            .then(|| StudyObserver::new(&scenario, &settings, &part.header, &entries, target))
+            .transpose()?;
+        self.finish(&scenario, &runner, part, observer)
     }
 
     /// Nothing is in the way of any file.
-    fn check_files(&self, scenario: &Scenario, is_absolute: bool) -> Result<(), FileError> {
+    fn check_files(&self, scenario: &Scenario) -> Result<(), FileError> {
         let folder = self.common.folder(scenario);
         let file = self.rerun.as_ref().and_then(ViewerTarget::file);
         let outputs = [
@@ -104,34 +210,14 @@ impl StudyCommand {
         if self.shard.is_none() {
             roles.writes_to(&folder, &results::FILES);
             roles.writes_to(&folder, &[views::STUDY_PAGE]);
-            if !is_absolute {
-                roles.writes_to(&folder, views::STUDY_FILES);
-            }
+            roles.writes_to(&folder, views::STUDY_FILES);
         }
-        roles.may_read("the candidates", self.absolute.path());
+        roles.may_read("the candidates", self.plans.path());
         check_outputs(&mut roles, &outputs)?;
         match self.shard {
             None => make_folder(&folder),
             Some(_) => Ok(()),
         }
-    }
-
-    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Report> {
-        let level = (self.level.or(scenario.study.level)).unwrap_or_default();
-        let settings = scenario.settings();
-        let entries = entries(&self.common, scenario, &settings)?;
-        proceed()?;
-        let runner = Runner::new(&settings, scenario.seed, level, &entries)?.stopped_by(ask_work());
-        let plans = PlanHeader::of_deflections(scenario, &settings, &entries);
-        let part = self.begun(Header::new(scenario, level, self.sizes(scenario), plans))?;
-        let trials = part.header.trials;
-        let (title, level) = (part.header.title(), describe_level(level));
-        (self.common).say(&format!("{trials} runs of {title}, {level}"));
-        let target = self.rerun.as_ref();
-        let observer = (self.shard.is_none() || target.is_some())
-            .then(|| StudyObserver::new(scenario, &settings, &part.header, &entries, target))
-            .transpose()?;
-        self.finish(scenario, &runner, part, observer)
     }
 
     /// The numbers of runs and of shards.
@@ -153,7 +239,7 @@ impl StudyCommand {
     fn finish(
         &self,
         scenario: &Scenario,
-        runner: &impl RunsInBlocks,
+        runner: &Runner<'_>,
         mut part: TallyFile,
         mut observer: Option<StudyObserver>,
     ) -> anyhow::Result<Report> {
@@ -210,7 +296,7 @@ impl StudyCommand {
     /// time.
     fn run(
         &self,
-        runner: &impl RunsInBlocks,
+        runner: &Runner<'_>,
         part: &mut TallyFile,
         mut observer: Option<&mut StudyObserver>,
         written: &mut Written,
@@ -305,23 +391,6 @@ impl StudyCommand {
             }
         }
     }
-}
-
-/// The plans of a study, designed with a word and a progress bar.
-pub fn entries(
-    common: &Common,
-    scenario: &Scenario,
-    settings: &[Setting<'_>],
-) -> Result<Vec<Entry>, EntryError> {
-    let designer = |task: &Task, name: &str, wanted: Wanted| {
-        common.say(&format!(
-            "designing the plan {name:?} of {}",
-            counted(wanted.experiments.into(), "measurement")
-        ));
-        let designed = design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP);
-        designed.map(|(designed, _)| designed)
-    };
-    study::entries(scenario, settings, &designer)
 }
 
 /// The runs that a tally holds.

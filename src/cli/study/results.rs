@@ -5,7 +5,7 @@ use std::path::Path;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::record::study::{StudyPlanMessage, study_csv};
 use elastocal::record::tally_file::{Header, PlanHeader};
-use elastocal::study::{Level, tally::Tally};
+use elastocal::study::tally::Tally;
 use elastocal::task::AccuracyKind;
 use elastocal::text::wording::{inverse_interval, significant};
 use elastocal::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
@@ -50,23 +50,15 @@ impl Results {
             format!(
                 "{}\n{}{}{}{} runs of each plan, {}{took}. Results are in {}\n",
                 describe(&self.messages),
-                predictions(&self.messages, self.accuracy()),
+                predictions(&self.messages, self.header.accuracy()),
                 sentence(&self.messages, &self.header),
                 noted(&self.failures(true)),
                 self.header.trials,
-                describe_level(self.header.level),
+                self.header.level.words(),
                 folder.display()
             ),
             self.conditions(),
         )
-    }
-
-    /// What is accurate here.
-    fn accuracy(&self) -> AccuracyKind {
-        match self.header.absolute {
-            Some(_) => AccuracyKind::Absolute,
-            None => AccuracyKind::Relative,
-        }
     }
 
     fn conditions(&self) -> Vec<Condition> {
@@ -101,12 +93,7 @@ impl Results {
             return Ok(None);
         }
         let page = study_page(&StudyPageRecord {
-            provenance: &self.header.provenance,
-            trials: self.header.trials,
-            experiments: first.conditions.experiments,
-            level: describe_level(self.header.level),
-            is_absolute: self.header.absolute.is_some(),
-            reference: first.reference.map(|index| &*plans[index].name),
+            header: &self.header,
             plans: &self.messages,
             conditions: &self.conditions(),
             command: &command_line(),
@@ -154,14 +141,6 @@ fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
             reasons.join("; ")
         )
     })
-}
-
-/// What runs are made of, for people.
-pub const fn describe_level(level: Level) -> &'static str {
-    match level {
-        Level::Model => "by the linear model",
-        Level::Robot => "on the virtual robot",
-    }
 }
 
 /// The table for a person, with a column for each condition that varies.

@@ -6,8 +6,8 @@ use elastocal::calibration::calibrate;
 use elastocal::plan::search::random_plan;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
-use elastocal::study::runner::RunsInBlocks;
-use elastocal::study::{Entry, Setting, tally::Tally};
+use elastocal::study::runner::Runner;
+use elastocal::study::{Entry, EntryKind, Setting, tally::Tally};
 use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
 use elastocal::view::rerun_file::viewer::{Messages, Viewer};
 use elastocal::view::study_recording::{Snapshot, StudyRecording};
@@ -25,12 +25,12 @@ pub struct StudyObserver {
 }
 
 impl StudyObserver {
-    /// Calibrates once with each plan, to be shown, and opens the viewer.
+    /// Calibrates once with each plan of deflections, to be shown, and opens the viewer.
     pub fn new(
         scenario: &Scenario,
         settings: &[Setting<'_>],
         header: &Header,
-        entries: &[Entry],
+        entries: &[Entry<'_>],
         target: Option<&ViewerTarget>,
     ) -> anyhow::Result<Self> {
         let mut calibrations = Vec::new();
@@ -40,10 +40,13 @@ impl StudyObserver {
                 task,
                 truth,
             } = &settings[entry.setting];
-            let plan = match entry.kind.plan() {
-                Some(plan) => plan.clone(),
+            let plan = match &entry.kind {
+                EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
                 // The plan of run 0 stands for all.
-                None => random_plan(task, conditions.experiments, scenario.seed, 0)?,
+                EntryKind::RandomEach => {
+                    random_plan(task, conditions.experiments, scenario.seed, 0)?
+                }
+                EntryKind::Readings(_) => continue,
             };
             // A plan that fails on the virtual robot is not shown, and may do by the linear model.
             if let Ok(calibration) = calibrate(task, truth, &plan, scenario.seed, 0) {
@@ -79,7 +82,7 @@ impl StudyObserver {
     }
 
     /// Makes the first runs, to be shown before the first block is done; the block makes them again.
-    pub fn first_runs(&mut self, runner: &impl RunsInBlocks, block: u64) -> anyhow::Result<()> {
+    pub fn first_runs(&mut self, runner: &Runner<'_>, block: u64) -> anyhow::Result<()> {
         for runs in self.study.first_runs() {
             let end = block * runner.block_runs() + runs;
             let tallies = runner.run(end, block..block + 1, 1, &|_| ())?;

@@ -136,11 +136,12 @@ pub(super) const fn is_geometry(kind: ParameterKind) -> bool {
 }
 
 /// A parameter that no reading can tell from others, and that was left out for that.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 pub struct LeftOut {
     /// Its name.
     pub name: String,
-    /// Why.
+    /// Why, in a sentence.
+    #[serde(rename = "reason")]
     pub sentence: String,
 }
 

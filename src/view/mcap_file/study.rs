@@ -48,7 +48,7 @@ struct StudyRecord<'a> {
     /// The number of runs of the whole study.
     trials: u64,
     /// `model` or `robot`: what the runs are made of.
-    level: &'static str,
+    level: Level,
     /// The names of the compliances.
     parameters: &'a [String],
     /// The plan that others are compared with.
@@ -96,13 +96,9 @@ fn study_record<'a>(study: &'a StudyRecording, last: &'a Snapshot) -> StudyRecor
     let header = &study.header;
     StudyRecord {
         trials: header.trials,
-        level: match header.level {
-            Level::Model => "model",
-            Level::Robot => "robot",
-        },
+        level: header.level,
         parameters: &header.parameters,
-        reference: (header.plans.iter().find_map(|plan| plan.reference))
-            .map(|index| &*header.plans[index].name),
+        reference: header.reference(),
         plans: &last.plans,
     }
 }

@@ -9,7 +9,7 @@ use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
-use crate::record::{absolute_trials::AbsoluteTrials, messages::ProvenanceMessage};
+use crate::record::{messages::ProvenanceMessage, robot_trials::RobotTrials};
 use crate::scenario::Scenario;
 use crate::study::verdict::Kept;
 use crate::text::wording::{counted, dash, micrometres, percent};
@@ -27,7 +27,7 @@ pub struct AbsolutePageRecord<'a> {
     /// The predicted accuracy of the plan.
     pub plan: &'a AbsolutePlanMessage,
     /// What virtual robots made of it, where some were drawn.
-    pub trials: Option<&'a AbsoluteTrials>,
+    pub trials: Option<&'a RobotTrials>,
     /// Where it comes from.
     pub provenance: &'a ProvenanceMessage,
     /// The robot in each configuration (HTML).
@@ -192,7 +192,7 @@ fn bound_card(plan: &AbsolutePlanMessage) -> String {
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
-fn of_trials(trials: &AbsoluteTrials) -> Result<String, PlotError> {
+fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
     let runs = &trials.runs;
     let mut said = format!(
         "Predicted {} rms, observed {} \u{b1} {}: the prediction {}.",

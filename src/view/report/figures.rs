@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use plotters::prelude::*;
 
-use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
+use crate::plan::search::BudgetPoint;
+use crate::record::evidence::CriterionPlanMessage;
 use crate::text::wording::{micrometres, percent};
 use crate::view::charts::{
     COLOURS, ChartAxis, GRID, HALF, INK, Mark, PlotError, Rows, Series, Tip, WHOLE, chart_of,
@@ -25,11 +26,11 @@ const AXES: [(&str, RGBColor, Mark, f64); 3] = [
 /// `rho_0` against the number of measurements: what was searched, this plan, this plan repeated,
 /// and the bound.
 pub fn accuracy_figure(
-    (points, repeated): (&[AccuracyMessage], &[AccuracyMessage]),
+    (points, repeated): (&[BudgetPoint], &[BudgetPoint]),
     bounds_mm: &[Option<f64>],
     own_experiments: u32,
 ) -> Result<String, PlotError> {
-    let micro = |point: &AccuracyMessage| (f64::from(point.experiments), point.rho0_mm * 1e3);
+    let micro = |point: &BudgetPoint| (f64::from(point.experiments), point.rho0_m * 1e6);
     let found: Vec<(f64, f64)> = points.iter().map(micro).collect();
     let own = (points.iter()).find(|point| point.experiments == own_experiments);
     let last = bounds_mm.len() as f64;

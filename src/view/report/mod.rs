@@ -18,9 +18,9 @@ mod study;
 use super::charts::{self, PlotError};
 use super::markup::{card, escaped, figure, page, paragraph, section, table, table_of};
 use crate::codes::Condition;
-use crate::plan::search::RepeatsNeeded;
+use crate::plan::{Assessment, search::RepeatsNeeded};
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
-use crate::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
+use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::text::wording::{dash, micrometres, number, percent};
 use distances::{Line, Role, distances_figure, distances_table};
@@ -39,7 +39,7 @@ pub struct RunRecord<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
     /// Every plan's calibration and what it predicted; the designed plan first.
-    pub plans: &'a [(CalibrationMessage, AssessmentMessage)],
+    pub plans: &'a [(CalibrationMessage, Assessment)],
     /// What the designed plan is shown beside.
     pub evidence: &'a EvidenceMessage,
     /// The number of random plans, and the median of their `rho0_mm` where there is one.
@@ -291,13 +291,13 @@ fn residuals(calibration: &CalibrationMessage) -> Result<String, PlotError> {
 
 /// Every plan's prediction and what came of it.
 fn plans(run: &RunRecord<'_>) -> String {
-    let row = |(calibration, assessment): &(CalibrationMessage, AssessmentMessage)| {
+    let row = |(calibration, assessment): &(CalibrationMessage, Assessment)| {
         let pose = calibration.test_poses.first();
         vec![
             calibration.name.clone(),
             assessment.experiments.to_string(),
-            number(assessment.rho0_mm.map(|value| value * 1e3), 2),
-            percent(assessment.efficiency, 1),
+            number(assessment.rho0_m.map(|value| value * 1e6), 2),
+            percent(assessment.efficiency(), 1),
             number(pose.map(|pose| pose.residual_mm * 1e3), 2),
             assessment.violations.len().to_string(),
         ]

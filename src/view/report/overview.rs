@@ -1,22 +1,28 @@
 //! What a run's report answers first: which plan, how accurate, proved by what; and what to do.
 
 use super::RunRecord;
-use crate::plan::{UncertaintyBudget, search::RepeatsNeeded};
-use crate::record::messages::{AssessmentMessage, CalibrationMessage};
+use crate::plan::search::{BoundKind, RepeatsNeeded};
+use crate::plan::{Assessment, UncertaintyBudget};
+use crate::record::messages::CalibrationMessage;
 use crate::text::wording::{counted, micrometres, number, percent, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};
 
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
 
+/// A length (m), for a person.
+fn length(value_m: Option<f64>) -> String {
+    micrometres(value_m.map(|value_m| value_m * 1e3))
+}
+
 /// Title and cards.
 pub fn overview(
     run: &RunRecord<'_>,
     calibration: &CalibrationMessage,
-    assessment: &AssessmentMessage,
+    assessment: &Assessment,
 ) -> String {
     let cards = [
-        plan_card(calibration, assessment),
+        plan_card(run, calibration, assessment),
         accuracy_card(calibration, assessment),
         proof_card(run, assessment),
         random_card(run, assessment),
@@ -26,10 +32,14 @@ pub fn overview(
     heading(&title, &run.scenario.description, &cards.concat())
 }
 
-fn plan_card(calibration: &CalibrationMessage, assessment: &AssessmentMessage) -> String {
+fn plan_card(
+    run: &RunRecord<'_>,
+    calibration: &CalibrationMessage,
+    assessment: &Assessment,
+) -> String {
     let measurements = counted(assessment.experiments.into(), "measurement");
     let configurations = counted(calibration.plan.len() as u64, "configuration");
-    let parameters = assessment.parameters.join(", ");
+    let parameters = run.scenario.task.belief.parameter_names().join(", ");
     card(
         "",
         "Plan",
@@ -38,7 +48,7 @@ fn plan_card(calibration: &CalibrationMessage, assessment: &AssessmentMessage) -
     )
 }
 
-fn accuracy_card(calibration: &CalibrationMessage, assessment: &AssessmentMessage) -> String {
+fn accuracy_card(calibration: &CalibrationMessage, assessment: &Assessment) -> String {
     let poses = &calibration.test_poses;
     let uncompensated = poses.iter().map(|pose| {
         let bent = micrometres(Some(pose.uncompensated_mm));
@@ -53,39 +63,40 @@ fn accuracy_card(calibration: &CalibrationMessage, assessment: &AssessmentMessag
         } else {
             "predicted for the measurements' noise alone:"
         },
-        (assessment.quantile95_mm).map_or_else(String::new, |value| format!(
+        (assessment.quantile95_m).map_or_else(String::new, |value_m| format!(
             "; 95 % stay below {}",
-            micrometres(Some(value))
+            length(Some(value_m))
         )),
         uncompensated.collect::<Vec<_>>().join(", ")
     );
     card(
         "",
         "Accuracy after compensation",
-        &(micrometres(assessment.rho0_mm) + " rms"),
+        &(length(assessment.rho0_m) + " rms"),
         &about,
     )
 }
 
-fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
+fn proof_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     let (searches, agreeing) = (
         run.evidence.bound_searches,
         run.evidence.bound_searches_agreeing,
     );
-    let (Some(bound), Some(efficiency)) = (assessment.lower_bound_rho0_mm, assessment.efficiency)
-    else {
+    let (Some(bound), Some(efficiency)) = (assessment.bound_m(), assessment.efficiency()) else {
         return card(
             "bad",
             "Is it the best?",
             "no bound",
-            &(assessment.no_bound_reason.as_ref()).map_or_else(
+            &assessment.no_bound().map_or_else(
                 || "Nothing is known about better plans.".to_owned(),
                 |reason| format!("Nothing is known about better plans: {reason}."),
             ),
         );
     };
     let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
-    let proved = (assessment.proof.as_ref()).filter(|_| assessment.bound_kind == Some("proved"));
+    let found = assessment.bound();
+    let proved = found.filter(|bound| bound.kind == BoundKind::Proved);
+    let proved = proved.and_then(|bound| bound.proof.as_ref());
     let basis = match proved {
         Some(proof) => format!(
             "That is proved, by branch and bound over {} boxes of configurations.",
@@ -108,16 +119,15 @@ fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
         &format!("at most {better} can be gained"),
         &format!(
             "No plan of as many measurements can be below {}: efficiency {}. {basis}",
-            micrometres(Some(bound)),
+            length(Some(bound)),
             percent(Some(efficiency), 1),
         ),
     )
 }
 
 /// What a proof says that does not reach the bound, and what it takes for certain.
-fn proved_of_it(assessment: &AssessmentMessage) -> String {
-    let (Some(proof), Some(bound)) = (&assessment.proof, assessment.proved_lower_bound_rho0_mm)
-    else {
+fn proved_of_it(assessment: &Assessment) -> String {
+    let Some(proof) = assessment.bound().and_then(|bound| bound.proof.as_ref()) else {
         return "There is no proof.".to_owned();
     };
     let certain = match proof.left_out.as_slice() {
@@ -127,23 +137,23 @@ fn proved_of_it(assessment: &AssessmentMessage) -> String {
     format!(
         "Proved, by branch and bound over {} boxes of configurations: none can be below {}{certain}.",
         proof.boxes,
-        micrometres(Some(bound)),
+        length(Some(proof.best)),
     )
 }
 
-fn random_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
+fn random_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     let (count, median_mm) = run.random;
     let times = assessment
-        .rho0_mm
+        .rho0_m
         .zip(median_mm)
-        .map(|(rho0, median)| median / rho0);
+        .map(|(rho0_m, median_mm)| median_mm / (rho0_m * 1e3));
     let repeats = match run.random_repeats {
         Some(RepeatsNeeded::Times(times)) => {
             format!(" That plan gets as far if it is measured {times} times as a whole.")
         }
         Some(RepeatsNeeded::Never(limit_m)) => format!(
             " No number of repeats of that plan gets as far: {} remain however often it is measured.",
-            micrometres(Some(limit_m * 1e3))
+            length(Some(limit_m))
         ),
         None => String::new(),
     };
@@ -158,7 +168,7 @@ fn random_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
     )
 }
 
-fn check_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
+fn check_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     let violations = assessment.violations.len() as u64;
     let conditions = run.conditions.iter();
     let mut problems: Vec<String> = conditions.map(ToString::to_string).collect();
@@ -175,7 +185,7 @@ fn check_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
 }
 
 /// What to do with the plan in the laboratory.
-pub fn next_steps(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
+pub fn next_steps(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     let scenario = shell_path(&run.scenario.path);
     let step = |text: &str, command: &str| {
         let command = if command.is_empty() {
@@ -212,14 +222,14 @@ pub fn next_steps(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String
 }
 
 /// The next larger plan that was searched.
-fn more_accurate(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> Option<(String, String)> {
+fn more_accurate(run: &RunRecord<'_>, assessment: &Assessment) -> Option<(String, String)> {
     let larger =
         (run.evidence.accuracy.iter()).find(|point| point.experiments > assessment.experiments)?;
     let m = larger.experiments;
     let text = format!(
         "If {} is not enough: {m} measurements reach {}.",
-        micrometres(assessment.rho0_mm),
-        micrometres(Some(larger.rho0_mm))
+        length(assessment.rho0_m),
+        length(Some(larger.rho0_m))
     );
     Some((text, format!("--experiments {m} --plan-out plan.csv")))
 }

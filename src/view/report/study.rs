@@ -6,7 +6,8 @@ use super::distances::{
 };
 use super::{conditions_card, provenance, sources};
 use crate::codes::Condition;
-use crate::record::{messages::ProvenanceMessage, study::StudyPlanMessage};
+use crate::record::{study::StudyPlanMessage, tally_file::Header};
+use crate::task::AccuracyKind;
 use crate::text::wording::{counted, micrometres, number};
 use crate::view::charts::PlotError;
 use crate::view::markup::{card, heading, page, section};
@@ -14,18 +15,8 @@ use crate::view::markup::{card, heading, page, section};
 /// What the page of a study is made of.
 #[derive(Debug, Clone, Copy)]
 pub struct StudyPageRecord<'a> {
-    /// Where the study comes from.
-    pub provenance: &'a ProvenanceMessage,
-    /// The number of runs of each plan.
-    pub trials: u64,
-    /// The number of measurements in each run.
-    pub experiments: u32,
-    /// What the runs are made of, in words.
-    pub level: &'a str,
-    /// Whether it is about absolute readings.
-    pub is_absolute: bool,
-    /// The name of the plan that others are compared with.
-    pub reference: Option<&'a str>,
+    /// The study, under one set of conditions.
+    pub header: &'a Header,
     /// What the runs say.
     pub plans: &'a [StudyPlanMessage],
     /// What must be looked at.
@@ -47,24 +38,27 @@ fn best<'a>(
 
 /// The page of a study as HTML.
 pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
-    let best = best(study.plans, study.reference);
-    let line = |runs| Line::new(runs, role(runs, best, study.reference));
+    let (header, plans) = (study.header, &study.header.plans);
+    let reference = header.reference();
+    let is_absolute = header.accuracy() == AccuracyKind::Absolute;
+    let best = best(study.plans, reference);
+    let line = |runs| Line::new(runs, role(runs, best, reference));
     let lines: Vec<Line<'_>> = study.plans.iter().map(line).collect();
     let caption = format!(
         "{} runs of each plan {}, {} each, all with the same noise. Each area is the distribution of the residual error; the dark line is the mean.",
-        study.trials,
-        study.level,
+        header.trials,
+        header.level.words(),
         counted(
-            study.experiments.into(),
-            if study.is_absolute {
+            plans[0].conditions.experiments.into(),
+            if is_absolute {
                 "absolute reading"
             } else {
                 "measurement"
             }
         )
     );
-    let title = format!("Plans compared: {}", study.provenance.scenario);
-    let cards = accuracy_card(study.is_absolute) + &cards(study);
+    let title = format!("Plans compared: {}", header.provenance.scenario);
+    let cards = accuracy_card(is_absolute) + &cards(study);
     let mut body = heading(&title, &caption, &cards);
     body += &section(
         "distances",
@@ -75,9 +69,9 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
             + &distances_table(&lines)),
     );
     body += &sources::of_study(study.plans);
-    body += &provenance(study.provenance, study.command);
+    body += &provenance(&header.provenance, study.command);
     Ok(page(
-        &format!("{}: study", study.provenance.scenario),
+        &format!("{}: study", header.provenance.scenario),
         &body,
     ))
 }
@@ -108,7 +102,7 @@ fn accuracy_card(is_absolute: bool) -> String {
 /// The best plan, how much better than random it is, and whether the prediction holds.
 fn cards(study: &StudyPageRecord<'_>) -> String {
     let mut cards = String::new();
-    if let Some(best) = best(study.plans, study.reference) {
+    if let Some(best) = best(study.plans, study.header.reference()) {
         let interval = best.mean_ci95_mm.map_or_else(String::new, |[low, high]| {
             let (low, high) = (micrometres(Some(low)), micrometres(Some(high)));
             format!("95 % interval of the mean: {low} to {high}.")
@@ -123,7 +117,8 @@ fn cards(study: &StudyPageRecord<'_>) -> String {
             cards += &card("", "Against a random plan", &answer, &about);
         }
     }
-    if let Some(verdict) = best(study.plans, study.reference).and_then(|best| best.verdict.clone())
+    if let Some(verdict) =
+        best(study.plans, study.header.reference()).and_then(|best| best.verdict.clone())
     {
         let tone = if verdict.starts_with("holds") {
             "good"

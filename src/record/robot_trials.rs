@@ -1,16 +1,16 @@
-//! The reference simulation of a plan of absolute readings, as a record.
+//! Virtual robots on which one plan was tried, as a record.
 
 use serde_json::{Value, json};
 
 use super::study::StudyPlanMessage;
-use crate::plan::absolute::PredictedAccuracy;
+use crate::study::account::{Account, predicted_quantile95_m};
+use crate::study::runner::Runner;
 use crate::study::summary::Measured;
-use crate::study::{Conditions, account::Account, tally::Tally, verdict::Kept};
-use crate::task::Task;
+use crate::study::{StudyError, tally::Tally, verdict::Kept};
 
-/// Robots that were drawn, read as the plan says, identified and looked at.
+/// Robots that were drawn, measured as the plan says, identified and looked at.
 #[derive(Debug, Clone, PartialEq)]
-pub struct AbsoluteTrials {
+pub struct RobotTrials {
     /// What a study says of as many runs; there is at least one.
     pub runs: StudyPlanMessage,
     /// What the first robot failed by that could not be identified, or not looked at.
@@ -21,26 +21,33 @@ pub struct AbsoluteTrials {
     pub prediction: Kept,
 }
 
-impl AbsoluteTrials {
-    /// A plan's runs, with what was predicted, and is hidden; `None` where no run says anything.
-    pub fn new(
-        task: &Task,
-        prediction: &PredictedAccuracy,
-        account: &Account,
-        (tally, first_failure): (&Tally, Option<String>),
-    ) -> Option<Self> {
-        let conditions = Conditions::plain(task, prediction.readings);
-        let predicted = (Some(account), prediction.quantile95_m);
-        let name = "virtual robots";
-        let runs = StudyPlanMessage::new(name, &conditions, 0, (tally, None), predicted);
+impl RobotTrials {
+    /// The runs of the only plan of a study, with what was predicted, and is hidden.
+    ///
+    /// # Errors
+    /// Nothing is predicted, or no run says anything.
+    pub fn new(runner: &Runner<'_>, tally: &Tally) -> Result<Self, StudyError> {
+        let only = runner.plans().next().ok_or(StudyError::NoPlan)?;
+        let account = Account::of_entry(only).ok_or(StudyError::NoPrediction)?;
+        let quantile95_m = predicted_quantile95_m(only);
+        let conditions = only.1.conditions;
+        let predicted = (Some(&account), quantile95_m);
+        let runs = StudyPlanMessage::new(&only.0.name, &conditions, 0, (tally, None), predicted);
+        let first_failure = runner.first_failure();
+        let (Some(value), Some(standard_error)) = (runs.rms_mm, runs.rms_std_mm) else {
+            return Err(StudyError::AllFailed {
+                robots: runs.failed,
+                first: first_failure.unwrap_or_default(),
+            });
+        };
         let observed_mm = Measured {
-            value: runs.rms_mm?,
-            standard_error: runs.rms_std_mm?,
+            value,
+            standard_error,
         };
         let below = |quantile95_m: f64| tally.share_below(quantile95_m / conditions.sigma_m);
-        Some(Self {
+        Ok(Self {
             first_failure,
-            below_quantile95: prediction.quantile95_m.and_then(below),
+            below_quantile95: quantile95_m.and_then(below),
             prediction: Kept::of(account.predicted_m * 1e3, observed_mm),
             runs,
         })

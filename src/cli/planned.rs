@@ -1,0 +1,457 @@
+//! A plan with what is predicted of it: of deflections, or of absolute readings.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use elastocal::codes::{Condition, ConditionCode};
+use elastocal::compensation::KnownArm;
+use elastocal::experiment::{Candidate, write_candidates};
+use elastocal::files::FileError;
+use elastocal::parameter::ParameterKind;
+use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
+use elastocal::plan::search::PlanBound;
+use elastocal::plan::{Assessment, FurtherError, Plan, UncertaintyBudget, posterior, write_plan};
+use elastocal::record::absolute_plan::AbsolutePlanMessage;
+use elastocal::record::json::{merge, results};
+use elastocal::record::messages::assessment_json;
+use elastocal::record::robot_trials::RobotTrials;
+use elastocal::scenario::Scenario;
+use elastocal::study::verdict::Kept;
+use elastocal::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
+use elastocal::task::Task;
+use elastocal::text::wording::counted;
+use elastocal::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
+use elastocal::view::stills::Stills;
+use elastocal::workflow::study::try_plan;
+use serde_json::{Value, json};
+
+use super::conditions::{conditions, undetermined_by_plan};
+use super::interruption::{Interrupted, STOP, searched};
+use super::plan_args::PlanArgs;
+use super::progress::bar;
+use super::proof::leaving_out;
+use super::static_compliance::add_static_compliance;
+use super::table::{number, or_dash, table};
+use super::views::command_line;
+use super::written::Written;
+use super::{Report, uncertainty_budget};
+
+/// A plan with what is predicted of it.
+pub enum PlannedAccuracy<'a> {
+    /// Of deflections.
+    Deflections(Plan, Box<Assessment>),
+    /// Of absolute readings.
+    Readings(
+        Arc<StudiedReadings<'a>>,
+        Box<PredictedAccuracy>,
+        Box<AbsolutePlanMessage>,
+    ),
+}
+
+impl<'a> PlannedAccuracy<'a> {
+    /// What is predicted of a plan of absolute readings, of candidates that may be drawn.
+    pub fn of_readings(
+        task: &Task,
+        args: &'a PlanArgs,
+        planning: AbsolutePlanning<'a>,
+        plan: Vec<(usize, u32)>,
+        (bound, drawn): (Option<&PlanBound>, Option<DrawnWanted>),
+    ) -> Self {
+        let prediction = planning.prediction(&plan);
+        let mut record = AbsolutePlanMessage::new(task, &planning, &plan, &prediction, bound);
+        record.drawn = drawn;
+        let studied = StudiedReadings {
+            planning,
+            plan,
+            groups: &args.parameters,
+            is_random: false,
+        };
+        Self::Readings(Arc::new(studied), Box::new(prediction), Box::new(record))
+    }
+
+    fn json(&self, scenario: &Scenario) -> serde_json::Result<Value> {
+        match self {
+            Self::Deflections(_, assessment) => Ok(assessment_json(scenario, assessment)),
+            Self::Readings(_, _, record) => serde_json::to_value(record),
+        }
+    }
+
+    fn describe(&self, scenario: &Scenario) -> String {
+        match self {
+            Self::Deflections(_, assessment) => describe(scenario, assessment),
+            Self::Readings(_, _, record) => describe_readings(record),
+        }
+    }
+
+    fn conditions(&self, scenario: &Scenario) -> Vec<Condition> {
+        let (studied, prediction) = match self {
+            Self::Deflections(_, assessment) => return conditions(scenario, assessment),
+            Self::Readings(studied, prediction, _) => (studied, prediction),
+        };
+        let left = prediction.left.as_ref().err().map(|names| {
+            let place = "the tool's place at the test poses, which depends on";
+            undetermined_by_plan(&format!("{place} {}", names.join(", ")))
+        });
+        (left.into_iter())
+            .chain(undetermined_compliances(studied, prediction))
+            .collect()
+    }
+
+    fn budget(&self) -> Option<&UncertaintyBudget> {
+        match self {
+            Self::Deflections(_, assessment) => assessment.uncertainty_budget.as_ref(),
+            Self::Readings(_, _, record) => record.uncertainty_budget.as_ref(),
+        }
+    }
+
+    /// The robot in each configuration.
+    pub fn stills<'b>(&'b self, scenario: &'b Scenario) -> Stills<'b> {
+        match self {
+            Self::Deflections(plan, _) => Stills::of_plan(scenario, plan),
+            Self::Readings(studied, ..) => {
+                Stills::of_readings(scenario, &studied.planning.readings(&studied.plan))
+            }
+        }
+    }
+
+    /// Writes the plan.
+    pub fn write(&self, task: &Task, path: &Path) -> Result<(), FileError> {
+        match self {
+            Self::Deflections(plan, _) => write_plan(path, task.belief.commands(), plan),
+            Self::Readings(studied, ..) => {
+                let rows = studied.planning.readings(&studied.plan).into_iter();
+                let rows = rows.map(|(candidate, repeats)| Candidate {
+                    most: Some(repeats),
+                    ..candidate.clone()
+                });
+                write_candidates(path, task.belief.commands(), &rows.collect::<Vec<_>>())
+            }
+        }
+    }
+
+    /// Adds the static compliance at the test poses, as it is known after the plan.
+    pub fn add_static_compliance(&self, report: &mut Report, task: &Task) -> anyhow::Result<()> {
+        match self {
+            Self::Deflections(plan, _) => {
+                let (arm, set) = task.belief.parameters_of_arm()?;
+                let known = KnownArm {
+                    tool: arm.tools.len() - 1,
+                    arm: &arm,
+                    set: &set,
+                    posterior: &posterior(&task.belief, plan),
+                };
+                add_static_compliance(report, &known, &task.test_poses)?;
+            }
+            Self::Readings(studied, prediction, _) => {
+                let known = studied.planning.known_arm(&prediction.posterior);
+                add_static_compliance(report, &known, &task.test_poses)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl PlanArgs {
+    /// What is predicted of a plan that a command designed, or read from a file, and what it says besides.
+    pub fn report(
+        &self,
+        command: &str,
+        scenario: &Scenario,
+        plan: Option<&Path>,
+        (planned, besides): (&PlannedAccuracy<'_>, Report),
+        written: &mut Written,
+    ) -> anyhow::Result<Report> {
+        let provenance = self.provenance(scenario, plan)?;
+        let mut json = results(command, &provenance, json!({ "gate": scenario.gate }));
+        merge(&mut json, besides.json);
+        merge(&mut json, planned.json(scenario)?);
+        let budget = self.budget.write(planned.budget(), written);
+        let text = planned.describe(scenario) + &besides.text + &budget;
+        let mut conditions = planned.conditions(scenario);
+        conditions.extend(besides.conditions);
+        Ok(Report::new(json, text, conditions))
+    }
+
+    /// Writes the page of a plan, where that is wanted, and says of all files that were written what became of them.
+    pub fn finish(
+        &self,
+        scenario: &Scenario,
+        plan: Option<&Path>,
+        (planned, trials): (&PlannedAccuracy<'_>, Option<&RobotTrials>),
+        (mut report, mut written): (Report, Written),
+    ) -> anyhow::Result<Report> {
+        if let (Some(path), PlannedAccuracy::Readings(_, _, record)) = (&self.report_out, planned) {
+            let page = absolute_page(&AbsolutePageRecord {
+                scenario,
+                plan: record,
+                trials,
+                provenance: &self.provenance(scenario, plan)?,
+                stills: &planned.stills(scenario).figures(),
+                conditions: &report.conditions,
+                command: &command_line(),
+            })?;
+            report.text += &written.save(path, &page);
+        }
+        report.conditions.extend(written.conditions());
+        Ok(report)
+    }
+
+    /// Tries a plan on so many virtual robots, and adds what is seen of them.
+    pub fn add_trials(
+        &self,
+        report: &mut Report,
+        scenario: &Scenario,
+        planned: &PlannedAccuracy<'_>,
+        robots: u64,
+    ) -> anyhow::Result<RobotTrials> {
+        let (kind, measurements) = match planned {
+            PlannedAccuracy::Deflections(plan, _) => {
+                (EntryKind::Fixed(plan.clone()), plan.measurements())
+            }
+            PlannedAccuracy::Readings(studied, prediction, _) => {
+                (EntryKind::Readings(studied.clone()), prediction.readings)
+            }
+        };
+        let conditions = Conditions::plain(&scenario.task, measurements);
+        let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
+        let bar = bar(self.common.quiet, "robots");
+        bar.set_length(robots);
+        let progress = |done| bar.inc(done);
+        let trials = try_plan(&setting, scenario.seed, kind, robots, (&STOP, &progress));
+        bar.finish_and_clear();
+        searched();
+        let trials = match trials {
+            Err(StudyError::Stopped) => return Err(Interrupted.into()),
+            trials => trials?,
+        };
+        report.text += &describe_trials(&trials);
+        report.conditions.extend(unkept(&trials));
+        Ok(trials)
+    }
+}
+
+/// The compliances that a plan was to determine and does not, by name.
+fn undetermined_compliances(
+    studied: &StudiedReadings<'_>,
+    prediction: &PredictedAccuracy,
+) -> Vec<Condition> {
+    let (planning, plan) = (&studied.planning, &studied.plan);
+    let unknowns = planning.set().parameters().iter().enumerate();
+    let missing = unknowns.filter(|(index, each)| {
+        matches!(each.kind, ParameterKind::JointCompliance { .. })
+            && !planning.is_elsewhere(*index, plan)
+            && prediction.posterior.standard_error(*index).is_none()
+    });
+    missing
+        .map(|(index, _)| undetermined_by_plan(&planning.words(index)))
+        .collect()
+}
+
+/// What is predicted of a plan of absolute readings, for a person.
+fn describe_readings(message: &AbsolutePlanMessage) -> String {
+    let frame = message.frame.as_ref().map_or_else(
+        || "the instrument's frame".to_owned(),
+        |station| format!("the frame of station {station:?}"),
+    );
+    let mut text = format!(
+        "{}: rho0 = {} mm in {frame}",
+        counted(message.experiments.into(), "absolute reading"),
+        number(message.rho0_mm, 5)
+    );
+    if let (Some(bound), Some(efficiency)) = (message.lower_bound_rho0_mm, message.efficiency) {
+        text += &format!(
+            "; no plan of as many candidates is below {bound:.5} mm (efficiency {efficiency:.4}), {}",
+            if message.drawn.is_some() {
+                "which were sampled: evidence, no proof"
+            } else {
+                "proved by looking at all"
+            }
+        );
+    }
+    text.push('\n');
+    if let Some(quantile) = message.quantile95_mm {
+        text += &format!("95 % stay below {quantile:.5} mm\n");
+    }
+    text += &format!("{ABSOLUTE_ACCURACY}\n");
+    if message.task_force_mm > 0.0 {
+        text += &format!(
+            "Of it, {:.5} mm are what the task's force is uncertain by, whatever is read\n",
+            message.task_force_mm
+        );
+    }
+    let common = message.common_sources.as_ref();
+    text += &uncertainty_budget::describe(
+        message.uncertainty_budget.as_ref(),
+        common.map(|common| (&*common.names, common.rho0_mm)),
+    );
+    for certain in &message.assumed_exact {
+        text += &format!("Assumed exact: {certain}\n");
+    }
+    if message.test_poses.len() > 1 {
+        let rows = (message.test_poses.iter())
+            .map(|pose| vec![pose.name.clone(), number(pose.rho0_mm, 5)]);
+        text += &format!("\n{}", table("test pose | rho0 [mm]", rows));
+    }
+    let rows = (message.unknowns.iter()).map(|each| {
+        let error = each.standard_error;
+        let error = or_dash(error, |error| format!("{error:.3e}"));
+        vec![each.name.clone(), error, each.unit.clone()]
+    });
+    text += &format!("\n{}\n", table("unknown | standard error | unit", rows));
+    text
+}
+
+/// What was seen of a prediction, for a person.
+fn describe_trials(trials: &RobotTrials) -> String {
+    let runs = &trials.runs;
+    let mut text = format!(
+        "\nOf {} sampled, read by the plan and identified: residual error {} +- {} mm rms, predicted {} mm",
+        counted(runs.runs, "virtual robot"),
+        number(runs.rms_mm, 5),
+        number(runs.rms_std_mm, 5),
+        number(runs.combined_rms_mm, 5)
+    );
+    if let Some(share) = trials.below_quantile95 {
+        text += &format!("; {:.1} % stay below what 95 % should", share * 100.0);
+    }
+    text + &format!(". The prediction {}.\n", trials.outcome())
+}
+
+/// What must be looked at of simulated robots.
+fn unkept(trials: &RobotTrials) -> Vec<Condition> {
+    let runs = &trials.runs;
+    let mut conditions = Vec::new();
+    if runs.failed > 0 {
+        let first = trials.first_failure.as_deref().unwrap_or_default();
+        conditions.push(ConditionCode::FailedRuns.with(format!(
+            "{} of {} gave no result; the first: {first}",
+            runs.failed,
+            counted(runs.runs + runs.failed, "simulated robot")
+        )));
+    }
+    if trials.prediction == Kept::Exceeded {
+        let micro = |value_mm: Option<f64>| number(value_mm.map(|value_mm| value_mm * 1e3), 2);
+        conditions.push(ConditionCode::PredictionExceeded.with(format!(
+            "residual error of simulated robots {} +- {} um rms, predicted {} um",
+            micro(runs.rms_mm),
+            micro(runs.rms_std_mm),
+            micro(runs.combined_rms_mm)
+        )));
+    }
+    conditions
+}
+
+/// The uncertainty budget of a plan, where it is more than the instrument's noise.
+pub fn budget(assessment: &Assessment) -> String {
+    let common = assessment.common_sources.as_ref();
+    uncertainty_budget::describe(
+        assessment.uncertainty_budget.as_ref(),
+        common.map(|common| (&*common.names, common.rho0_m * 1e3)),
+    )
+}
+
+/// What no plan is better than, in words that follow the plan's own value.
+fn bounded(
+    bound: &PlanBound,
+    efficiency: Option<f64>,
+    beyond: &str,
+    shown: &dyn Fn(f64) -> String,
+) -> String {
+    let efficiency = efficiency.map_or_else(String::new, |each| format!(" (efficiency {each:.4})"));
+    let mut text = format!(
+        "; no plan of as many can be {beyond} {}{efficiency}\n",
+        shown(bound.best)
+    );
+    if let Some(proof) = &bound.proof {
+        text += &format!(
+            "proved: no plan of as many is {beyond} {}{}\n",
+            shown(proof.best),
+            leaving_out(&proof.left_out)
+        );
+    }
+    text
+}
+
+/// What no plan is better than by another criterion, for a person.
+fn describe_criterion(assessment: &Assessment) -> String {
+    let Some((criterion, bound)) = &assessment.criterion_bound else {
+        return String::new();
+    };
+    let name = criterion.name();
+    let bound = match bound {
+        Ok(bound) => bound,
+        Err(reason) => return format!("{name}: no bound and no efficiency: {reason}\n"),
+    };
+    let shown = |value: f64| format!("{value:.6e}");
+    let beyond = if criterion.is_maximised() {
+        "above"
+    } else {
+        "below"
+    };
+    let value = or_dash(assessment.value(*criterion), shown);
+    let efficiency = assessment.criterion_efficiency();
+    format!("{name} = {value}") + &bounded(bound, efficiency, beyond, &shown)
+}
+
+/// An assessment for a person.
+fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
+    let mut text = format!(
+        "{}: rho0 = {} um at the test pose{}",
+        counted(assessment.experiments.into(), "experiment"),
+        number(assessment.rho0_m.map(|value| value * 1e6), 3),
+        scenario.task.counted_words()
+    );
+    let shown = |value_m: f64| format!("{:.3} um", value_m * 1e6);
+    text += &match assessment.bound() {
+        Some(bound) => bounded(bound, assessment.efficiency(), "below", &shown),
+        None => "\n".to_owned(),
+    };
+    if let Some(reason) = assessment.no_bound() {
+        text += &format!("no bound and no efficiency: {reason}\n");
+    }
+    if let Some(quantile_m) = assessment.quantile95_m {
+        text += &format!("95 % stay below {}\n", shown(quantile_m));
+    }
+    text += "A relative accuracy: of the deflection by the load, whatever the pose without it.\n";
+    text += &budget(assessment);
+    text += &describe_criterion(assessment);
+    let names = scenario.task.belief.parameter_names().into_iter();
+    let rows = (names.zip(&assessment.standard_errors))
+        .map(|(name, error)| vec![name, number(error.map(|error| error * 1e9), 2)]);
+    text += &format!(
+        "\n{}\n",
+        table("joint | standard error [1e-9 rad/(N m)]", rows)
+    );
+    text += &further(assessment);
+    let rows = assessment.criteria.iter().map(|(criterion, value)| {
+        let better = if criterion.is_maximised() {
+            "larger"
+        } else {
+            "smaller"
+        };
+        let value = or_dash(*value, |value| format!("{value:.6e}"));
+        vec![criterion.name().to_owned(), value, better.to_owned()]
+    });
+    text += &table("criterion | value | better", rows);
+    for violation in &assessment.violations {
+        text += &format!("\nviolation: {violation}");
+    }
+    if !assessment.violations.is_empty() {
+        text.push('\n');
+    }
+    text
+}
+
+/// What is to be found besides compliances.
+fn further(assessment: &Assessment) -> String {
+    if assessment.further.is_empty() {
+        return String::new();
+    }
+    let row = |each: &FurtherError| {
+        let error = each.standard_error.map(|error| format!("{error:.3e}"));
+        let error = error.unwrap_or_else(|| "not determined".to_owned());
+        vec![each.name.clone(), error, each.unit.to_owned()]
+    };
+    let rows = assessment.further.iter().map(row);
+    table("also to be found | standard error | unit", rows) + "\n"
+}
