@@ -5,15 +5,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::calibration::{MeasuredRun, measure, measure_noise_free};
-use elastocal::codes::ErrorCode;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, output::write_whole};
 use elastocal::measurement::{absolute_table, write_measurements_under};
-use elastocal::plan::{absolute::AbsolutePlanning, read_plan};
+use elastocal::plan::{Feasibility, Plan, absolute::AbsolutePlanning, read_plan};
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage, TruthMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::virtual_readings;
-use elastocal::task::AccuracyKind;
+use elastocal::task::{AccuracyKind, Task};
 use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::text::wording::counted;
 use serde_json::json;
@@ -118,7 +118,9 @@ impl Measure {
                 json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             ),
             text,
-            (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
+            (scenario.task.loads.outside_plan(&plan, None).into_iter())
+                .chain(beyond_gauge(task, &plan))
+                .collect(),
         ))
     }
 
@@ -152,6 +154,18 @@ impl Measure {
             Vec::new(),
         ))
     }
+}
+
+/// What a gauge cannot show of a plan.
+fn beyond_gauge(task: &Task, plan: &Plan) -> Vec<Condition> {
+    if !task.reads_along() {
+        return Vec::new();
+    }
+    let violations = Feasibility::new(task).violations(plan).into_iter();
+    let of_gauge = violations.filter(|each| each.is_of_gauge());
+    of_gauge
+        .map(|each| ConditionCode::Violation.with(each.to_string()))
+        .collect()
 }
 
 /// What a run's virtual robot is: its compliances, and what else the run samples.

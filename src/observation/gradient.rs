@@ -129,7 +129,8 @@ pub(super) struct DeflectionGradient<'a> {
 }
 
 impl<'a> DeflectionGradient<'a> {
-    /// The model of a bare arm at one of its tools; none where joints stand off their springs by what they carry, or their gears err.
+    /// The model of a bare arm at one of its tools; none where joints stand off their springs by what they carry, their gears err,
+    /// or a gauge does.
     /// Derivatives are in units of the parameters' `sizes` (p).
     pub fn new(
         arm: &'a ElasticArm,
@@ -140,7 +141,10 @@ impl<'a> DeflectionGradient<'a> {
     ) -> Option<Self> {
         let is_without =
             |kind| is_by_torque(arm, kind) || matches!(kind, ParameterKind::JointWave { .. });
-        let errs = |source: &ReadingSource| matches!(source, ReadingSource::TransmissionError(_));
+        let errs = |source: &ReadingSource| {
+            use ReadingSource::{GaugeDirection, TransmissionError};
+            matches!(source, TransmissionError(_) | GaugeDirection(_))
+        };
         if set.parameters().iter().any(|each| is_without(each.kind)) || sources.iter().any(errs) {
             return None;
         }
@@ -361,7 +365,9 @@ impl<'a> DeflectionGradient<'a> {
         of_tool: &mut Vector3<f64>,
     ) -> Vector3<f64> {
         match source {
-            ReadingSource::Discrepancy(_) | ReadingSource::TransmissionError(_) => Vector3::zeros(),
+            ReadingSource::Discrepancy(_)
+            | ReadingSource::TransmissionError(_)
+            | ReadingSource::GaugeDirection(_) => Vector3::zeros(),
             ReadingSource::JointRepeatability(deviations) => {
                 for (joint, deviation) in self.joints.iter_mut().zip(deviations) {
                     joint.of_position +=

@@ -142,6 +142,13 @@ pub(super) fn effects(
             units(1.0).map(moved).to_vec()
         }
         ReadingSource::Discrepancy(deviation) => units(*deviation).map(by_itself).to_vec(),
+        ReadingSource::GaugeDirection(deviation) => {
+            let deflection = of_load(load.force_n, load.torque_nm);
+            let moved: Vector3<f64> = deflection.fixed_rows::<3>(0).into_owned();
+            units(*deviation)
+                .map(|turn| by_itself(turn.cross(&moved)))
+                .to_vec()
+        }
     }
 }
 

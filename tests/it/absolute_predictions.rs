@@ -364,6 +364,9 @@ fn readings_are_disturbed_as_much_as_planned() {
                     acting.force_n = turn * load.force_n;
                     acting.torque_nm = turn * load.torque_nm;
                 }
+                ReadingSource::GaugeDirection(_) => {
+                    unreachable!("absolute readings are of no gauge")
+                }
                 ReadingSource::LoadPoint(deviation) => {
                     acting.torque_nm += three(*deviation).cross(&load.force_n);
                 }

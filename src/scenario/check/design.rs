@@ -14,11 +14,11 @@ impl Checker<'_> {
     pub(super) fn design(
         &self,
         table: &DesignTable,
-        parameters: usize,
+        [parameters, numbers]: [usize; 2],
         commands: &Commands,
         loads: &Loads,
     ) -> Result<Design, FileError> {
-        let fewest = fewest(parameters);
+        let fewest = fewest(parameters, numbers);
         let experiments = table.experiments;
         self.at_most(
             "design.experiments",
@@ -27,8 +27,13 @@ impl Checker<'_> {
         )?;
         if experiments < fewest {
             let problem = format!(
-                "found {experiments}; at least {fewest} are needed, since each gives three numbers and {parameters} compliances \
-                 are unknown"
+                "found {experiments}; at least {fewest} are needed, since each gives {} and {parameters} compliances \
+                 are unknown",
+                if numbers == 1 {
+                    "one number"
+                } else {
+                    "three numbers"
+                }
             );
             return Err(self.wrong("design.experiments", problem));
         }
@@ -84,7 +89,7 @@ impl Checker<'_> {
     }
 }
 
-/// The fewest measurements that give as many numbers as there are unknowns.
-pub(super) fn fewest(parameters: usize) -> u32 {
-    u32::try_from(parameters.div_ceil(3).max(1)).unwrap_or(u32::MAX)
+/// The fewest measurements of so many numbers that give as many as there are unknowns.
+pub(super) fn fewest(parameters: usize, numbers: usize) -> u32 {
+    u32::try_from(parameters.div_ceil(numbers).max(1)).unwrap_or(u32::MAX)
 }
