@@ -1,6 +1,6 @@
 //! From measurements to compliances with their uncertainty.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use super::case::{Case, Sigma};
@@ -259,7 +259,8 @@ fn residuals_m(source: &EquationSource<'_>, whitened: &DVector<f64>) -> Vec<f64>
     let mut residuals = DMatrix::from_columns(&[whitened.rows(0, source.rows())]);
     source.take_weights_off(&mut residuals);
     let of_one = |(first, each): (usize, &Measurement)| match each.direction {
-        Some(direction) => direction * residuals[(first, 0)],
+        // No minus zero.
+        Some(direction) => direction * residuals[(first, 0)] + Vector3::zeros(),
         None => residuals.fixed_view::<3, 1>(first, 0).into_owned(),
     };
     let all = source.first_rows().zip(source.measurements);

@@ -75,6 +75,7 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
         let is_loaded = index > 0 && campaign.stops[index - 1].load.is_some();
         if is_loaded && stop.load.is_none() {
             steps.push(ProgramStep::Halt(TAKE_OFF.to_owned()));
+            steps.extend(payload.take().map(|_: f64| ProgramStep::Payload(None)));
         }
         steps.push(ProgramStep::Remark(remark(index + 1, stop)));
         steps.extend(stop.way.via.iter().cloned().map(ProgramStep::Move));

@@ -44,7 +44,7 @@ impl ShownRows {
     pub fn of_effects(self, effects: &mut [Vector6<f64>]) {
         for (each, shown) in effects
             .iter_mut()
-            .flat_map(|each| Some((each, self.matrix()?)))
+            .filter_map(|each| Some((each, self.matrix()?)))
         {
             let along = shown * each.fixed_rows::<3>(0);
             each.fixed_rows_mut::<3>(0).copy_from(&along);

@@ -239,8 +239,7 @@ impl<'a> Feasibility<'a> {
         let gauge = belief.instrument.gauge?;
         let is_it = |each: &Option<Vector3<f64>>| is_one_direction(each.as_ref(), direction);
         let Some(direction) = direction.filter(|_| allowed.iter().any(is_it)) else {
-            let [found, allowed] =
-                [&[direction.copied()], &allowed[..]].map(|all| directions_in_words(all));
+            let [found, allowed] = [&[direction.copied()], &allowed[..]].map(directions_in_words);
             let words = format!("direction is {found}; allowed {allowed}");
             return Some(Violation::in_words(DIRECTION, words));
         };

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::gate::Gate;
 use crate::parameter::{ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
+use crate::robot::{Commands, SerialChain};
 use crate::study::Level;
 use crate::task::{AccuracyKind, Method};
 
@@ -108,6 +109,25 @@ pub(super) struct TrueRobotTable {
 }
 
 impl File {
+    /// Whether a gauge reads displacements along a direction.
+    fn reads_along(&self) -> bool {
+        self.instrument.reads == InstrumentReads::Displacement
+    }
+
+    /// How an arm is commanded, and whether experiments say a direction.
+    pub fn commands(&self, chain: &SerialChain) -> Commands {
+        Commands::from(chain).reading_along(self.reads_along())
+    }
+
+    /// How many configurations are visited between the two readings of a deflection: none where the load is hung in place.
+    pub fn visited_between(&self) -> u32 {
+        if self.reads_along() {
+            0
+        } else {
+            self.design.experiments
+        }
+    }
+
     /// Whether it says what the true compliances are.
     pub fn tells_compliances(&self) -> bool {
         self.true_robot

@@ -135,7 +135,7 @@ fn study(text: &str, plan: &Plan, trials: u32) -> Value {
 /// What virtual robots leave is what is predicted, and 95 % intervals hold the truth in 95 % of the runs, within three standard errors.
 #[test]
 fn predictions_hold_on_virtual_robots() {
-    let trials = 1000;
+    let trials = 5000;
     let plan = study(&scenario_text(GAUGE), &six(&gauge()), trials);
     let [rms, error, predicted] =
         ["rms_mm", "rms_std_mm", "combined_rms_mm"].map(|key| number(&plan[key]));

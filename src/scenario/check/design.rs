@@ -14,11 +14,11 @@ impl Checker<'_> {
     pub(super) fn design(
         &self,
         table: &DesignTable,
-        [parameters, numbers]: [usize; 2],
+        parameters: usize,
         commands: &Commands,
         loads: &Loads,
     ) -> Result<Design, FileError> {
-        let fewest = fewest(parameters, numbers);
+        let fewest = fewest(parameters, commands);
         let experiments = table.experiments;
         self.at_most(
             "design.experiments",
@@ -29,7 +29,7 @@ impl Checker<'_> {
             let problem = format!(
                 "found {experiments}; at least {fewest} are needed, since each gives {} and {parameters} compliances \
                  are unknown",
-                if numbers == 1 {
+                if commands.reads_along {
                     "one number"
                 } else {
                     "three numbers"
@@ -89,7 +89,8 @@ impl Checker<'_> {
     }
 }
 
-/// The fewest measurements of so many numbers that give as many as there are unknowns.
-pub(super) fn fewest(parameters: usize, numbers: usize) -> u32 {
+/// The fewest measurements that give as many numbers as there are unknowns.
+pub(super) fn fewest(parameters: usize, commands: &Commands) -> u32 {
+    let numbers = if commands.reads_along { 1 } else { 3 };
     u32::try_from(parameters.div_ceil(numbers).max(1)).unwrap_or(u32::MAX)
 }

@@ -7,15 +7,12 @@ use crate::files::FileError;
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
 use crate::quantities::plausible::SIZE;
-use crate::scenario::file::{File, InstrumentReads, UncertaintyKind};
+use crate::scenario::file::{File, InstrumentReads, InstrumentTable, UncertaintyKind};
 use crate::task::{AccuracyKind, Gauge};
 
 impl Checker<'_> {
-    /// A gauge, where one reads, and along which directions it may.
-    pub(super) fn gauge(
-        &self,
-        file: &File,
-    ) -> Result<(Option<Gauge>, Vec<Option<Vector3<f64>>>), FileError> {
+    /// A gauge, where one reads.
+    pub(super) fn gauge(&self, file: &File) -> Result<Option<Gauge>, FileError> {
         let table = &file.instrument;
         let own = [
             ("directions", table.directions.is_some()),
@@ -38,7 +35,7 @@ impl Checker<'_> {
             return Err(wrong.hint("leave it out: one gauge alone has directions, range and resolution, a tracker all else"));
         }
         if table.reads == InstrumentReads::Deflection {
-            return Ok((None, vec![None]));
+            return Ok(None);
         }
         let of_tracker = [
             (
@@ -52,34 +49,36 @@ impl Checker<'_> {
                 "is of an instrument that sees positions, and instrument.reads is \"displacement\"";
             return Err(self.wrong(key, problem));
         }
-        let key = "instrument.directions";
-        let given = table.directions.as_deref().unwrap_or_default();
-        if given.is_empty() {
-            let wrong = self.wrong(
-                key,
-                "is missing: the directions that a gauge may read along",
-            );
-            return Err(
-                wrong.hint("give them in the world frame, as [[1, 0, 0], [0, 1, 0], [0, 0, 1]]")
-            );
-        }
-        self.at_most(key, given.len(), MOST_NAMED)?;
-        let direction =
-            |(index, each): (usize, &Vec<f64>)| self.unit(&format!("{key}[{index}]"), each);
-        let directions = given
-            .iter()
-            .enumerate()
-            .map(direction)
-            .map(|each| each.map(Some));
         let size = |name: &str, value| {
             let size = self.optional(&format!("instrument.{name}"), value, &SIZE)?;
             Ok::<_, FileError>(size.map(|mm| mm * 1e-3))
         };
-        let gauge = Gauge {
+        Ok(Some(Gauge {
             range_m: size("range_mm", table.range_mm)?,
             resolution_m: size("resolution_mm", table.resolution_mm)?.unwrap_or(0.0),
-        };
-        Ok((Some(gauge), directions.collect::<Result<_, _>>()?))
+        }))
+    }
+
+    /// Along which directions a gauge may read; one that is none where all three coordinates are read.
+    pub(super) fn directions(
+        &self,
+        table: &InstrumentTable,
+    ) -> Result<Vec<Option<Vector3<f64>>>, FileError> {
+        if table.reads == InstrumentReads::Deflection {
+            return Ok(vec![None]);
+        }
+        let key = "instrument.directions";
+        let given = table.directions.as_deref().unwrap_or_default();
+        if given.is_empty() {
+            let wrong = self.wrong(key, "is missing: what a gauge may read along");
+            let hint = "give directions in the world frame, as [[1, 0, 0], [0, 1, 0], [0, 0, 1]]";
+            return Err(wrong.hint(hint));
+        }
+        self.at_most(key, given.len(), MOST_NAMED)?;
+        let direction =
+            |(index, each): (usize, &Vec<f64>)| self.unit(&format!("{key}[{index}]"), each);
+        let directions = given.iter().enumerate().map(direction);
+        directions.map(|each| each.map(Some)).collect()
     }
 }
 

@@ -7,15 +7,11 @@ use super::certificate::NOISE;
 use crate::files::FileError;
 use crate::mujoco::Model;
 use crate::scenario::file::File;
-use crate::task::{Gauge, Instrument};
+use crate::task::Instrument;
 
 impl Checker<'_> {
-    pub(super) fn instrument(
-        &self,
-        file: &File,
-        model: &Model,
-        gauge: Option<Gauge>,
-    ) -> Result<Instrument, FileError> {
+    pub(super) fn instrument(&self, file: &File, model: &Model) -> Result<Instrument, FileError> {
+        let gauge = self.gauge(file)?;
         let table = &file.instrument;
         let given = Table::try_from(table).unwrap_or_default();
         self.certificate_is_used("instrument", &given, &NOISE)?;

@@ -27,7 +27,6 @@ mod uncertainty;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use self::design::fewest;
 use self::error_source::ReadingPlaces;
 use self::inputs::Inputs;
 use self::mounted::Locked;
@@ -99,22 +98,19 @@ impl Checker<'_> {
         let known = before.known + parameters.iter().filter(is_listed).count();
         let to_find = parameters.len().saturating_sub(known);
 
-        let (gauge, directions) = self.gauge(&file)?;
-        let commands = Commands::from(&nominal.chain).reading_along(gauge.is_some());
-        let joints = nominal.chain.len();
-        let numbers = if gauge.is_some() { 1 } else { 3 };
+        let (joints, commands) = (nominal.chain.len(), file.commands(&nominal.chain));
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain, &machining_tool)?;
         let loads = self.loads(&file.load)?;
-        let design = self.design(&file.design, [to_find, numbers], &commands, &loads)?;
+        let design = self.design(&file.design, to_find, &commands, &loads)?;
         let plans = self.plans(&file.plan, &commands)?;
-        let instrument = self.instrument(&file, &nominal.model, gauge)?;
+        let instrument = self.instrument(&file, &nominal.model)?;
         let stations = self.stations(&file, &nominal.model, instrument.tracker_site)?;
         let context = study::Context {
             sigma_m: instrument.sigma_m,
             sigma_of: file.instrument.sigma_of,
             design: &design,
             plans: &plans,
-            fewest: fewest(to_find, numbers),
+            parameters: to_find,
             commands: &commands,
         };
         let study = self.study(&file.study, &context)?;
@@ -134,12 +130,7 @@ impl Checker<'_> {
             method: file.identification.method,
         };
         let places = ReadingPlaces {
-            between_h: (laboratory.costs).between_readings_h(if gauge.is_some() {
-                // The load is hung in place.
-                0
-            } else {
-                design.experiments
-            }),
+            between_h: laboratory.costs.between_readings_h(file.visited_between()),
             stations: &stations,
             test_pose_rad: &test_poses[0].configuration_rad,
         };
@@ -162,7 +153,7 @@ impl Checker<'_> {
                 belief,
                 test_poses,
                 loads,
-                directions,
+                directions: self.directions(&file.instrument)?,
                 region,
                 stations,
                 design,
