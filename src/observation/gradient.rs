@@ -129,8 +129,7 @@ pub(super) struct DeflectionGradient<'a> {
 }
 
 impl<'a> DeflectionGradient<'a> {
-    /// The model of a bare arm at one of its tools; none where joints stand off their springs by what they carry, their gears err,
-    /// or a gauge does.
+    /// The model of a bare arm at one of its tools; none where joints stand off their springs by what they carry, or their gears err.
     /// Derivatives are in units of the parameters' `sizes` (p).
     pub fn new(
         arm: &'a ElasticArm,
@@ -141,10 +140,7 @@ impl<'a> DeflectionGradient<'a> {
     ) -> Option<Self> {
         let is_without =
             |kind| is_by_torque(arm, kind) || matches!(kind, ParameterKind::JointWave { .. });
-        let errs = |source: &ReadingSource| {
-            use ReadingSource::{GaugeDirection, TransmissionError};
-            matches!(source, TransmissionError(_) | GaugeDirection(_))
-        };
+        let errs = |source: &ReadingSource| matches!(source, ReadingSource::TransmissionError(_));
         if set.parameters().iter().any(|each| is_without(each.kind)) || sources.iter().any(errs) {
             return None;
         }
@@ -365,9 +361,7 @@ impl<'a> DeflectionGradient<'a> {
         of_tool: &mut Vector3<f64>,
     ) -> Vector3<f64> {
         match source {
-            ReadingSource::Discrepancy(_)
-            | ReadingSource::TransmissionError(_)
-            | ReadingSource::GaugeDirection(_) => Vector3::zeros(),
+            ReadingSource::Discrepancy(_) | ReadingSource::TransmissionError(_) => Vector3::zeros(),
             ReadingSource::JointRepeatability(deviations) => {
                 for (joint, deviation) in self.joints.iter_mut().zip(deviations) {
                     joint.of_position +=
@@ -380,6 +374,18 @@ impl<'a> DeflectionGradient<'a> {
             }
             ReadingSource::LoadPoint(deviation) => {
                 self.adjoint_of_load(false, *deviation, load, of_covariance)
+            }
+            ReadingSource::GaugeDirection(deviation) => {
+                let joints = self.joints.iter().zip(self.compliance);
+                let moved: Vector3<f64> = joints
+                    .map(|(joint, k)| joint.position * (k * joint.torque(load)))
+                    .sum();
+                let b = moved * of_covariance.trace() - of_covariance * moved;
+                let b = b * (2.0 * deviation * deviation);
+                let joints = self.joints.iter_mut().zip(self.compliance);
+                joints
+                    .map(|(joint, &k)| adjoint_of_deflection(joint, k, load, &b))
+                    .sum()
             }
             ReadingSource::Range(noise) => {
                 *of_tool += noise.adjoint(&(self.tool_position - noise.from_m), of_covariance);

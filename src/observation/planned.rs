@@ -246,9 +246,8 @@ impl<'a> PlannedReadings<'a> {
 
     /// How one standard deviation of each number of a source moves a reading (m, rad).
     fn effects(&self, source: &ReadingSource, load: &Load) -> Vec<Vector6<f64>> {
-        let mut effects = self.effects_of_all(source, load);
-        self.shown.of_effects(&mut effects);
-        effects
+        let of_all = self.effects_of_all(source, load).into_iter();
+        of_all.map(|effect| self.shown.of_effect(effect)).collect()
     }
 
     /// The same of all three coordinates.

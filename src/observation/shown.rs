@@ -40,15 +40,13 @@ impl ShownRows {
         }
     }
 
-    /// The same of how random numbers move a reading.
-    pub fn of_effects(self, effects: &mut [Vector6<f64>]) {
-        for (each, shown) in effects
-            .iter_mut()
-            .filter_map(|each| Some((each, self.matrix()?)))
-        {
-            let along = shown * each.fixed_rows::<3>(0);
-            each.fixed_rows_mut::<3>(0).copy_from(&along);
+    /// The same of how a random number moves a reading.
+    pub fn of_effect(self, mut effect: Vector6<f64>) -> Vector6<f64> {
+        if let Some(shown) = self.matrix() {
+            let along = shown * effect.fixed_rows::<3>(0);
+            effect.fixed_rows_mut::<3>(0).copy_from(&along);
         }
+        effect
     }
 
     /// W P.
