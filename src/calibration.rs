@@ -156,7 +156,7 @@ pub fn measure_noise_free(
 ) -> Result<MeasuredRun, CalibrationError> {
     let mut measured = without_noise(robots, task, truth, plan, seed, run)?;
     for (each, moved_m) in (measured.measurements.iter_mut()).zip(&measured.truth.deflections_m) {
-        each.deflection_m = *moved_m;
+        each.deflection_m = each.direction.map_or(*moved_m, |d| d * d.dot(moved_m));
     }
     Ok(measured)
 }

@@ -26,6 +26,11 @@ impl PlanningProblem {
         py.detach(|| {
             let mut scenario =
                 Scenario::load(&path).map_err(|error| PyValueError::new_err(error.to_string()))?;
+            if scenario.task.reads_along() {
+                return Err(PyValueError::new_err(
+                    "instrument.reads is \"displacement\": plans here say no direction to read along",
+                ));
+            }
             if noise_only {
                 scenario.noise_only();
             }
@@ -147,6 +152,7 @@ impl PlanningProblem {
                 load: Load::from_wrench(wrench),
                 repeats,
                 approach: None,
+                direction: None,
             });
         }
         Ok(Plan { experiments })

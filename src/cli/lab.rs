@@ -110,7 +110,7 @@ impl Lab {
             )));
         }
         let without = (campaign.stops.iter())
-            .filter(|stop| stop.approach.is_none())
+            .filter(|stop| stop.approach.is_none() && !stop.is_in_place())
             .flat_map(|stop| &stop.experiments)
             .map(|index| (index + 1).to_string())
             .collect::<std::collections::BTreeSet<_>>();
@@ -139,7 +139,7 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
     let rows = rows.flat_map(|(place, stop, load)| {
         (stop.experiments.iter()).flat_map(move |&index| {
             let (unloaded, before) = campaign.without_load(plan, index);
-            (1..=plan.experiments[index].repeats as usize).map(move |reading| RowToFillIn {
+            (1..=stop.readings as usize).map(move |reading| RowToFillIn {
                 unloaded: match belief.instrument.unloaded {
                     Unloaded::Own => [unloaded + 1, before as usize + reading],
                     Unloaded::Shared => [unloaded + 1, 1],
@@ -148,6 +148,7 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
                 configuration_rad: &stop.configuration,
                 load,
                 approach: stop.side.as_approach().filter(|_| says_sides),
+                direction: stop.direction,
             })
         })
     });
@@ -156,11 +157,16 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
         belief.instrument.rotation_sigma_rad,
         rows,
     );
+    let what = if belief.instrument.gauge.is_some() {
+        "# what the gauge shows under the load, set to zero without it: positive along its direction (world frame)\n"
+    } else {
+        "# positions of the reflector without and with the load as the sheet has them, world frame; where the \
+         instrument shows\n# their difference: dx_mm,dy_mm,dz_mm in place of the six columns\n"
+    };
     scenario.origin().comments()
         + &format!("# {CONTROLLER_COMPENSATES}no\n")
         + "# does the controller compensate deflections by itself (KUKA: $ABS_ACCUR)? Write yes or no there.\n"
-        + "# positions of the reflector without and with the load as the sheet has them, world frame; where the \
-           instrument shows\n# their difference: dx_mm,dy_mm,dz_mm in place of the six columns\n"
+        + what
         + &table
 }
 

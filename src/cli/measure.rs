@@ -5,15 +5,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::calibration::{MeasuredRun, measure, measure_noise_free};
-use elastocal::codes::ErrorCode;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, output::write_whole};
 use elastocal::measurement::{absolute_table, write_measurements_under};
-use elastocal::plan::{absolute::AbsolutePlanning, read_plan};
+use elastocal::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage, TruthMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::virtual_readings;
-use elastocal::task::AccuracyKind;
+use elastocal::task::{AccuracyKind, Task};
 use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::text::wording::counted;
 use serde_json::json;
@@ -89,11 +89,22 @@ impl Measure {
         };
         let rows = measurements.iter().enumerate().map(|(index, each)| {
             let mut row = vec![(index + 1).to_string()];
-            row.extend((each.deflection_m.iter()).map(|value| format!("{:.4}", value * 1e3)));
-            row.push(format!("{:.4}", each.deflection_m.norm() * 1e3));
+            let size_m = if let Some(direction) = &each.direction {
+                row.extend(direction.iter().map(|value| format!("{value:.4}")));
+                direction.dot(&each.deflection_m)
+            } else {
+                row.extend((each.deflection_m.iter()).map(|value| format!("{:.4}", value * 1e3)));
+                each.deflection_m.norm()
+            };
+            row.push(format!("{:.4}", size_m * 1e3));
             row
         });
-        let mut text = table("experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]", rows);
+        let header = if task.reads_along() {
+            "experiment | along x | y | z | displacement [mm]"
+        } else {
+            "experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]"
+        };
+        let mut text = table(header, rows);
         if let Some(truth) = of_run.as_ref().filter(|_| self.noise_free) {
             text += &truth_words(&task.belief.parameter_names(), truth);
         }
@@ -118,7 +129,9 @@ impl Measure {
                 json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             ),
             text,
-            (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
+            (scenario.task.loads.outside_plan(&plan, None).into_iter())
+                .chain(beyond_gauge(task, &plan))
+                .collect(),
         ))
     }
 
@@ -152,6 +165,18 @@ impl Measure {
             Vec::new(),
         ))
     }
+}
+
+/// What a gauge cannot show of a plan.
+fn beyond_gauge(task: &Task, plan: &Plan) -> Vec<Condition> {
+    if !task.reads_along() {
+        return Vec::new();
+    }
+    let violations = Feasibility::new(task).violations(plan).into_iter();
+    let of_gauge = violations.filter(Violation::is_of_gauge);
+    of_gauge
+        .map(|each| ConditionCode::Violation.with(each.to_string()))
+        .collect()
 }
 
 /// What a run's virtual robot is: its compliances, and what else the run samples.

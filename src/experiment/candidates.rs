@@ -5,7 +5,8 @@ use std::path::Path;
 use nalgebra::DVector;
 
 use super::file::{
-    APPROACH, LOAD, add_approach, approach, configuration, experiment_columns, load,
+    APPROACH, LOAD, add_approach, approach, configuration, direction, load, reading_columns,
+    reading_fields,
 };
 use super::{Experiment, Plan};
 use crate::codes::ErrorCode;
@@ -88,7 +89,7 @@ pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, Fil
 }
 
 fn plan_of(path: &Path, commands: &Commands) -> Result<Plan, FileError> {
-    let mut required = experiment_columns(commands);
+    let mut required = reading_columns(commands);
     required.push(REPEATS.to_owned());
     let table = Table::read_with(path, &Columns::of(required, &[], &[APPROACH]))?;
     let experiment = |row: Row<'_>| {
@@ -102,6 +103,7 @@ fn plan_of(path: &Path, commands: &Commands) -> Result<Plan, FileError> {
             load,
             repeats,
             approach: approach(&row, commands)?,
+            direction: direction(&row, commands)?,
         })
     };
     let experiments = table.rows().map(experiment).collect::<Result<_, _>>()?;
@@ -123,17 +125,15 @@ pub fn write_plan(
     commands: impl Into<Commands>,
     plan: &Plan,
 ) -> Result<(), FileError> {
-    let row = |each: &Experiment| Candidate {
-        line: 0,
-        configuration_rad: each.configuration_rad.clone(),
-        load: Some(each.load),
-        most: Some(each.repeats),
-        target: None,
-        station: None,
-        approach: each.approach.clone(),
-    };
-    let rows: Vec<Candidate> = plan.experiments.iter().map(row).collect();
-    write(path, &commands.into(), &rows, true)
+    let commands = commands.into();
+    let mut sheet = Sheet::new(&plan.experiments);
+    sheet.add(&reading_columns(&commands), |each| {
+        let (q, direction) = (&each.configuration_rad, each.direction.as_ref());
+        reading_fields(&commands, q, &each.load, direction)
+    });
+    sheet.add(&[REPEATS], |each| vec![each.repeats.to_string()]);
+    add_approach(&mut sheet, |each| each.approach.as_ref());
+    write_whole(path, sheet.text().as_bytes())
 }
 
 /// Writes candidates, or a plan of them, whose repeats are then the most that there may be; columns that nobody needs are left
@@ -144,15 +144,7 @@ pub fn write_candidates(
     candidates: &[Candidate],
 ) -> Result<(), FileError> {
     let has_load = candidates.iter().any(|each| each.load.is_some());
-    write(path, &commands.into(), candidates, has_load)
-}
-
-fn write(
-    path: &Path,
-    commands: &Commands,
-    candidates: &[Candidate],
-    has_load: bool,
-) -> Result<(), FileError> {
+    let commands = commands.into();
     let shown = |values: &[f64]| values.iter().map(ToString::to_string).collect();
     let mut sheet = Sheet::new(candidates);
     sheet.add(&commands.columns(), |each| {

@@ -1,6 +1,6 @@
 //! Columns of configurations and loads in CSV files, with the units in their names.
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector3};
 
 use crate::csv::{Row, Sheet};
 use crate::files::FileError;
@@ -11,6 +11,11 @@ use crate::robot::{Approach, Commands, Load};
 pub const LOAD: [&str; 6] = ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"];
 /// The column of words that says from which side a configuration is approached.
 pub const APPROACH: &str = "approach";
+
+/// The columns that name the direction along which a gauge reads: a unit vector in the world frame.
+pub const DIRECTION: [&str; 3] = ["direction_x", "direction_y", "direction_z"];
+/// A direction's length may be so far from 1: four decimals.
+const NEARLY_ONE: f64 = 1e-3;
 
 /// The columns that name a configuration and a load.
 pub fn experiment_columns(commands: &Commands) -> Vec<String> {
@@ -69,6 +74,50 @@ pub fn experiment_fields(
         .chain(load.wrench().iter().copied())
         .map(|value| value.to_string())
         .collect()
+}
+
+/// The columns that name a configuration, a load and, for a gauge, its direction.
+pub fn reading_columns(commands: &Commands) -> Vec<String> {
+    let mut columns = experiment_columns(commands);
+    if commands.reads_along {
+        columns.extend(DIRECTION.map(str::to_owned));
+    }
+    columns
+}
+
+/// The direction of a row, for a gauge.
+///
+/// # Errors
+/// Its length is not 1.
+pub fn direction(row: &Row<'_>, commands: &Commands) -> Result<Option<Vector3<f64>>, FileError> {
+    if !commands.reads_along {
+        return Ok(None);
+    }
+    let direction = row.vector(DIRECTION);
+    let length = direction.norm();
+    if (length - 1.0).abs() <= NEARLY_ONE {
+        return Ok(Some(direction / length));
+    }
+    let problem = format!(
+        "{}: found a vector of length {length:.4}; 1 is allowed, to {NEARLY_ONE}",
+        DIRECTION.join(",")
+    );
+    Err(row.wrong(problem))
+}
+
+/// The fields of a configuration, a load and a direction, in the order of [`reading_columns`].
+pub fn reading_fields(
+    commands: &Commands,
+    configuration_rad: &DVector<f64>,
+    load: &Load,
+    direction: Option<&Vector3<f64>>,
+) -> Vec<String> {
+    let mut fields = experiment_fields(commands, configuration_rad, load);
+    if commands.reads_along {
+        let direction = direction.copied().unwrap_or_default();
+        fields.extend(direction.iter().map(ToString::to_string));
+    }
+    fields
 }
 
 /// Adds the side of approach to a table, where some row says it.

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::{Experiment, Plan, is_printed_as};
+use super::{Experiment, Plan, is_one_direction, is_printed_as};
 
 /// Angles are printed alike within this (rad): plans have one decimal of a degree.
 pub const PRINTED_RAD: f64 = 0.1_f64.to_radians();
@@ -44,7 +44,8 @@ impl Plan {
                 let angles = &each.configuration_rad - &wanted.configuration_rad;
                 let printed_alike = is_printed_as(&each.load, &wanted.load);
                 let near = angles.amax();
-                (printed_alike && near <= PRINTED_RAD).then_some(near)
+                let is_along = is_one_direction(each.direction.as_ref(), wanted.direction.as_ref());
+                (printed_alike && is_along && near <= PRINTED_RAD).then_some(near)
             };
             let mut same: Vec<(usize, f64)> = (self.experiments.iter().enumerate())
                 .filter_map(|(index, each)| Some((index, apart(each)?)))

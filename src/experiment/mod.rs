@@ -7,14 +7,14 @@ mod mandatory;
 
 use std::collections::BTreeMap;
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector3};
 
 use crate::robot::{Approach, Load};
 
 pub use candidates::{Candidate, read_candidates, read_plan, write_candidates, write_plan};
 pub use file::{
-    APPROACH, LOAD, add_approach, approach, configuration, experiment_columns, experiment_fields,
-    load,
+    APPROACH, DIRECTION, LOAD, add_approach, approach, configuration, direction,
+    experiment_columns, experiment_fields, load, reading_columns, reading_fields,
 };
 pub use load_set::{Loads, in_words, is_printed_as, printed_tolerance};
 pub use mandatory::{NotMandatory, PRINTED_RAD};
@@ -31,6 +31,8 @@ pub struct Experiment {
     /// From which side the configuration is approached, unloaded and loaded; with all joints turning positively where nothing
     /// is said.
     pub approach: Option<Approach>,
+    /// The direction (unit vector, world frame) that a gauge reads along; none where all three coordinates are read.
+    pub direction: Option<Vector3<f64>>,
 }
 
 /// A plan of experiments (D1).
@@ -52,6 +54,17 @@ impl Experiment {
 
 /// Commanded angles (rad) and lengths (m) that differ by no more are the same: controllers and tables round them.
 pub const SAME_CONFIGURATION: f64 = 0.01 * std::f64::consts::PI / 180.0;
+
+/// Directions that differ by no more than this are the same: tables round them.
+const SAME_DIRECTION: f64 = 1e-3;
+
+/// Whether a gauge reads along the same direction (unit vectors), or both times all three coordinates are read.
+pub fn is_one_direction(one: Option<&Vector3<f64>>, other: Option<&Vector3<f64>>) -> bool {
+    match (one, other) {
+        (Some(one), Some(other)) => (one - other).amax() <= SAME_DIRECTION,
+        (one, other) => one == other,
+    }
+}
 
 /// Whether these are one configuration, of which deflections may share errors: the same commanded angles (rad), within
 /// [`SAME_CONFIGURATION`], approached from the same side.
@@ -152,6 +165,7 @@ impl Plan {
                 known.configuration_rad == each.configuration_rad
                     && known.approach == each.approach
                     && known.load == each.load
+                    && known.direction == each.direction
             });
             match same {
                 Some(known) => known.repeats += each.repeats,

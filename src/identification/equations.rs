@@ -121,7 +121,8 @@ impl EquationSource<'_> {
             let [moved, turned] = state.brace_under(compliance, &each.load);
             let observed = ObservationMatrix::new(&state, &each.load, self.parameters);
             let rest = ObservationMatrix::new(&state, &each.load, &others);
-            writer.push(
+            writer.push_deflection(
+                each,
                 &observed.position,
                 each.deflection_m - moved - &rest.position * &known,
                 &self.sigma(each),
@@ -172,7 +173,8 @@ impl EquationSource<'_> {
             let (unloaded, unloaded_axes, from) = rest(&Load::NONE)?;
             let (loaded, loaded_axes, to) = rest(&each.load)?;
             let sensitivity = to - from;
-            writer.push(
+            writer.push_deflection(
+                each,
                 &sensitivity.fixed_rows::<3>(0).into_owned(),
                 each.deflection_m - (loaded - unloaded),
                 &self.sigma(each),
@@ -233,7 +235,7 @@ impl EquationSource<'_> {
             return self.take_extended_weights_off(extended, rows);
         }
         for (each, first) in self.measurements.iter().zip(self.first_rows()) {
-            for (axis, sigma) in self.sigma(each).iter().enumerate() {
+            for (axis, sigma) in self.sigma(each).iter().take(rows_of(each)).enumerate() {
                 let mut row = rows.row_mut(first + axis);
                 row *= *sigma;
             }
@@ -246,7 +248,7 @@ impl EquationSource<'_> {
         }
     }
 
-    /// The covariance of each measured deflection (m^2), whatever repeats it.
+    /// The covariance of each measured deflection (m^2), whatever repeats it; of what is along a direction the first element.
     pub(super) fn covariances(&self) -> Vec<Matrix3<f64>> {
         let all = self.covariances_of_all().into_iter();
         all.map(|whole| whole.fixed_view::<3, 3>(0, 0).into_owned())
@@ -268,9 +270,13 @@ impl EquationSource<'_> {
     }
 }
 
-/// How many rows a measurement has.
+/// How many rows a measurement has: three of a deflection, one of what is along a direction; three more of a rotation.
 pub(super) const fn rows_of(measurement: &Measurement) -> usize {
-    if measurement.rotation.is_some() { 6 } else { 3 }
+    match (&measurement.direction, &measurement.rotation) {
+        (Some(_), _) => 1,
+        (None, Some(_)) => 6,
+        (None, None) => 3,
+    }
 }
 
 /// Fills the equations three rows at a time, each row divided by its standard deviation.
@@ -301,6 +307,23 @@ impl Writer {
         }
     }
 
+    /// Adds those of a deflection, or of what is along a direction.
+    pub fn push_deflection(
+        &mut self,
+        of: &Measurement,
+        matrix: &Matrix3xX<f64>,
+        value: Vector3<f64>,
+        sigma: &Vector3<f64>,
+    ) {
+        let Some(direction) = &of.direction else {
+            return self.push(matrix, value, sigma);
+        };
+        let row = matrix.tr_mul(direction).transpose() / sigma.x;
+        self.equations.matrix.set_row(self.row, &row);
+        self.equations.right_hand_side[self.row] = direction.dot(&value) / sigma.x;
+        self.row += 1;
+    }
+
     /// Adds a reading's rows, whitened: of its derivatives (6 x p) and of what is left of it.
     pub fn push_whitened(
         &mut self,
@@ -312,7 +335,8 @@ impl Writer {
         let rows = whitener.nrows();
         let matrix = whitener * derivatives.rows(0, rows);
         let mut left = DVector::zeros(rows);
-        left.rows_mut(0, 3).copy_from(left_m);
+        let own = rows.min(3);
+        left.rows_mut(0, own).copy_from(&left_m.rows(0, own));
         if let Some(left_rad) = left_rad {
             left.rows_mut(3, 3).copy_from(left_rad);
         }

@@ -1,11 +1,11 @@
 //! From measurements to compliances with their uncertainty.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use super::case::{Case, Sigma};
 use super::discrepancy::Discrepancy;
-use super::equations::EquationSource;
+use super::equations::{EquationSource, rows_of};
 use super::error::IdentificationError;
 use super::fit::{Fit, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
@@ -231,6 +231,7 @@ fn report(
         .then(|| ChiSquared::new(freedom).ok())
         .flatten();
     let deflections = source.measurements.iter();
+    let coordinates: usize = (deflections.clone()).map(|each| rows_of(each).min(3)).sum();
     let squares: f64 = (deflections.map(|each| each.deflection_m.norm_squared())).sum();
     Ok(Identification {
         method,
@@ -243,7 +244,7 @@ fn report(
         consistency: chi_square.map(|chi| chi.sf(sum_of_squares)),
         consistency_lower: chi_square.map(|chi| chi.cdf(sum_of_squares)),
         discrepancy: None,
-        deflection_m: (squares / (3 * source.measurements.len()) as f64).sqrt(),
+        deflection_m: (squares / coordinates as f64).sqrt(),
         stays_nominal: Vec::new(),
         is_all_weak: false,
         residuals_m,
@@ -257,8 +258,14 @@ fn report(
 fn residuals_m(source: &EquationSource<'_>, whitened: &DVector<f64>) -> Vec<f64> {
     let mut residuals = DMatrix::from_columns(&[whitened.rows(0, source.rows())]);
     source.take_weights_off(&mut residuals);
-    let of_deflections = source.first_rows().flat_map(|first| first..first + 3);
-    of_deflections.map(|row| residuals[(row, 0)]).collect()
+    let of_one = |(first, each): (usize, &Measurement)| match each.direction {
+        // No minus zero.
+        Some(direction) => direction * residuals[(first, 0)] + Vector3::zeros(),
+        None => residuals.fixed_view::<3, 1>(first, 0).into_owned(),
+    };
+    let all = source.first_rows().zip(source.measurements);
+    all.flat_map(|each| <[f64; 3]>::from(of_one(each)))
+        .collect()
 }
 
 fn two_sided_normal() -> f64 {

@@ -48,7 +48,12 @@ impl EquationSource<'_> {
                     .predict(Form::AtRest, &setup, kind, &mut derivatives)
                     .map_err(|error| IdentificationError::from((index, error)))?,
             };
-            let left_m = each.deflection_m - position_m;
+            let mut left_m = each.deflection_m - position_m;
+            if let Some(direction) = &each.direction {
+                let along = derivatives.fixed_rows::<3>(0).tr_mul(direction);
+                derivatives.set_row(0, &along.transpose());
+                left_m = Vector3::ith(0, direction.dot(&left_m));
+            }
             let left_rad = (each.rotation.as_ref())
                 .map(|measured| measured.vector_rad - rotation_vector(&rotation));
             let whitener = if shares[index] {
@@ -79,11 +84,13 @@ impl EquationSource<'_> {
     /// The readings of these measurements as planning sees them: of rotations, too, where some are measured. The
     /// instrument's noise is the measurements' own.
     pub(super) fn readings<'e>(&self, extended: &'e Extended) -> PlannedReadings<'e> {
-        let has_rotations = self.measurements.iter().any(|each| each.rotation.is_some());
+        let has = |is_there: fn(&Measurement) -> bool| self.measurements.iter().any(is_there);
+        let has_rotations = has(|each| each.rotation.is_some());
         extended.readings_of_all(DeflectionPrecision {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: has_rotations.then_some(1.0),
             unloaded: extended.unloaded(),
+            is_along_direction: has(|each| each.direction.is_some()),
         })
     }
 
@@ -128,6 +135,7 @@ impl EquationSource<'_> {
         model: &mut PlannedReadings<'_>,
         measurement: &Measurement,
     ) -> Matrix6<f64> {
+        model.read_along(measurement.direction.as_ref());
         model.move_to(measurement.configuration_rad.as_slice());
         model.covariance_of_all(&measurement.load) + self.noise(measurement)
     }

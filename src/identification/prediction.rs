@@ -49,6 +49,11 @@ pub enum PredictionError {
         /// Which.
         source: NotDetermined,
     },
+    /// Displacements along a direction were measured.
+    #[error(
+        "displacements along a direction are not validated: deflections are needed, with all three coordinates"
+    )]
+    AlongDirection,
     /// There is no covariance to judge by.
     #[error("the covariance of what was identified is none")]
     Singular,
@@ -63,6 +68,13 @@ impl Case<'_> {
     pub fn predictions(&self, posterior: &Posterior) -> Result<Predictions, PredictionError> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements.into());
+        }
+        if self
+            .measurements
+            .iter()
+            .any(|each| each.direction.is_some())
+        {
+            return Err(PredictionError::AlongDirection);
         }
         let source = self.equation_source();
         let (matrix, residual) = self.against(&source, &posterior.mean)?;

@@ -76,8 +76,12 @@ pub struct Repeats {
 }
 
 impl Repeats {
-    /// Of deflections: two readings each, and no place that is predicted. `None` without repeats.
+    /// Of deflections: two readings each, and no place that is predicted. `None` without repeats, and of displacements along a
+    /// direction.
     pub fn of_deflections(measurements: &[Measurement], kept: &[usize]) -> Option<Self> {
+        if measurements.iter().any(|each| each.direction.is_some()) {
+            return None;
+        }
         let own: Vec<Measurement> = kept.iter().map(|&row| measurements[row].clone()).collect();
         let visit = |place: usize| RepeatedVisit {
             place_m: own[place].deflection_m,

@@ -141,6 +141,17 @@ impl Case<'_> {
         &self,
         robustness: Robustness,
     ) -> Result<RobustIdentification, IdentificationError> {
+        // The yardsticks of outliers and of a discrepancy are those of three coordinates.
+        let is_along = |each: &Measurement| each.direction.is_some();
+        let robustness = if self.measurements.iter().any(is_along) {
+            Robustness {
+                keeps_all: true,
+                counts_discrepancy: false,
+                ..robustness
+            }
+        } else {
+            robustness
+        };
         let known = Case {
             sigma: Sigma::Known(self.sigma.weight_m()),
             ..*self
@@ -254,7 +265,7 @@ impl Case<'_> {
         let numbers: f64 = (measurements.iter().zip(repeats(&measurements)))
             .map(|(each, [deflections, rotations])| {
                 let rotation = each.rotation.map_or(0.0, |_| 3.0 / rotations);
-                3.0 / deflections + rotation
+                rows_of(each).min(3) as f64 / deflections + rotation
             })
             .sum();
         let used = (&own_rows * &posterior.covariance)
@@ -265,12 +276,16 @@ impl Case<'_> {
         source.take_weights_off(&mut residual);
         let (mut left, mut known) = (Vec::new(), Vec::new());
         for (each, row) in weighed.iter().zip(source.first_rows()) {
-            let part = |first: usize| Vector3::from_fn(|axis, _| residual[(row + first + axis, 0)]);
+            let count = rows_of(each);
+            let part = |first: usize| {
+                let own =
+                    |axis: usize| (first + axis < count).then(|| residual[(row + first + axis, 0)]);
+                Vector3::from_fn(|axis, _| own(axis).unwrap_or(0.0))
+            };
             left.push(ReadingResidual {
                 position_m: part(0),
                 rotation_rad: each.rotation.is_some().then(|| part(3)),
             });
-            let count = rows_of(each);
             let own = matrix.rows(row, count);
             let predicted = own * &posterior.covariance * own.transpose();
             known.push(Matrix6::from_fn(|row, column| {

@@ -4,8 +4,10 @@
 //! configurations are visited without a load first, then for one load after the other those that it belongs
 //! to: there are no fewer changes of load than different loads. Each configuration is approached from the same
 //! side every time, so that backlash and friction are the same in both positions.
+//!
+//! A gauge on its stand loses its zero when the robot leaves: for each measurement it is set, and the load hung in place.
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector3};
 use thiserror::Error;
 
 use super::order::shortest;
@@ -64,6 +66,8 @@ pub struct Stop {
     pub load: Option<Load>,
     /// Whether it is hung just before the approach, in place of what hung there.
     pub changes_load: bool,
+    /// The direction that a gauge reads along, which is set here where nothing hangs yet.
+    pub direction: Option<Vector3<f64>>,
     /// How often the instrument is read.
     pub readings: u32,
     /// The side from which it is approached.
@@ -117,7 +121,12 @@ impl Campaign {
         let sides: Vec<(Side, Option<DVector<f64>>)> = (0..plan.experiments.len())
             .map(|index| planner.side(index))
             .collect();
-        for (number, group) in groups(plan, unloaded, keep_order).into_iter().enumerate() {
+        let groups = if task.reads_along() {
+            planner.in_place(keep_order)
+        } else {
+            groups(plan, unloaded, keep_order)
+        };
+        for (number, group) in groups.into_iter().enumerate() {
             let order = if keep_order {
                 (0..group.members.len()).collect()
             } else {
@@ -145,6 +154,12 @@ impl Campaign {
         };
         campaign.minutes = campaign.minutes_of(laboratory);
         Ok(campaign)
+    }
+
+    /// How many times the instrument is set up: once, or a gauge for each measurement.
+    fn set_ups(&self) -> usize {
+        let is_set = |stop: &&Stop| stop.direction.is_some() && stop.load.is_none();
+        self.stops.iter().filter(is_set).count().max(1)
     }
 
     /// How many times a load is hung.
@@ -183,16 +198,18 @@ impl Campaign {
 
     fn minutes_of(&self, laboratory: &Laboratory) -> f64 {
         let turning_min = self.travel() / laboratory.axis_speed_per_s / 60.0;
-        let (stops, changes) = (self.stops.len(), self.load_changes());
-        laboratory.costs.work_min(stops, changes, self.readings()) + turning_min
+        // A load that is hung in place moves no robot.
+        let moves = self.stops.iter().filter(|stop| !stop.is_in_place()).count();
+        let work = [self.set_ups(), moves, self.load_changes()];
+        laboratory.costs.work_min(work, self.readings()) + turning_min
     }
 }
 
 impl Costs {
-    /// How long one station takes with so many stops, changes of load and readings (minutes), without the
+    /// How long so many set-ups, stops, changes of load and readings take (minutes), without the
     /// time that joints turn.
-    pub fn work_min(&self, stops: usize, load_changes: usize, readings: u32) -> f64 {
-        self.station_min
+    pub fn work_min(&self, [set_ups, stops, load_changes]: [usize; 3], readings: u32) -> f64 {
+        self.station_min * set_ups as f64
             + self.move_min * stops as f64
             + self.load_change_min * load_changes as f64
             + self.reading_min * f64::from(readings)
@@ -221,11 +238,27 @@ impl Group {
             experiments: experiments.clone(),
             load: self.load,
             changes_load: is_first && self.load.is_some(),
+            direction: plan.experiments[experiments[0]].direction,
             readings: *readings,
             side: side.clone(),
             approach: approach.clone(),
             way: Way::default(),
         }
+        .kept_in_place()
+    }
+}
+
+impl Stop {
+    /// Whether the robot stands there already, and the load is hung beside a gauge.
+    pub const fn is_in_place(&self) -> bool {
+        self.direction.is_some() && self.load.is_some()
+    }
+
+    fn kept_in_place(mut self) -> Self {
+        if self.is_in_place() {
+            self.approach = None;
+        }
+        self
     }
 }
 
@@ -322,6 +355,32 @@ impl Planner<'_> {
         )
     }
 
+    /// Each measurement by itself, without the load and with it, in an order of short moves.
+    fn in_place(&self, keep_order: bool) -> Vec<Group> {
+        let experiments = &self.plan.experiments;
+        let group = |load, index: usize| Group {
+            load,
+            members: vec![(vec![index], 1)],
+        };
+        let all = Group {
+            load: None,
+            members: (0..experiments.len())
+                .map(|index| (vec![index], 1))
+                .collect(),
+        };
+        let order = if keep_order {
+            (0..experiments.len()).collect()
+        } else {
+            self.order(None, &all)
+        };
+        let each = order.into_iter().flat_map(|index| {
+            let repeats = experiments[index].repeats as usize;
+            std::iter::repeat_n(index, repeats)
+        });
+        each.flat_map(|index| [None, Some(experiments[index].load)].map(|load| group(load, index)))
+            .collect()
+    }
+
     /// The order of a group's members.
     fn order(&self, last: Option<&Stop>, group: &Group) -> Vec<usize> {
         let at = |member: usize| group.members[member].0[0];
@@ -353,6 +412,9 @@ impl Planner<'_> {
             // The robot is brought there by hand.
             return Ok(Way::default());
         };
+        if stop.is_in_place() {
+            return Ok(Way::default());
+        }
         let (hanging, number) = if stop.changes_load {
             (last.and_then(|last| last.load), group - 1)
         } else {

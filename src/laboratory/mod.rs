@@ -26,7 +26,7 @@ mod ways;
 pub use campaign::{Campaign, CampaignError, Stop};
 pub use clearance::PathJudge;
 pub use dialect::{Dialect, DialectError};
-pub use program::{Program, ProgramFile, ProgramStep, hung_kg, program};
+pub use program::{Program, ProgramFile, ProgramStep, TAKE_OFF, hung_kg, program, set_gauge};
 pub use settings::{Costs, Laboratory};
 pub use side::Side;
 pub use targets::{ProgramTarget, program_to};

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_printed_as};
+use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_one_direction, is_printed_as};
 use crate::identification::{Case, Identification, Sigma};
 use crate::measurement::{Measurement, by_experiment};
 use crate::plan::search::{Bound, Problem, SearchError, Watch, approximate_design, exact_design};
@@ -18,6 +18,7 @@ pub fn measured_plan(measurements: &[Measurement]) -> Plan {
             load: first.load,
             repeats: u32::try_from(members.len()).unwrap_or(u32::MAX),
             approach: first.approach.clone(),
+            direction: first.direction,
         }
     });
     Plan {
@@ -36,7 +37,9 @@ pub fn not_measured(plan: &Plan, measured: &Plan) -> Plan {
             let is_same_side = known.approach.is_none()
                 || each.approach.is_none()
                 || known.approach == each.approach;
-            if apart <= PRINTED_RAD && is_same_side && is_printed_as(&known.load, &each.load) {
+            let is_along = is_one_direction(known.direction.as_ref(), each.direction.as_ref());
+            let is_alike = is_same_side && is_along && is_printed_as(&known.load, &each.load);
+            if apart <= PRINTED_RAD && is_alike {
                 let taken = left.repeats.min(known.repeats);
                 left.repeats -= taken;
                 known.repeats -= taken;

@@ -13,6 +13,15 @@ const LONGEST_TEXT: usize = 100;
 /// The cosine of the largest angle between a hung load and gravity.
 const PLUMB: f64 = 0.999;
 
+/// What is done after a gauge is read.
+pub const TAKE_OFF: &str = "Take the load off and the gauge away";
+
+/// How a gauge is set along a direction (unit vector, world frame).
+pub fn set_gauge(direction: &Vector3<f64>) -> String {
+    let [x, y, z] = (*direction).into();
+    format!("set the gauge along ({x:.3}, {y:.3}, {z:.3}) and to zero")
+}
+
 /// One step of a program.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ProgramStep {
@@ -63,6 +72,11 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
         steps.push(ProgramStep::Move(home.clone()));
     }
     for (index, stop) in campaign.stops.iter().enumerate() {
+        let is_loaded = index > 0 && campaign.stops[index - 1].load.is_some();
+        if is_loaded && stop.load.is_none() {
+            steps.push(ProgramStep::Halt(TAKE_OFF.to_owned()));
+            steps.extend(payload.take().map(|_: f64| ProgramStep::Payload(None)));
+        }
         steps.push(ProgramStep::Remark(remark(index + 1, stop)));
         steps.extend(stop.way.via.iter().cloned().map(ProgramStep::Move));
         steps.extend(stop.approach.iter().cloned().map(ProgramStep::Move));
@@ -79,8 +93,11 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
             payload = hung;
         }
         steps.push(ProgramStep::Move(stop.configuration.clone()));
-        let times = counted(stop.readings.into(), "reading");
-        steps.push(ProgramStep::Halt(format!("Stop {}: {times}", index + 1)));
+        let what = match (&stop.direction, &stop.load) {
+            (Some(direction), None) => set_gauge(direction),
+            _ => counted(stop.readings.into(), "reading"),
+        };
+        steps.push(ProgramStep::Halt(format!("Stop {}: {what}", index + 1)));
         steps.push(ProgramStep::Log);
     }
     if let (Some(home), Some(way)) = (&campaign.home, &campaign.return_way) {

@@ -36,20 +36,23 @@ pub struct TimedPlan {
 }
 
 /// The minutes that so many measurements in so many configurations take at most, without the time that joints
-/// turn: two stops for each configuration, and two readings for each measurement.
+/// turn: two stops for each configuration, and two readings for each measurement; a gauge is set, and a load hung, for each.
 pub fn work_minutes(
-    loads: &Loads,
+    task: &Task,
     laboratory: &Laboratory,
     experiments: u32,
     configurations: u32,
 ) -> f64 {
+    if task.reads_along() {
+        return (laboratory.costs).work_min([experiments as usize; 3], 2 * experiments);
+    }
     let stops = 2 * configurations as usize;
-    let changes = match loads {
+    let changes = match &task.loads {
         Loads::Fixed(_) => 1,
         Loads::List(list) => list.len().min(configurations as usize),
         Loads::Direction { .. } | Loads::Any { .. } => configurations as usize,
     };
-    (laboratory.costs).work_min(stops, changes, 2 * experiments)
+    (laboratory.costs).work_min([1, stops, changes], 2 * experiments)
 }
 
 /// Of some plans the one that takes the least time with all its ways, and the minutes; those between whose experiments
@@ -63,7 +66,7 @@ pub fn quickest<'a, T>(
     // configuration.
     let work = |plan: &Plan| {
         let stops = plan.experiments.len() + 1;
-        (laboratory.costs).work_min(stops, 1, 2 * plan.measurements())
+        (laboratory.costs).work_min([1, stops, 1], 2 * plan.measurements())
     };
     let mut plans: Vec<(f64, &Plan, T)> =
         plans.map(|(plan, with)| (work(plan), plan, with)).collect();
@@ -105,7 +108,7 @@ pub fn plans_within(
         minutes,
         seed,
     };
-    let fewest = u32::try_from(search.problem.to_find().div_ceil(3).max(1)).unwrap_or(u32::MAX);
+    let fewest = search.problem.fewest();
     let mut plans: Vec<TimedPlan> = Vec::new();
     // What the ways of the plan before took for each configuration.
     let mut way_min = 0.0;
@@ -150,7 +153,7 @@ impl TimeSearch<'_> {
     ) -> Result<Option<(TimedPlan, f64)>, SearchError> {
         let (task, laboratory, minutes) = (self.problem.task, self.laboratory, self.minutes);
         let fits = |ways_min: f64| {
-            let count = most(&task.loads, laboratory, minutes - ways_min, configurations);
+            let count = most(task, laboratory, minutes - ways_min, configurations);
             count.filter(|count| *count >= task.design.mandatory.measurements())
         };
         let (mut found, mut ways_min) = (None, expected_min);
@@ -176,7 +179,7 @@ impl TimeSearch<'_> {
             let Ok(campaign) = Campaign::new(task, laboratory, &plan, false) else {
                 break;
             };
-            let work_min = work_minutes(&task.loads, laboratory, experiments, configurations);
+            let work_min = work_minutes(task, laboratory, experiments, configurations);
             ways_min = campaign.minutes - work_min;
             if campaign.minutes <= minutes {
                 let timed = TimedPlan {
@@ -199,12 +202,12 @@ impl TimeSearch<'_> {
 }
 
 /// The most measurements in so many configurations that so many minutes allow.
-fn most(loads: &Loads, laboratory: &Laboratory, minutes: f64, configurations: u32) -> Option<u32> {
-    let least = work_minutes(loads, laboratory, configurations, configurations);
+fn most(task: &Task, laboratory: &Laboratory, minutes: f64, configurations: u32) -> Option<u32> {
+    let least = work_minutes(task, laboratory, configurations, configurations);
     if least > minutes {
         return None;
     }
-    let each = work_minutes(loads, laboratory, configurations + 1, configurations) - least;
+    let each = work_minutes(task, laboratory, configurations + 1, configurations) - least;
     // All that are planned at one time, where a reading takes none.
     let more = if each > 0.0 {
         (minutes - least) / each

@@ -44,12 +44,15 @@ pub struct Measurement {
     pub rotation: Option<RotationMeasurement>,
     /// From which side the configuration was approached, unloaded and loaded, where that is known.
     pub approach: Option<Approach>,
+    /// The direction (unit vector, world frame) along which alone a gauge has read the deflection; none where it is all of it.
+    pub direction: Option<Vector3<f64>>,
 }
 
 impl Measurement {
-    /// Whether both are of one experiment: the same configuration, load and side of approach, to the bit.
+    /// Whether both are of one experiment: the same configuration, load, direction and side of approach, to the bit.
     pub fn repeats(&self, other: &Self) -> bool {
-        self.load == other.load && self.stands_at(&other.configuration_rad, other.approach.as_ref())
+        (self.load, self.direction) == (other.load, other.direction)
+            && self.stands_at(&other.configuration_rad, other.approach.as_ref())
     }
 
     /// Whether it was made in a [configuration](is_one_configuration), whatever hung there.

@@ -6,14 +6,14 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::columns::{
-    DEFLECTION, DEFLECTION_SIGMA, LOADED, LOADED_SIGMA, PLACES, POSITION, ROTATION, ROTATION_SIGMA,
-    UNLOADED, UNLOADED_SIGMA, deviations,
+    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, LOADED, LOADED_SIGMA, PLACES,
+    POSITION, ROTATION, ROTATION_SIGMA, UNLOADED, UNLOADED_SIGMA, deviations,
 };
 use super::read_absolute::{absolute_columns, absolute_readings};
 use super::{AbsoluteReading, Measurement, RotationMeasurement, by_configuration};
 use crate::codes::ErrorCode;
 use crate::csv::{Columns, Row, Table, owned};
-use crate::experiment::{APPROACH, approach, configuration, experiment_columns, load};
+use crate::experiment::{APPROACH, approach, configuration, direction, load, reading_columns};
 use crate::files::FileError;
 use crate::parameter::Unloaded;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
@@ -122,13 +122,17 @@ fn read(
 ) -> Result<MeasuredFile, FileError> {
     let table = Table::read_as(path, |header| {
         let is_absolute = |column: &str| header.iter().any(|known| known == column);
-        if POSITION.into_iter().any(is_absolute) {
+        if commands.reads_along {
+            displacement_columns(commands, may_be_unfinished)
+        } else if POSITION.into_iter().any(is_absolute) {
             absolute_columns(commands)
         } else {
             deflection_columns(commands, may_be_unfinished)
         }
     })?;
-    let found = if table.has(&POSITION) {
+    let found = if commands.reads_along {
+        displacements(&table, commands).map(MeasuredFile::Deflections)
+    } else if table.has(&POSITION) {
         absolute_readings(&table, commands).map(MeasuredFile::Absolute)
     } else {
         deflections(&table, commands, *unloaded).map(MeasuredFile::Deflections)
@@ -147,7 +151,7 @@ fn deflection_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
         &PLACES,
     ];
     let optional = optional.concat();
-    let mut columns = Columns::of(experiment_columns(commands), &optional, &[APPROACH]);
+    let mut columns = Columns::of(reading_columns(commands), &optional, &[APPROACH]);
     columns.one_of = vec![owned(&DEFLECTION), owned(&[UNLOADED, LOADED].concat())];
     if may_be_unfinished {
         // A sheet is filled in stop by stop, unloaded readings of many before the first loaded one.
@@ -156,6 +160,35 @@ fn deflection_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
             .into();
     }
     columns
+}
+
+/// The columns that a gauge's file may have.
+fn displacement_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
+    let mut required = reading_columns(commands);
+    required.push(DISPLACEMENT.to_owned());
+    let mut columns = Columns::of(required, &[DISPLACEMENT_SIGMA], &[APPROACH]);
+    if may_be_unfinished {
+        columns.may_be_empty = vec![owned(&[DISPLACEMENT])];
+    }
+    columns
+}
+
+fn displacements(table: &Table<'_>, commands: &Commands) -> Result<Vec<Measurement>, FileError> {
+    let has_sigma = table.has(&[DISPLACEMENT_SIGMA]);
+    let of_row = |row: Row<'_>| {
+        let direction = direction(&row, commands)?;
+        let sigma = has_sigma.then(|| deviations(&row, [DISPLACEMENT_SIGMA; 3], &DEVIATION));
+        Ok(Measurement {
+            configuration_rad: configuration(&row, commands),
+            load: load(&row)?,
+            deflection_m: direction.unwrap_or_default() * row.get(DISPLACEMENT) * 1e-3,
+            sigma_m: sigma.transpose()?,
+            rotation: None,
+            approach: approach(&row, commands)?,
+            direction,
+        })
+    };
+    table.rows().map(of_row).collect()
 }
 
 fn deflections(
@@ -173,6 +206,7 @@ fn deflections(
             sigma_m: columns.sigma_m(&row)?,
             rotation: columns.rotation(&row)?,
             approach: approach(&row, commands)?,
+            direction: None,
         });
     }
     if columns.has_positions {

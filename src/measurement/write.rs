@@ -5,12 +5,13 @@ use std::path::Path;
 use nalgebra::{DVector, Matrix6, Vector3};
 
 use super::columns::{
-    DEFLECTION, DEFLECTION_SIGMA, LOADED, PLACES, POSITION, QUATERNION, ROTATION, ROTATION_SIGMA,
-    TEMPERATURE, TIME, UNLOADED, WORDS, covariance_columns, triangle,
+    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, LOADED, PLACES, POSITION,
+    QUATERNION, ROTATION, ROTATION_SIGMA, TEMPERATURE, TIME, UNLOADED, WORDS, covariance_columns,
+    triangle,
 };
 use super::{AbsoluteReading, Measurement, Origin};
 use crate::csv::{Sheet, word_field};
-use crate::experiment::{LOAD, add_approach, experiment_columns, experiment_fields};
+use crate::experiment::{LOAD, add_approach, reading_columns, reading_fields};
 use crate::files::{FileError, output::write_whole};
 use crate::quantities::units::thousandths;
 use crate::robot::{Approach, Commands, Load};
@@ -39,9 +40,11 @@ pub struct RowToFillIn<'a> {
     pub load: &'a Load,
     /// The side from which the configuration is approached, where the table is to say.
     pub approach: Option<Approach>,
+    /// The direction that a gauge reads along.
+    pub direction: Option<Vector3<f64>>,
 }
 
-/// A table in which the positions without and with the load are to be filled in; where rotations are measured, with
+/// A table in which the positions without and with the load are to be filled in, or for a gauge the displacement; where rotations are measured, with
 /// that standard deviation (rad), they are, too.
 pub fn table_to_fill_in<'a>(
     commands: &Commands,
@@ -50,14 +53,26 @@ pub fn table_to_fill_in<'a>(
 ) -> String {
     let rows: Vec<RowToFillIn<'_>> = rows.collect();
     let mut sheet = Sheet::new(&rows);
-    sheet.add(&PLACES, |row| {
-        let places = [row.unloaded, row.loaded].concat();
-        places.iter().map(ToString::to_string).collect()
-    });
-    sheet.add(&experiment_columns(commands), |row| {
-        experiment_fields(commands, row.configuration_rad, row.load)
+    if !commands.reads_along {
+        sheet.add(&PLACES, |row| {
+            let places = [row.unloaded, row.loaded].concat();
+            places.iter().map(ToString::to_string).collect()
+        });
+    }
+    sheet.add(&reading_columns(commands), |row| {
+        reading_fields(
+            commands,
+            row.configuration_rad,
+            row.load,
+            row.direction.as_ref(),
+        )
     });
     let empty = |_: &RowToFillIn<'_>| vec![String::new(); 3];
+    if commands.reads_along {
+        sheet.add(&[DISPLACEMENT], |_| vec![String::new()]);
+        add_approach(&mut sheet, |row| row.approach.as_ref());
+        return sheet.text();
+    }
     sheet.add(&UNLOADED, empty);
     sheet.add(&LOADED, empty);
     if let Some(sigma_rad) = rotation_sigma_rad {
@@ -114,9 +129,24 @@ pub fn deflection_table(
         Err(FileError::new(path, problem))
     };
     let mut sheet = Sheet::new(measurements);
-    sheet.add(&experiment_columns(commands), |each| {
-        experiment_fields(commands, &each.configuration_rad, &each.load)
+    sheet.add(&reading_columns(commands), |each| {
+        let (q, direction) = (&each.configuration_rad, each.direction.as_ref());
+        reading_fields(commands, q, &each.load, direction)
     });
+    if commands.reads_along {
+        let has_sigma = has("standard deviations", |each| each.sigma_m.is_some())?;
+        sheet.add(&[DISPLACEMENT], |each| {
+            let along = (each.direction).map_or(0.0, |d| d.dot(&each.deflection_m));
+            shown(&[thousandths(along)])
+        });
+        if has_sigma {
+            sheet.add(&[DISPLACEMENT_SIGMA], |each| {
+                shown(each.sigma_m.map(|sigma| thousandths(sigma.x)).as_slice())
+            });
+        }
+        add_approach(&mut sheet, |each| each.approach.as_ref());
+        return Ok(sheet.text());
+    }
     sheet.add(&DEFLECTION, |each| in_thousandths(&each.deflection_m));
     if has("standard deviations", |each| each.sigma_m.is_some())? {
         sheet.add(&DEFLECTION_SIGMA, |each| {

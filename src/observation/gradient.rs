@@ -367,6 +367,18 @@ impl<'a> DeflectionGradient<'a> {
             ReadingSource::LoadPoint(deviation) => {
                 self.adjoint_of_load(false, *deviation, load, of_covariance)
             }
+            ReadingSource::GaugeDirection(deviation) => {
+                let joints = self.joints.iter().zip(self.compliance);
+                let moved: Vector3<f64> = joints
+                    .map(|(joint, k)| joint.position * (k * joint.torque(load)))
+                    .sum();
+                let b = moved * of_covariance.trace() - of_covariance * moved;
+                let b = b * (2.0 * deviation * deviation);
+                let joints = self.joints.iter_mut().zip(self.compliance);
+                joints
+                    .map(|(joint, &k)| adjoint_of_deflection(joint, k, load, &b))
+                    .sum()
+            }
             ReadingSource::Range(noise) => {
                 *of_tool += noise.adjoint(&(self.tool_position - noise.from_m), of_covariance);
                 Vector3::zeros()

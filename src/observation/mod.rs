@@ -22,6 +22,7 @@ mod reading;
 mod reading_errors;
 mod rotation;
 mod shared;
+mod shown;
 mod sweep;
 #[cfg(test)]
 mod tests;

@@ -10,6 +10,7 @@ use super::gradient::{DeflectionGradient, WhitenedReading};
 use super::observed::ObservedRows;
 use super::reading::{DeflectionPrecision, Whitener};
 use super::reading_errors::for_each_effect;
+use super::shown::ShownRows;
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource, Unloaded, counted_times};
 use crate::robot::{Approach, KinematicState, Kinematics, Load};
 
@@ -23,6 +24,7 @@ pub const NOTHING_READ: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 1.0,
     rotation_sigma_rad: None,
     unloaded: Unloaded::Own,
+    is_along_direction: false,
 };
 
 /// The readings of an arm at one of its tools, at nominal parameters: derivatives with respect to parameters in units
@@ -35,6 +37,8 @@ pub struct PlannedReadings<'a> {
     /// The arm's geometry there.
     state: KinematicState,
     precision: DeflectionPrecision,
+    /// Which rows it has.
+    shown: ShownRows,
     /// What disturbs readings besides the instrument's noise.
     sources: &'a [ReadingSource],
     /// How often an experiment is repeated.
@@ -112,6 +116,11 @@ impl<'a> PlannedReadings<'a> {
             state: KinematicState::new(arm.chain.len()),
             arm,
             precision,
+            shown: if precision.is_along_direction {
+                ShownRows::Along(Vector3::zeros())
+            } else {
+                ShownRows::All
+            },
             sources: &[],
             repeats: 1.0,
             parameters,
@@ -151,6 +160,15 @@ impl<'a> PlannedReadings<'a> {
             if let Some(gradient) = gradient {
                 gradient.of.come_from(approach);
             }
+        }
+    }
+
+    /// Readings of one row are from now on those along a direction (unit vector, world frame); without one they tell nothing.
+    pub fn read_along(&mut self, direction: Option<&Vector3<f64>>) {
+        let shown = ShownRows::Along(direction.copied().unwrap_or_default());
+        if self.precision.is_along_direction && self.shown != shown {
+            self.forget();
+            self.shown = shown;
         }
     }
 
@@ -212,6 +230,7 @@ impl<'a> PlannedReadings<'a> {
             PlannedRows::Compliances(model) => model.derivatives(&self.state, load, matrix),
             PlannedRows::Any(model, _) => model.derivatives(&self.state, load, matrix),
         }
+        self.shown.of_derivatives(matrix);
     }
 
     /// Writes the derivatives of what is left at the loaded tool if the deflection at the parameters' nominal values is
@@ -232,15 +251,16 @@ impl<'a> PlannedReadings<'a> {
         load: &Load,
         tell: &mut impl FnMut(Vector6<f64>),
     ) {
+        let mut tell = |effect| tell(self.shown.of_effect(effect));
         if let ReadingSource::TransmissionError(error) = source
             && let PlannedRows::Any(model, _) = &self.rows
         {
             // A joint stands elsewhere loaded and unloaded: a deflection shows what that changes.
-            return model.for_each_gear(&self.state, load, &error.deviations, tell);
+            return model.for_each_gear(&self.state, load, &error.deviations, &mut tell);
         }
         let at_target = (load, &Vector3::zeros());
         let states = [&self.state, &*self.seen()];
-        for_each_effect(source, self.arm, states, at_target, None, tell);
+        for_each_effect(source, self.arm, states, at_target, None, &mut tell);
     }
 
     /// How many times a source's variance counts.
@@ -302,8 +322,13 @@ impl<'a> PlannedReadings<'a> {
             .sum()
     }
 
-    /// W with W C W^T = I for the covariance C of a reading; rows that it does not have are zero.
+    /// W with W C W^T = I for the covariance C of a reading, of all coordinates; rows that it does not have are zero.
     fn whitener(&self, load: &Load) -> Matrix6<f64> {
+        self.shown.of_whitener(self.own_whitener(load))
+    }
+
+    /// The same of the rows that a reading has.
+    fn own_whitener(&self, load: &Load) -> Matrix6<f64> {
         let times = counted_times(self.unloaded().shared_part(), self.repeats);
         let noise = self.precision.covariance() * times;
         let alone = |variance: f64| {
@@ -406,7 +431,10 @@ impl<'a> PlannedReadings<'a> {
     /// Writes the derivatives of the whitened reading: 3 x p for positions, and 3 x p for rotations beside them.
     pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         match &self.rows {
-            PlannedRows::Compliances(model) => model.observe(&self.state, load, matrix),
+            PlannedRows::Compliances(model) => {
+                model.observe(&self.state, load, matrix);
+                self.shown.of_rows(matrix);
+            }
             PlannedRows::Any(model, gradient) => {
                 let whitener = self.whitener(load);
                 model.observe(&self.state, load, &whitener, matrix);
@@ -420,10 +448,11 @@ impl<'a> PlannedReadings<'a> {
     /// Adds the derivatives of a cost of the information A^T A of the whitened rows A with respect to the joint angles
     /// to `gradient` (n). `factor` is that with respect to A, A times a symmetric matrix.
     pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
+        let of_all = self.shown.of_factor(factor);
         if let PlannedRows::Compliances(model) = &mut self.rows
             && model.has_gradient()
         {
-            model.pull_back(&self.state, load, factor, gradient);
+            model.pull_back(&self.state, load, &of_all, gradient);
         } else if self.closed_gradient(load, factor, gradient).is_none() {
             self.add_differences(load, factor, gradient);
         }
@@ -474,7 +503,7 @@ impl<'a> PlannedReadings<'a> {
     /// The same with respect to the force.
     pub fn force_gradient(&mut self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
         if let PlannedRows::Compliances(model) = &self.rows {
-            return model.force_gradient(&self.state, factor);
+            return model.force_gradient(&self.state, &self.shown.of_factor(factor));
         }
         if let Some(of_force) = self.closed_gradient(load, factor, &mut []) {
             return of_force;

@@ -68,6 +68,8 @@ pub struct DeflectionPrecision {
     pub rotation_sigma_rad: Option<f64>,
     /// Which reading without the load deflections rest on.
     pub unloaded: Unloaded,
+    /// Whether a reading has one row alone: the displacement along a direction.
+    pub is_along_direction: bool,
 }
 
 impl DeflectionPrecision {

@@ -158,5 +158,18 @@ pub(super) fn for_each_effect(
         ReadingSource::Discrepancy(deviation) => {
             tell_axes(by_itself(&Matrix3::identity()), *deviation);
         }
+        ReadingSource::GaugeDirection(deviation) => {
+            let at_target = Load {
+                force_n: *force,
+                torque_nm: torque + lever.cross(force),
+            };
+            let joints = arm.compliance_rad_per_nm.iter().enumerate();
+            let moved: Vector3<f64> = joints
+                .map(|(joint, k)| {
+                    seen.position_column(joint) * (k * plain.load_torque(joint, &at_target))
+                })
+                .sum();
+            tell_axes(by_itself(&-moved.cross_matrix()), *deviation);
+        }
     }
 }

@@ -92,6 +92,8 @@ pub enum ReadingSource {
     /// What no parameter explains is another deflection in each configuration, the same under all loads and in all repeats: the
     /// standard deviation (m) of each coordinate.
     Discrepancy(f64),
+    /// A gauge is set along another direction each time: the standard deviation (rad) of each coordinate of a small rotation vector.
+    GaugeDirection(f64),
 }
 
 /// What gears are off by.
@@ -195,9 +197,11 @@ impl ReadingSource {
         match self {
             Self::JointRepeatability(deviations)
             | Self::TransmissionError(TransmissionError { deviations, .. }) => deviations.len(),
-            Self::LoadDirection(_) | Self::LoadPoint(_) | Self::Range(_) | Self::Discrepancy(_) => {
-                3
-            }
+            Self::LoadDirection(_)
+            | Self::LoadPoint(_)
+            | Self::Range(_)
+            | Self::Discrepancy(_)
+            | Self::GaugeDirection(_) => 3,
         }
     }
 
@@ -211,9 +215,10 @@ impl ReadingSource {
         match self {
             Self::TransmissionError(error) if error.correlation_rad.is_some() => SourceLevel::Robot,
             Self::TransmissionError(_) | Self::Discrepancy(_) => SourceLevel::Configuration,
-            Self::JointRepeatability(_) | Self::LoadDirection(_) | Self::LoadPoint(_) => {
-                SourceLevel::Visit
-            }
+            Self::JointRepeatability(_)
+            | Self::LoadDirection(_)
+            | Self::LoadPoint(_)
+            | Self::GaugeDirection(_) => SourceLevel::Visit,
             Self::Range(_) => SourceLevel::Reading,
         }
     }

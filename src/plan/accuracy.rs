@@ -86,6 +86,7 @@ impl<'a> ExperimentModel<'a> {
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
         model.come_from(experiments[0].approach.as_ref());
+        model.read_along(experiments[0].direction.as_ref());
         model.move_to(experiments[0].configuration_rad.as_slice());
         let rows = model.observe_together(&hung(experiments));
         rows.into_iter()
@@ -104,6 +105,7 @@ impl<'a> ExperimentModel<'a> {
         let mut matrix = Matrix3xX::zeros(blocks * size);
         model.set_repeats(experiment.repeats);
         model.come_from(experiment.approach.as_ref());
+        model.read_along(experiment.direction.as_ref());
         model.move_to(experiment.configuration_rad.as_slice());
         model.observe(&experiment.load, &mut matrix);
         matrix *= self.precision.sigma_m;

@@ -39,6 +39,7 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     let (alone, together) = alone_and_together(plan, is_shared);
     for group in alone.into_iter().map(|only| vec![only]).chain(together) {
         model.come_from(group[0].approach.as_ref());
+        model.read_along(group[0].direction.as_ref());
         model.move_to(group[0].configuration_rad.as_slice());
         let hung = hung(&group);
         let covariance = model.covariance_together(&hung);

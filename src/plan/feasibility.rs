@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use super::region::{SmoothBound, bounds_of};
 use super::{Experiment, Plan};
+use crate::experiment::is_one_direction;
 use crate::mujoco::State;
 use crate::robot::{EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, Tool};
 use crate::task::{Belief, Station, Task};
@@ -16,6 +17,10 @@ const ROUNDING: f64 = 1e-9;
 
 /// The kind of a violation by a collision.
 pub(super) const COLLISION: &str = "collision clearance";
+
+/// The kinds of violations of a gauge: it reads along no direction that is allowed, or no such displacement.
+const DIRECTION: &str = "direction";
+const DISPLACEMENT: &str = "displacement along the gauge";
 
 /// One thing that makes an experiment impossible.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -58,6 +63,11 @@ impl Violation {
             unit,
             words: None,
         }
+    }
+
+    /// Whether it is a gauge that cannot read.
+    pub fn is_of_gauge(&self) -> bool {
+        [DIRECTION, DISPLACEMENT].contains(&&*self.what)
     }
 
     /// The constraint that is violated, without the names of the geometries.
@@ -180,6 +190,7 @@ impl<'a> Feasibility<'a> {
         violations.extend(words.map(|words| Violation::in_words("load", words)));
         violations.extend(self.violated_ranges(experiment));
         let q = experiment.configuration_rad.as_slice();
+        violations.extend(self.beyond_gauge(q, &experiment.load, experiment.direction.as_ref()));
         violations.extend(self.violated_bounds(q, &experiment.load));
         violations.extend(self.forbidden(q).map(|(index, (joint, found), bound)| {
             let what = format!("largest joint distance from forbidden configuration {index}");
@@ -205,8 +216,8 @@ impl<'a> Feasibility<'a> {
 
     /// Whether MuJoCo finds the experiment free of collisions and in the tracker's sight, unloaded
     /// and loaded, where the region asks for that, and away from forbidden configurations.
-    pub fn is_clear(&mut self, q: &[f64], load: &Load) -> bool {
-        if self.forbidden(q).is_some() {
+    pub fn is_clear(&mut self, q: &[f64], load: &Load, direction: Option<&Vector3<f64>>) -> bool {
+        if self.forbidden(q).is_some() || self.beyond_gauge(q, load, direction).is_some() {
             return false;
         }
         let looking = LookingAt::of_deflections(self.task);
@@ -215,6 +226,34 @@ impl<'a> Feasibility<'a> {
                 self.seen_violations(q, load, looking)
                     .is_ok_and(|violations| violations.is_empty())
             })
+    }
+
+    /// What keeps a gauge from reading an experiment: that it is set along no direction that is allowed, or moves further than it shows.
+    fn beyond_gauge(
+        &mut self,
+        q: &[f64],
+        load: &Load,
+        direction: Option<&Vector3<f64>>,
+    ) -> Option<Violation> {
+        let (belief, allowed) = (&self.task.belief, &self.task.directions);
+        let gauge = belief.instrument.gauge?;
+        let is_it = |each: &Option<Vector3<f64>>| is_one_direction(each.as_ref(), direction);
+        let Some(direction) = direction.filter(|_| allowed.iter().any(is_it)) else {
+            let [found, allowed] = [&[direction.copied()], &allowed[..]].map(directions_in_words);
+            let words = format!("direction is {found}; allowed {allowed}");
+            return Some(Violation::in_words(DIRECTION, words));
+        };
+        let range_m = gauge.range_m?;
+        let mut arm = belief.nominal.chain.at(&belief.calibration_tool);
+        let mut place = |load: &Load| {
+            let compliance = &belief.nominal.compliance_rad_per_nm;
+            self.solver.solve(&mut arm, compliance, q, load).ok()?;
+            Some(self.solver.state().tool_position)
+        };
+        let moved_m = direction.dot(&(place(load)? - place(&Load::NONE)?)).abs();
+        let sizes = [moved_m, range_m].map(|size| size * 1e3);
+        (moved_m > range_m + ROUNDING)
+            .then(|| Violation::of_size(DISPLACEMENT.to_owned(), sizes, "mm"))
     }
 
     /// The pairs of geometries that come too near to each other in an experiment, unloaded or loaded.
@@ -380,6 +419,19 @@ fn out_of_reach(
         Violation::of_size(what, [incidence, most].map(f64::to_degrees), "deg")
     });
     missed.into_iter().chain(turned)
+}
+
+/// Directions as they are listed.
+fn directions_in_words(directions: &[Option<Vector3<f64>>]) -> String {
+    let one = |direction: &Option<Vector3<f64>>| match direction {
+        None => "none".to_owned(),
+        Some(direction) => format!(
+            "({:.4}, {:.4}, {:.4})",
+            direction.x, direction.y, direction.z
+        ),
+    };
+    let all: Vec<String> = directions.iter().map(one).collect();
+    all.join(" or ")
 }
 
 /// From where the instrument looks.

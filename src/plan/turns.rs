@@ -60,6 +60,7 @@ mod tests {
                     load: Load::NONE,
                     repeats: 1,
                     approach: None,
+                    direction: None,
                 }],
             };
             let home: Vec<f64> = at(0.15 * index as f64).collect();

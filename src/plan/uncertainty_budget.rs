@@ -142,7 +142,9 @@ impl BudgetSource {
             | ReadingSource::TransmissionError(TransmissionError {
                 deviations: each, ..
             }) => of_joints(each),
-            ReadingSource::LoadDirection(deviation) => Some((*deviation, "rad")),
+            ReadingSource::LoadDirection(deviation) | ReadingSource::GaugeDirection(deviation) => {
+                Some((*deviation, "rad"))
+            }
             ReadingSource::LoadPoint(deviation) | ReadingSource::Discrepancy(deviation) => {
                 Some((*deviation, "m"))
             }

@@ -11,7 +11,7 @@ use crate::robot::Commands;
 pub fn campaign_json(commands: &Commands, costs: &Costs, campaign: &Campaign) -> Value {
     let written = |q: &DVector<f64>| commands.numbers(q.as_slice());
     let stop = |(index, stop): (usize, &Stop)| {
-        json!({
+        let mut record = json!({
             "stop": index + 1,
             "experiments": stop.experiments.iter().map(|index| index + 1).collect::<Vec<_>>(),
             "q_deg": written(&stop.configuration),
@@ -21,7 +21,11 @@ pub fn campaign_json(commands: &Commands, costs: &Costs, campaign: &Campaign) ->
             "side": stop.side.0,
             "approach_deg": stop.approach.as_ref().map(written),
             "via_deg": stop.way.via.iter().map(written).collect::<Vec<_>>(),
-        })
+        });
+        if let Some(direction) = stop.direction {
+            record["direction"] = json!(<[f64; 3]>::from(direction));
+        }
+        record
     };
     json!({
         "minutes": campaign.minutes,

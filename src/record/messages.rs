@@ -110,6 +110,9 @@ pub struct ExperimentMessage {
     pub wrench: [f64; 6],
     /// How often it is measured.
     pub repeats: u32,
+    /// The direction that a gauge reads along: a unit vector in the world frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub direction: Option<[f64; 3]>,
 }
 
 impl ExperimentMessage {
@@ -119,6 +122,7 @@ impl ExperimentMessage {
             q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
             wrench: wrench(&experiment.load),
             repeats: experiment.repeats,
+            direction: experiment.direction.map(Into::into),
         }
     }
 }
@@ -138,7 +142,7 @@ pub struct MeasurementMessage {
     pub q_deg: Vec<f64>,
     /// Force (N) and torque (N m) in the world frame at the calibration tool.
     pub wrench: [f64; 6],
-    /// Loaded minus unloaded position of the tool in the world frame (mm).
+    /// Loaded minus unloaded position of the tool in the world frame (mm); of what a gauge reads, what is along its direction.
     pub deflection_mm: [f64; 3],
     /// Standard deviations of the deflection, where this measurement has its own (mm).
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -149,6 +153,9 @@ pub struct MeasurementMessage {
     /// Standard deviations of the rotation (mrad).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rotation_std_mrad: Option<[f64; 3]>,
+    /// The direction that a gauge has read along: a unit vector in the world frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub direction: Option<[f64; 3]>,
 }
 
 impl MeasurementMessage {
@@ -162,6 +169,7 @@ impl MeasurementMessage {
             deflection_std_mm: measurement.sigma_m.as_ref().map(thousandfold),
             rotation_mrad: rotation.map(|rotation| thousandfold(&rotation.vector_rad)),
             rotation_std_mrad: rotation.map(|rotation| thousandfold(&rotation.sigma_rad)),
+            direction: measurement.direction.map(Into::into),
         }
     }
 }

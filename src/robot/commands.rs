@@ -9,12 +9,16 @@ use crate::quantities::units::{degrees, thousandths};
 /// a passive joint. A configuration inside the program has a coordinate for every joint (rad, m), that of
 /// a passive one being where its spring is relaxed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Commands(Vec<Drive>);
+pub struct Commands {
+    drives: Vec<Drive>,
+    /// Whether an experiment says besides along which direction a gauge reads.
+    pub reads_along: bool,
+}
 
 impl From<usize> for Commands {
     /// An arm of so many commanded hinges.
     fn from(joints: usize) -> Self {
-        Self(vec![Drive::default(); joints])
+        Self::of(vec![Drive::default(); joints])
     }
 }
 
@@ -25,13 +29,13 @@ impl FromIterator<bool> for Commands {
             slides,
             passive_at: None,
         };
-        Self(slides.into_iter().map(drive).collect())
+        Self::of(slides.into_iter().map(drive).collect())
     }
 }
 
 impl From<&SerialChain> for Commands {
     fn from(chain: &SerialChain) -> Self {
-        Self(chain.joints.iter().map(|joint| joint.drive).collect())
+        Self::of(chain.joints.iter().map(|joint| joint.drive).collect())
     }
 }
 
@@ -45,6 +49,19 @@ fn number(drive: &Drive, value: f64) -> f64 {
 }
 
 impl Commands {
+    const fn of(drives: Vec<Drive>) -> Self {
+        Self {
+            drives,
+            reads_along: false,
+        }
+    }
+
+    /// The same where experiments say along which direction a gauge reads, or not.
+    pub const fn reading_along(mut self, reads_along: bool) -> Self {
+        self.reads_along = reads_along;
+        self
+    }
+
     /// How many numbers a configuration is written with.
     pub fn len(&self) -> usize {
         self.written().count()
@@ -57,7 +74,7 @@ impl Commands {
 
     /// The commanded joints.
     fn written(&self) -> impl Iterator<Item = (usize, &Drive)> {
-        (self.0.iter().enumerate()).filter(|(_, drive)| drive.passive_at.is_none())
+        (self.drives.iter().enumerate()).filter(|(_, drive)| drive.passive_at.is_none())
     }
 
     /// The names of the columns: `q1_deg`, or `q3_mm` for a joint that slides.
@@ -88,12 +105,12 @@ impl Commands {
     pub fn configuration(&self, written: &[f64]) -> DVector<f64> {
         let mut written = written.iter();
         let mut next = || written.next().copied().unwrap_or(f64::NAN);
-        let joints = self.0.iter().map(|drive| match drive.passive_at {
+        let joints = self.drives.iter().map(|drive| match drive.passive_at {
             Some(rest) => rest,
             None if drive.slides => next() * 1e-3,
             None => next().to_radians(),
         });
-        DVector::from_iterator(self.0.len(), joints)
+        DVector::from_iterator(self.drives.len(), joints)
     }
 
     /// The numbers (deg, mm) to write of a configuration, which are read as the same again.
@@ -114,7 +131,7 @@ impl Commands {
 
     /// The coordinates of all joints, passive ones too, in degrees and millimetres.
     pub fn all_numbers(&self, coordinates: &[f64]) -> Vec<f64> {
-        let all = self.0.iter().zip(coordinates);
+        let all = self.drives.iter().zip(coordinates);
         all.map(|(drive, &value)| number(drive, value)).collect()
     }
 }

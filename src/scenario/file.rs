@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::gate::Gate;
 use crate::parameter::{ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
+use crate::robot::{Commands, SerialChain};
 use crate::study::Level;
 use crate::task::{AccuracyKind, Method};
 
@@ -108,6 +109,25 @@ pub(super) struct TrueRobotTable {
 }
 
 impl File {
+    /// Whether a gauge reads displacements along a direction.
+    fn reads_along(&self) -> bool {
+        self.instrument.reads == InstrumentReads::Displacement
+    }
+
+    /// How an arm is commanded, and whether experiments say a direction.
+    pub fn commands(&self, chain: &SerialChain) -> Commands {
+        Commands::from(chain).reading_along(self.reads_along())
+    }
+
+    /// How many configurations are visited between the two readings of a deflection: none where the load is hung in place.
+    pub fn visited_between(&self) -> u32 {
+        if self.reads_along() {
+            0
+        } else {
+            self.design.experiments
+        }
+    }
+
     /// Whether it says what the true compliances are.
     pub fn tells_compliances(&self) -> bool {
         self.true_robot
@@ -147,12 +167,30 @@ impl SigmaOf {
     }
 }
 
+/// What the instrument reads.
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum InstrumentReads {
+    /// All three coordinates of a deflection, as a tracker does.
+    #[default]
+    Deflection,
+    /// The displacement along one direction, as a dial gauge does.
+    Displacement,
+}
+
 #[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct InstrumentTable {
     pub sigma_mm: Option<f64>,
     pub mpe_um: Option<f64>,
     pub sigma_of: SigmaOf,
+    #[serde(default)]
+    pub reads: InstrumentReads,
+    pub directions: Option<Vec<Vec<f64>>>,
+    pub range_mm: Option<f64>,
+    pub resolution_mm: Option<f64>,
     pub rotation_sigma_mrad: Option<f64>,
     pub rotation_mpe_mrad: Option<f64>,
     pub distribution: Option<ErrorDistribution>,
@@ -324,6 +362,8 @@ pub(super) enum UncertaintyKind {
     Drift,
     TransmissionError,
     Discrepancy,
+    /// Of a gauge on its stand, set anew for each measurement.
+    GaugeDirection,
 }
 
 impl UncertaintyKind {
@@ -342,7 +382,7 @@ impl UncertaintyKind {
                 [&["std_mm"], &[]]
             }
             Self::LinkRotation => [&["std_mrad"], &["joints"]],
-            Self::BaseRotation | Self::LoadDirection => [&["std_mrad"], &[]],
+            Self::BaseRotation | Self::LoadDirection | Self::GaugeDirection => [&["std_mrad"], &[]],
             Self::JointZero => [&["std_mrad", "std_mm"], &["joints"]],
             Self::TransmissionError => [
                 &["std_mrad", "std_mm"],

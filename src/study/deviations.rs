@@ -193,7 +193,11 @@ impl<'a> Deviations<'a> {
         let mut seen = DMatrix::zeros(height * experiments.len(), 1);
         for (place, experiment) in experiments.iter().enumerate() {
             let q = experiment.configuration_rad.as_slice();
-            let own = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
+            let mut own = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
+            if let Some(direction) = &experiment.direction {
+                let along = direction.dot(&own.fixed_rows::<3>(0));
+                own = Vector6::ith(0, along);
+            }
             (seen.rows_mut(height * place, height)).copy_from(&own.rows(0, height));
         }
         (self.together(&self.believed, experiments)).whiten(&hung(experiments), &mut seen);
@@ -308,6 +312,7 @@ impl<'a> Deviations<'a> {
     ) -> CovarianceTogether {
         let nothing = ParameterSet::empty();
         let mut model = self.readings_of(&nothing, 0, sources);
+        model.read_along(experiments[0].direction.as_ref());
         model.move_to(experiments[0].configuration_rad.as_slice());
         model.covariance_together(&hung(experiments))
     }

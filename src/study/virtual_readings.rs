@@ -140,6 +140,7 @@ impl<'a> ReadPlan<'a> {
                 load: row.load.unwrap_or(Load::NONE),
                 repeats: 1,
                 approach: row.approach.clone(),
+                direction: None,
             };
             let station = station_named(&task.stations, row.station.as_deref());
             let seen = SeenFrom {

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::{Extended, PriorCampaign};
+use super::{Extended, Gauge, PriorCampaign};
 use crate::observation::{BareArm, DeflectionPrecision};
 use crate::parameter::{
     ElasticArm, ErrorDistribution, ParameterError, ParameterSet, Prior, Unloaded,
@@ -23,6 +23,8 @@ pub struct Instrument {
     pub unloaded: Unloaded,
     /// From which distribution its standard deviation was evaluated.
     pub distribution: ErrorDistribution,
+    /// What a gauge shows, where displacements along a direction are read in place of all three coordinates.
+    pub gauge: Option<Gauge>,
 }
 
 impl Instrument {
@@ -32,7 +34,16 @@ impl Instrument {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: self.rotation_sigma_rad,
             unloaded: self.unloaded,
+            is_along_direction: self.gauge.is_some(),
         }
+    }
+
+    /// The standard deviation (m) of its noise before a gauge rounds.
+    pub fn noise_m(&self) -> f64 {
+        self.gauge.map_or(self.sigma_m, |gauge| {
+            let unrounded_m2 = self.sigma_m.powi(2) - gauge.rounding_m2();
+            unrounded_m2.max(0.0).sqrt()
+        })
     }
 }
 
@@ -91,7 +102,7 @@ pub struct Belief {
 impl Belief {
     /// How the robot is commanded: what plans and measurements have columns for.
     pub fn commands(&self) -> Commands {
-        Commands::from(&self.nominal.chain)
+        Commands::from(&self.nominal.chain).reading_along(self.instrument.gauge.is_some())
     }
 
     /// The number of joints, passive ones counted.

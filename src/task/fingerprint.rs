@@ -51,6 +51,9 @@ impl Belief {
         if self.instrument.unloaded == Unloaded::Shared {
             belief.text("deflections of one configuration rest on one unloaded reading");
         }
+        if self.instrument.gauge.is_some() {
+            belief.text("displacements along a direction are read");
+        }
         let rotation = self.instrument.rotation_sigma_rad;
         belief.numbers([self.instrument.sigma_m].into_iter().chain(rotation));
         Fingerprint {

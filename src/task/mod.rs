@@ -4,6 +4,7 @@
 mod belief;
 mod extended;
 mod fingerprint;
+mod gauge;
 mod prior_campaign;
 mod region;
 mod station;
@@ -17,6 +18,7 @@ use crate::robot::Load;
 pub use belief::{Belief, Instrument, Method};
 pub use extended::Extended;
 pub use fingerprint::{Fingerprint, robot_sha256};
+pub use gauge::Gauge;
 pub use prior_campaign::PriorCampaign;
 pub use region::{Forbidden, Region};
 pub use station::{Station, station_named};
@@ -107,6 +109,8 @@ pub struct Task {
     pub test_poses: Vec<TestPose>,
     /// The loads that a plan may use.
     pub loads: Loads,
+    /// The directions (unit vectors, world frame) that a gauge may read along; one that is none where all three coordinates are read.
+    pub directions: Vec<Option<Vector3<f64>>>,
     /// Where experiments are possible.
     pub region: Region,
     /// Where the instrument may stand for absolute readings; none where the scenario does not say.
@@ -116,6 +120,11 @@ pub struct Task {
 }
 
 impl Task {
+    /// Whether a gauge reads displacements along a direction.
+    pub const fn reads_along(&self) -> bool {
+        self.belief.instrument.gauge.is_some()
+    }
+
     /// What of the errors counts, in words that follow "at the test pose".
     pub fn counted_words(&self) -> &'static str {
         let directed = (self.test_poses.iter()).filter(|pose| pose.direction.is_some());

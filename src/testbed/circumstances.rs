@@ -343,8 +343,10 @@ impl Circumstances {
             moved += range.drawn(normals, &(displacement.at_m - range.from_m));
         }
         let base: &Isometry3<f64> = &self.here.instrument_from_base[0];
+        // A gauge that is turned shows what one that is not shows of what is turned back.
+        let turned_back = Rotation3::new(-visit.noise.turned_rad);
         (
-            base.rotation * moved + self.here.drift_m,
+            turned_back * (base.rotation * moved + self.here.drift_m),
             base.rotation * displacement.rotation_rad,
         )
     }
@@ -408,6 +410,8 @@ pub(super) struct ReadingNoise {
     pub discrepancy_m: Vector3<f64>,
     /// and by the distance from the instrument, with its three numbers each.
     pub by_distance: Vec<(RangeNoise, Vector3<f64>)>,
+    /// How a gauge is turned from its direction, a rotation vector (rad).
+    pub turned_rad: Vector3<f64>,
 }
 
 /// Why a joint is elsewhere.
@@ -460,7 +464,7 @@ impl Circumstances {
             };
             normals[self.shared.len() + reading * size + place][lane]
         };
-        let mut discrepancy_m = Vector3::zeros();
+        let (mut discrepancy_m, mut turned_rad) = (Vector3::zeros(), Vector3::zeros());
         let mut by_distance = Vec::new();
         let mut place = 0;
         for source in &self.sources {
@@ -497,6 +501,7 @@ impl Circumstances {
                 ReadingSource::LoadPoint(deviation) => {
                     load.torque_nm += three(*deviation).cross(&load.force_n);
                 }
+                ReadingSource::GaugeDirection(deviation) => turned_rad += three(*deviation),
                 ReadingSource::Range(noise) => {
                     by_distance.push((noise.scaled(of_deflection), three(1.0)));
                 }
@@ -505,6 +510,7 @@ impl Circumstances {
         ReadingNoise {
             discrepancy_m,
             by_distance,
+            turned_rad,
         }
     }
 }

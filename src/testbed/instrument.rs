@@ -61,16 +61,18 @@ pub(super) fn measurement(
     (deflection_m, vector_rad): (Vector3<f64>, Vector3<f64>),
 ) -> Measurement {
     let sigma = instrument.rotation_sigma_rad;
+    let direction = experiment.direction;
     Measurement {
         configuration_rad: experiment.configuration_rad.clone(),
         load: experiment.load,
-        deflection_m,
+        deflection_m: direction.map_or(deflection_m, |d| d * d.dot(&deflection_m)),
         sigma_m: None,
         rotation: sigma.map(|sigma| RotationMeasurement {
             vector_rad,
             sigma_rad: Vector3::repeat(sigma),
         }),
         approach: experiment.approach.clone(),
+        direction,
     }
 }
 
@@ -99,7 +101,8 @@ pub fn add_noise_of(
 
 /// Adds the instrument's noise to measurements (eq. 10): independent and normal for every coordinate. The
 /// first numbers of a lane are those of the deflections, the next those of the rotations. Where deflections of one configuration
-/// rest on one unloaded reading, these are the loaded ones' halves of the variance, and the next as many the unloaded ones'.
+/// rest on one unloaded reading, these are the loaded ones' halves of the variance, and the next as many the unloaded ones'. Of
+/// what a gauge reads counts what is along its direction, which it then rounds.
 pub fn add_noise(
     measurements: &mut [Measurement],
     instrument: &Instrument,
@@ -131,7 +134,10 @@ pub fn add_noise(
         }
     };
     for (index, each) in measurements.iter_mut().enumerate() {
-        each.deflection_m += noise(index, 0) * instrument.sigma_m;
+        each.deflection_m += noise(index, 0) * instrument.noise_m();
+        if let (Some(gauge), Some(direction)) = (&instrument.gauge, &each.direction) {
+            each.deflection_m = gauge.shown(&each.deflection_m, direction);
+        }
         if let Some(rotation) = &mut each.rotation {
             rotation.vector_rad += noise(index, count).component_mul(&rotation.sigma_rad);
         }

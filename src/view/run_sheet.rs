@@ -7,7 +7,7 @@ use nalgebra::DVector;
 use super::markup::{escaped, page, paragraph, section, table_of};
 use super::stills::{Pictures, Stills};
 use crate::experiment::{Plan, in_words};
-use crate::laboratory::{Campaign, Stop, hung_kg};
+use crate::laboratory::{Campaign, Stop, TAKE_OFF, hung_kg, set_gauge};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
@@ -88,10 +88,16 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
         counted(campaign.stops.len() as u64, "move"),
         duration(campaign.minutes)
     );
-    let how = "Without a load first, then under each load in turn: what is identified from is the difference of the \
-               two positions at the same commanded angles. Every configuration is approached from the same side both \
-               times. The robot halts at each stop: wait until it has come to rest, read the instrument, write \
-               the position of the reflector down (world frame, mm), tick the stop, and let the program go on.";
+    let how = if scenario.task.reads_along() {
+        "For each measurement in turn, without moving the robot in between: set the gauge against the tool along the \
+         direction that is given (world frame) and to zero, hang the load, and write down what the gauge shows, positive \
+         along its direction (mm). Then take the load off and the gauge away, and let the program go on."
+    } else {
+        "Without a load first, then under each load in turn: what is identified from is the difference of the \
+         two positions at the same commanded angles. Every configuration is approached from the same side both \
+         times. The robot halts at each stop: wait until it has come to rest, read the instrument, write \
+         the position of the reflector down (world frame, mm), tick the stop, and let the program go on."
+    };
     let mut text = paragraph(&what) + &paragraph(how);
     if !scenario.description.is_empty() {
         text = format!("<p class=\"lead\">{}</p>\n", escaped(&scenario.description)) + &text;
@@ -117,7 +123,11 @@ fn before(scenario: &Scenario, campaign: &Campaign) -> String {
     };
     let todo = [
         "The robot and the instrument are warm: all axes were moved until readings no longer drift. From, to:".to_owned(),
-        "The instrument is aligned to the robot's base (world frame). Residual of the alignment [mm]:".to_owned(),
+        if scenario.task.reads_along() {
+            "The gauge's stand does not stand on what the load bends; its tip meets a flat face across its direction.".to_owned()
+        } else {
+            "The instrument is aligned to the robot's base (world frame). Residual of the alignment [mm]:".to_owned()
+        },
         format!(
             "Tool {} and base {} of the controller are right, with the load data of the tool alone; speed {} %.",
             laboratory.tool_number, laboratory.base_number, laboratory.speed_percent
@@ -187,8 +197,14 @@ fn stops(
     places: &[Vec<usize>],
     pictures: &[Pictures],
 ) -> String {
-    const HEAD: &str = "<thead><tr><th></th><th>stop</th><th>configuration</th><th>experiment</th>\
-                        <th>reading</th><th>x [mm]</th><th>y [mm]</th><th>z [mm]</th></tr></thead>";
+    let head = format!(
+        "<thead><tr><th></th><th>stop</th><th>configuration</th><th>experiment</th><th>reading</th>{}</tr></thead>",
+        if scenario.task.reads_along() {
+            "<th colspan=\"3\">displacement [mm]</th>"
+        } else {
+            "<th>x [mm]</th><th>y [mm]</th><th>z [mm]</th>"
+        }
+    );
     let commands = scenario.task.belief.commands();
     let (mut text, mut index) = (String::new(), 0);
     for group in campaign.stops.chunk_by(|_, next| !next.changes_load) {
@@ -197,7 +213,7 @@ fn stops(
             let picture = &pictures[first.experiments[0]].load;
             text += &hang(scenario, index + 1, load, picture);
         }
-        let _ = writeln!(text, "<div class=\"wide\"><table class=\"stops\">\n{HEAD}");
+        let _ = writeln!(text, "<div class=\"wide\"><table class=\"stops\">\n{head}");
         for stop in group {
             let place = places.iter().position(|place| place.contains(&index));
             index += 1;
@@ -240,16 +256,21 @@ fn of_stop(commands: &Commands, (index, place): (usize, usize), stop: &Stop) -> 
     let experiments: Vec<String> = (stop.experiments.iter())
         .map(|index| (index + 1).to_string())
         .collect();
-    let over: Vec<String> = (stop.way.via.iter())
-        .map(|via| {
-            format!(
-                "<tr><td></td><td colspan=\"7\">over {}</td></tr>\n",
-                angles(commands, via)
-            )
-        })
+    let line = |text: &str| format!("<tr><td></td><td colspan=\"7\">{text}</td></tr>\n");
+    let mut over: Vec<String> = (stop.way.via.iter())
+        .map(|via| line(&format!("over {}", angles(commands, via))))
         .collect();
+    if let (Some(direction), None) = (&stop.direction, &stop.load) {
+        if index > 1 {
+            over.insert(0, line(TAKE_OFF));
+        }
+        over.push(line(&set_gauge(direction)));
+    }
     let lines = stop.readings.clamp(1, LINES);
-    let blank = "<td></td><td></td><td></td>";
+    let blank = match &stop.direction {
+        Some(_) => "<td colspan=\"3\"></td>",
+        None => "<td></td><td></td><td></td>",
+    };
     let mut more = String::new();
     for line in 2..=lines {
         let _ = writeln!(

@@ -63,6 +63,7 @@ impl<'a> Stills<'a> {
             load: row.load.unwrap_or(Load::NONE),
             repeats: *repeats,
             approach: row.approach.clone(),
+            direction: None,
         });
         let plan = Plan {
             experiments: experiments.collect(),
@@ -495,6 +496,7 @@ mod tests {
             load: Load::NONE,
             repeats: 4,
             approach: None,
+            direction: None,
         };
         let plan = Plan {
             experiments: vec![experiment],

@@ -140,7 +140,7 @@ fn accuracy(
         let sizes = [plan.measurements(), size(plan)];
         BudgetPoint::new(task, plan.clone(), sizes, cost, bound)
     };
-    let fewest = (problem.to_find().div_ceil(3).max(1)).max(size(&task.design.mandatory) as usize);
+    let fewest = (problem.fewest() as usize).max(size(&task.design.mandatory) as usize);
     let largest = (own * WIDEST).max(ALWAYS);
     let mut points = Vec::new();
     for m in SIZES {

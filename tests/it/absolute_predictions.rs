@@ -6,6 +6,7 @@ use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
 use elastocal::observation::{BareArm, Form, ObservationModel, ReadingErrors, ReadingKind, Setup};
+use elastocal::parameter::ReadingSource::{Discrepancy, GaugeDirection};
 use elastocal::parameter::{
     ElasticArm, ParameterKind, ParameterSet, RangeNoise, ReadingSource, SourceLevel,
     TransmissionError,
@@ -374,7 +375,7 @@ fn readings_are_disturbed_as_much_as_planned() {
                     let along = sight * sight.dot(&numbers);
                     added = along * noise.along_per_metre + (numbers - along) * noise.per_metre;
                 }
-                ReadingSource::Discrepancy(deviation) => added = three(*deviation),
+                Discrepancy(size) | GaugeDirection(size) => added = three(*size),
             }
             let read = seen(&moved, &acting);
             let off = read.position_m + added - right.position_m;

@@ -333,6 +333,7 @@ fn the_bound_holds_for_forces_of_every_size() {
                 load,
                 repeats: 1,
                 approach: None,
+                direction: None,
             };
             if !feasibility.violations_of(1, &experiment).is_empty() {
                 continue;

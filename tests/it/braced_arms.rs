@@ -247,6 +247,7 @@ fn linear_identification_knows_the_springs() {
                 sigma_m: None,
                 rotation: None,
                 approach: None,
+                direction: None,
             });
         }
     }

@@ -25,10 +25,12 @@ fn sizes(source: &Source) -> Vec<f64> {
                 deviations: all, ..
             }),
         ) => all.clone(),
-        Source::Reading(ReadingSource::LoadDirection(size) | ReadingSource::LoadPoint(size)) => {
-            vec![*size]
-        }
-        Source::Reading(ReadingSource::Discrepancy(size)) => vec![*size],
+        Source::Reading(
+            ReadingSource::LoadDirection(size)
+            | ReadingSource::LoadPoint(size)
+            | ReadingSource::Discrepancy(size)
+            | ReadingSource::GaugeDirection(size),
+        ) => vec![*size],
         Source::Reading(ReadingSource::Range(noise)) => {
             vec![noise.per_metre, noise.along_per_metre]
         }

@@ -479,6 +479,7 @@ fn plan_and_measurements_agree_on_the_directions() {
         load: Load::force(0.0, 0.0, -500.0),
         repeats: 3,
         approach: None,
+        direction: None,
     };
     let plan = Plan {
         experiments: vec![experiment],

@@ -36,6 +36,7 @@ fn varied(scenario: &Scenario, experiments: usize, force_n: f64) -> Plan {
             load: Load::force(force.x, force.y, force.z),
             repeats: 1,
             approach: None,
+            direction: None,
         }
     };
     Plan {

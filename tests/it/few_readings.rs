@@ -225,6 +225,7 @@ fn deflections(
                 sigma_m: None,
                 rotation: trial.has_rotations.then_some(rotation),
                 approach: None,
+                direction: None,
             }
         })
         .collect();

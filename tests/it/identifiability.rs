@@ -141,6 +141,7 @@ fn twins() -> (Scenario, Vec<Measurement>) {
         load: Load::force(0.0, 700.0, -700.0),
         repeats: 1,
         approach: None,
+        direction: None,
     };
     let plan = Plan {
         experiments: vec![experiment(0.1, 0.2, 0.3), experiment(0.6, -0.9, -0.4)],

@@ -144,6 +144,7 @@ mod force_sizes;
 mod foreign_tables;
 mod gate;
 mod gate_refusals;
+mod gauges;
 mod gear_waves;
 mod hostile_input;
 mod identifiability;

@@ -378,6 +378,7 @@ fn a_measurement_of_a_geared_arm_is_mujocos() {
         load: Load::force(x, y, z),
         repeats: 1,
         approach: None,
+        direction: None,
     };
     let mut robot = VirtualRobot::new(&scenario.truth.robot, "tool").expect("the site exists");
     let seen = robot

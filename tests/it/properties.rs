@@ -402,6 +402,7 @@ fn measurement_files_round_trip() {
             sigma_rad: Vector3::new(0.1, 0.2, 0.3) * 1e-3,
         }),
         approach: None,
+        direction: None,
     };
     let workplace = Workplace::new();
     let path = workplace.path("m.csv");

@@ -101,6 +101,7 @@ impl<'a> LinearWorld<'a> {
                     sigma_m: None,
                     rotation: None,
                     approach: None,
+                    direction: None,
                 });
             }
         }

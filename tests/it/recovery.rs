@@ -254,6 +254,7 @@ fn an_uncertain_measurement_hardly_counts() {
         sigma_m: Some(Vector3::repeat(sigma_m)),
         rotation: None,
         approach: None,
+        direction: None,
     };
     let (compliance, sigma_m) = (0.3e-6, 2e-5);
     let measurements = [

@@ -62,6 +62,12 @@ impl Validate {
         }
         let origin = StoredIdentification::origin(&self.identified)?;
         let scenario = (self.common).load_for(input, &self.identified, origin.as_ref())?;
+        if scenario.task.reads_along() {
+            let problem = "is \"displacement\", and predictions are compared with deflections of all three coordinates";
+            return Err(FileError::new(&scenario.path, problem)
+                .at("instrument.reads")
+                .into());
+        }
         let identified = read_identified(&self.identified, &scenario)?;
         let mut roles = inputs(&scenario);
         roles.reads("what was identified", &self.identified);

@@ -91,10 +91,13 @@ fn outside_limits(case: &Case<'_>) -> Option<Condition> {
     )))
 }
 
-/// Loaded measurements with the same deflection in every digit.
+/// Loaded measurements with the same deflection in every digit. Displacements along a direction are often alike by chance.
 fn copied(case: &Case<'_>) -> CopiedReadings {
     let loaded: Vec<usize> = (0..case.measurements.len())
-        .filter(|&index| case.measurements[index].load != Load::NONE)
+        .filter(|&index| {
+            let each = &case.measurements[index];
+            each.load != Load::NONE && each.direction.is_none()
+        })
         .collect();
     let bits: Vec<ReadBits> = (loaded.iter())
         .map(|&index| {
@@ -140,8 +143,15 @@ pub fn suspected_input_errors(
 }
 
 /// The input errors that explain the measurements decisively better than reading them as they are, one
-/// on top of the other, whether the measurements are suspicious or not.
+/// on top of the other, whether the measurements are suspicious or not; none of displacements along a direction.
 pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
+    if case
+        .measurements
+        .iter()
+        .any(|each| each.direction.is_some())
+    {
+        return Vec::new();
+    }
     let step = case.measurements.len().div_ceil(MOST_MEASUREMENTS).max(1);
     let mut read: Vec<Measurement> = case.measurements.iter().step_by(step).cloned().collect();
     let mut found = Vec::new();

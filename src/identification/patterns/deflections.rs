@@ -51,10 +51,15 @@ pub fn looked_at(
         let mut whitened = Matrix6xX::zeros(moved.ncols());
         let mut placed = Matrix6xX::zeros(5);
         let mut residual = nalgebra::Vector6::zeros();
-        for row in 0..3 {
-            whitened.set_row(row, &(moved.row(row) / sigma[row]));
-            placed[(row, row)] = 1.0 / sigma[row];
-            residual[row] = left_m[index][row] / sigma[row];
+        let axes = (each.direction).map_or_else(
+            || [0, 1, 2].map(|axis| Vector3::ith(axis, 1.0)).to_vec(),
+            |direction| vec![direction],
+        );
+        for (row, axis) in axes.iter().enumerate() {
+            let along = moved.fixed_rows::<3>(0).tr_mul(axis).transpose();
+            whitened.set_row(row, &(along / sigma[row]));
+            (placed.fixed_view_mut::<1, 3>(row, 0)).copy_from(&(axis.transpose() / sigma[row]));
+            residual[row] = axis.dot(&Vector3::from(left_m[index])) / sigma[row];
         }
         let torques = jacobian.column_iter().map(|column| {
             let (moves, turns) = (column.fixed_rows::<3>(0), column.fixed_rows::<3>(3));
@@ -72,7 +77,7 @@ pub fn looked_at(
             range_m: None,
             time_s: None,
             temperature_c: None,
-            count: 3,
+            count: axes.len(),
             block: blocks[index],
         }
     });

@@ -33,7 +33,7 @@ pub struct ReadingRows {
     pub time_s: Option<f64>,
     /// How warm it was (deg C).
     pub temperature_c: Option<f64>,
-    /// Which rows there are, 3 or 6.
+    /// Which rows there are: 3 or 6, or 1 along a direction.
     pub count: usize,
     /// Its block of joint space.
     pub block: usize,

@@ -168,6 +168,7 @@ fn deflection(reading: AbsoluteReading) -> Measurement {
         sigma_m,
         rotation: None,
         approach: None,
+        direction: None,
     }
 }
 

@@ -97,6 +97,7 @@ pub(super) fn possible(
             load: row.load.unwrap_or(Load::NONE),
             repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
             approach: row.approach.clone(),
+            direction: None,
         };
         let violations = feasibility.violations_of_reading(1, &experiment, looking);
         // Without a load there is none that is not allowed.

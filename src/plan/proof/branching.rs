@@ -77,6 +77,11 @@ pub enum NoProof {
          joint_torque_max_nm is given: the bound rests on searches"
     )]
     Springs,
+    /// Displacements along a direction are read.
+    #[error(
+        "there is no proof where a gauge reads displacements along a direction: the bound rests on searches"
+    )]
+    Gauge,
     /// More is uncertain than the instrument's noise.
     #[error(
         "the proof knows the instrument's noise alone; with --noise-only there is a proof without the other uncertainties"

@@ -326,8 +326,8 @@ fn mandatory(problem: &Problem<'_>, directions: &DMatrix<f64>) -> (u32, f64) {
     let plan = &problem.task.design.mandatory;
     let derivative = |experiment: &Experiment| {
         let (q, load) = (experiment.configuration_rad.as_slice(), &experiment.load);
-        let local = LocalSearch::new(problem).near(q, load, WIDENED_RAD);
-        let point = local.point(q, load);
+        let local = LocalSearch::new(problem).near(experiment, WIDENED_RAD);
+        let point = local.point(q, load, experiment.direction);
         let here = printed_derivative(&local, &point, directions);
         let found = local.most_informative(&point, directions, Precision::FINE);
         let near = found.map_or(0.0, |(point, _)| {
@@ -351,7 +351,7 @@ fn printed_derivative(local: &LocalSearch<'_>, point: &Point, directions: &DMatr
             } else {
                 &mut load.torque_nm
             }) = unit;
-            local.point(&point.q, &load).matrix
+            local.point(&point.q, &load, point.direction).matrix
         })
         .collect();
     let largest = |first: usize| {
@@ -382,10 +382,10 @@ fn initial_support(problem: &Problem<'_>, seed: u64) -> Result<Vec<Point>, Searc
     let local = LocalSearch::new(problem);
     (0..40)
         .map(|_| {
-            let (q, load) = sampler
+            let (q, load, direction) = sampler
                 .draw_one(&mut random)
                 .ok_or_else(|| sampler.explain_empty(seed))?;
-            Ok(local.point(&q, &load))
+            Ok(local.point(&q, &load, direction))
         })
         .collect()
 }

@@ -9,7 +9,7 @@ use super::finite::FiniteBound;
 use super::problem::{Problem, SearchError};
 use super::provable::ProvableTask;
 use super::proved::ProvedBound;
-use crate::experiment::{Experiment, NotMandatory, Plan};
+use crate::experiment::{Experiment, NotMandatory, Plan, is_one_direction};
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::{Criterion, Feasibility, widened};
 use crate::robot::Approach;
@@ -144,7 +144,9 @@ impl Enumerated {
             let apart = &candidate.configuration_rad - &experiment.configuration_rad;
             let wrench = candidate.load.wrench();
             let off = wrench - experiment.load.wrench();
-            apart.amax() <= SAME_RAD && off.amax() <= SAME_SHARE * wrench.amax()
+            apart.amax() <= SAME_RAD
+                && off.amax() <= SAME_SHARE * wrench.amax()
+                && is_one_direction(candidate.direction.as_ref(), experiment.direction.as_ref())
         };
         let most = self.candidates.iter().filter(is_it);
         let most = most

@@ -60,7 +60,7 @@ pub fn budget(
     problem.effort.searches = SEARCHES;
     problem.stop = Some(stop);
     let approximate = approximate_design(&problem, seed)?;
-    let fewest = u32::try_from(problem.to_find().div_ceil(3).max(1)).unwrap_or(u32::MAX);
+    let fewest = problem.fewest();
     let all: Vec<u32> = (fewest..=largest).collect();
     let bound = Bound::new(task, &approximate).prove(&approximate, seed, &all, proof);
     let sizes: Vec<(u32, u32)> = (fewest..=largest)

@@ -21,7 +21,7 @@ const SEARCHES: usize = 12;
 /// What may be measured of a list of candidates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidates {
-    /// Those that are possible, each row under each load; their repeats are the most that there may be.
+    /// Those that are possible, each row under each load and along each direction; their repeats are the most that there may be.
     pub experiments: Vec<Experiment>,
     /// How many there were, and why others are not possible.
     pub offer: OfferedCandidates,
@@ -99,13 +99,16 @@ impl Candidates {
                 }
             }
             for &load in row.load.as_ref().map_or(&loads[..], std::slice::from_ref) {
-                lines.push(line);
-                all.push(Experiment {
-                    configuration_rad: row.configuration_rad.clone(),
-                    load,
-                    repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
-                    approach: row.approach.clone(),
-                });
+                for &direction in &task.directions {
+                    lines.push(line);
+                    all.push(Experiment {
+                        configuration_rad: row.configuration_rad.clone(),
+                        load,
+                        repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
+                        approach: row.approach.clone(),
+                        direction,
+                    });
+                }
             }
         }
         if all.len() > MOST_CANDIDATES {

@@ -147,7 +147,7 @@ fn search_plans(
     let [candidates, support] = [&approximate.candidates, &approximate.support].map(|points| {
         let here = points
             .iter()
-            .map(|point| local.point(&point.q, &point.load));
+            .map(|point| local.point(&point.q, &point.load, point.direction));
         here.collect::<Vec<Point>>()
     });
     let seen = Mutex::new((0, f64::INFINITY));

@@ -10,31 +10,36 @@ use crate::numeric::random::generator;
 use crate::numeric::random::streams::{FIXED_SEED, INDIFFERENT_JOINTS, SHOWN};
 use crate::plan::SmoothBound;
 use crate::robot::Load;
+use crate::task::Task;
 
 /// Random configurations that are looked at for what experiments show.
 const CONFIGURATIONS: u32 = 40;
 
-/// The information of random configurations, each under every load, in an evaluator's relative units, and how many experiments that
+/// The information of random configurations, each under every load and along every direction, in an evaluator's relative units, and how many experiments that
 /// are: what it does not determine, no plan does.
 pub(super) fn random_information(
     mut evaluator: MatrixEvaluator<'_>,
     ranges: &[(f64, f64)],
-    loads: &Loads,
+    task: &Task,
 ) -> (DMatrix<f64>, f64) {
     let size = evaluator.parameters();
     let mut matrix = evaluator.matrix();
     let mut information = DMatrix::zeros(size, size);
-    let loads = loads.samples();
+    let loads = task.loads.samples();
     let mut random = generator(FIXED_SEED, SHOWN);
     for _ in 0..CONFIGURATIONS {
         let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
         evaluator.move_to(&ranges.iter().map(draw).collect::<Vec<f64>>());
-        for load in &loads {
-            evaluator.observe(load, &mut matrix);
-            add_information(&mut information, &matrix, 1.0);
+        for direction in &task.directions {
+            evaluator.read_along(direction.as_ref());
+            for load in &loads {
+                evaluator.observe(load, &mut matrix);
+                add_information(&mut information, &matrix, 1.0);
+            }
         }
     }
-    (information, f64::from(CONFIGURATIONS) * loads.len() as f64)
+    let each = loads.len() * task.directions.len();
+    (information, f64::from(CONFIGURATIONS) * each as f64)
 }
 
 /// The joints whose angle changes neither what any experiment tells nor the smooth bounds, found by
@@ -42,15 +47,15 @@ pub(super) fn random_information(
 pub(super) fn indifferent_joints(
     mut evaluator: MatrixEvaluator<'_>,
     ranges: &[(f64, f64)],
-    loads: &Loads,
+    task: &Task,
     bounds: &[SmoothBound],
 ) -> Vec<usize> {
     const CONFIGURATIONS: u64 = 8;
-    // The joints that turn all forces of space alike are not worth looking for.
-    if matches!(loads, Loads::Any { .. }) {
+    // The joints that turn all forces of space, or a gauge's direction, alike are not worth looking for.
+    if matches!(task.loads, Loads::Any { .. }) || task.reads_along() {
         return Vec::new();
     }
-    let loads = loads.samples();
+    let loads = task.loads.samples();
     let gravity = evaluator.gravity();
     let size = evaluator.parameters();
     let mut matrix = evaluator.matrix();

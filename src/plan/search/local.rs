@@ -8,7 +8,7 @@ use slsqp::{Func, StopTols, minimize};
 use super::observation::MatrixEvaluator;
 use super::point::{Point, force, in_directions, information_in};
 use super::problem::Problem;
-use crate::experiment::Loads;
+use crate::experiment::{Experiment, Loads};
 use crate::numeric::factorisation::finite_eigen;
 use crate::plan::SmoothBound;
 use crate::robot::Load;
@@ -57,6 +57,7 @@ pub(super) struct LocalSearch<'a> {
     bounds: Vec<SmoothBound>,
     ranges: Vec<(f64, f64)>,
     loads: Loads,
+    directions: Vec<Option<Vector3<f64>>>,
     is_force_bounded: bool,
     is_force_varied: bool,
     gravity: Vector3<f64>,
@@ -122,14 +123,16 @@ impl<'a> LocalSearch<'a> {
             bounds: problem.bounds.clone(),
             ranges: problem.ranges.clone(),
             loads: problem.task.loads.clone(),
+            directions: problem.task.directions.clone(),
         }
     }
 
-    /// Searches over one load near joint angles, whatever the bounds of the region.
-    pub fn near(mut self, q: &[f64], load: &Load, within_rad: f64) -> Self {
+    /// Searches over the load and the direction of an experiment near its joint angles, whatever the bounds of the region.
+    pub fn near(mut self, experiment: &Experiment, within_rad: f64) -> Self {
         let range = |angle: &f64| (angle - within_rad, angle + within_rad);
-        self.ranges = q.iter().map(range).collect();
-        self.loads = Loads::Fixed(*load);
+        self.ranges = experiment.configuration_rad.iter().map(range).collect();
+        self.loads = Loads::Fixed(experiment.load);
+        self.directions = vec![experiment.direction];
         self.bounds.clear();
         self
     }
@@ -151,14 +154,16 @@ impl<'a> LocalSearch<'a> {
         })
     }
 
-    /// The point at joint angles `q` under a load.
-    pub fn point(&self, q: &[f64], load: &Load) -> Point {
-        let evaluator = self.at(q);
+    /// The point at joint angles `q` under a load, read along a direction.
+    pub fn point(&self, q: &[f64], load: &Load, direction: Option<Vector3<f64>>) -> Point {
+        let mut evaluator = self.at(q);
+        evaluator.read_along(direction.as_ref());
         let mut matrix = evaluator.matrix();
         evaluator.observe(load, &mut matrix);
         Point {
             q: q.to_vec(),
             load: *load,
+            direction,
             matrix,
             blocks: evaluator.blocks(),
         }
@@ -206,7 +211,7 @@ impl<'a> LocalSearch<'a> {
     }
 
     /// Climbs from a start to a point of locally largest information in the directions G,
-    /// trace(A G A^T), and returns it with that information. A list of loads is tried one by one. A
+    /// trace(A G A^T), and returns it with that information. Lists of loads and of directions are tried one by one. A
     /// free force takes its best direction at every configuration on the way; where the torque bounds
     /// depend on it, it is varied along with the configuration.
     pub fn most_informative(
@@ -215,8 +220,25 @@ impl<'a> LocalSearch<'a> {
         directions: &DMatrix<f64>,
         precision: Precision,
     ) -> Option<(Point, f64)> {
+        let each = self.directions.iter().filter_map(|direction| {
+            let start = Point {
+                direction: *direction,
+                ..start.clone()
+            };
+            self.most_informative_along(&start, directions, precision)
+        });
+        each.max_by(|one, other| one.1.total_cmp(&other.1))
+    }
+
+    /// The same along the direction of the start.
+    fn most_informative_along(
+        &self,
+        start: &Point,
+        directions: &DMatrix<f64>,
+        precision: Precision,
+    ) -> Option<(Point, f64)> {
         let q = &start.q;
-        let climb = |load: &Load, free| self.climb(q, load, free, directions, precision);
+        let climb = |load: &Load, free| self.climb(start, load, free, directions, precision);
         let best = |one: &(Point, f64), other: &(Point, f64)| one.1.total_cmp(&other.1);
         match &self.loads {
             Loads::Direction { direction, force_n } if !self.is_force_varied => {
@@ -264,7 +286,7 @@ impl<'a> LocalSearch<'a> {
     /// Climbs from a start under a load.
     fn climb(
         &self,
-        q: &[f64],
+        from: &Point,
         load: &Load,
         free: FreeLoad<'_>,
         directions: &DMatrix<f64>,
@@ -277,10 +299,10 @@ impl<'a> LocalSearch<'a> {
             -information_in(matrix, directions)
         };
         let load = match free {
-            FreeLoad::Best(..) => free.load(&self.at(q), load, &[]),
+            FreeLoad::Best(..) => free.load(&self.at(&from.q), load, &[]),
             _ => *load,
         };
-        let start = self.point(q, &load);
+        let start = self.point(&from.q, &load, from.direction);
         let value = information_in(&start.matrix, directions);
         let unit = if value > 0.0 { value.recip() } else { 1.0 };
         let point = self.descend(&start, free, (&cost, unit), precision)?;
@@ -310,7 +332,8 @@ impl<'a> LocalSearch<'a> {
         (cost, unit): (&MatrixCost<'_>, f64),
         precision: Precision,
     ) -> Option<Point> {
-        let joints = start.q.len();
+        let (joints, direction) = (start.q.len(), start.direction);
+        self.at(&start.q).read_along(direction.as_ref());
         let (variables, of_load) = free.variables(&start.load);
         let x = [&*start.q, &variables].concat();
         let ranges = [&*self.ranges, &of_load].concat();
@@ -383,7 +406,7 @@ impl<'a> LocalSearch<'a> {
             }
         }
         let (q, load) = (&x[..joints], load_of(&self.at(&x[..joints]), &x));
-        (self.is_inside(q, &load)).then(|| self.point(q, &load))
+        (self.is_inside(q, &load)).then(|| self.point(q, &load, direction))
     }
 }
 

@@ -48,6 +48,11 @@ impl<'a> MatrixEvaluator<'a> {
         self.readings.come_from(approach);
     }
 
+    /// A gauge reads from now on along this direction, see [`PlannedReadings::read_along`].
+    pub fn read_along(&mut self, direction: Option<&Vector3<f64>>) {
+        self.readings.read_along(direction);
+    }
+
     /// The number p of parameters.
     pub fn parameters(&self) -> usize {
         (self.basis.as_ref()).map_or(self.readings.parameters(), DMatrix::ncols)
@@ -104,6 +109,7 @@ impl<'a> MatrixEvaluator<'a> {
     ) {
         self.set_repeats(repeats);
         self.come_from(experiment.approach.as_ref());
+        self.read_along(experiment.direction.as_ref());
         self.move_to(experiment.configuration_rad.as_slice());
         self.observe(&experiment.load, matrix);
     }

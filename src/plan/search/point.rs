@@ -11,13 +11,15 @@ pub(super) fn force(direction: &Vector3<f64>, size: f64) -> Load {
     Load::force(x, y, z)
 }
 
-/// A configuration and a load with the observation matrix that they give.
+/// A configuration, a load and a gauge's direction with the observation matrix that they give.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// The joint angles (rad).
     pub q: Vec<f64>,
     /// The load.
     pub load: Load,
+    /// The direction that a gauge reads along.
+    pub direction: Option<Vector3<f64>>,
     /// The scaled observation matrix, 3 x p a block, see [`super::observation::MatrixEvaluator`].
     pub matrix: Matrix3xX<f64>,
     /// The number of its blocks.
@@ -43,6 +45,7 @@ impl Point {
             load: self.load,
             repeats,
             approach: None,
+            direction: self.direction,
         }
     }
 }

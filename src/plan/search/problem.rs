@@ -161,15 +161,11 @@ impl<'a> Problem<'a> {
     /// all compliances.
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
         let mut problem = Self::shown_by(task, criterion, &|problem| {
-            random_information(problem.evaluator(), &problem.ranges, &task.loads).0
+            random_information(problem.evaluator(), &problem.ranges, task).0
         });
         if problem.impossible.is_none() {
-            problem.indifferent = indifferent_joints(
-                problem.evaluator(),
-                &problem.ranges,
-                &task.loads,
-                &problem.bounds,
-            );
+            problem.indifferent =
+                indifferent_joints(problem.evaluator(), &problem.ranges, task, &problem.bounds);
         }
         problem
     }
@@ -356,9 +352,9 @@ impl<'a> Problem<'a> {
     }
 
     /// Whether the force is to be varied along with the configuration: where bounds depend on it, or what else is
-    /// uncertain does.
+    /// uncertain or a gauge's direction does.
     pub(super) fn is_force_varied(&self) -> bool {
-        self.is_force_bounded() || self.extended.is_some()
+        self.is_force_bounded() || self.extended.is_some() || self.task.reads_along()
     }
 
     /// The names of the unknowns.
@@ -434,6 +430,12 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// The fewest measurements that give as many numbers as there are to find.
+    pub fn fewest(&self) -> u32 {
+        let numbers = if self.task.reads_along() { 1 } else { 3 };
+        u32::try_from(self.to_find().div_ceil(numbers).max(1)).unwrap_or(u32::MAX)
+    }
+
     /// Whether a plan determines what the criterion asks for.
     pub(super) fn is_determined_by(&self, plan: &Plan) -> bool {
         let information = self.information(plan);
@@ -493,6 +495,7 @@ impl<'a> Problem<'a> {
         }
         for experiments in together {
             evaluator.come_from(experiments[0].approach.as_ref());
+            evaluator.read_along(experiments[0].direction.as_ref());
             evaluator.move_to(experiments[0].configuration_rad.as_slice());
             information += evaluator.told_together(&hung(&experiments));
         }
@@ -519,6 +522,7 @@ impl<'a> Problem<'a> {
             let group = together.iter().find(|group| group[0].stands_as(experiment));
             if let Some(group) = group {
                 evaluator.come_from(experiment.approach.as_ref());
+                evaluator.read_along(experiment.direction.as_ref());
                 let q = experiment.configuration_rad.as_slice();
                 evaluator.gradient_together(q, &hung(group), &directions, &mut gradient);
                 return gradient;

@@ -38,6 +38,8 @@ impl ProvableTask {
             || problem.task.region.joint_torque_max_nm.is_some()
         {
             Some(NoProof::Springs)
+        } else if problem.task.belief.instrument.gauge.is_some() {
+            Some(NoProof::Gauge)
         } else {
             None
         }
@@ -118,7 +120,9 @@ fn is_known(task: &Task, source: &ReadingSource) -> bool {
             | ReadingSource::LoadPoint(_)
             | ReadingSource::Discrepancy(_) => true,
             // Noise that depends on where the instrument stands has not the symmetries that the proof rests on.
-            ReadingSource::Range(_) | ReadingSource::TransmissionError(_) => false,
+            ReadingSource::Range(_)
+            | ReadingSource::TransmissionError(_)
+            | ReadingSource::GaugeDirection(_) => false,
         }
 }
 
@@ -175,7 +179,9 @@ pub(super) fn spread(
             ReadingSource::LoadDirection(deviation) => turned = turned.hypot(over(*deviation)),
             ReadingSource::LoadPoint(deviation) => shifted = shifted.hypot(over(*deviation)),
             ReadingSource::Discrepancy(deviation) => everywhere += over(*deviation).powi(2),
-            ReadingSource::Range(_) | ReadingSource::TransmissionError(_) => {}
+            ReadingSource::Range(_)
+            | ReadingSource::TransmissionError(_)
+            | ReadingSource::GaugeDirection(_) => {}
         }
     }
     let reaches = question.reaches_m();

@@ -66,7 +66,7 @@ impl<'a> Refinement<'a> {
     pub fn known(&self, experiments: &[Experiment]) -> Found {
         let points = experiments.iter().map(|each| {
             let q = each.configuration_rad.as_slice();
-            self.local.point(q, &each.load)
+            self.local.point(q, &each.load, each.direction)
         });
         let repeats = experiments.iter().map(|each| each.repeats).collect();
         self.plan(points.collect(), repeats)
@@ -186,8 +186,8 @@ impl<'a> Refinement<'a> {
             let points = before.iter().zip(&best.points).map(|(before, after)| {
                 let q = (before.q.iter().zip(&after.q))
                     .map(|(before, after)| after + factor * (after - before));
-                self.local
-                    .point(&self.local.in_ranges(q.collect()), &after.load)
+                let q = self.local.in_ranges(q.collect());
+                self.local.point(&q, &after.load, after.direction)
             });
             let found = self.plan(points.collect(), best.repeats.clone());
             if found.cost >= lowest {
@@ -262,7 +262,7 @@ impl<'a> Refinement<'a> {
     fn repeated(&self, point: &Point, repeats: u32) -> Option<Point> {
         (self.is_shared_by_configuration && repeats != 1).then(|| {
             self.local.set_repeats(repeats);
-            let repeated = self.local.point(&point.q, &point.load);
+            let repeated = (self.local).point(&point.q, &point.load, point.direction);
             self.local.set_repeats(1);
             repeated
         })
@@ -361,6 +361,6 @@ impl<'a> Refinement<'a> {
         // A point keeps what it tells once: its repeats may move.
         self.local.set_repeats(1);
         let clear = self.sampler.clear_variant(&improved?)?;
-        Some(self.local.point(&clear.q, &clear.load))
+        Some((self.local).point(&clear.q, &clear.load, clear.direction))
     }
 }

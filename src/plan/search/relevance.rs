@@ -29,7 +29,7 @@ pub(super) fn relevant(
     let compliances = ComplianceColumns::new(joints, &sizes[..joints.len()], precision);
     let readings = extended.readings(&all, sizes, precision);
     let evaluator = MatrixEvaluator::new(readings, compliances, None);
-    let (sum, count) = random_information(evaluator, ranges, &task.loads);
+    let (sum, count) = random_information(evaluator, ranges, task);
     let prior = task.belief.prior_information();
     let groups = extended.shared();
     // The largest share of each uncertainty.

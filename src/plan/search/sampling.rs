@@ -3,6 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
+use nalgebra::Vector3;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, UnitSphere};
 use rayon::prelude::*;
@@ -26,6 +27,9 @@ const PAIRS: usize = 5;
 /// How many other angles of the joints that do not matter are tried to get clear of an obstacle.
 const VARIANTS: usize = 24;
 
+/// A configuration (rad), a load and the direction of a gauge.
+type Drawn = (Vec<f64>, Load, Option<Vector3<f64>>);
+
 /// Draws configurations uniformly from the joint ranges, and loads from those that are allowed: what a laboratory without a plan
 /// would measure.
 #[derive(Debug)]
@@ -45,14 +49,16 @@ impl<'a> RandomPlans<'a> {
         }
     }
 
-    /// A configuration that keeps the smooth bounds and is clear of collisions, with a load; `None`
+    /// A configuration that keeps the smooth bounds and is clear of collisions, with a load and a direction; `None`
     /// after many attempts.
-    pub(super) fn draw_one(&mut self, random: &mut impl Rng) -> Option<(Vec<f64>, Load)> {
+    pub(super) fn draw_one(&mut self, random: &mut impl Rng) -> Option<Drawn> {
         (0..ATTEMPTS).find_map(|_| {
             let q = uniform(&self.problem.ranges, random);
             let load = self.load(&q, random)?;
-            (self.local.is_inside(&q, &load) && self.feasibility.is_clear(&q, &load))
-                .then_some((q, load))
+            let direction = self.direction(random);
+            (self.local.is_inside(&q, &load)
+                && self.feasibility.is_clear(&q, &load, direction.as_ref()))
+            .then_some((q, load, direction))
         })
     }
 
@@ -73,8 +79,8 @@ impl<'a> RandomPlans<'a> {
     ) -> Result<Plan, SearchError> {
         let mut random = generator(seed, stream);
         let experiments = (0..experiments).map(|_| {
-            let (q, load) = (self.draw_one(&mut random)).ok_or_else(|| self.explain_empty(seed))?;
-            Ok(experiment(q, load))
+            let drawn = (self.draw_one(&mut random)).ok_or_else(|| self.explain_empty(seed))?;
+            Ok(experiment(drawn))
         });
         Ok(Plan {
             experiments: experiments.collect::<Result<_, _>>()?,
@@ -84,7 +90,10 @@ impl<'a> RandomPlans<'a> {
     /// The same experiment, clear of collisions and in sight: itself, or one that tells the same at
     /// other angles of the joints that do not matter. `None` where there is none among a fixed set.
     pub(super) fn clear_variant(&mut self, point: &Point) -> Option<Point> {
-        if self.feasibility.is_clear(&point.q, &point.load) {
+        let direction = point.direction;
+        let mut is_clear =
+            |q: &[f64]| (self.feasibility).is_clear(q, &point.load, direction.as_ref());
+        if is_clear(&point.q) {
             return Some(point.clone());
         }
         let free = &self.problem.indifferent;
@@ -98,8 +107,8 @@ impl<'a> RandomPlans<'a> {
                 let (low, high) = self.problem.ranges[joint];
                 q[joint] = low + (high - low) * random.random::<f64>();
             }
-            (self.local.is_inside(&q, &point.load) && self.feasibility.is_clear(&q, &point.load))
-                .then(|| self.local.point(&q, &point.load))
+            (self.local.is_inside(&q, &point.load) && is_clear(&q))
+                .then(|| self.local.point(&q, &point.load, direction))
         })
     }
 
@@ -108,7 +117,8 @@ impl<'a> RandomPlans<'a> {
         (0..ATTEMPTS).find_map(|_| {
             let q = uniform(&self.problem.ranges, random);
             let load = self.load(&q, random)?;
-            (self.local.is_inside(&q, &load)).then(|| self.local.point(&q, &load))
+            let direction = self.direction(random);
+            (self.local.is_inside(&q, &load)).then(|| self.local.point(&q, &load, direction))
         })
     }
 
@@ -124,7 +134,7 @@ impl<'a> RandomPlans<'a> {
             let load = self
                 .load(&q, &mut random)
                 .unwrap_or_else(|| self.least_load());
-            let experiment = experiment(q, load);
+            let experiment = experiment((q, load, self.direction(&mut random)));
             let violations = self.feasibility.violations_of(1, &experiment);
             let kinds: BTreeSet<String> = violations.iter().map(Violation::kind).collect();
             for what in kinds {
@@ -169,6 +179,14 @@ impl<'a> RandomPlans<'a> {
         };
         let size = self.local.largest_size(q, &direction, sizes)?;
         Some(force(&direction, size))
+    }
+
+    /// One of the directions that a gauge may read along.
+    fn direction(&self, random: &mut impl Rng) -> Option<Vector3<f64>> {
+        match &self.problem.task.directions[..] {
+            [only] => *only,
+            several => several[random.random_range(0..several.len())],
+        }
     }
 
     /// What is least likely to break a torque bound.
@@ -239,12 +257,13 @@ pub fn median_random_plan(
     Ok(predicted.swap_remove(predicted.len() / 2))
 }
 
-fn experiment(q: Vec<f64>, load: Load) -> Experiment {
+fn experiment((q, load, direction): Drawn) -> Experiment {
     Experiment {
         configuration_rad: nalgebra::DVector::from_vec(q),
         load,
         repeats: 1,
         approach: None,
+        direction,
     }
 }
 

@@ -18,7 +18,7 @@ impl Checker<'_> {
         commands: &Commands,
         loads: &Loads,
     ) -> Result<Design, FileError> {
-        let fewest = fewest(parameters);
+        let fewest = fewest(parameters, commands);
         let experiments = table.experiments;
         self.at_most(
             "design.experiments",
@@ -27,8 +27,13 @@ impl Checker<'_> {
         )?;
         if experiments < fewest {
             let problem = format!(
-                "found {experiments}; at least {fewest} are needed, since each gives three numbers and {parameters} compliances \
-                 are unknown"
+                "found {experiments}; at least {fewest} are needed, since each gives {} and {parameters} compliances \
+                 are unknown",
+                if commands.reads_along {
+                    "one number"
+                } else {
+                    "three numbers"
+                }
             );
             return Err(self.wrong("design.experiments", problem));
         }
@@ -85,6 +90,7 @@ impl Checker<'_> {
 }
 
 /// The fewest measurements that give as many numbers as there are unknowns.
-pub(super) fn fewest(parameters: usize) -> u32 {
-    u32::try_from(parameters.div_ceil(3).max(1)).unwrap_or(u32::MAX)
+pub(super) fn fewest(parameters: usize, commands: &Commands) -> u32 {
+    let numbers = if commands.reads_along { 1 } else { 3 };
+    u32::try_from(parameters.div_ceil(numbers).max(1)).unwrap_or(u32::MAX)
 }

@@ -5,6 +5,7 @@ use toml::Table;
 
 use super::Checker;
 use super::certificate::{SIZES, Size};
+use super::gauge::other_instrument;
 use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{Axis, ParameterKind as Of, RangeNoise, ReadingSource, Source};
@@ -62,6 +63,10 @@ impl<'a> UncertaintyEntry<'a> {
                 return Err(entry.wrong(key, format!("a {kind} has no such key; it has {all}")));
             }
         }
+        let is_gauge = belief.instrument.gauge.is_some();
+        if let Some(problem) = other_instrument(table.kind, is_gauge) {
+            return Err(entry.wrong("kind", problem));
+        }
         checker.certificate_is_used(&entry.key, &entry.given, &SIZES)?;
         if !sizes.iter().any(|size| entry.gives(size)) {
             let all = sizes.join(" or ");
@@ -87,6 +92,7 @@ impl<'a> UncertaintyEntry<'a> {
         Ok(Source::Reading(match self.table.kind {
             Kind::LoadDirection => New::LoadDirection(self.size(key)?),
             Kind::LoadPoint => New::LoadPoint(self.size(key)?),
+            Kind::GaugeDirection => New::GaugeDirection(self.size(key)?),
             Kind::Discrepancy => New::Discrepancy(self.size(key)?),
             Kind::JointRepeatability => self.joint_repeatability()?,
             Kind::TrackerRange => New::Range(self.tracker_range()?),

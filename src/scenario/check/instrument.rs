@@ -11,6 +11,7 @@ use crate::task::Instrument;
 
 impl Checker<'_> {
     pub(super) fn instrument(&self, file: &File, model: &Model) -> Result<Instrument, FileError> {
+        let gauge = self.gauge(file)?;
         let table = &file.instrument;
         let given = Table::try_from(table).unwrap_or_default();
         self.certificate_is_used("instrument", &given, &NOISE)?;
@@ -28,8 +29,10 @@ impl Checker<'_> {
         if file.region.line_of_sight && tracker_site.is_none() && file.station.is_empty() {
             return Err(self.wrong(key, "is missing, and region.line_of_sight needs it"));
         }
+        let noise_m = sigma_m * table.sigma_of.deflection_factor();
         Ok(Instrument {
-            sigma_m: sigma_m * table.sigma_of.deflection_factor(),
+            sigma_m: gauge.map_or(noise_m, |gauge| noise_m.hypot(gauge.rounding_m2().sqrt())),
+            gauge,
             rotation_sigma_rad: self.deviation("instrument", &given, rotation)?,
             tracker_site,
             unloaded: table.unloaded,

@@ -4,6 +4,7 @@ mod certificate;
 mod design;
 mod error_source;
 mod gate;
+mod gauge;
 mod inputs;
 mod instrument;
 mod laboratory;
@@ -97,7 +98,7 @@ impl Checker<'_> {
         let known = before.known + parameters.iter().filter(is_listed).count();
         let to_find = parameters.len().saturating_sub(known);
 
-        let (joints, commands) = (nominal.chain.len(), Commands::from(&nominal.chain));
+        let (joints, commands) = (nominal.chain.len(), file.commands(&nominal.chain));
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain, &machining_tool)?;
         let loads = self.loads(&file.load)?;
         let design = self.design(&file.design, to_find, &commands, &loads)?;
@@ -129,7 +130,7 @@ impl Checker<'_> {
             method: file.identification.method,
         };
         let places = ReadingPlaces {
-            between_h: laboratory.costs.between_readings_h(design.experiments),
+            between_h: laboratory.costs.between_readings_h(file.visited_between()),
             stations: &stations,
             test_pose_rad: &test_poses[0].configuration_rad,
         };
@@ -152,6 +153,7 @@ impl Checker<'_> {
                 belief,
                 test_poses,
                 loads,
+                directions: self.directions(&file.instrument)?,
                 region,
                 stations,
                 design,

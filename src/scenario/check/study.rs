@@ -50,7 +50,7 @@ impl Checker<'_> {
             load_scale: 1.0,
         };
         if table.experiments.is_some() {
-            self.enough("study.experiments", base.experiments, context.parameters)?;
+            self.enough("study.experiments", base.experiments, context)?;
         }
         let conditions = self.conditions(&table.sweep, base, context)?;
         let plans = match &table.plan {
@@ -95,7 +95,7 @@ impl Checker<'_> {
         let number = |kind: Kind, unit: f64| {
             move |key: &str, &value: &f64| Ok(self.number(key, value, &kind)? * unit)
         };
-        let enough = |key: &str, &m: &u32| self.enough(key, m, context.parameters).map(|()| m);
+        let enough = |key: &str, &m: &u32| self.enough(key, m, context).map(|()| m);
         let mm = 1e-3 * context.sigma_of.deflection_factor();
         let (counts, sigmas) = (table.experiments.as_ref(), table.sigma_mm.as_ref());
         let scales = table.load_scale.as_ref();
@@ -146,8 +146,9 @@ impl Checker<'_> {
         values.iter().enumerate().map(one).collect()
     }
 
-    fn enough(&self, key: &str, experiments: u32, parameters: usize) -> Result<(), FileError> {
-        self.count(key, experiments, fewest(parameters)..=MOST_EXPERIMENTS)
+    fn enough(&self, key: &str, experiments: u32, context: &Context<'_>) -> Result<(), FileError> {
+        let fewest = fewest(context.parameters, context.commands);
+        self.count(key, experiments, fewest..=MOST_EXPERIMENTS)
             .map(drop)
     }
 
@@ -237,6 +238,7 @@ impl Checker<'_> {
             load: row.load.unwrap_or(Load::NONE),
             repeats: row.most.unwrap_or(1),
             approach: row.approach.clone(),
+            direction: None,
         });
         let plan = Plan {
             experiments: experiments.collect(),
@@ -274,7 +276,7 @@ impl Checker<'_> {
                 }
                 let experiments_key = format!("{key}.experiments");
                 if let Some(experiments) = *experiments {
-                    self.enough(&experiments_key, experiments, context.parameters)?;
+                    self.enough(&experiments_key, experiments, context)?;
                     self.divides(&experiments_key, experiments, conditions)?;
                 }
                 let fewest_studied = conditions.iter().map(|each| each.experiments).min();
@@ -286,7 +288,7 @@ impl Checker<'_> {
                 }
                 if let Some(configurations) = *configurations {
                     let key = format!("{key}.configurations");
-                    self.enough(&key, configurations, context.parameters)?;
+                    self.enough(&key, configurations, context)?;
                     if configurations > fewest {
                         let problem =
                             format!("found {configurations}; at most {fewest} are allowed");

@@ -186,10 +186,13 @@ const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summ
 fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> String {
     let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
         let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
+        row.extend((experiment.direction).map(|direction| direction.map(charts::short).join(", ")));
         row.push(experiment.repeats.to_string());
         row
     });
-    let header = plan_header(run.scenario, "experiment", &["times"]);
+    let along = run.scenario.task.reads_along().then_some("read along");
+    let more: Vec<&str> = along.into_iter().chain(["times"]).collect();
+    let header = plan_header(run.scenario, "experiment", &more);
     format!(
         "<div class=\"stills\">{}</div>\n{}{}",
         run.stills,

@@ -197,9 +197,14 @@ pub fn next_steps(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     };
     let mut steps = step(
         &format!(
-            "Take the {} of plan.csv, shown below. Write what the tracker saw, loaded less unloaded, \
+            "Take the {} of plan.csv, shown below. Write {} \
              into a CSV file like measurements.csv.",
-            counted(assessment.experiments.into(), "measurement")
+            counted(assessment.experiments.into(), "measurement"),
+            if run.scenario.task.reads_along() {
+                "what the gauge showed under the load"
+            } else {
+                "what the tracker saw, loaded less unloaded,"
+            }
         ),
         "",
     );

@@ -1,0 +1,333 @@
+//! Displacements along a direction, as a dial gauge reads them: plans and fits of them, on the virtual robot.
+
+use elastocal::measurement::read_measurements;
+use elastocal::observation::DeflectionPrecision;
+use elastocal::plan::search::{Problem, random_plan};
+use elastocal::plan::{Criterion, Feasibility, Plan, read_plan};
+use elastocal::scenario::Scenario;
+use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
+use serde_json::Value;
+
+use crate::support::{Workplace, number, numbers, scenario, scenario_text};
+use crate::uncertainties::loaded;
+
+const GAUGE: &str = "kr270_gauge";
+
+fn gauge() -> Scenario {
+    scenario(GAUGE)
+}
+
+/// Six measurements of random configurations and directions.
+fn six(scenario: &Scenario) -> Plan {
+    random_plan(&scenario.task, 6, 7, 0).expect("experiments are possible")
+}
+
+/// A row d . J over s, s^2 = sigma^2 + d . C d, of the rows J and the covariance C that all three coordinates would have.
+#[test]
+fn a_displacement_is_one_row_of_a_deflection() {
+    let scenario = gauge();
+    let belief = &scenario.task.belief;
+    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    let precision = belief.instrument.precision();
+    let all_three = DeflectionPrecision {
+        is_along_direction: false,
+        ..precision
+    };
+    let mut along = extended.readings_of_all(precision);
+    let mut whole = extended.readings_of_all(all_three);
+    let size = belief.unknowns();
+    let plan = six(&scenario);
+    for each in &plan.experiments {
+        let direction = each.direction.expect("a gauge points somewhere");
+        let q = each.configuration_rad.as_slice();
+        along.read_along(Some(&direction));
+        along.move_to(q);
+        whole.move_to(q);
+        let mut jacobian = Matrix6xX::zeros(size);
+        whole.derivatives(&each.load, &mut jacobian);
+        let row = jacobian.fixed_rows::<3>(0).tr_mul(&direction);
+        let covariance = whole.covariance_of_all(&each.load);
+        let spread = direction.dot(&(covariance.fixed_view::<3, 3>(0, 0) * direction));
+        let expected = &row * row.transpose() / (precision.sigma_m.powi(2) + spread);
+        let told = |readings: &elastocal::observation::PlannedReadings<'_>| {
+            let mut matrix = Matrix3xX::zeros(size);
+            readings.observe(&each.load, &mut matrix);
+            DMatrix::from(matrix.tr_mul(&matrix))
+        };
+        assert!((told(&along) - &expected).amax() < 1e-9 * expected.amax());
+        // One that points nowhere is no tracker.
+        along.read_along(None);
+        assert!(told(&along).amax() == 0.0);
+    }
+}
+
+/// The gradient of a plan's cost by its joint angles, in each of the forms that rows of a gauge come in: of compliances alone, of an arm
+/// whose sources have a gradient, and with the gauge's own direction among them.
+#[test]
+fn gradients_are_those_of_the_cost() {
+    let text = scenario_text(GAUGE);
+    let (head, tail) = text.split_once("# How well the gauge").expect("a comment");
+    let (_, tail) = tail.split_once("# What is left").expect("a comment");
+    let mut alone = gauge();
+    alone.noise_only();
+    for scenario in [
+        alone,
+        loaded(&format!("{head}# What is left{tail}")),
+        gauge(),
+    ] {
+        let problem = Problem::new(&scenario.task, Criterion::TestPose);
+        let plan = six(&scenario);
+        let (cost, gradient) = problem.cost_and_gradient(&plan);
+        for (index, slopes) in gradient.iter().enumerate() {
+            for (joint, slope) in slopes.iter().enumerate() {
+                let at = |shift: f64| {
+                    let mut plan = plan.clone();
+                    plan.experiments[index].configuration_rad[joint] += shift;
+                    problem.cost_and_gradient(&plan).0
+                };
+                let shift = 1e-4;
+                let expected = (at(shift) - at(-shift)) / (2.0 * shift);
+                assert!(
+                    (slope - expected).abs() < 1e-4 * (expected.abs() + cost),
+                    "{index} {joint}: {slope} {expected} {cost}"
+                );
+            }
+        }
+    }
+}
+
+/// A search over three directions is no worse than over any one of them, and than random plans.
+#[test]
+fn the_search_chooses_among_directions() {
+    let text = scenario_text(GAUGE);
+    let place = Workplace::new();
+    let rho0 = |directions: &str| {
+        let own = text.replace("[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", directions);
+        place.write("gauge.toml", own);
+        let json = place
+            .json("plan gauge.toml --noise-only --experiments 6 --plan-out plan.csv --no-proof");
+        number(&json["rho0_mm"])
+    };
+    let one = ["[[1, 0, 0]]", "[[0, 0, 1]]"].map(rho0);
+    let all = rho0("[[1, 0, 0], [0, 1, 0], [0, 0, 1]]");
+    assert!(all < 1.001 * one[0].min(one[1]), "{all} {one:?}");
+    let plan = read_plan(&place.path("plan.csv"), gauge().task.belief.commands());
+    let plan = plan.expect("a plan that is written is read");
+    let scenario = gauge();
+    assert_eq!(Feasibility::new(&scenario.task).violations(&plan), []);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
+    let cost = |plan: &Plan| problem.cost_and_gradient(plan).0;
+    assert!(cost(&plan) < cost(&six(&scenario)));
+}
+
+/// A study of a plan on the virtual robot.
+fn study(text: &str, plan: &Plan, trials: u32) -> Value {
+    let place = Workplace::new();
+    let commands = gauge().task.belief.commands();
+    elastocal::plan::write_plan(&place.path("plan.csv"), commands, plan).expect("it is written");
+    let study = format!(
+        "{text}\n[study]\nlevel = \"robot\"\ntrials = {trials}\n[[study.plan]]\nkind = \"file\"\nname = \"gauge\"\nfile = \"plan.csv\"\n"
+    );
+    place.write("gauge.toml", study);
+    place.json("study gauge.toml")["plans"][0].clone()
+}
+
+/// What virtual robots leave is what is predicted, and 95 % intervals hold the truth in 95 % of the runs, within three standard errors.
+#[test]
+fn predictions_hold_on_virtual_robots() {
+    let trials = 5000;
+    let plan = study(&scenario_text(GAUGE), &six(&gauge()), trials);
+    let [rms, error, predicted] =
+        ["rms_mm", "rms_std_mm", "combined_rms_mm"].map(|key| number(&plan[key]));
+    assert!(
+        (rms - predicted).abs() < 3.0 * error,
+        "{rms} {error} {predicted}"
+    );
+    let coverage = number(&plan["coverage95"]);
+    let counted = f64::from(trials);
+    assert!(
+        (coverage - 0.95).abs() < 3.0 * (0.95 * 0.05 / counted).sqrt(),
+        "{coverage}"
+    );
+}
+
+/// A coarse step is counted as the noise that it is.
+#[test]
+fn a_coarse_gauge_is_predicted_to_be_one() {
+    let text = scenario_text(GAUGE);
+    let coarse = text.replace("resolution_mm = 0.001", "resolution_mm = 0.05");
+    let [fine, coarse] = [&text, &coarse].map(|text| study(text, &six(&gauge()), 600));
+    let predicted = |plan: &Value| number(&plan["combined_rms_mm"]);
+    assert!(predicted(&coarse) > 1.02 * predicted(&fine));
+    let room = 3.0 * number(&coarse["rms_std_mm"]);
+    assert!((number(&coarse["rms_mm"]) - predicted(&coarse)).abs() < room);
+}
+
+/// The whole way through files: plan, virtual readings in whole steps, and what is identified of them.
+#[test]
+fn files_of_a_gauge_are_read_as_they_are_written() {
+    let place = Workplace::new();
+    place.write("gauge.toml", scenario_text(GAUGE));
+    let scenario = gauge();
+    let commands = scenario.task.belief.commands();
+    let plan = six(&scenario);
+    elastocal::plan::write_plan(&place.path("plan.csv"), commands.clone(), &plan).expect("written");
+    assert_eq!(
+        read_plan(&place.path("plan.csv"), commands).expect("read"),
+        plan
+    );
+    place.json("measure gauge.toml --plan plan.csv --measurements-out measured.csv");
+    let header = place.read("measured.csv");
+    assert!(header.contains("direction_x,direction_y,direction_z,displacement_mm"));
+    let read = read_measurements(&place.path("measured.csv"), &scenario.task.belief);
+    for (each, planned) in read.expect("read").iter().zip(&plan.experiments) {
+        assert_eq!(each.direction, planned.direction);
+        let steps = each
+            .direction
+            .map(|d: Vector3<f64>| d.dot(&each.deflection_m) * 1e6);
+        let steps = steps.expect("a direction");
+        assert!((steps - steps.round()).abs() < 1e-6, "{steps}");
+    }
+    let json = place.json("identify gauge.toml --measurements measured.csv");
+    // Six numbers, of which the priors of five compliances take up what they do not know.
+    let residuals = json["residuals"].as_array().expect("a list");
+    assert_eq!(residuals.len(), 6);
+    for each in residuals {
+        assert_eq!(each["standardised"].as_array().expect("a list").len(), 1);
+        assert!(number(&each["degrees_of_freedom"]) < 1.5);
+    }
+    place.json("evaluate gauge.toml --plan plan.csv --no-proof");
+}
+
+/// For each measurement a gauge is set and the weight hung: minutes count both, the table says the direction.
+#[test]
+fn the_laboratory_sets_a_gauge_for_each_measurement() {
+    let place = Workplace::new();
+    let scenario = gauge();
+    place.write("gauge.toml", scenario_text(GAUGE));
+    let plan = six(&scenario);
+    let commands = scenario.task.belief.commands();
+    elastocal::plan::write_plan(&place.path("plan.csv"), commands, &plan).expect("written");
+    let json = place
+        .run("lab gauge.toml --plan plan.csv --json --quiet")
+        .json();
+    assert_eq!(json["load_changes"], 6);
+    let stops = json["stops"].as_array().expect("a list");
+    assert_eq!(stops.len(), 12);
+    let costs = &scenario.laboratory.costs;
+    let work = 6.0
+        * (costs.station_min + costs.move_min + costs.load_change_min + 2.0 * costs.reading_min);
+    let turning =
+        number(&json["travel_deg"]) / scenario.laboratory.axis_speed_per_s.to_degrees() / 60.0;
+    assert!((number(&json["minutes"]) - work - turning).abs() < 1e-6);
+    for pair in stops.chunks(2) {
+        assert_eq!(pair[0]["q_deg"], pair[1]["q_deg"]);
+        assert!(pair[0]["wrench"].is_null() && pair[1]["wrench"].is_array());
+        assert_eq!(numbers(&pair[0]["direction"]).len(), 3);
+    }
+    let table = place.read("out/gauge/lab/measurements.csv");
+    assert!(table.contains("direction_z,displacement_mm"));
+    let sheet = place.read("out/gauge/lab/run_sheet.html");
+    assert_eq!(sheet.matches("set the gauge along").count(), 6);
+}
+
+fn refused(change: [&str; 2], key: &str, says: &str) {
+    let place = Workplace::new();
+    let text = scenario_text(GAUGE);
+    assert!(text.contains(change[0]), "{change:?}");
+    place.write("gauge.toml", text.replacen(change[0], change[1], 1));
+    let said = place.run("check gauge.toml").ends_with(1).stderr;
+    assert!(said.contains(key) && said.contains(says), "{said}");
+}
+
+/// What a gauge does not have, or a plan that none can follow, is an error or a violation that says why.
+#[test]
+fn what_no_gauge_can_do_is_refused() {
+    refused(
+        ["reads = \"displacement\"", ""],
+        "instrument.directions",
+        "\"deflection\"",
+    );
+    refused(
+        ["range_mm = 10", "unloaded = \"shared\""],
+        "instrument.unloaded",
+        "\"displacement\"",
+    );
+    refused(
+        ["range_mm = 10", "tracker_site = \"tracker\""],
+        "instrument.tracker_site",
+        "\"displacement\"",
+    );
+    refused(
+        ["[0, 0, 1]]", "[0, 0, 0]]"],
+        "instrument.directions[2]",
+        "direction",
+    );
+    refused(
+        [
+            "clearance_mm = 20",
+            "clearance_mm = 20\nline_of_sight = true",
+        ],
+        "region.line_of_sight",
+        "positions",
+    );
+    refused(
+        ["[design]", "[design]\naccuracy = \"absolute\""],
+        "design.accuracy",
+        "positions",
+    );
+    let discrepancy = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.01\n[design]";
+    refused(
+        ["[design]", discrepancy],
+        "kind",
+        "shared by all deflections",
+    );
+
+    let place = Workplace::new();
+    let text = scenario_text(GAUGE);
+    place.write("gauge.toml", &text);
+    place.write("short.toml", text.replace("range_mm = 10", "range_mm = 1"));
+    let scenario = gauge();
+    let mut plan = six(&scenario);
+    let commands = scenario.task.belief.commands();
+    let write = |plan: &Plan| {
+        elastocal::plan::write_plan(&place.path("plan.csv"), commands.clone(), plan)
+            .expect("written");
+    };
+    plan.experiments[1].direction = Some(Vector3::new(0.6, 0.8, 0.0));
+    write(&plan);
+    let said = place
+        .run("evaluate gauge.toml --plan plan.csv --no-proof")
+        .ends_with(3);
+    assert!(
+        said.stdout
+            .contains("direction is (0.6000, 0.8000, 0.0000)"),
+        "{said:#?}"
+    );
+    plan.experiments[1].direction = Some(Vector3::z());
+    write(&plan);
+    let said = place
+        .run("evaluate short.toml --plan plan.csv --no-proof")
+        .ends_with(3);
+    assert!(
+        said.stdout.contains("displacement along the gauge"),
+        "{said:#?}"
+    );
+    // A tracker's plan says no direction.
+    place.write(
+        "tracker.csv",
+        std::fs::read(crate::support::project(
+            "scenarios/plans/klimchik2012_m4.csv",
+        ))
+        .expect("read"),
+    );
+    place
+        .run("evaluate gauge.toml --plan tracker.csv")
+        .ends_with(1)
+        .says("direction_x");
+    let proved = place
+        .run("plan gauge.toml --experiments 6 --prove 10% --noise-only")
+        .ends_with(0);
+    let refusal = "Nothing is proved: there is no proof where a gauge";
+    assert!(proved.stdout.contains(refusal), "{proved:#?}");
+}
