@@ -7,8 +7,9 @@ use super::case::{Case, Sigma};
 use super::discrepancy::Discrepancy;
 use super::equations::EquationSource;
 use super::error::IdentificationError;
-use super::fit::{Fit, fit_linear, fit_nonlinear};
+use super::fit::{Fit, FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
+use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
@@ -149,25 +150,64 @@ impl Case<'_> {
         &self,
         near: Option<&[f64]>,
     ) -> Result<Identification, IdentificationError> {
+        let start = FitStart::new(&self.equation_source(), self.method, near.is_some());
+        self.identify_from(&start, near)
+    }
+
+    /// The same with what it begins with.
+    fn identify_from(
+        &self,
+        start: &FitStart,
+        near: Option<&[f64]>,
+    ) -> Result<Identification, IdentificationError> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
         let source = self.equation_source();
         let fit = match self.method {
-            Method::Linear => fit_linear(&source),
-            Method::Nonlinear => fit_nonlinear(&source, near)?,
+            Method::Linear => fit_linear(start, &source),
+            Method::Nonlinear => fit_nonlinear(start, &source, near)?,
         };
-        report(&source, fit, self.sigma, self.method)
+        report(&source, &start.estimable, fit, self.sigma, self.method)
+    }
+}
+
+/// The identification of one plan's measurements over and over: what does not depend on what is read is made once.
+#[derive(Debug, Clone)]
+pub(crate) struct PreparedCase<'a> {
+    case: Case<'a>,
+    start: FitStart,
+}
+
+impl<'a> PreparedCase<'a> {
+    /// For other measurements like these, whatever they read.
+    pub fn new(case: Case<'a>, measurements: &[Measurement]) -> Self {
+        let source = case.with(measurements).equation_source();
+        Self {
+            start: FitStart::new(&source, case.method, false),
+            case,
+        }
+    }
+
+    /// Identifies what is unknown.
+    pub fn identify(
+        &self,
+        measurements: &[Measurement],
+    ) -> Result<Identification, IdentificationError> {
+        self.case
+            .with(measurements)
+            .identify_from(&self.start, None)
     }
 }
 
 fn report(
     source: &EquationSource<'_>,
+    estimable: &Estimable,
     fit: Fit,
     sigma: Sigma,
     method: Method,
 ) -> Result<Identification, IdentificationError> {
-    let rank = fit.estimable.rank();
+    let rank = estimable.rank();
     if rank == 0 {
         return Err(IdentificationError::NothingObserved);
     }
@@ -188,8 +228,8 @@ fn report(
     let posterior = Posterior {
         names: source.names(),
         mean: fit.values.clone(),
-        covariance: &fit.least_squares.covariance * (factor * factor),
-        estimable: fit.estimable,
+        covariance: &fit.covariance * (factor * factor),
+        estimable: estimable.clone(),
     };
     let estimate = |posterior: &Posterior, index: usize| {
         let standard_error = posterior.standard_error(index)?;
@@ -248,7 +288,7 @@ fn report(
         is_all_weak: false,
         residuals_m,
         rank,
-        condition: fit.least_squares.condition,
+        condition: fit.condition,
         iterations: fit.iterations,
     })
 }

@@ -4,10 +4,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::files::FileError;
-use crate::identification::Identification;
+use crate::identification::{Identification, PreparedCase};
 
 use super::tally::Failure;
-use crate::calibration::{identify_as_planned, see};
+use crate::calibration::{prepared_as_planned, see_residual};
 use crate::compensation::{compensate_identified, test_pose_rows};
 use crate::numeric::random::normal::LANES;
 use crate::plan::Plan;
@@ -23,6 +23,23 @@ pub struct Outcome {
     pub nees: f64,
     /// The 95 % intervals of compliances, and how many of them hold the true one.
     pub intervals: [u32; 2],
+}
+
+/// A plan with what its runs have in common, whatever is drawn.
+#[derive(Debug)]
+pub struct PreparedPlan<'a> {
+    plan: &'a Plan,
+    identification: PreparedCase<'a>,
+}
+
+impl<'a> PreparedPlan<'a> {
+    /// A plan for a task.
+    pub fn new(task: &'a Task, plan: &'a Plan) -> Self {
+        Self {
+            plan,
+            identification: prepared_as_planned(&task.belief, plan),
+        }
+    }
 }
 
 /// What one thread needs for runs.
@@ -80,6 +97,19 @@ impl<'a> RobotRuns<'a> {
     pub fn run(
         &mut self,
         plan: &Plan,
+        normals: (&[[f64; LANES]], &[[f64; LANES]]),
+        lane: usize,
+    ) -> Result<Outcome, Failure> {
+        self.run_prepared(&PreparedPlan::new(self.task, plan), normals, lane)
+    }
+
+    /// The same of a plan that is made ready.
+    pub fn run_prepared(
+        &mut self,
+        PreparedPlan {
+            plan,
+            identification,
+        }: &PreparedPlan<'_>,
         (noise, laboratory): (&[[f64; LANES]], &[[f64; LANES]]),
         lane: usize,
     ) -> Result<Outcome, Failure> {
@@ -90,7 +120,7 @@ impl<'a> RobotRuns<'a> {
             .map_err(|_| Failure::Measurement)?;
         add_noise(&mut measurements, &belief.instrument, noise, lane);
         let identification =
-            identify_as_planned(belief, &measurements).map_err(|_| Failure::Identification)?;
+            (identification.identify(&measurements)).map_err(|_| Failure::Identification)?;
         let posterior = &identification.posterior;
         let truth = self.robots.unknowns(belief);
         let values = posterior.mean.iter().zip(&truth);
@@ -105,9 +135,9 @@ impl<'a> RobotRuns<'a> {
             let estimated = &identification.compliance_rad_per_nm;
             let identified = (posterior.mean.as_slice(), estimated.as_slice());
             let seen = compensate_identified(belief, identified, pose, belief.method)
-                .and_then(|commanded| see(&mut self.robots, pose, &commanded))
+                .and_then(|commanded| see_residual(&mut self.robots, pose, &commanded))
                 .map_err(|_| Failure::TestPose)?;
-            square_m2 += pose.weight * seen.residual_m.norm_squared();
+            square_m2 += pose.weight * seen.norm_squared();
         }
         Ok(Outcome {
             square: square_m2 / belief.instrument.sigma_m.powi(2),

@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 use super::model_level::{LinearModel, PlanModel};
-use super::robot_level::RobotRuns;
+use super::robot_level::{PreparedPlan, RobotRuns};
 use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::{Entry, EntryKind, Level, Setting, StudyError};
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
+use crate::plan::Criterion;
 use crate::plan::search::{Problem, RandomPlans};
-use crate::plan::{Criterion, Plan};
 use crate::testbed::{TrueCompliances, numbers};
 
 /// What makes the runs of a study, all plans of each, in blocks.
@@ -144,6 +144,8 @@ pub struct Runner<'a> {
     parts: Vec<Part<'a>>,
     /// The model of each plan that is the same in all runs.
     plans: Vec<Option<PlanModel>>,
+    /// At the robot's level, what else is.
+    prepared: Vec<Option<PreparedPlan<'a>>>,
     stop: Option<&'a AtomicBool>,
 }
 
@@ -202,7 +204,12 @@ impl<'a> Runner<'a> {
             // What is wrong with the model shows before the work.
             RobotRuns::new(&first.task, first.truth)?;
         }
+        let of_robot = |entry: &'a Entry| {
+            let plan = entry.kind.plan().filter(|_| level == Level::Robot)?;
+            Some(PreparedPlan::new(&settings[entry.setting].task, plan))
+        };
         Ok(Self {
+            prepared: entries.iter().map(of_robot).collect(),
             seed,
             level,
             entries,
@@ -246,7 +253,10 @@ impl<'a> Runner<'a> {
         let unknown = &workspace.parts[setting].unknown;
         let all = (part.model.plan(&plan)?).run(&workspace.normals, unknown);
         take_lane(batch, &all, lane);
-        robot_run(workspace, setting, &plan, batch, lane);
+        if workspace.parts[setting].robot.is_some() {
+            let prepared = PreparedPlan::new(&part.setting.task, &plan);
+            robot_run(workspace, setting, &prepared, batch, lane);
+        }
         Ok(())
     }
 }
@@ -326,18 +336,16 @@ impl RunsInBlocks for Runner<'_> {
     ) -> Result<(), StudyError> {
         let entry = &self.entries[plan];
         let mine = &workspace.parts[entry.setting];
-        let is_seen = mine.robot.is_some();
-        let fixed = self.plans[plan].as_ref().zip(entry.kind.plan());
-        match fixed {
-            Some((model, _)) => model.run_into(batch, &workspace.normals, &mine.unknown),
+        match &self.plans[plan] {
+            Some(model) => model.run_into(batch, &workspace.normals, &mine.unknown),
             None => *batch = Batch::default(),
         }
-        if fixed.is_some() && !is_seen {
+        if self.plans[plan].is_some() && mine.robot.is_none() {
             return Ok(());
         }
         for (lane, run) in (first..).take(count).enumerate() {
-            if let Some((_, plan)) = fixed {
-                robot_run(workspace, entry.setting, plan, batch, lane);
+            if let Some(prepared) = &self.prepared[plan] {
+                robot_run(workspace, entry.setting, prepared, batch, lane);
             } else {
                 let made = self.random_run(workspace, entry.setting, batch, lane, run);
                 batch.failed[lane] = made.err().or(batch.failed[lane]);
@@ -380,7 +388,7 @@ fn prepare(part: &Part<'_>, entry: &Entry) -> Result<Option<PlanModel>, StudyErr
 fn robot_run(
     workspace: &mut ThreadWorkspace<'_>,
     setting: usize,
-    plan: &Plan,
+    plan: &PreparedPlan<'_>,
     batch: &mut Batch,
     lane: usize,
 ) {
@@ -395,7 +403,7 @@ fn robot_run(
         batch.failed[lane] = Some(Failure::Measurement);
         return;
     }
-    match robot.run(plan, normals, lane) {
+    match robot.run_prepared(plan, normals, lane) {
         Ok(outcome) => {
             batch.square[lane] = outcome.square;
             batch.nees[lane] = outcome.nees;
