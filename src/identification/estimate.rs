@@ -9,7 +9,6 @@ use super::equations::EquationSource;
 use super::error::IdentificationError;
 use super::fit::{Fit, FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
-use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
@@ -151,10 +150,12 @@ impl Case<'_> {
         near: Option<&[f64]>,
     ) -> Result<Identification, IdentificationError> {
         let start = FitStart::new(&self.equation_source(), self.method, near.is_some());
-        self.identify_from(&start, near)
+        let mut found = self.identify_from(&start, near)?;
+        found.uncertain = self.others(&found, &start);
+        Ok(found)
     }
 
-    /// The same with what it begins with.
+    /// The same with what it begins with; what else is uncertain is not told.
     fn identify_from(
         &self,
         start: &FitStart,
@@ -168,7 +169,50 @@ impl Case<'_> {
             Method::Linear => fit_linear(start, &source),
             Method::Nonlinear => fit_nonlinear(start, &source, near)?,
         };
-        report(&source, &start.estimable, fit, self.sigma, self.method)
+        report(&source, start, fit, self.sigma, self.method)
+    }
+
+    /// What is told of what else is uncertain.
+    fn others(&self, found: &Identification, start: &FitStart) -> Vec<UncertainEstimate> {
+        let Some(extended) = self.uncertain else {
+            return Vec::new();
+        };
+        let spare = start.equations().saturating_sub(found.rank);
+        let quantile = self.sigma.quantile(spare);
+        let parameters = extended.set().parameters().iter().enumerate();
+        let others = parameters.skip(self.parameters.len());
+        let told = others.map(|(place, parameter)| UncertainEstimate {
+            name: parameter.name.clone(),
+            words: parameter.kind.words(extended.arm()),
+            unit: parameter.unit().to_owned(),
+            prior_deviation: extended.prior_deviation(place),
+            estimate: Estimate::of(&found.posterior, place, quantile),
+        });
+        told.collect()
+    }
+}
+
+impl Sigma {
+    /// How many standard errors 95 % are within, to either side, with so many equations to spare.
+    fn quantile(self, spare: usize) -> f64 {
+        match self {
+            Self::Known(_) => two_sided_normal(),
+            Self::FromResiduals(_) => two_sided_student(spare as f64),
+        }
+    }
+}
+
+impl Estimate {
+    /// Of one of the parameters, whose interval is so many standard errors to either side; `None` where it is not determined.
+    fn of(posterior: &Posterior, index: usize, quantile: f64) -> Option<Self> {
+        let standard_error = posterior.standard_error(index)?;
+        let value = posterior.mean[index];
+        let half = quantile * standard_error;
+        Some(Self {
+            value,
+            standard_error,
+            interval95: [value - half, value + half],
+        })
     }
 }
 
@@ -189,7 +233,7 @@ impl<'a> PreparedCase<'a> {
         }
     }
 
-    /// Identifies what is unknown.
+    /// Identifies what is unknown; what else is uncertain than compliances is in the posterior alone.
     pub fn identify(
         &self,
         measurements: &[Measurement],
@@ -202,12 +246,12 @@ impl<'a> PreparedCase<'a> {
 
 fn report(
     source: &EquationSource<'_>,
-    estimable: &Estimable,
+    start: &FitStart,
     fit: Fit,
     sigma: Sigma,
     method: Method,
 ) -> Result<Identification, IdentificationError> {
-    let rank = estimable.rank();
+    let rank = start.estimable.rank();
     if rank == 0 {
         return Err(IdentificationError::NothingObserved);
     }
@@ -217,29 +261,19 @@ fn report(
     let sigma_m = source.typical_sigma_m();
     let sum_of_squares = fit.whitened_residuals.norm_squared();
     let ratio = (spare > 0).then(|| (sum_of_squares / freedom).sqrt());
-    let (factor, quantile) = match sigma {
-        Sigma::Known(_) => (1.0, two_sided_normal()),
-        Sigma::FromResiduals(_) => (
-            ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?,
-            two_sided_student(freedom),
-        ),
+    let factor = match sigma {
+        Sigma::Known(_) => 1.0,
+        Sigma::FromResiduals(_) => {
+            ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?
+        }
     };
+    let quantile = sigma.quantile(spare);
     let joints = source.parameters;
     let posterior = Posterior {
         names: source.names(),
         mean: fit.values.clone(),
         covariance: &fit.covariance * (factor * factor),
-        estimable: estimable.clone(),
-    };
-    let estimate = |posterior: &Posterior, index: usize| {
-        let standard_error = posterior.standard_error(index)?;
-        let value = posterior.mean[index];
-        let half = quantile * standard_error;
-        Some(Estimate {
-            value,
-            standard_error,
-            interval95: [value - half, value + half],
-        })
+        estimable: start.estimable.clone(),
     };
     // Files hold what is known of the compliances alone: what is told of them is decided there.
     let compliances = (source.uncertain).map(|_| posterior.of_first(joints.len()));
@@ -248,25 +282,10 @@ fn report(
         .map(|(index, &joint)| ParameterEstimate {
             joint,
             name: posterior.names[index].clone(),
-            estimate: estimate(compliances, index),
+            estimate: Estimate::of(compliances, index, quantile),
         })
         .collect();
-    let uncertain = (source.uncertain.into_iter())
-        .flat_map(|extended| {
-            (joints.len()..extended.set().len()).map(move |place| (extended, place))
-        })
-        .map(|(extended, place)| {
-            let parameter = &extended.set().parameters()[place];
-            UncertainEstimate {
-                name: parameter.name.clone(),
-                words: parameter.kind.words(extended.arm()),
-                unit: parameter.unit().to_owned(),
-                prior_deviation: extended.prior_deviation(place),
-                estimate: estimate(&posterior, place),
-            }
-        })
-        .collect();
-    let residuals_m = residuals_m(source, &fit.whitened_residuals);
+    let residuals_m = residuals_m(source, start, &fit.whitened_residuals);
     let chi_square = (spare > 0 && matches!(sigma, Sigma::Known(_)))
         .then(|| ChiSquared::new(freedom).ok())
         .flatten();
@@ -275,7 +294,7 @@ fn report(
     Ok(Identification {
         method,
         parameters,
-        uncertain,
+        uncertain: Vec::new(),
         compliance_rad_per_nm: source.compliance(&fit.values),
         posterior,
         sigma_m: sigma_m * factor,
@@ -294,9 +313,9 @@ fn report(
 }
 
 /// The residuals of deflections (m), three for each measurement.
-fn residuals_m(source: &EquationSource<'_>, whitened: &DVector<f64>) -> Vec<f64> {
+fn residuals_m(source: &EquationSource<'_>, start: &FitStart, whitened: &DVector<f64>) -> Vec<f64> {
     let mut residuals = DMatrix::from_columns(&[whitened.rows(0, source.rows())]);
-    source.take_weights_off(&mut residuals);
+    start.whitening.take_off(&mut residuals);
     let of_deflections = source.first_rows().flat_map(|first| first..first + 3);
     of_deflections.map(|row| residuals[(row, 0)]).collect()
 }

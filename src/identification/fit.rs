@@ -39,7 +39,7 @@ pub(super) struct Fit {
 /// What fits to the same plan begin with, whatever is read.
 #[derive(Debug, Clone)]
 pub(super) struct FitStart {
-    whitening: Whitening,
+    pub whitening: Whitening,
     /// What the measurements determine follows from their linear equations at the commanded angles, as it
     /// does for the planner: it does not depend on what was read, and does not change on the way of a fit.
     pub estimable: Estimable,
@@ -83,6 +83,11 @@ impl FitStart {
             at_nominal,
             torques,
         }
+    }
+
+    /// The number of equations, what was known before among them.
+    pub fn equations(&self) -> usize {
+        self.at_nominal.values.len() + self.prior.rows.nrows()
     }
 
     /// What is read, whitened.

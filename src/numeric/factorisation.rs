@@ -57,8 +57,10 @@ pub fn inverse_of(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
             let of_pivot = &lower.as_slice()[size * pivot..size * (pivot + 1)];
             let value = column[pivot] / of_pivot[pivot];
             column[pivot] = value;
-            let below = column.iter_mut().zip(of_pivot).skip(pivot + 1);
-            below.for_each(|(other, entry)| *other -= entry * value);
+            let below = column[pivot + 1..].iter_mut();
+            for (other, entry) in below.zip(&of_pivot[pivot + 1..]) {
+                *other -= entry * value;
+            }
         }
     }
     inverse.transpose() * &inverse
