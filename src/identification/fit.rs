@@ -43,14 +43,13 @@ pub(super) struct FitStart {
     /// What the measurements determine follows from their linear equations at the commanded angles, as it
     /// does for the planner: it does not depend on what was read, and does not change on the way of a fit.
     pub estimable: Estimable,
-    /// From coordinates of what is determined to the unknowns, p x r.
-    basis: DMatrix<f64>,
     prior: PriorRows,
-    /// The prior's information in these coordinates, r x r.
+    /// The prior's information in coordinates of what is determined, r x r.
     before: DMatrix<f64>,
     nominal: Vec<f64>,
     /// Where a fit begins that does not begin near: at nominal values, through the static equilibrium as far as there is one.
     at_nominal: PredictedRows,
+    normal: Option<NormalEquations>,
     torques: Vec<RestTorques>,
 }
 
@@ -71,13 +70,13 @@ impl FitStart {
             at_nominal = at_rest;
         }
         whitening.whiten(&mut at_nominal.values);
-        let basis = estimable.basis_in_units();
-        let within = &prior.rows * &basis;
+        let within = &prior.rows * estimable.basis_in_units();
+        let before = within.tr_mul(&within);
         Self {
-            before: within.tr_mul(&within),
+            normal: NormalEquations::new(&at_nominal.derivatives, &before, &estimable),
+            before,
             whitening,
             estimable,
-            basis,
             prior,
             nominal,
             at_nominal,
@@ -129,16 +128,18 @@ impl FitStart {
         Ok(self.place(read, predicted, values))
     }
 
-    /// The step that the equations say, and how it was found.
-    fn step(&self, place: &FitPlace) -> (DVector<f64>, Option<NormalEquations>) {
-        let normal = NormalEquations::new(&place.matrix, &self.before, &self.basis);
-        let step = match &normal {
-            Some(normal) => normal.solution(
-                &(place.matrix.tr_mul(&place.left) + self.prior.rows.tr_mul(&place.before)),
-            ),
-            None => self.solve(place).solution,
+    /// The normal equations there; `None` where they are singular to rounding.
+    fn normal(&self, place: &FitPlace) -> Option<NormalEquations> {
+        NormalEquations::new(&place.matrix, &self.before, &self.estimable)
+    }
+
+    /// The step that the equations say, by their normal equations where there are some.
+    fn step(&self, place: &FitPlace, normal: Option<&NormalEquations>) -> DVector<f64> {
+        let Some(normal) = normal else {
+            return self.solve(place).solution;
         };
-        (step, normal)
+        let gradient = place.matrix.tr_mul(&place.left) + self.prior.rows.tr_mul(&place.before);
+        normal.solution(gradient, &self.estimable)
     }
 
     /// The same by the singular values of all rows, with its covariance.
@@ -147,22 +148,26 @@ impl FitStart {
         LeastSquares::solve(&matrix, &place.residuals(), &self.estimable)
     }
 
+    /// The covariance of what is determined, and its condition number: by normal equations where there are some.
+    fn known(&self, place: &FitPlace, normal: Option<&NormalEquations>) -> (DMatrix<f64>, f64) {
+        if let Some(normal) = normal {
+            return (normal.covariance(&self.estimable), normal.condition);
+        }
+        let known = self.solve(place);
+        (known.covariance, known.condition)
+    }
+
     /// The end of a fit that found a last step.
     fn end(
         &self,
-        place: FitPlace,
+        place: &FitPlace,
         mut values: Vec<f64>,
-        (step, normal): (DVector<f64>, Option<NormalEquations>),
+        step: &DVector<f64>,
+        (covariance, condition): (DMatrix<f64>, f64),
         iterations: usize,
     ) -> Fit {
-        let (covariance, condition) = if let Some(normal) = normal {
-            (normal.covariance(), normal.condition)
-        } else {
-            let known = self.solve(&place);
-            (known.covariance, known.condition)
-        };
-        add(&mut values, &step, 1.0);
-        let moved = stacked(&(&place.matrix * &step), &(&self.prior.rows * &step));
+        add(&mut values, step, 1.0);
+        let moved = stacked(&(&place.matrix * step), &(&self.prior.rows * step));
         Fit {
             whitened_residuals: place.residuals() - moved,
             values,
@@ -197,13 +202,19 @@ impl FitPlace {
 pub(super) fn fit_linear(start: &FitStart, source: &EquationSource<'_>) -> Fit {
     let read = start.read(source);
     let place = start.place(&read, start.at_nominal.clone(), &start.nominal);
-    let (step, normal) = start.step(&place);
     // Where only compliances are unknown, these are few, and may be determined badly.
-    let found = match source.uncertain {
-        Some(_) => (step, normal),
-        None => (start.solve(&place).solution, None),
+    let (step, known) = if source.uncertain.is_some() {
+        let normal = start.normal.as_ref();
+        (start.step(&place, normal), start.known(&place, normal))
+    } else {
+        let LeastSquares {
+            solution,
+            covariance,
+            condition,
+        } = start.solve(&place);
+        (solution, (covariance, condition))
     };
-    start.end(place, start.nominal.clone(), found, 1)
+    start.end(&place, start.nominal.clone(), &step, known, 1)
 }
 
 /// Gauss-Newton from values that are near, from one step from the nominal values, or from these where there is no equilibrium
@@ -221,7 +232,7 @@ pub(super) fn fit_nonlinear(
         Some(near) => start.determined(near),
         None => {
             let nominal = start.place(&read, start.at_nominal.clone(), &values);
-            start.step(&nominal).0
+            start.step(&nominal, start.normal.as_ref())
         }
     };
     add(&mut values, &first, 1.0);
@@ -234,15 +245,17 @@ pub(super) fn fit_nonlinear(
         })?;
     let mut change = f64::INFINITY;
     for iterations in 1..=MAXIMUM_ITERATIONS {
-        let (step, normal) = start.step(&place);
+        let normal = start.normal(&place);
+        let step = start.step(&place, normal.as_ref());
         let steps = step.iter().zip(start.estimable.typical());
         change = (steps.map(|(step, typical)| step.abs() / typical)).fold(0.0, f64::max);
         let length = (&place.matrix * &step).norm_squared();
         let length = length + (&start.prior.rows * &step).norm_squared();
         let is_short = source.uncertain.is_some() && length.sqrt() <= CONVERGED_ERRORS;
         if change <= CONVERGED || is_short {
-            let normal = normal.filter(|_| source.uncertain.is_some());
-            return Ok(start.end(place, values, (step, normal), iterations));
+            let normal = normal.as_ref().filter(|_| source.uncertain.is_some());
+            let known = start.known(&place, normal);
+            return Ok(start.end(&place, values, &step, known, iterations));
         }
         let before = place.square();
         let mut share = 1.0;

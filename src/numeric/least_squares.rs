@@ -1,6 +1,7 @@
 //! Weighted linear least squares within what the data determine.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::allocator::Allocator;
+use nalgebra::{Cholesky, DMatrix, DVector, DefaultAllocator, Dim, Dyn, OMatrix};
 
 use crate::numeric::estimable::Estimable;
 use crate::numeric::factorisation::{finite_svd, inverse_of};
@@ -92,38 +93,61 @@ impl LeastSquares {
 /// The normal equations of whitened rows in coordinates of what is determined, in units of typical sizes: quicker for many unknowns.
 #[derive(Debug, Clone)]
 pub struct NormalEquations {
-    /// From these coordinates to the unknowns, p x r.
-    basis: DMatrix<f64>,
     factor: Cholesky<f64, Dyn>,
     /// The condition number of the information in these units, its root.
     pub condition: f64,
 }
 
 impl NormalEquations {
-    /// Of rows (N x p) beside what is known before (r x r, in the coordinates of `basis`, p x r). `None` where they are singular to
-    /// rounding.
-    pub fn new(matrix: &DMatrix<f64>, before: &DMatrix<f64>, basis: &DMatrix<f64>) -> Option<Self> {
-        let within = matrix * basis;
+    /// Of rows (N x p) beside what is known before (r x r, in these coordinates). `None` where they are singular to rounding.
+    pub fn new(
+        matrix: &DMatrix<f64>,
+        before: &DMatrix<f64>,
+        estimable: &Estimable,
+    ) -> Option<Self> {
+        let within = in_units(estimable, matrix.transpose(), true);
         let mut information = before.clone();
-        information.gemm(1.0, &within.transpose(), &within, 1.0);
+        information.gemm(1.0, &within, &within.transpose(), 1.0);
         let factor = information.cholesky()?;
         let pivots = factor.l_dirty().diagonal();
         let condition = pivots.max() / pivots.min();
         let is_sound = condition.powi(2) * ROUNDING <= 1.0;
-        is_sound.then(|| Self {
-            basis: basis.clone(),
-            factor,
-            condition,
-        })
+        is_sound.then_some(Self { factor, condition })
     }
 
     /// The unknowns (p) for what the rows make of the right-hand side (p): A^T y.
-    pub fn solution(&self, gradient: &DVector<f64>) -> DVector<f64> {
-        &self.basis * self.factor.solve(&self.basis.tr_mul(gradient))
+    pub fn solution(&self, gradient: DVector<f64>, estimable: &Estimable) -> DVector<f64> {
+        let solved = self.factor.solve(&in_units(estimable, gradient, true));
+        in_units(estimable, solved, false)
     }
 
     /// The covariance of what is determined, p x p.
-    pub fn covariance(&self) -> DMatrix<f64> {
-        &self.basis * inverse_of(&self.factor) * self.basis.transpose()
+    pub fn covariance(&self, estimable: &Estimable) -> DMatrix<f64> {
+        let half = in_units(estimable, inverse_of(&self.factor), false);
+        in_units(estimable, half.transpose(), false)
+    }
+}
+
+/// Columns C in coordinates of what is determined, in the unknowns' own units: B C with the basis B; or, `transposed`, B^T C.
+fn in_units<C: Dim>(
+    estimable: &Estimable,
+    mut columns: OMatrix<f64, Dyn, C>,
+    transposed: bool,
+) -> OMatrix<f64, Dyn, C>
+where
+    DefaultAllocator: Allocator<Dyn, C>,
+{
+    if estimable.is_complete() {
+        for mut column in columns.column_iter_mut() {
+            let values = column.iter_mut().zip(estimable.typical());
+            values.for_each(|(value, typical)| *value *= typical);
+        }
+        return columns;
+    }
+    let basis = estimable.basis_in_units();
+    if transposed {
+        basis.tr_mul(&columns)
+    } else {
+        basis * columns
     }
 }
