@@ -8,14 +8,16 @@ use crate::codes::{Condition, ConditionCode};
 use crate::compensation::{compensate_identified, predicted_error, test_pose_rows};
 use crate::files::FileError;
 use crate::identification::{
-    Case, Identification, IdentificationError, MeasurementResidual, Sigma, residuals,
+    Case, Identification, IdentificationError, MeasurementResidual, PreparedCase, Sigma, residuals,
 };
 use crate::measurement::Measurement;
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::plan::Plan;
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Belief, Method, Task, TestPose};
-use crate::testbed::{MeasurementError, RunTruth, TrueRobots, Truth, add_noise_of};
+use crate::testbed::{
+    MeasurementError, RunTruth, TrueRobots, Truth, add_noise_of, measurements_of,
+};
 
 /// Why the loop could not be closed.
 #[derive(Debug, Error)]
@@ -188,6 +190,12 @@ pub fn identify_as_planned(
     case_of(belief, measurements).identify()
 }
 
+/// The same over and over from measurements of one plan.
+pub(crate) fn prepared_as_planned<'a>(belief: &'a Belief, plan: &Plan) -> PreparedCase<'a> {
+    let measurements = measurements_of(plan, &belief.instrument);
+    PreparedCase::new(case_of(belief, &[]), &measurements)
+}
+
 /// What is identified from measurements by a belief's method, with its sigma.
 const fn case_of<'a>(belief: &'a Belief, measurements: &'a [Measurement]) -> Case<'a> {
     let sigma = Sigma::Known(belief.instrument.sigma_m);
@@ -279,11 +287,22 @@ pub fn see(
     pose: &TestPose,
     commanded_rad: &DVector<f64>,
 ) -> Result<SeenPose, EquilibriumError> {
-    let wanted = robots.machining_tool(&pose.configuration_rad, &Load::NONE)?;
-    let loaded = robots.machining_tool_at_work(&pose.configuration_rad, pose)?;
-    let compensated = robots.machining_tool_at_work(commanded_rad, pose)?;
     Ok(SeenPose {
-        uncompensated_m: pose.counted(&(loaded - wanted)),
-        residual_m: pose.counted(&(compensated - wanted)),
+        uncompensated_m: see_residual(robots, pose, &pose.configuration_rad)?,
+        residual_m: see_residual(robots, pose, commanded_rad)?,
     })
+}
+
+/// How far the loaded tool is from where it is wanted (m) with one of these commands.
+///
+/// # Errors
+/// As [`see`].
+pub fn see_residual(
+    robots: &mut TrueRobots,
+    pose: &TestPose,
+    commanded_rad: &DVector<f64>,
+) -> Result<Vector3<f64>, EquilibriumError> {
+    let wanted = robots.machining_tool(&pose.configuration_rad, &Load::NONE)?;
+    let loaded = robots.machining_tool_at_work(commanded_rad, pose)?;
+    Ok(pose.counted(&(loaded - wanted)))
 }

@@ -72,8 +72,11 @@ impl<'a> Case<'a> {
     }
 
     /// The same with other measurements.
-    pub const fn with(self, measurements: &'a [Measurement]) -> Self {
-        Self {
+    pub const fn with<'b>(self, measurements: &'b [Measurement]) -> Case<'b>
+    where
+        'a: 'b,
+    {
+        Case {
             measurements,
             ..self
         }

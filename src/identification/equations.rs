@@ -1,16 +1,21 @@
 //! The measurements as whitened equations in the unknown compliances.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
+use nalgebra::allocator::Allocator;
+use nalgebra::{
+    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix3, Matrix6, OMatrix, Storage,
+    U3, Vector3,
+};
 
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::numeric::estimable::Estimable;
+use crate::observation::RestTorques;
 use crate::parameter::Prior;
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, Robot, Tool,
     rotation_vector,
 };
-use crate::task::{Extended, Method};
+use crate::task::Extended;
 
 /// What the equations are built from.
 #[derive(Debug, Clone, Copy)]
@@ -96,69 +101,100 @@ impl EquationSource<'_> {
         compliance
     }
 
-    /// Eq. 3 or 7 for each measurement, at the commanded configuration. The parts of the joints that are not
-    /// identified go to the right-hand side, and the equations are for k itself. Where springs brace the arm, they hold
+    /// Eq. 3 or 7 for each measurement, at the commanded configuration, and below them what is known before. The parts of the joints
+    /// that are not identified go to the right-hand side, and the equations are for k itself. Where springs brace the arm, they hold
     /// near the nominal compliances. Where more is uncertain, they
     /// are for the change of the unknowns from their nominal values.
     pub fn linear(&self) -> Equations {
-        if let Some(extended) = self.uncertain {
-            let values = self.nominal_values();
-            let equations = self.extended(extended, Method::Linear, &values);
-            // As planned there is always a prediction.
-            return equations.unwrap_or_else(|_| Writer::new(0, values.len()).equations);
+        let nominal = self.nominal_values();
+        let mut equations = self.equations(self.predicted_linearly(), &nominal);
+        if self.uncertain.is_none() {
+            equations.right_hand_side += &equations.matrix * DVector::from_vec(nominal);
         }
-        let (chain, compliance) = (&self.nominal.chain, &self.nominal.compliance_rad_per_nm);
-        let mut arm = chain.at(self.tool);
-        let mut state = KinematicState::new(chain.len());
-        let others: Vec<usize> = (0..chain.len())
-            .filter(|joint| !self.parameters.contains(joint))
-            .collect();
-        let known =
-            DVector::from_iterator(others.len(), others.iter().map(|&joint| compliance[joint]));
-        let mut writer = Writer::new(self.rows(), self.parameters.len());
-        for each in self.measurements {
-            arm.update(each.configuration_rad.as_slice(), &mut state);
-            let [moved, turned] = state.brace_under(compliance, &each.load);
-            let observed = ObservationMatrix::new(&state, &each.load, self.parameters);
-            let rest = ObservationMatrix::new(&state, &each.load, &others);
-            writer.push_deflection(
-                each,
-                &observed.position,
-                each.deflection_m - moved - &rest.position * &known,
-                &self.sigma(each),
-            );
-            if let Some(rotation) = &each.rotation {
-                writer.push(
-                    &observed.rotation,
-                    rotation.vector_rad - turned - &rest.rotation * &known,
-                    &rotation.sigma_rad,
-                );
-            }
-        }
-        self.push_prior(&mut writer, None);
-        writer.equations
+        equations
     }
 
     /// The displacement between the nominal model's two static equilibria, linearised at values of the unknowns
     /// (p); the equations are for their change.
     pub fn nonlinear(&self, values: &[f64]) -> Result<Equations, IdentificationError> {
+        Ok(self.equations(self.predicted(values, &mut Vec::new())?, values))
+    }
+
+    /// Whitened equations of predictions at values of the unknowns (p).
+    fn equations(&self, mut predicted: PredictedRows, values: &[f64]) -> Equations {
+        let whitening = self.whitening();
+        let mut left = self.read() - predicted.values;
+        whitening.whiten(&mut left);
+        whitening.whiten(&mut predicted.derivatives);
+        let prior = self.prior();
+        let before = &prior.rows * (prior.mean - DVector::from_column_slice(values));
+        Equations {
+            matrix: stacked(&predicted.derivatives, &prior.rows),
+            right_hand_side: stacked(&left, &before),
+        }
+    }
+
+    /// What is read, one measurement below the other: the deflection or what is along a direction (m), and the rotation (rad) where
+    /// there is one.
+    pub fn read(&self) -> DVector<f64> {
+        let each = self.measurements.iter().flat_map(|each| {
+            let rotation = each.rotation.iter();
+            let rotation = rotation.flat_map(|rotation| rotation.vector_rad.data.0[0]);
+            let deflection = match &each.direction {
+                Some(direction) => [direction.dot(&each.deflection_m), 0.0, 0.0],
+                None => each.deflection_m.into(),
+            };
+            let own = deflection.into_iter().take(rows_of(each).min(3));
+            own.chain(rotation)
+        });
+        DVector::from_iterator(self.rows(), each)
+    }
+
+    /// What is read as the model has it at nominal values of the unknowns, to first order in compliance.
+    pub fn predicted_linearly(&self) -> PredictedRows {
         if let Some(extended) = self.uncertain {
-            return self.extended(extended, Method::Nonlinear, values);
+            return self.extended_linearly(extended);
+        }
+        let (chain, compliance) = (&self.nominal.chain, &self.nominal.compliance_rad_per_nm);
+        let mut arm = chain.at(self.tool);
+        let mut state = KinematicState::new(chain.len());
+        let all: Vec<usize> = (0..chain.len()).collect();
+        let known = DVector::from_column_slice(compliance);
+        let mut predicted = PredictedRows::new(self.rows(), self.parameters.len());
+        for each in self.measurements {
+            arm.update(each.configuration_rad.as_slice(), &mut state);
+            let [moved, turned] = state.brace_under(compliance, &each.load);
+            let observed = ObservationMatrix::new(&state, &each.load, self.parameters);
+            let by_all = ObservationMatrix::new(&state, &each.load, &all);
+            let all = moved + &by_all.position * &known;
+            predicted.push_deflection(each, &observed.position, all);
+            if each.rotation.is_some() {
+                predicted.push(&observed.rotation, turned + &by_all.rotation * &known);
+            }
+        }
+        predicted
+    }
+
+    /// The same between the static equilibria at values of the unknowns (p), each sought near its last torques where there are some.
+    pub fn predicted(
+        &self,
+        values: &[f64],
+        torques: &mut Vec<RestTorques>,
+    ) -> Result<PredictedRows, IdentificationError> {
+        torques.resize_with(self.measurements.len(), RestTorques::default);
+        if let Some(extended) = self.uncertain {
+            return self.extended_at_rest(extended, values, torques);
         }
         let compliance = &self.compliance(values);
         let chain = &self.nominal.chain;
         let mut arm = chain.at(self.tool);
         let mut solver = EquilibriumSolver::new(chain.len());
-        let mut writer = Writer::new(self.rows(), self.parameters.len());
-        for (index, each) in self.measurements.iter().enumerate() {
-            let mut rest = |load: &Load| {
+        let mut predicted = PredictedRows::new(self.rows(), self.parameters.len());
+        for (index, (each, torques)) in self.measurements.iter().zip(torques).enumerate() {
+            let commanded = each.configuration_rad.as_slice();
+            let mut rest = |load: &Load, near: &mut Vec<f64>| {
                 solver
-                    .solve(
-                        &mut arm,
-                        compliance,
-                        each.configuration_rad.as_slice(),
-                        load,
-                    )
+                    .solve_near(&mut arm, compliance, commanded, load, near)
                     .map_err(|error| IdentificationError::from((index, error)))?;
                 let sensitivity = solver
                     .sensitivity(compliance)
@@ -170,42 +206,35 @@ impl EquationSource<'_> {
                     sensitivity,
                 ))
             };
-            let (unloaded, unloaded_axes, from) = rest(&Load::NONE)?;
-            let (loaded, loaded_axes, to) = rest(&each.load)?;
+            let (unloaded, unloaded_axes, from) = rest(&Load::NONE, &mut torques[0])?;
+            let (loaded, loaded_axes, to) = rest(&each.load, &mut torques[1])?;
             let sensitivity = to - from;
-            writer.push_deflection(
-                each,
-                &sensitivity.fixed_rows::<3>(0).into_owned(),
-                each.deflection_m - (loaded - unloaded),
-                &self.sigma(each),
-            );
-            if let Some(rotation) = &each.rotation {
-                let predicted = rotation_vector(&(loaded_axes * unloaded_axes.transpose()));
-                writer.push(
-                    &sensitivity.fixed_rows::<3>(3).into_owned(),
-                    rotation.vector_rad - predicted,
-                    &rotation.sigma_rad,
-                );
+            let own = sensitivity.fixed_rows::<3>(0);
+            predicted.push_deflection(each, &own, loaded - unloaded);
+            if each.rotation.is_some() {
+                let turned = rotation_vector(&(loaded_axes * unloaded_axes.transpose()));
+                predicted.push(&sensitivity.fixed_rows::<3>(3), turned);
             }
         }
-        self.push_prior(&mut writer, Some(values));
-        Ok(writer.equations)
+        Ok(predicted)
     }
 
-    /// Adds what is known before: of the unknowns, or of their change from some values.
-    pub(super) fn push_prior(&self, writer: &mut Writer, from: Option<&[f64]>) {
-        let (prior, rows) = match (self.uncertain, self.prior) {
-            (Some(extended), _) => (extended.set().prior(), extended.prior_rows().clone()),
-            (None, Some(prior)) => (prior, prior.rows(&self.sizes())),
-            (None, None) => return,
-        };
-        let mut mean = prior.mean.clone();
-        if let Some(values) = from {
-            for (mean, value) in mean.iter_mut().zip(values) {
-                *mean -= value;
-            }
+    /// What is known of the unknowns before.
+    pub fn prior(&self) -> PriorRows {
+        match (self.uncertain, self.prior) {
+            (Some(extended), _) => PriorRows {
+                rows: extended.prior_rows().clone(),
+                mean: extended.set().prior().mean.clone(),
+            },
+            (None, Some(prior)) => PriorRows {
+                rows: prior.rows(&self.sizes()),
+                mean: prior.mean.clone(),
+            },
+            (None, None) => PriorRows {
+                rows: DMatrix::zeros(0, self.parameters.len()),
+                mean: DVector::zeros(self.parameters.len()),
+            },
         }
-        writer.extend(&rows, &(&rows * mean));
     }
 
     /// The standard deviation of a deflection's coordinate (m): the rms of them where measurements
@@ -231,21 +260,7 @@ impl EquationSource<'_> {
 
     /// Takes the weights off the whitened rows, which are then in the readings' own units.
     pub(super) fn take_weights_off(&self, rows: &mut DMatrix<f64>) {
-        if let Some(extended) = self.uncertain {
-            return self.take_extended_weights_off(extended, rows);
-        }
-        for (each, first) in self.measurements.iter().zip(self.first_rows()) {
-            for (axis, sigma) in self.sigma(each).iter().take(rows_of(each)).enumerate() {
-                let mut row = rows.row_mut(first + axis);
-                row *= *sigma;
-            }
-            for (axis, sigma) in
-                (each.rotation.iter()).flat_map(|each| each.sigma_rad.iter().enumerate())
-            {
-                let mut row = rows.row_mut(first + 3 + axis);
-                row *= *sigma;
-            }
-        }
+        self.whitening().take_off(rows);
     }
 
     /// The covariance of each measured deflection (m^2), whatever repeats it; of what is along a direction the first element.
@@ -279,89 +294,71 @@ pub(super) const fn rows_of(measurement: &Measurement) -> usize {
     }
 }
 
-/// Fills the equations three rows at a time, each row divided by its standard deviation.
-pub(super) struct Writer {
-    pub equations: Equations,
+/// What is known of the unknowns before, as whitened equations (r x p): `rows` times the unknowns = `rows` times the mean (p).
+#[derive(Debug, Clone)]
+pub(super) struct PriorRows {
+    pub rows: DMatrix<f64>,
+    pub mean: DVector<f64>,
+}
+
+/// What is read as the model has it (N; m, rad), with its derivatives by the unknowns (N x p).
+#[derive(Debug, Clone)]
+pub(super) struct PredictedRows {
+    pub derivatives: DMatrix<f64>,
+    pub values: DVector<f64>,
     row: usize,
 }
 
-impl Writer {
+impl PredictedRows {
+    /// Room for so many.
     pub fn new(rows: usize, columns: usize) -> Self {
         Self {
-            equations: Equations {
-                matrix: DMatrix::zeros(rows, columns),
-                right_hand_side: DVector::zeros(rows),
-            },
+            derivatives: DMatrix::zeros(rows, columns),
+            values: DVector::zeros(rows),
             row: 0,
         }
     }
 
-    pub fn push(&mut self, matrix: &Matrix3xX<f64>, value: Vector3<f64>, sigma: &Vector3<f64>) {
-        for axis in 0..3 {
-            let weight = sigma[axis].recip();
-            for column in 0..matrix.ncols() {
-                self.equations.matrix[(self.row, column)] = matrix[(axis, column)] * weight;
-            }
-            self.equations.right_hand_side[self.row] = value[axis] * weight;
-            self.row += 1;
-        }
+    /// Adds three of them.
+    pub fn push<S: Storage<f64, U3, Dyn>>(
+        &mut self,
+        derivatives: &Matrix<f64, U3, Dyn, S>,
+        values: Vector3<f64>,
+    ) {
+        (self.derivatives.fixed_rows_mut::<3>(self.row)).copy_from(derivatives);
+        self.values.fixed_rows_mut::<3>(self.row).copy_from(&values);
+        self.row += 3;
     }
 
     /// Adds those of a deflection, or of what is along a direction.
-    pub fn push_deflection(
+    pub fn push_deflection<S: Storage<f64, U3, Dyn>>(
         &mut self,
         of: &Measurement,
-        matrix: &Matrix3xX<f64>,
-        value: Vector3<f64>,
-        sigma: &Vector3<f64>,
+        derivatives: &Matrix<f64, U3, Dyn, S>,
+        values: Vector3<f64>,
     ) {
         let Some(direction) = &of.direction else {
-            return self.push(matrix, value, sigma);
+            return self.push(derivatives, values);
         };
-        let row = matrix.tr_mul(direction).transpose() / sigma.x;
-        self.equations.matrix.set_row(self.row, &row);
-        self.equations.right_hand_side[self.row] = direction.dot(&value) / sigma.x;
+        let along = derivatives.tr_mul(direction).transpose();
+        self.derivatives.set_row(self.row, &along);
+        self.values[self.row] = direction.dot(&values);
         self.row += 1;
     }
+}
 
-    /// Adds a reading's rows, whitened: of its derivatives (6 x p) and of what is left of it.
-    pub fn push_whitened(
-        &mut self,
-        whitener: &DMatrix<f64>,
-        derivatives: &Matrix6xX<f64>,
-        left_m: &Vector3<f64>,
-        left_rad: Option<&Vector3<f64>>,
-    ) {
-        let rows = whitener.nrows();
-        let matrix = whitener * derivatives.rows(0, rows);
-        let mut left = DVector::zeros(rows);
-        let own = rows.min(3);
-        left.rows_mut(0, own).copy_from(&left_m.rows(0, own));
-        if let Some(left_rad) = left_rad {
-            left.rows_mut(3, 3).copy_from(left_rad);
-        }
-        let mut place = self.equations.matrix.rows_mut(self.row, rows);
-        place.copy_from(&matrix);
-        let mut place = self.equations.right_hand_side.rows_mut(self.row, rows);
-        place.copy_from(&(whitener * left));
-        self.row += rows;
-    }
-
-    fn extend(&mut self, matrix: &DMatrix<f64>, right_hand_side: &DVector<f64>) {
-        let Equations {
-            matrix: all,
-            right_hand_side: right,
-        } = &mut self.equations;
-        *all = all
-            .clone()
-            .resize_vertically(self.row + matrix.nrows(), 0.0);
-        *right = right
-            .clone()
-            .resize_vertically(self.row + matrix.nrows(), 0.0);
-        all.rows_mut(self.row, matrix.nrows()).copy_from(matrix);
-        right
-            .rows_mut(self.row, matrix.nrows())
-            .copy_from(right_hand_side);
-        self.row += matrix.nrows();
-    }
+/// One matrix above the other.
+pub(super) fn stacked<C: Dim>(
+    above: &OMatrix<f64, Dyn, C>,
+    below: &OMatrix<f64, Dyn, C>,
+) -> OMatrix<f64, Dyn, C>
+where
+    DefaultAllocator: Allocator<Dyn, C>,
+{
+    let rows = above.nrows() + below.nrows();
+    let (_, columns) = above.shape_generic();
+    let mut all = OMatrix::zeros_generic(Dyn(rows), columns);
+    all.rows_mut(0, above.nrows()).copy_from(above);
+    all.rows_mut(above.nrows(), below.nrows()).copy_from(below);
+    all
 }

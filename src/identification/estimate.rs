@@ -7,7 +7,7 @@ use super::case::{Case, Sigma};
 use super::discrepancy::Discrepancy;
 use super::equations::{EquationSource, rows_of};
 use super::error::IdentificationError;
-use super::fit::{Fit, fit_linear, fit_nonlinear};
+use super::fit::{Fit, FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::robot::{Robot, Tool};
@@ -149,25 +149,109 @@ impl Case<'_> {
         &self,
         near: Option<&[f64]>,
     ) -> Result<Identification, IdentificationError> {
+        let start = FitStart::new(&self.equation_source(), self.method, near.is_some());
+        let mut found = self.identify_from(&start, near)?;
+        found.uncertain = self.others(&found, &start);
+        Ok(found)
+    }
+
+    /// The same with what it begins with; what else is uncertain is not told.
+    fn identify_from(
+        &self,
+        start: &FitStart,
+        near: Option<&[f64]>,
+    ) -> Result<Identification, IdentificationError> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
         let source = self.equation_source();
         let fit = match self.method {
-            Method::Linear => fit_linear(&source),
-            Method::Nonlinear => fit_nonlinear(&source, near)?,
+            Method::Linear => fit_linear(start, &source),
+            Method::Nonlinear => fit_nonlinear(start, &source, near)?,
         };
-        report(&source, fit, self.sigma, self.method)
+        report(&source, start, fit, self.sigma, self.method)
+    }
+
+    /// What is told of what else is uncertain.
+    fn others(&self, found: &Identification, start: &FitStart) -> Vec<UncertainEstimate> {
+        let Some(extended) = self.uncertain else {
+            return Vec::new();
+        };
+        let spare = start.equations().saturating_sub(found.rank);
+        let quantile = self.sigma.quantile(spare);
+        let parameters = extended.set().parameters().iter().enumerate();
+        let others = parameters.skip(self.parameters.len());
+        let told = others.map(|(place, parameter)| UncertainEstimate {
+            name: parameter.name.clone(),
+            words: parameter.kind.words(extended.arm()),
+            unit: parameter.unit().to_owned(),
+            prior_deviation: extended.prior_deviation(place),
+            estimate: Estimate::of(&found.posterior, place, quantile),
+        });
+        told.collect()
+    }
+}
+
+impl Sigma {
+    /// How many standard errors 95 % are within, to either side, with so many equations to spare.
+    fn quantile(self, spare: usize) -> f64 {
+        match self {
+            Self::Known(_) => two_sided_normal(),
+            Self::FromResiduals(_) => two_sided_student(spare as f64),
+        }
+    }
+}
+
+impl Estimate {
+    /// Of one of the parameters, whose interval is so many standard errors to either side; `None` where it is not determined.
+    fn of(posterior: &Posterior, index: usize, quantile: f64) -> Option<Self> {
+        let standard_error = posterior.standard_error(index)?;
+        let value = posterior.mean[index];
+        let half = quantile * standard_error;
+        Some(Self {
+            value,
+            standard_error,
+            interval95: [value - half, value + half],
+        })
+    }
+}
+
+/// The identification of one plan's measurements over and over: what does not depend on what is read is made once.
+#[derive(Debug, Clone)]
+pub(crate) struct PreparedCase<'a> {
+    case: Case<'a>,
+    start: FitStart,
+}
+
+impl<'a> PreparedCase<'a> {
+    /// For other measurements like these, whatever they read.
+    pub fn new(case: Case<'a>, measurements: &[Measurement]) -> Self {
+        let source = case.with(measurements).equation_source();
+        Self {
+            start: FitStart::new(&source, case.method, false),
+            case,
+        }
+    }
+
+    /// Identifies what is unknown; what else is uncertain than compliances is in the posterior alone.
+    pub fn identify(
+        &self,
+        measurements: &[Measurement],
+    ) -> Result<Identification, IdentificationError> {
+        self.case
+            .with(measurements)
+            .identify_from(&self.start, None)
     }
 }
 
 fn report(
     source: &EquationSource<'_>,
+    start: &FitStart,
     fit: Fit,
     sigma: Sigma,
     method: Method,
 ) -> Result<Identification, IdentificationError> {
-    let rank = fit.estimable.rank();
+    let rank = start.estimable.rank();
     if rank == 0 {
         return Err(IdentificationError::NothingObserved);
     }
@@ -177,29 +261,19 @@ fn report(
     let sigma_m = source.typical_sigma_m();
     let sum_of_squares = fit.whitened_residuals.norm_squared();
     let ratio = (spare > 0).then(|| (sum_of_squares / freedom).sqrt());
-    let (factor, quantile) = match sigma {
-        Sigma::Known(_) => (1.0, two_sided_normal()),
-        Sigma::FromResiduals(_) => (
-            ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?,
-            two_sided_student(freedom),
-        ),
+    let factor = match sigma {
+        Sigma::Known(_) => 1.0,
+        Sigma::FromResiduals(_) => {
+            ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?
+        }
     };
+    let quantile = sigma.quantile(spare);
     let joints = source.parameters;
     let posterior = Posterior {
         names: source.names(),
         mean: fit.values.clone(),
-        covariance: &fit.least_squares.covariance * (factor * factor),
-        estimable: fit.estimable,
-    };
-    let estimate = |posterior: &Posterior, index: usize| {
-        let standard_error = posterior.standard_error(index)?;
-        let value = posterior.mean[index];
-        let half = quantile * standard_error;
-        Some(Estimate {
-            value,
-            standard_error,
-            interval95: [value - half, value + half],
-        })
+        covariance: &fit.covariance * (factor * factor),
+        estimable: start.estimable.clone(),
     };
     // Files hold what is known of the compliances alone: what is told of them is decided there.
     let compliances = (source.uncertain).map(|_| posterior.of_first(joints.len()));
@@ -208,25 +282,10 @@ fn report(
         .map(|(index, &joint)| ParameterEstimate {
             joint,
             name: posterior.names[index].clone(),
-            estimate: estimate(compliances, index),
+            estimate: Estimate::of(compliances, index, quantile),
         })
         .collect();
-    let uncertain = (source.uncertain.into_iter())
-        .flat_map(|extended| {
-            (joints.len()..extended.set().len()).map(move |place| (extended, place))
-        })
-        .map(|(extended, place)| {
-            let parameter = &extended.set().parameters()[place];
-            UncertainEstimate {
-                name: parameter.name.clone(),
-                words: parameter.kind.words(extended.arm()),
-                unit: parameter.unit().to_owned(),
-                prior_deviation: extended.prior_deviation(place),
-                estimate: estimate(&posterior, place),
-            }
-        })
-        .collect();
-    let residuals_m = residuals_m(source, &fit.whitened_residuals);
+    let residuals_m = residuals_m(source, start, &fit.whitened_residuals);
     let chi_square = (spare > 0 && matches!(sigma, Sigma::Known(_)))
         .then(|| ChiSquared::new(freedom).ok())
         .flatten();
@@ -236,7 +295,7 @@ fn report(
     Ok(Identification {
         method,
         parameters,
-        uncertain,
+        uncertain: Vec::new(),
         compliance_rad_per_nm: source.compliance(&fit.values),
         posterior,
         sigma_m: sigma_m * factor,
@@ -249,15 +308,15 @@ fn report(
         is_all_weak: false,
         residuals_m,
         rank,
-        condition: fit.least_squares.condition,
+        condition: fit.condition,
         iterations: fit.iterations,
     })
 }
 
 /// The residuals of deflections (m), three for each measurement.
-fn residuals_m(source: &EquationSource<'_>, whitened: &DVector<f64>) -> Vec<f64> {
+fn residuals_m(source: &EquationSource<'_>, start: &FitStart, whitened: &DVector<f64>) -> Vec<f64> {
     let mut residuals = DMatrix::from_columns(&[whitened.rows(0, source.rows())]);
-    source.take_weights_off(&mut residuals);
+    start.whitening.take_off(&mut residuals);
     let of_one = |(first, each): (usize, &Measurement)| match each.direction {
         // No minus zero.
         Some(direction) => direction * residuals[(first, 0)] + Vector3::zeros(),

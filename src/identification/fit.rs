@@ -1,16 +1,19 @@
 //! The fit itself: linear by eq. 9 (or 6), non-linear by Gauss-Newton through the static equilibrium.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
-use super::equations::{EquationSource, Equations};
+use super::equations::{EquationSource, PredictedRows, PriorRows, stacked};
 use super::error::IdentificationError;
+use super::whitening::Whitening;
 use crate::numeric::estimable::Estimable;
-use crate::numeric::least_squares::LeastSquares;
+use crate::numeric::least_squares::{LeastSquares, NormalEquations};
+use crate::observation::RestTorques;
+use crate::task::Method;
 
 /// The non-linear estimate is found when no compliance would change by more than this share of
 /// its typical size.
 const CONVERGED: f64 = 1e-10;
-/// Where more is uncertain, it is found when the next step is shorter than this in standard errors.
+/// Where more is uncertain, it is found when the last step is shorter than this in standard errors: the next would be shorter by far.
 const CONVERGED_ERRORS: f64 = 1e-4;
 /// Gauss-Newton needs three or four steps here, where the problem is nearly linear; with many unknowns of which one is
 /// hardly determined, some tens.
@@ -21,93 +24,247 @@ const LONG: f64 = 1e-2;
 /// A step is halved so often at most.
 const HALVINGS: u32 = 20;
 
-/// A fit before its uncertainty is judged: whitened residuals and the last least-squares problem.
+/// A fit before its uncertainty is judged.
 pub(super) struct Fit {
     /// The values of the unknowns; in directions that are not determined, the nominal ones.
     pub values: Vec<f64>,
-    pub estimable: Estimable,
-    pub least_squares: LeastSquares,
+    /// The covariance of what is determined, p x p.
+    pub covariance: DMatrix<f64>,
+    /// See [`LeastSquares::condition`].
+    pub condition: f64,
     pub whitened_residuals: DVector<f64>,
     pub iterations: usize,
 }
 
-/// What the measurements determine follows from their linear equations at the commanded angles, as it
-/// does for the planner: it does not depend on what was read, and does not change on the way of a fit.
-pub(super) fn fit_linear(source: &EquationSource<'_>) -> Fit {
-    let Equations {
-        matrix,
-        right_hand_side,
-    } = source.linear();
-    let estimable = source.estimable(&matrix);
-    let mut values = source.nominal_values();
-    let is_plain = source.uncertain.is_none();
-    let (least_squares, whitened_residuals) = if estimable.is_complete() && is_plain {
-        let least_squares = LeastSquares::solve(&matrix, &right_hand_side, &estimable);
-        values.copy_from_slice(least_squares.solution.as_slice());
-        let residuals = right_hand_side - matrix * &least_squares.solution;
-        (least_squares, residuals)
-    } else {
-        // What is not determined stays nominal: the change from there is solved for.
-        let change = if is_plain {
-            right_hand_side - &matrix * DVector::from_column_slice(&values)
-        } else {
-            right_hand_side
+/// What fits to the same plan begin with, whatever is read.
+#[derive(Debug, Clone)]
+pub(super) struct FitStart {
+    pub whitening: Whitening,
+    /// What the measurements determine follows from their linear equations at the commanded angles, as it
+    /// does for the planner: it does not depend on what was read, and does not change on the way of a fit.
+    pub estimable: Estimable,
+    prior: PriorRows,
+    /// The prior's information in coordinates of what is determined, r x r.
+    before: DMatrix<f64>,
+    nominal: Vec<f64>,
+    /// Where a fit begins that does not begin near: at nominal values, through the static equilibrium as far as there is one.
+    at_nominal: PredictedRows,
+    normal: Option<NormalEquations>,
+    torques: Vec<RestTorques>,
+}
+
+impl FitStart {
+    /// Fits by a method that begin at nominal values: by the linear method, or through the static equilibrium.
+    pub fn new(source: &EquationSource<'_>, method: Method, is_near: bool) -> Self {
+        let whitening = source.whitening();
+        let nominal = source.nominal_values();
+        let prior = source.prior();
+        let mut at_nominal = source.predicted_linearly();
+        whitening.whiten(&mut at_nominal.derivatives);
+        let estimable = source.estimable(&stacked(&at_nominal.derivatives, &prior.rows));
+        let mut torques = Vec::new();
+        let at_rest = (method == Method::Nonlinear && !is_near)
+            .then(|| source.predicted(&nominal, &mut torques).ok());
+        if let Some(mut at_rest) = at_rest.flatten() {
+            whitening.whiten(&mut at_rest.derivatives);
+            at_nominal = at_rest;
+        }
+        whitening.whiten(&mut at_nominal.values);
+        let within = &prior.rows * estimable.basis_in_units();
+        let before = within.tr_mul(&within);
+        Self {
+            normal: NormalEquations::new(&at_nominal.derivatives, &before, &estimable),
+            before,
+            whitening,
+            estimable,
+            prior,
+            nominal,
+            at_nominal,
+            torques,
+        }
+    }
+
+    /// The number of equations, what was known before among them.
+    pub fn equations(&self) -> usize {
+        self.at_nominal.values.len() + self.prior.rows.nrows()
+    }
+
+    /// What is read, whitened.
+    fn read(&self, source: &EquationSource<'_>) -> DVector<f64> {
+        let mut read = source.read();
+        self.whitening.whiten(&mut read);
+        read
+    }
+
+    /// The change from nominal values to others, as far as it is determined.
+    fn determined(&self, values: &[f64]) -> DVector<f64> {
+        let typical = DVector::from_column_slice(self.estimable.typical());
+        let off = DVector::from_column_slice(values) - DVector::from_column_slice(&self.nominal);
+        let basis = self.estimable.basis();
+        (basis * basis.tr_mul(&off.component_div(&typical))).component_mul(&typical)
+    }
+
+    /// The equations at values of the unknowns, by whitened predictions there.
+    fn place(&self, read: &DVector<f64>, predicted: PredictedRows, values: &[f64]) -> FitPlace {
+        let off = &self.prior.mean - DVector::from_column_slice(values);
+        FitPlace {
+            matrix: predicted.derivatives,
+            left: read - predicted.values,
+            before: &self.prior.rows * off,
+        }
+    }
+
+    /// The same through the static equilibrium there.
+    fn at(
+        &self,
+        source: &EquationSource<'_>,
+        read: &DVector<f64>,
+        values: &[f64],
+        torques: &mut Vec<RestTorques>,
+    ) -> Result<FitPlace, IdentificationError> {
+        let mut predicted = source.predicted(values, torques)?;
+        self.whitening.whiten(&mut predicted.derivatives);
+        self.whitening.whiten(&mut predicted.values);
+        Ok(self.place(read, predicted, values))
+    }
+
+    /// The normal equations there; `None` where they are singular to rounding.
+    fn normal(&self, place: &FitPlace) -> Option<NormalEquations> {
+        NormalEquations::new(&place.matrix, &self.before, &self.estimable)
+    }
+
+    /// The step that the equations say, by their normal equations where there are some.
+    fn step(&self, place: &FitPlace, normal: Option<&NormalEquations>) -> DVector<f64> {
+        let Some(normal) = normal else {
+            return self.solve(place).solution;
         };
-        let change = Equations {
-            matrix: matrix.clone(),
-            right_hand_side: change,
-        };
-        let least_squares = solve(source, &change, &estimable);
-        let change = change.right_hand_side;
-        add(&mut values, &least_squares.solution, 1.0);
-        let residuals = change - matrix * &least_squares.solution;
-        (least_squares, residuals)
-    };
-    Fit {
-        values,
-        estimable,
-        least_squares,
-        whitened_residuals,
-        iterations: 1,
+        let gradient = place.matrix.tr_mul(&place.left) + self.prior.rows.tr_mul(&place.before);
+        normal.solution(gradient, &self.estimable)
+    }
+
+    /// The same by the singular values of all rows, with its covariance.
+    fn solve(&self, place: &FitPlace) -> LeastSquares {
+        let matrix = stacked(&place.matrix, &self.prior.rows);
+        LeastSquares::solve(&matrix, &place.residuals(), &self.estimable)
+    }
+
+    /// The covariance of what is determined, and its condition number: by normal equations where there are some.
+    fn known(&self, place: &FitPlace, normal: Option<&NormalEquations>) -> (DMatrix<f64>, f64) {
+        if let Some(normal) = normal {
+            return (normal.covariance(&self.estimable), normal.condition);
+        }
+        let known = self.solve(place);
+        (known.covariance, known.condition)
+    }
+
+    /// The end of a fit that found a last step.
+    fn end(
+        &self,
+        place: &FitPlace,
+        mut values: Vec<f64>,
+        step: &DVector<f64>,
+        (covariance, condition): (DMatrix<f64>, f64),
+        iterations: usize,
+    ) -> Fit {
+        add(&mut values, step, 1.0);
+        let moved = stacked(&(&place.matrix * step), &(&self.prior.rows * step));
+        Fit {
+            whitened_residuals: place.residuals() - moved,
+            values,
+            covariance,
+            condition,
+            iterations,
+        }
     }
 }
 
-/// Gauss-Newton from values that are near, from the linear estimate, or from the nominal values where there is no equilibrium
+/// Whitened equations of the change from values of the unknowns.
+struct FitPlace {
+    /// Of the readings, N x p.
+    matrix: DMatrix<f64>,
+    /// What is left of these.
+    left: DVector<f64>,
+    /// How far the values are from what was known before.
+    before: DVector<f64>,
+}
+
+impl FitPlace {
+    fn residuals(&self) -> DVector<f64> {
+        stacked(&self.left, &self.before)
+    }
+
+    fn square(&self) -> f64 {
+        self.left.norm_squared() + self.before.norm_squared()
+    }
+}
+
+/// The linear estimate. What is not determined stays nominal: the change from there is solved for.
+pub(super) fn fit_linear(start: &FitStart, source: &EquationSource<'_>) -> Fit {
+    let read = start.read(source);
+    let place = start.place(&read, start.at_nominal.clone(), &start.nominal);
+    // Where only compliances are unknown, these are few, and may be determined badly.
+    let (step, known) = if source.uncertain.is_some() {
+        let normal = start.normal.as_ref();
+        (start.step(&place, normal), start.known(&place, normal))
+    } else {
+        let LeastSquares {
+            solution,
+            covariance,
+            condition,
+        } = start.solve(&place);
+        (solution, (covariance, condition))
+    };
+    start.end(&place, start.nominal.clone(), &step, known, 1)
+}
+
+/// Gauss-Newton from values that are near, from one step from the nominal values, or from these where there is no equilibrium
 /// with that. Directions that the measurements do not determine keep the nominal value. A step that
-/// leads where there is no equilibrium, or a long one that raises the residuals, is halved.
+/// leads where there is no equilibrium, or a long one that raises the residuals, is halved. The last step is taken, too.
 pub(super) fn fit_nonlinear(
+    start: &FitStart,
     source: &EquationSource<'_>,
     near: Option<&[f64]>,
 ) -> Result<Fit, IdentificationError> {
-    let (mut values, estimable) = start(source, near);
-    let mut equations = source.nonlinear(&values).or_else(|error| {
-        values = source.nominal_values();
-        source.nonlinear(&values).map_err(|_| error)
-    })?;
+    let read = start.read(source);
+    let mut torques = start.torques.clone();
+    let mut values = start.nominal.clone();
+    let first = match near {
+        Some(near) => start.determined(near),
+        None => {
+            let nominal = start.place(&read, start.at_nominal.clone(), &values);
+            start.step(&nominal, start.normal.as_ref())
+        }
+    };
+    add(&mut values, &first, 1.0);
+    let mut place = start
+        .at(source, &read, &values, &mut torques)
+        .or_else(|error| {
+            values.clone_from(&start.nominal);
+            let nominal = start.at(source, &read, &values, &mut torques);
+            nominal.map_err(|_| error)
+        })?;
     let mut change = f64::INFINITY;
     for iterations in 1..=MAXIMUM_ITERATIONS {
-        let (step, known) = next_step(source, &equations, &estimable);
-        let steps = step.iter().zip(estimable.typical());
+        let normal = start.normal(&place);
+        let step = start.step(&place, normal.as_ref());
+        let steps = step.iter().zip(start.estimable.typical());
         change = (steps.map(|(step, typical)| step.abs() / typical)).fold(0.0, f64::max);
-        let is_short =
-            source.uncertain.is_some() && (&equations.matrix * &step).norm() <= CONVERGED_ERRORS;
+        let length = (&place.matrix * &step).norm_squared();
+        let length = length + (&start.prior.rows * &step).norm_squared();
+        let is_short = source.uncertain.is_some() && length.sqrt() <= CONVERGED_ERRORS;
         if change <= CONVERGED || is_short {
-            return Ok(Fit {
-                least_squares: known.unwrap_or_else(|| solve(source, &equations, &estimable)),
-                whitened_residuals: equations.right_hand_side,
-                values,
-                estimable,
-                iterations,
-            });
+            let normal = normal.as_ref().filter(|_| source.uncertain.is_some());
+            let known = start.known(&place, normal);
+            return Ok(start.end(&place, values, &step, known, iterations));
         }
-        let before = equations.right_hand_side.norm_squared();
+        let before = place.square();
         let mut share = 1.0;
         let mut halvings = 0;
-        equations = loop {
+        place = loop {
             let mut next = values.clone();
             add(&mut next, &step, share);
-            let found = source.nonlinear(&next);
-            let rises = |found: &Equations| found.right_hand_side.norm_squared() > before;
+            let found = start.at(source, &read, &next, &mut torques);
+            let rises = |found: &FitPlace| found.square() > before;
             let is_worse = found.as_ref().map_or(true, rises);
             if halvings == HALVINGS || !is_worse || (found.is_ok() && share * change < LONG) {
                 let found = found?;
@@ -122,73 +279,6 @@ pub(super) fn fit_nonlinear(
         step: change,
         unit: "typical sizes of the parameters",
     })
-}
-
-/// The values that are near as far as they are determined, else the linear estimate; and what is determined.
-fn start(source: &EquationSource<'_>, near: Option<&[f64]>) -> (Vec<f64>, Estimable) {
-    if let Some(near) = near {
-        let estimable = source.estimable(&source.linear().matrix);
-        let mut values = source.nominal_values();
-        let typical = DVector::from_column_slice(estimable.typical());
-        let off = DVector::from_iterator(
-            near.len(),
-            near.iter().zip(&values).map(|(near, value)| near - value),
-        )
-        .component_div(&typical);
-        let within = estimable.basis() * estimable.basis().tr_mul(&off);
-        add(&mut values, &within.component_mul(&typical), 1.0);
-        return (values, estimable);
-    }
-    if source.uncertain.is_none() {
-        let Fit {
-            values, estimable, ..
-        } = fit_linear(source);
-        return (values, estimable);
-    }
-    let equations = source.linear();
-    let estimable = source.estimable(&equations.matrix);
-    let mut values = source.nominal_values();
-    add(
-        &mut values,
-        &next_step(source, &equations, &estimable).0,
-        1.0,
-    );
-    (values, estimable)
-}
-
-/// The next step, and what is known there; where more is uncertain the step alone, which is quicker.
-fn next_step(
-    source: &EquationSource<'_>,
-    equations: &Equations,
-    estimable: &Estimable,
-) -> (DVector<f64>, Option<LeastSquares>) {
-    let Equations {
-        matrix,
-        right_hand_side,
-    } = equations;
-    let step = (source.uncertain)
-        .and_then(|_| LeastSquares::step_normal(matrix, right_hand_side, estimable));
-    if let Some(step) = step {
-        return (step, None);
-    }
-    let known = LeastSquares::solve(matrix, right_hand_side, estimable);
-    (known.solution.clone(), Some(known))
-}
-
-/// What is known at the end. Where more is uncertain there are many unknowns, all of them with priors or
-/// well determined: the normal equations do, in units of typical sizes.
-fn solve(
-    source: &EquationSource<'_>,
-    equations: &Equations,
-    estimable: &Estimable,
-) -> LeastSquares {
-    let Equations {
-        matrix,
-        right_hand_side,
-    } = equations;
-    let normal = (source.uncertain)
-        .and_then(|_| LeastSquares::solve_normal(matrix, right_hand_side, estimable));
-    normal.unwrap_or_else(|| LeastSquares::solve(matrix, right_hand_side, estimable))
 }
 
 /// Adds so many times a change to values.

@@ -27,6 +27,7 @@ mod robust;
 mod spread;
 mod stored;
 mod tails;
+mod whitening;
 
 pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
@@ -42,6 +43,7 @@ pub use copies::CopiedReadings;
 pub use covariance::{covariance_of, covariance_of_any};
 pub use discrepancy::{Discrepancy, ReadingResidual, joint_space_blocks};
 pub use error::IdentificationError;
+pub(crate) use estimate::PreparedCase;
 pub use estimate::{
     Estimate, Identification, NominalCompliance, ParameterEstimate, UncertainEstimate, identify,
 };

@@ -12,6 +12,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
+use crate::numeric::factorisation::inverse_of;
+
 /// So many orders of polynomials of each joint's angle tell how large errors are there.
 pub const SPREAD_ORDERS: usize = 6;
 /// No square depends more on a joint's angle, as a coefficient of its logarithm: few readings that say so say nothing.
@@ -85,6 +87,22 @@ fn columns_at(angles: &[&[f64]], ranges: &[[f64; 2]]) -> DMatrix<f64> {
     columns
 }
 
+/// Columns of a fit, and their products with each other.
+struct SpreadColumns {
+    columns: DMatrix<f64>,
+    products: DMatrix<f64>,
+}
+
+impl SpreadColumns {
+    fn new(columns: DMatrix<f64>) -> Self {
+        Self {
+            // Many rows: faster than `tr_mul`.
+            products: columns.transpose() * &columns,
+            columns,
+        }
+    }
+}
+
 fn logarithms(squares: &[f64]) -> DVector<f64> {
     let each = squares
         .iter()
@@ -107,31 +125,32 @@ impl SpreadVariances {
         }
     }
 
-    /// The coefficients (p) with their covariance.
+    /// The coefficients (p) with their covariance, by the products of columns with each other and with what is wanted.
     fn fit(
         &self,
-        columns: &DMatrix<f64>,
-        wanted: &DVector<f64>,
+        products: &DMatrix<f64>,
+        pull: &DVector<f64>,
     ) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let mut precision = columns.tr_mul(columns) / self.rest;
+        let mut precision = products / self.rest;
         for (joint, variance) in self.joints.iter().enumerate() {
             for order in 0..SPREAD_ORDERS {
                 let place = 1 + joint * SPREAD_ORDERS + order;
                 precision[(place, place)] += 1.0 / variance;
             }
         }
-        let covariance = Cholesky::new(precision)?.inverse();
-        Some((&covariance * columns.tr_mul(wanted) / self.rest, covariance))
+        let covariance = inverse_of(&Cholesky::new(precision)?);
+        Some((&covariance * pull / self.rest, covariance))
     }
 
     /// The likeliest ones, with the coefficients.
     fn likeliest(
         mut self,
-        columns: &DMatrix<f64>,
+        SpreadColumns { columns, products }: &SpreadColumns,
         wanted: &DVector<f64>,
     ) -> Option<(Self, DVector<f64>)> {
+        let pull = columns.tr_mul(wanted);
         for _ in 0..ROUNDS {
-            let (mean, covariance) = self.fit(columns, wanted)?;
+            let (mean, covariance) = self.fit(products, &pull)?;
             let left = (wanted - columns * &mean).norm_squared();
             let mut free = columns.nrows() as f64 - 1.0;
             for (joint, variance) in self.joints.iter_mut().enumerate() {
@@ -146,7 +165,7 @@ impl SpreadVariances {
             }
             self.rest = (self.rest * left / free.max(1.0)).sqrt().max(LEAST);
         }
-        let (mean, _) = self.fit(columns, wanted)?;
+        let (mean, _) = self.fit(products, &pull)?;
         Some((self, mean))
     }
 }
@@ -163,19 +182,19 @@ impl ErrorSpread {
     /// Of some squares, each with the angles of the joints there; `ranges` are those of the joints' angles. By logarithms, which wrong
     /// readings hardly move. None where the numbers have no factorisation, or are too few to tell.
     pub fn of_logarithms(squares: &[f64], angles: &[&[f64]], ranges: &[[f64; 2]]) -> Option<Self> {
-        let columns = columns_at(angles, ranges);
+        let columns = SpreadColumns::new(columns_at(angles, ranges));
         let (_, mean) = SpreadVariances::first(ranges).likeliest(&columns, &logarithms(squares))?;
         Self::new(&mean, Vec::new())
     }
 
     /// The same by means, as regions that shall hold most of the squares need, and the logarithm at each place as the others have it.
     pub fn of_means(squares: &[f64], angles: &[&[f64]], ranges: &[[f64; 2]]) -> Option<Self> {
-        let columns = columns_at(angles, ranges);
+        let columns = SpreadColumns::new(columns_at(angles, ranges));
         let wanted = logarithms(squares);
         let (mut variances, mut mean) =
             SpreadVariances::first(ranges).likeliest(&columns, &wanted)?;
         // The mean of a square is larger than what its logarithm's mean says, by as much everywhere at first.
-        let expected = &columns * &mean;
+        let expected = &columns.columns * &mean;
         let ratios = squares
             .iter()
             .zip(&expected)
@@ -183,22 +202,23 @@ impl ErrorSpread {
         let more = ratios.sum::<f64>() / squares.len() as f64;
         mean[0] += more.max(f64::MIN_POSITIVE).ln();
         for _ in 0..STEPS {
-            let wanted = of_step(squares, &(&columns * &mean));
+            let wanted = of_step(squares, &(&columns.columns * &mean));
             (variances, mean) = variances.likeliest(&columns, &wanted)?;
         }
         let mut by_others = vec![0.0; squares.len()];
         for fold in 0..FOLDS {
             let (own, others): (Vec<usize>, Vec<usize>) =
                 (0..squares.len()).partition(|each| each % FOLDS == fold);
-            let part = columns.select_rows(&others);
+            let part = SpreadColumns::new(columns.columns.select_rows(&others));
             let squares: Vec<f64> = others.iter().map(|&each| squares[each]).collect();
             let mut found = mean.clone();
             for _ in 0..STEPS {
-                let wanted = of_step(&squares, &(&part * &found));
-                (found, _) = variances.fit(&part, &wanted)?;
+                let wanted = of_step(&squares, &(&part.columns * &found));
+                let pull = part.columns.tr_mul(&wanted);
+                (found, _) = variances.fit(&part.products, &pull)?;
             }
             for row in own {
-                by_others[row] = (columns.row(row) * &found)[(0, 0)] - found[0];
+                by_others[row] = (columns.columns.row(row) * &found)[(0, 0)] - found[0];
             }
         }
         Self::new(&mean, by_others)

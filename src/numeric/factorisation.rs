@@ -2,7 +2,9 @@
 //! panics, on what is not finite or has squares that are not.
 
 use nalgebra::allocator::Allocator;
-use nalgebra::{DMatrix, DefaultAllocator, DimDiff, DimSub, Dyn, OMatrix, SVD, SymmetricEigen, U1};
+use nalgebra::{
+    Cholesky, DMatrix, DefaultAllocator, DimDiff, DimSub, Dyn, OMatrix, SVD, SymmetricEigen, U1,
+};
 
 /// Larger and smaller numbers have squares that are no numbers, or none.
 const LARGEST: f64 = 1e150;
@@ -40,9 +42,42 @@ pub fn symmetric(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     (matrix + matrix.transpose()) * 0.5
 }
 
+/// The inverse of a factored matrix L L^T, as L^-T L^-1: quicker than column by column, since half of L^-1 is zero.
+pub fn inverse_of(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
+    let lower = factor.l_dirty();
+    let size = lower.nrows();
+    let mut inverse = DMatrix::identity(size, size);
+    for mut column in inverse.column_iter_mut() {
+        let column = column.as_mut_slice();
+        let first = column
+            .iter()
+            .position(|value| *value != 0.0)
+            .unwrap_or(size);
+        for pivot in first..size {
+            let of_pivot = &lower.as_slice()[size * pivot..size * (pivot + 1)];
+            let value = column[pivot] / of_pivot[pivot];
+            column[pivot] = value;
+            let below = column[pivot + 1..].iter_mut();
+            for (other, entry) in below.zip(&of_pivot[pivot + 1..]) {
+                *other -= entry * value;
+            }
+        }
+    }
+    inverse.transpose() * &inverse
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_inverse_is_one() {
+        let root = DMatrix::from_fn(7, 7, |row, column| ((row * 7 + column) as f64).sin());
+        let matrix = &root * root.transpose() + DMatrix::identity(7, 7);
+        let factor = matrix.clone().cholesky().expect("positive definite");
+        let product = inverse_of(&factor) * matrix;
+        assert!((product - DMatrix::identity(7, 7)).amax() < 1e-13);
+    }
 
     #[test]
     fn what_is_not_finite_has_no_eigenvalues() {

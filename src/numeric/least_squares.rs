@@ -1,9 +1,10 @@
 //! Weighted linear least squares within what the data determine.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::allocator::Allocator;
+use nalgebra::{Cholesky, DMatrix, DVector, DefaultAllocator, Dim, Dyn, OMatrix};
 
 use crate::numeric::estimable::Estimable;
-use crate::numeric::factorisation::finite_svd;
+use crate::numeric::factorisation::{finite_svd, inverse_of};
 
 /// Singular values of the scaled matrix below this share of the largest are taken as zero: rounding.
 const ROUNDING: f64 = 1e-12;
@@ -38,54 +39,6 @@ impl LeastSquares {
             covariance: &basis * within.covariance * basis.transpose(),
             condition: within.condition,
         }
-    }
-
-    /// The same by the normal equations, in units of typical sizes: quicker for many unknowns. `None` where they
-    /// are singular to rounding. The condition number is that of the information in these units, its root.
-    pub fn solve_normal(
-        matrix: &DMatrix<f64>,
-        right_hand_side: &DVector<f64>,
-        estimable: &Estimable,
-    ) -> Option<Self> {
-        let (within, factor, condition) = Self::factored(matrix, estimable)?;
-        let inverse = factor.inverse();
-        Some(Self {
-            solution: solution(estimable, &within, &factor, right_hand_side),
-            covariance: in_units(estimable, in_units(estimable, inverse).transpose()),
-            condition,
-        })
-    }
-
-    /// The solution alone, without its covariance.
-    pub fn step_normal(
-        matrix: &DMatrix<f64>,
-        right_hand_side: &DVector<f64>,
-        estimable: &Estimable,
-    ) -> Option<DVector<f64>> {
-        let (within, factor, _) = Self::factored(matrix, estimable)?;
-        Some(solution(estimable, &within, &factor, right_hand_side))
-    }
-
-    /// The equations in coordinates of what is determined, in units of typical sizes, their normal equations' factor, and
-    /// its condition number.
-    fn factored(
-        matrix: &DMatrix<f64>,
-        estimable: &Estimable,
-    ) -> Option<(DMatrix<f64>, Cholesky<f64, Dyn>, f64)> {
-        let within = if estimable.is_complete() {
-            let mut within = matrix.clone();
-            for (mut column, typical) in within.column_iter_mut().zip(estimable.typical()) {
-                column *= *typical;
-            }
-            within
-        } else {
-            matrix * estimable.basis_in_units()
-        };
-        let factor = (within.tr_mul(&within)).cholesky()?;
-        let pivots = factor.l_dirty().diagonal();
-        let condition = pivots.max() / pivots.min();
-        let is_sound = condition.powi(2) * ROUNDING <= 1.0;
-        is_sound.then_some((within, factor, condition))
     }
 
     fn solve_all(matrix: &DMatrix<f64>, right_hand_side: &DVector<f64>) -> Self {
@@ -137,24 +90,64 @@ impl LeastSquares {
     }
 }
 
-fn solution(
-    estimable: &Estimable,
-    within: &DMatrix<f64>,
-    factor: &Cholesky<f64, Dyn>,
-    right_hand_side: &DVector<f64>,
-) -> DVector<f64> {
-    let right = DMatrix::from_columns(&[within.tr_mul(right_hand_side)]);
-    let solved = in_units(estimable, factor.solve(&right));
-    solved.column(0).into_owned()
+/// The normal equations of whitened rows in coordinates of what is determined, in units of typical sizes: quicker for many unknowns.
+#[derive(Debug, Clone)]
+pub struct NormalEquations {
+    factor: Cholesky<f64, Dyn>,
+    /// The condition number of the information in these units, its root.
+    pub condition: f64,
 }
 
-/// Columns in coordinates of what is determined, in the unknowns' own units.
-fn in_units(estimable: &Estimable, mut columns: DMatrix<f64>) -> DMatrix<f64> {
-    if !estimable.is_complete() {
-        return estimable.basis_in_units() * columns;
+impl NormalEquations {
+    /// Of rows (N x p) beside what is known before (r x r, in these coordinates). `None` where they are singular to rounding.
+    pub fn new(
+        matrix: &DMatrix<f64>,
+        before: &DMatrix<f64>,
+        estimable: &Estimable,
+    ) -> Option<Self> {
+        let within = in_units(estimable, matrix.transpose(), true);
+        let mut information = before.clone();
+        information.gemm(1.0, &within, &within.transpose(), 1.0);
+        let factor = information.cholesky()?;
+        let pivots = factor.l_dirty().diagonal();
+        let condition = pivots.max() / pivots.min();
+        let is_sound = condition.powi(2) * ROUNDING <= 1.0;
+        is_sound.then_some(Self { factor, condition })
     }
-    for (mut row, typical) in columns.row_iter_mut().zip(estimable.typical()) {
-        row *= *typical;
+
+    /// The unknowns (p) for what the rows make of the right-hand side (p): A^T y.
+    pub fn solution(&self, gradient: DVector<f64>, estimable: &Estimable) -> DVector<f64> {
+        let solved = self.factor.solve(&in_units(estimable, gradient, true));
+        in_units(estimable, solved, false)
     }
-    columns
+
+    /// The covariance of what is determined, p x p.
+    pub fn covariance(&self, estimable: &Estimable) -> DMatrix<f64> {
+        let half = in_units(estimable, inverse_of(&self.factor), false);
+        in_units(estimable, half.transpose(), false)
+    }
+}
+
+/// Columns C in coordinates of what is determined, in the unknowns' own units: B C with the basis B; or, `transposed`, B^T C.
+fn in_units<C: Dim>(
+    estimable: &Estimable,
+    mut columns: OMatrix<f64, Dyn, C>,
+    transposed: bool,
+) -> OMatrix<f64, Dyn, C>
+where
+    DefaultAllocator: Allocator<Dyn, C>,
+{
+    if estimable.is_complete() {
+        for mut column in columns.column_iter_mut() {
+            let values = column.iter_mut().zip(estimable.typical());
+            values.for_each(|(value, typical)| *value *= typical);
+        }
+        return columns;
+    }
+    let basis = estimable.basis_in_units();
+    if transposed {
+        basis.tr_mul(&columns)
+    } else {
+        basis * columns
+    }
 }

@@ -35,7 +35,7 @@ pub use information::{
     NormalEquations, normal_equations, planned_information, planned_information_of_each,
     planned_positions, planned_rows,
 };
-pub use model::{Form, ObservationModel};
+pub use model::{Form, ObservationModel, RestTorques};
 pub use planned::{CovarianceTogether, NOTHING_READ, PlannedReadings};
 pub use reading::{
     DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,

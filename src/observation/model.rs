@@ -42,7 +42,12 @@ pub struct ObservationModel<'a> {
     unloaded: Matrix6xX<f64>,
     bases: Vec<StationBase>,
     off_springs: Option<Box<OffSprings>>,
+    /// Near what torques equilibria are sought.
+    near: Option<RestTorques>,
 }
+
+/// The joints' torques (N m) at the equilibria of a reading without and with its load; none where they are not known.
+pub type RestTorques = [Vec<f64>; 2];
 
 /// Where joints have gaps, or give besides their springs: how they stand off these, which is a matter of the nominal arm alone.
 #[derive(Debug, Clone)]
@@ -101,6 +106,7 @@ impl<'a> ObservationModel<'a> {
                     unloaded: vec![Leaning::default(); joints],
                 })
             }),
+            near: None,
             belief,
             set,
         }
@@ -147,17 +153,34 @@ impl<'a> ObservationModel<'a> {
         let mut prediction = if kind.is_deflection() {
             let mut room = std::mem::replace(&mut self.unloaded, Matrix6xX::zeros(0));
             self.stand_off_springs(setup, false);
-            let unloaded = self.at_rest(&Load::NONE, setup.target, &mut room);
+            let unloaded = self.at_rest(false, &Load::NONE, setup.target, &mut room);
             self.unloaded = room;
             let unloaded = unloaded?;
             self.stand_off_springs(setup, true);
-            let loaded = self.at_rest(&load, setup.target, derivatives)?;
+            let loaded = self.at_rest(true, &load, setup.target, derivatives)?;
             self.deflection(&unloaded, &loaded, kind, derivatives)
         } else {
-            self.at_rest(&load, setup.target, derivatives)?
+            self.at_rest(true, &load, setup.target, derivatives)?
         };
         self.to_instrument(setup.station, kind, &mut prediction, derivatives);
         Ok(prediction)
+    }
+
+    /// The same at rest, begun near equilibria of other values of the parameters; their torques become those of these.
+    ///
+    /// # Errors
+    /// As [`Self::predict`].
+    pub fn predict_near(
+        &mut self,
+        torques: &mut RestTorques,
+        setup: &Setup,
+        kind: ReadingKind,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Result<Prediction, EquilibriumError> {
+        self.near = Some(std::mem::take(torques));
+        let prediction = self.predict(Form::AtRest, setup, kind, derivatives);
+        *torques = self.near.take().unwrap_or_default();
+        prediction
     }
 
     /// The same to first order in compliance, which always exists.
@@ -342,14 +365,21 @@ impl<'a> ObservationModel<'a> {
 
     fn at_rest(
         &mut self,
+        is_loaded: bool,
         load: &Load,
         target: usize,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Result<Prediction, EquilibriumError> {
         let mut arm = self.chain.at(&self.belief.tools[target]);
         let compliance = &self.belief.compliance_rad_per_nm;
-        self.solver
-            .solve(&mut arm, compliance, &self.commanded_rad, load)?;
+        let commanded = &self.commanded_rad;
+        match &mut self.near {
+            Some(near) => {
+                let near = &mut near[usize::from(is_loaded)];
+                (self.solver).solve_near(&mut arm, compliance, commanded, load, near)?
+            }
+            None => self.solver.solve(&mut arm, compliance, commanded, load)?,
+        };
         self.solver.response(compliance, &mut self.sweep.response);
         let pose = SweepPose {
             set: &self.set,

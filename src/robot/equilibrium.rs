@@ -108,6 +108,48 @@ impl EquilibriumSolver {
         load: &Load,
     ) -> Result<Equilibrium, EquilibriumError> {
         self.q.copy_from_slice(commanded_rad);
+        self.solve_from_here(arm, compliance_rad_per_nm, commanded_rad, load)
+    }
+
+    /// The same, begun where the joints would stand under the torques of an equilibrium that is `near` (N m), if there are some; then
+    /// they are those that were found.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    pub fn solve_near(
+        &mut self,
+        arm: &mut impl Kinematics,
+        compliance_rad_per_nm: &[f64],
+        commanded_rad: &[f64],
+        load: &Load,
+        near: &mut Vec<f64>,
+    ) -> Result<Equilibrium, EquilibriumError> {
+        for (joint, torque) in near.iter().enumerate() {
+            self.q[joint] = commanded_rad[joint] + compliance_rad_per_nm[joint] * torque;
+        }
+        let begun = (!near.is_empty())
+            .then(|| {
+                self.solve_from_here(arm, compliance_rad_per_nm, commanded_rad, load)
+                    .ok()
+            })
+            .flatten();
+        let found = match begun {
+            Some(found) => found,
+            None => self.solve(arm, compliance_rad_per_nm, commanded_rad, load)?,
+        };
+        near.clear();
+        near.extend_from_slice(self.torque.as_slice());
+        Ok(found)
+    }
+
+    /// From the joint angles where it is.
+    fn solve_from_here(
+        &mut self,
+        arm: &mut impl Kinematics,
+        compliance_rad_per_nm: &[f64],
+        commanded_rad: &[f64],
+        load: &Load,
+    ) -> Result<Equilibrium, EquilibriumError> {
         let mut last_step_rad = f64::INFINITY;
         let mut iterations = 0;
         while iterations < MAXIMUM_ITERATIONS {

@@ -4,15 +4,32 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::files::FileError;
-use crate::identification::Identification;
+use crate::identification::{Identification, PreparedCase};
 
 use super::tally::{FailedRun, Failure, Outcome};
-use crate::calibration::{identify_as_planned, see};
+use crate::calibration::{prepared_as_planned, see_residual};
 use crate::compensation::{compensate_identified, test_pose_rows};
 use crate::numeric::random::normal::LANES;
 use crate::plan::Plan;
 use crate::task::Task;
 use crate::testbed::{TrueRobots, Truth, add_noise};
+
+/// A plan with what its runs have in common, whatever is drawn.
+#[derive(Debug)]
+pub struct PreparedPlan<'a> {
+    plan: &'a Plan,
+    identification: PreparedCase<'a>,
+}
+
+impl<'a> PreparedPlan<'a> {
+    /// A plan for a task.
+    pub fn new(task: &'a Task, plan: &'a Plan) -> Self {
+        Self {
+            plan,
+            identification: prepared_as_planned(&task.belief, plan),
+        }
+    }
+}
 
 /// What one thread needs for runs.
 #[derive(Debug)]
@@ -69,6 +86,19 @@ impl<'a> RobotRuns<'a> {
     pub fn run(
         &mut self,
         plan: &Plan,
+        normals: (&[[f64; LANES]], &[[f64; LANES]]),
+        lane: usize,
+    ) -> Result<Outcome, FailedRun> {
+        self.run_prepared(&PreparedPlan::new(self.task, plan), normals, lane)
+    }
+
+    /// The same of a plan that is made ready.
+    pub fn run_prepared(
+        &mut self,
+        PreparedPlan {
+            plan,
+            identification,
+        }: &PreparedPlan<'_>,
         (noise, laboratory): (&[[f64; LANES]], &[[f64; LANES]]),
         lane: usize,
     ) -> Result<Outcome, FailedRun> {
@@ -78,7 +108,7 @@ impl<'a> RobotRuns<'a> {
             .measure_noise_free(plan, &belief.instrument, laboratory, lane)
             .map_err(|error| Failure::Measurement.because(&error))?;
         add_noise(&mut measurements, &belief.instrument, noise, lane);
-        let identification = identify_as_planned(belief, &measurements)
+        let identification = (identification.identify(&measurements))
             .map_err(|error| Failure::Identification.because(&error))?;
         let posterior = &identification.posterior;
         let truth = self.robots.unknowns(belief);
@@ -94,9 +124,9 @@ impl<'a> RobotRuns<'a> {
             let estimated = &identification.compliance_rad_per_nm;
             let identified = (posterior.mean.as_slice(), estimated.as_slice());
             let seen = compensate_identified(belief, identified, pose, belief.method)
-                .and_then(|commanded| see(&mut self.robots, pose, &commanded))
+                .and_then(|commanded| see_residual(&mut self.robots, pose, &commanded))
                 .map_err(|error| Failure::TestPose.because(&error))?;
-            square_m2 += pose.weight * seen.residual_m.norm_squared();
+            square_m2 += pose.weight * seen.norm_squared();
         }
         Ok(Outcome {
             square: square_m2 / belief.instrument.sigma_m.powi(2),

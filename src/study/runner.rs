@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::absolute::ReadingRuns;
 use super::model_level::{LinearModel, PlanModel};
-use super::robot_level::RobotRuns;
+use super::robot_level::{PreparedPlan, RobotRuns};
 use super::tally::{Batch, BlockSums, FailedRun, Failure, Tally};
 use super::{Entry, EntryKind, Level, Setting, StudyError};
 use crate::numeric::random::normal::{LANES, fill_normals};
@@ -29,6 +29,8 @@ pub struct Runner<'a> {
     /// What plans of deflections under the same conditions have in common, by setting; none where readings are absolute.
     parts: Vec<Part<'a>>,
     plans: Vec<ReadyPlan<'a>>,
+    /// At the robot's level, what else is the same in all runs of a plan of deflections.
+    prepared: Vec<Option<PreparedPlan<'a>>>,
     stop: Option<&'a AtomicBool>,
     /// The first run that failed, and why.
     first_failure: Mutex<Option<(u64, String)>>,
@@ -117,7 +119,12 @@ impl<'a> Runner<'a> {
         if level == Level::Robot && !parts.is_empty() {
             RobotRuns::new(&first.task, first.truth)?;
         }
+        let of_robot = |entry: &'a Entry| {
+            let plan = entry.kind.plan().filter(|_| level == Level::Robot)?;
+            Some(PreparedPlan::new(&settings[entry.setting].task, plan))
+        };
         Ok(Self {
+            prepared: entries.iter().map(of_robot).collect(),
             seed,
             level,
             settings,
@@ -363,8 +370,8 @@ impl<'a> Runner<'a> {
         let (ReadyPlan::Readings(runs), Some(robots)) =
             (&self.plans[plan], &mut workspace.robots[plan])
         else {
-            return match entry.kind.plan() {
-                Some(plan) => robot_run(workspace, entry.setting, plan, (batch, lane)),
+            return match &self.prepared[plan] {
+                Some(prepared) => robot_run(workspace, entry.setting, prepared, (batch, lane)),
                 None => self.random_run(workspace, entry.setting, run, (batch, lane)),
             };
         };
@@ -388,7 +395,11 @@ impl<'a> Runner<'a> {
         let plan = drawn.map_err(|error| Failure::NoPlan.because(&error))?;
         let all = (part.model.plan(&plan)?).run(&workspace.normals, &mine.unknown);
         take_lane(batch, &all, lane);
-        robot_run(workspace, setting, &plan, (batch, lane))
+        if self.level == Level::Model {
+            return Ok(());
+        }
+        let prepared = PreparedPlan::new(&part.setting.task, &plan);
+        robot_run(workspace, setting, &prepared, (batch, lane))
     }
 }
 
@@ -429,7 +440,7 @@ fn prepare(
 fn robot_run(
     workspace: &mut ThreadWorkspace<'_>,
     setting: usize,
-    plan: &Plan,
+    plan: &PreparedPlan<'_>,
     (batch, lane): (&mut Batch, usize),
 ) -> Result<(), FailedRun> {
     let Some(robot) = &mut workspace.parts[setting].robot else {
@@ -439,7 +450,7 @@ fn robot_run(
     robot
         .become_run(workspace.truth.current(), normals.1, lane)
         .map_err(|error| Failure::Measurement.because(&error))?;
-    batch.put(lane, &robot.run(plan, normals, lane)?);
+    batch.put(lane, &robot.run_prepared(plan, normals, lane)?);
     Ok(())
 }
 

@@ -54,6 +54,18 @@ impl VirtualRobot {
     }
 }
 
+/// A plan's measurements before anything is read.
+pub fn measurements_of(plan: &Plan, instrument: &Instrument) -> Vec<Measurement> {
+    let nothing = (Vector3::zeros(), Vector3::zeros());
+    let of_one = |each: &Experiment| {
+        std::iter::repeat_n(
+            measurement(each, instrument, nothing),
+            each.repeats as usize,
+        )
+    };
+    plan.experiments.iter().flat_map(of_one).collect()
+}
+
 /// A measurement of an experiment that shows this displacement (m) and rotation (rad).
 pub(super) fn measurement(
     experiment: &Experiment,

@@ -15,18 +15,22 @@
 mod known;
 mod prediction;
 mod standard_errors;
+mod visits;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::AbsoluteCase;
-use super::joint_errors::{DiscrepancyModel, among};
+use super::joint_errors::DiscrepancyModel;
 use super::residuals::LinearReading;
+use crate::numeric::factorisation::inverse_of;
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, Tridiagonal, knots_among};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterSet, relative_precision};
 pub use known::VarianceComponents;
 pub(super) use standard_errors::SumVariances;
+pub(super) use visits::VisitReadings;
+use visits::sums_of;
 
 /// No joint has more knots.
 const MOST_KNOTS: usize = 48;
@@ -45,29 +49,9 @@ const LEAST: f64 = 1e-18;
 const HIDDEN_WAVES: usize = 3;
 /// The largest variance of one of them, over that of what the joint is seen to be off by.
 const LARGEST_WAVES: f64 = 4.0;
-/// Pieces of sums, so that bits do not depend on threads.
-const PIECES: usize = 32;
-
-/// Readings that share what is new at a visit.
-#[derive(Debug, Clone)]
-pub(super) struct VisitReadings {
-    /// Read less predicted (m).
-    residual: DVector<f64>,
-    /// Derivatives by what is determined of the parameters (m x r).
-    fixed: DMatrix<f64>,
-    /// Derivatives by each joint's angle (m x k).
-    joints: DMatrix<f64>,
-    /// The same by waves of those joints' errors that have them (m x w).
-    waves: DMatrix<f64>,
-    /// The readings' own covariance.
-    own: DMatrix<f64>,
-    /// Which coordinate each row is, from 0 to 5.
-    coordinates: Vec<usize>,
-    /// The commanded angles of the joints.
-    angles: Vec<f64>,
-    /// Variances of what is new at it, of positions and of rotations, that its readings were weighed with.
-    assumed: [f64; 2],
-}
+/// Pieces of sums, so that bits do not depend on threads, and the fewest visits of one.
+const PIECES: usize = 8;
+const LEAST_PIECE: usize = 64;
 
 /// The variances that are looked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,14 +100,6 @@ pub(super) struct MixedFit {
     pub model: DiscrepancyModel,
     /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by a fit to the others.
     pub predicted_by_others: [Option<f64>; 2],
-}
-
-/// A visit's equations at some variances: which unknowns move it, by what, what is new at it, and what of each joint's variance is.
-struct VisitEquations {
-    index: Vec<usize>,
-    matrix: DMatrix<f64>,
-    covariance: DMatrix<f64>,
-    spare: Vec<f64>,
 }
 
 impl MixedModel {
@@ -332,13 +308,12 @@ impl MixedModel {
         MixedVariances { all, process }
     }
 
-    /// Where the knots of each joint begin among all unknowns, where all waves do, and the number of unknowns.
+    /// Where the knots of each joint begin among all unknowns, behind the parameters and all waves, and the number of unknowns.
     fn offsets(&self, variances: &MixedVariances) -> Vec<usize> {
-        let mut offsets = vec![self.units.ncols()];
+        let mut offsets = vec![self.units.ncols() + 2 * HIDDEN_WAVES * self.waving.len()];
         for each in &variances.process {
             offsets.push(offsets[offsets.len() - 1] + each.knots.len());
         }
-        offsets.push(offsets[offsets.len() - 1] + 2 * HIDDEN_WAVES * self.waving.len());
         offsets
     }
 
@@ -346,25 +321,7 @@ impl MixedModel {
         let offsets = self.offsets(variances);
         let size = *offsets.last()?;
         let pieces: Vec<Option<(DMatrix<f64>, DVector<f64>)>> = (self.pieces())
-            .map(|visits| {
-                let mut information = DMatrix::zeros(size, size);
-                let mut gradient = DVector::zeros(size);
-                for visit in visits {
-                    let local = visit.local(variances, &offsets);
-                    let factor = Cholesky::new(local.covariance)?;
-                    let weighed = factor.solve(&local.matrix);
-                    // Many columns, few rows: faster than `tr_mul`.
-                    let own = weighed.transpose() * &local.matrix;
-                    let pull = weighed.tr_mul(&visit.residual);
-                    for (column, &to) in local.index.iter().enumerate() {
-                        gradient[to] += pull[column];
-                        for (row, &from) in local.index.iter().enumerate() {
-                            information[(from, to)] += own[(row, column)];
-                        }
-                    }
-                }
-                Some((information, gradient))
-            })
+            .map(|visits| sums_of(visits, variances, &offsets))
             .collect();
         let mut information = DMatrix::zeros(size, size);
         let mut gradient = DVector::zeros(size);
@@ -373,6 +330,7 @@ impl MixedModel {
             information += one;
             gradient += other;
         }
+        information.fill_lower_triangle_with_upper_triangle();
         let fixed = self.units.ncols();
         let mut before = information.view_mut((0, 0), (fixed, fixed));
         before += &self.prior;
@@ -388,9 +346,8 @@ impl MixedModel {
             };
             precision.add_to(&mut information, offsets[joint]);
         }
-        let first = offsets[variances.process.len()];
-        for at in first..size {
-            let wave = 2 + self.joints.len() + (at - first) / (2 * HIDDEN_WAVES);
+        for at in fixed..offsets[0] {
+            let wave = 2 + self.joints.len() + (at - fixed) / (2 * HIDDEN_WAVES);
             information[(at, at)] += variances.all[wave].recip();
         }
         // Units apart: parameters in typical sizes, joints in rad.
@@ -399,7 +356,7 @@ impl MixedModel {
             column.component_mul_assign(&sizes);
             column *= sizes[index];
         }
-        let mut covariance = Cholesky::new(information)?.inverse();
+        let mut covariance = inverse_of(&Cholesky::new(information)?);
         for (index, mut column) in covariance.column_iter_mut().enumerate() {
             column.component_mul_assign(&sizes);
             column *= sizes[index];
@@ -411,7 +368,7 @@ impl MixedModel {
     }
 
     fn pieces(&self) -> impl IndexedParallelIterator<Item = &[VisitReadings]> {
-        let size = self.visits.len().div_ceil(PIECES).max(1);
+        let size = self.visits.len().div_ceil(PIECES).max(LEAST_PIECE);
         self.visits.par_chunks(size)
     }
 
@@ -426,8 +383,13 @@ impl MixedModel {
         let pieces: Vec<Option<Vec<[f64; 2]>>> = (self.pieces())
             .map(|visits| {
                 let mut sums = nothing.clone();
+                let mut at = 0;
+                let known = solved.of_dense(visits, offsets[0]);
                 for visit in visits {
-                    visit.improve(&visit.local(variances, &offsets), solved, &mut sums)?;
+                    let local = visit.local(variances);
+                    let known = known.rows(at, visit.residual.len()).into_owned();
+                    visit.improve(&local, &offsets, (solved, &known), &mut sums)?;
+                    at += visit.residual.len();
                 }
                 Some(sums)
             })
@@ -462,7 +424,7 @@ impl MixedModel {
         }
         for joint in 0..self.waving.len() {
             let count = 2 * HIDDEN_WAVES;
-            let at = offsets[self.joints.len()] + joint * count;
+            let at = self.units.ncols() + joint * count;
             let place = 2 + self.joints.len() + joint;
             let variance = variances.all[place];
             let own = solved.covariance.view((at, at), (count, count)).trace();
@@ -488,99 +450,5 @@ impl MixedVariances {
             .filter(|(one, _)| **one > 10.0 * LEAST)
             .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
             .fold(0.0, f64::max)
-    }
-}
-
-impl VisitReadings {
-    /// What is determined of the parameters (m x r), weighed as it was fitted.
-    fn weighed(&self) -> Option<DMatrix<f64>> {
-        let mut by = self.own.clone();
-        self.add_shared(&mut by, &self.assumed);
-        Some(Cholesky::new(by)?.solve(&self.fixed))
-    }
-
-    /// Adds what is new at the visit: variances of positions and rotations.
-    fn add_shared(&self, covariance: &mut DMatrix<f64>, variances: &[f64]) {
-        for (row, one) in self.coordinates.iter().enumerate() {
-            for (column, other) in self.coordinates.iter().enumerate() {
-                if one == other {
-                    covariance[(row, column)] += variances[one / 3];
-                }
-            }
-        }
-    }
-
-    fn local(&self, variances: &MixedVariances, offsets: &[usize]) -> VisitEquations {
-        let fixed = self.fixed.ncols();
-        let mut index: Vec<usize> = (0..fixed).collect();
-        let columns = fixed + 2 * self.angles.len() + self.waves.ncols();
-        let mut matrix = self.fixed.clone().resize_horizontally(columns, 0.0);
-        let mut covariance = self.own.clone();
-        self.add_shared(&mut covariance, &variances.all);
-        let mut spare = Vec::new();
-        for (joint, process) in variances.process.iter().enumerate() {
-            let between = process.between(self.angles[joint]);
-            let moved = self.joints.column(joint);
-            for (knot, weight) in between.knots.into_iter().zip(between.weights) {
-                matrix.column_mut(index.len()).copy_from(&(moved * weight));
-                index.push(offsets[joint] + knot);
-            }
-            let own = variances.all[2 + joint] * between.spare;
-            covariance.ger(own, &moved, &moved, 1.0);
-            spare.push(between.spare);
-        }
-        let first = offsets[variances.process.len()];
-        for (wave, moved) in self.waves.column_iter().enumerate() {
-            matrix.column_mut(index.len()).copy_from(&moved);
-            index.push(first + wave);
-        }
-        VisitEquations {
-            index,
-            matrix,
-            covariance,
-            spare,
-        }
-    }
-
-    /// Adds to the sums that improve the variances of what is new at visits and of joints' errors.
-    fn improve(
-        &self,
-        local: &VisitEquations,
-        solved: &MixedSolution,
-        sums: &mut [[f64; 2]],
-    ) -> Option<()> {
-        let weight = Cholesky::new(local.covariance.clone())?.inverse();
-        let left = &weight * local.left(self, solved);
-        let projected = &weight - &weight * local.known(solved) * &weight;
-        for (row, one) in self.coordinates.iter().enumerate() {
-            for (column, other) in self.coordinates.iter().enumerate() {
-                if one == other {
-                    let sum = &mut sums[one / 3];
-                    sum[0] += left[row] * left[column];
-                    sum[1] += projected[(row, column)];
-                }
-            }
-        }
-        for (joint, spare) in local.spare.iter().enumerate() {
-            let moved = self.joints.column(joint);
-            let sum = &mut sums[2 + joint];
-            sum[0] += spare * moved.dot(&left).powi(2);
-            sum[1] += spare * moved.dot(&(&projected * moved));
-        }
-        Some(())
-    }
-}
-
-impl VisitEquations {
-    /// What is left of the readings.
-    fn left(&self, visit: &VisitReadings, solved: &MixedSolution) -> DVector<f64> {
-        let mean = self.index.iter().map(|&at| solved.mean[at]);
-        &visit.residual - &self.matrix * DVector::from_iterator(self.index.len(), mean)
-    }
-
-    /// The covariance of what is predicted.
-    fn known(&self, solved: &MixedSolution) -> DMatrix<f64> {
-        let among = among(&solved.covariance, &self.index);
-        &self.matrix * among * self.matrix.transpose()
     }
 }

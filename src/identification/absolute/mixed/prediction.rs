@@ -100,9 +100,11 @@ impl MixedModel {
         variances: &MixedVariances,
         solved: &MixedSolution,
     ) -> Vec<PredictedSquares<'a>> {
-        let local = visit.local(variances, &self.offsets(variances));
-        let left = local.left(visit, solved);
-        let covariance = &local.covariance + local.known(solved);
+        let offsets = self.offsets(variances);
+        let local = visit.local(variances);
+        let by_dense = solved.of_dense(std::slice::from_ref(visit), offsets[0]);
+        let (left, known) = visit.beside_known(&local, &offsets, solved, &by_dense);
+        let covariance = local.covariance + known;
         let firsts = (visit.coordinates.iter().enumerate()).filter(|(_, each)| **each == 0);
         firsts
             .map(|(at, _)| {

@@ -4,6 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
 use super::{HIDDEN_WAVES, ImprovedVariances, MixedModel, MixedVariances, VisitReadings};
+use crate::numeric::factorisation::inverse_of;
 
 /// The variances of some sums of parameters, and how well they are known.
 pub(in super::super) struct SumVariances {
@@ -15,7 +16,7 @@ pub(in super::super) struct SumVariances {
 }
 
 /// Sums over visits: the curvature of the fit (r x r), the parts of the variance of its gradient (r x r each) that visits have for
-/// themselves, and how knots and waves move that (r x k).
+/// themselves, and how waves and knots move that (r x k).
 struct GradientSums {
     curvature: DMatrix<f64>,
     parts: Vec<DMatrix<f64>>,
@@ -94,14 +95,13 @@ impl MixedModel {
             });
             sums.parts[3 + joint] += own * among * own.transpose();
         }
-        let first = offsets[self.joints.len()] - fixed;
         for joint in 0..self.waving.len() {
             let count = 2 * HIDDEN_WAVES;
-            let own = sums.through.columns(first + joint * count, count);
+            let own = sums.through.columns(joint * count, count);
             let place = 2 + self.joints.len() + joint;
             sums.parts[1 + place] = own * own.transpose() * variances.all[place];
         }
-        let inverse = Cholesky::new(sums.curvature)?.inverse();
+        let inverse = inverse_of(&Cholesky::new(sums.curvature)?);
         let parts = sums.parts.iter().map(|part| &inverse * part * &inverse);
         Some((parts.collect(), told))
     }
@@ -115,7 +115,7 @@ impl GradientSums {
         variances: &MixedVariances,
         offsets: &[usize],
     ) -> Option<()> {
-        let local = visit.local(variances, offsets);
+        let local = visit.local(variances);
         let weighed = visit.weighed()?;
         let fixed = weighed.ncols();
         self.curvature += weighed.tr_mul(&visit.fixed);
@@ -127,15 +127,16 @@ impl GradientSums {
             let part = coordinate / 3;
             self.parts[1 + part].ger(variances.all[part], &shared, &shared, 1.0);
         }
-        for (joint, spare) in local.spare.iter().enumerate() {
+        let mut of_waves = self.through.columns_mut(0, visit.waves.ncols());
+        of_waves += weighed.tr_mul(&visit.waves);
+        for (joint, between) in local.between.iter().enumerate() {
             let moved = weighed.tr_mul(&visit.joints.column(joint));
-            let variance = variances.all[2 + joint] * spare;
+            let variance = variances.all[2 + joint] * between.spare;
             self.parts[3 + joint].ger(variance, &moved, &moved, 1.0);
-        }
-        let through = weighed.tr_mul(&local.matrix);
-        for (column, &to) in local.index.iter().enumerate().skip(fixed) {
-            let mut sum = self.through.column_mut(to - fixed);
-            sum += through.column(column);
+            for (knot, weight) in between.knots.into_iter().zip(between.weights) {
+                let mut sum = self.through.column_mut(offsets[joint] + knot - fixed);
+                sum.axpy(weight, &moved, 1.0);
+            }
         }
         Some(())
     }

@@ -1,0 +1,121 @@
+//! The weights of readings: each with its own covariance, those of one configuration together where they share something.
+
+use nalgebra::allocator::Allocator;
+use nalgebra::{DMatrix, DefaultAllocator, Dim, Dyn, OMatrix};
+
+use super::equations::{EquationSource, rows_of};
+use super::extended::of_rows_there;
+use crate::measurement::by_configuration;
+use crate::observation::PlannedReadings;
+
+/// The factors L of the readings' covariances L L^T, block by block.
+#[derive(Debug, Clone)]
+pub(super) struct Whitening {
+    /// The rows of readings that share something, and L.
+    blocks: Vec<(Vec<usize>, DMatrix<f64>)>,
+}
+
+impl Whitening {
+    /// Multiplies readings' rows by L^-1.
+    pub fn whiten<C: Dim>(&self, rows: &mut OMatrix<f64, Dyn, C>)
+    where
+        DefaultAllocator: Allocator<Dyn, C>,
+    {
+        self.change(rows, |factor, own| {
+            factor.solve_lower_triangular_mut(own);
+        });
+    }
+
+    /// Multiplies them by L: takes the weights off again.
+    pub fn take_off(&self, rows: &mut DMatrix<f64>) {
+        self.change(rows, |factor, own| *own = factor * &*own);
+    }
+
+    fn change<C: Dim>(
+        &self,
+        rows: &mut OMatrix<f64, Dyn, C>,
+        change: impl Fn(&DMatrix<f64>, &mut OMatrix<f64, Dyn, C>),
+    ) where
+        DefaultAllocator: Allocator<Dyn, C>,
+    {
+        for (places, factor) in &self.blocks {
+            let mut own = rows.select_rows(places);
+            change(factor, &mut own);
+            for (own, &place) in own.row_iter().zip(places) {
+                rows.set_row(place, &own);
+            }
+        }
+    }
+}
+
+impl EquationSource<'_> {
+    /// The weights: the instrument's noise, the measurement's own where it brings some, what else is new in each reading, and what
+    /// readings of one configuration share.
+    pub fn whitening(&self) -> Whitening {
+        let firsts: Vec<usize> = self.first_rows().collect();
+        let mut model = (self.uncertain).map(|extended| self.readings(extended));
+        let block = |members: Vec<usize>| {
+            let covariance = self.covariance_together(model.as_mut(), &members);
+            let rows = members.into_iter().flat_map(|index| {
+                firsts[index]..firsts[index] + rows_of(&self.measurements[index])
+            });
+            let typical = covariance.diagonal().map(f64::sqrt);
+            let factor = covariance.cholesky().map(|factor| factor.l());
+            let factor = factor.unwrap_or_else(|| DMatrix::from_diagonal(&typical));
+            (rows.collect(), factor)
+        };
+        Whitening {
+            blocks: self.sharing().into_iter().map(block).collect(),
+        }
+    }
+
+    /// Measurements that share something, together, else each alone.
+    fn sharing(&self) -> Vec<Vec<usize>> {
+        match self.uncertain {
+            Some(extended) if extended.is_shared_by_configuration() => {
+                by_configuration(self.measurements)
+            }
+            _ => (0..self.measurements.len())
+                .map(|index| vec![index])
+                .collect(),
+        }
+    }
+
+    /// The covariance of readings of one configuration (m^2, m rad, rad^2): what each reads on the diagonal, and what two of them share
+    /// beside it.
+    fn covariance_together(
+        &self,
+        mut model: Option<&mut PlannedReadings<'_>>,
+        members: &[usize],
+    ) -> DMatrix<f64> {
+        let measured = |place: usize| &self.measurements[members[place]];
+        if let Some(model) = &mut model {
+            model.move_to(measured(0).configuration_rad.as_slice());
+        }
+        let rows = |place: usize| rows_of(measured(place));
+        let size = (0..members.len()).map(rows).sum();
+        let mut covariance = DMatrix::zeros(size, size);
+        let mut at = 0;
+        for place in 0..members.len() {
+            let mut beside = 0;
+            for other in 0..members.len() {
+                let [own, another] = [measured(place), measured(other)];
+                let mut block = self.shared_noise(own, another);
+                if let Some(model) = &model {
+                    if place == other {
+                        block += model.covariance_of_all(&own.load);
+                    } else {
+                        block *= model.unloaded().shared_part();
+                        block += model.covariance_shared([&own.load, &another.load]);
+                    }
+                }
+                let block = of_rows_there(&block, [own, another]);
+                let mut entries = covariance.view_mut((at, beside), (rows(place), rows(other)));
+                entries.copy_from(&block.view((0, 0), (rows(place), rows(other))));
+                beside += rows(other);
+            }
+            at += rows(place);
+        }
+        covariance
+    }
+}
