@@ -228,12 +228,11 @@ pub(super) fn fit_nonlinear(
     let read = start.read(source);
     let mut torques = start.torques.clone();
     let mut values = start.nominal.clone();
-    let first = match near {
-        Some(near) => start.determined(near),
-        None => {
-            let nominal = start.place(&read, start.at_nominal.clone(), &values);
-            start.step(&nominal, start.normal.as_ref())
-        }
+    let first = if let Some(near) = near {
+        start.determined(near)
+    } else {
+        let nominal = start.place(&read, start.at_nominal.clone(), &values);
+        start.step(&nominal, start.normal.as_ref())
     };
     add(&mut values, &first, 1.0);
     let mut place = start
