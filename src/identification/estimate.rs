@@ -271,8 +271,8 @@ fn report(
     let joints = source.parameters;
     let posterior = Posterior {
         names: source.names(),
-        mean: fit.values.clone(),
-        covariance: &fit.covariance * (factor * factor),
+        mean: fit.values,
+        covariance: fit.covariance * (factor * factor),
         estimable: start.estimable.clone(),
     };
     // Files hold what is known of the compliances alone: what is told of them is decided there.
@@ -296,7 +296,7 @@ fn report(
         method,
         parameters,
         uncertain: Vec::new(),
-        compliance_rad_per_nm: source.compliance(&fit.values),
+        compliance_rad_per_nm: source.compliance(&posterior.mean),
         posterior,
         sigma_m: sigma_m * factor,
         residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),

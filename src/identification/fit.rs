@@ -228,12 +228,11 @@ pub(super) fn fit_nonlinear(
     let read = start.read(source);
     let mut torques = start.torques.clone();
     let mut values = start.nominal.clone();
-    let first = match near {
-        Some(near) => start.determined(near),
-        None => {
-            let nominal = start.place(&read, start.at_nominal.clone(), &values);
-            start.step(&nominal, start.normal.as_ref())
-        }
+    let first = if let Some(near) = near {
+        start.determined(near)
+    } else {
+        let nominal = start.place(&read, start.at_nominal.clone(), &values);
+        start.step(&nominal, start.normal.as_ref())
     };
     add(&mut values, &first, 1.0);
     let mut place = start
@@ -285,5 +284,44 @@ pub(super) fn fit_nonlinear(
 fn add(values: &mut [f64], change: &DVector<f64>, times: f64) {
     for (value, change) in values.iter_mut().zip(change) {
         *value += times * change;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Case, Sigma};
+    use super::*;
+    use crate::plan::read_plan;
+    use crate::scenario::Scenario;
+    use crate::testbed::measurements_of;
+
+    /// A fit that begins near and one that does not end at the same place, by far nearer than the last step may be long.
+    #[test]
+    fn the_last_step_is_taken() {
+        let scenario = Scenario::load("scenarios/kr270.toml".as_ref()).expect("valid");
+        let belief = &scenario.task.belief;
+        let plan = read_plan("scenarios/plans/klimchik2012_m3.csv".as_ref(), 6).expect("a plan");
+        let sigma = Sigma::Known(belief.instrument.sigma_m);
+        let mut measured = measurements_of(&plan, &belief.instrument);
+        let case = Case::of_belief(belief, &[], sigma, Method::Nonlinear);
+        let unread = case.with(&measured).equation_source();
+        let mut near = unread.nominal_values();
+        for (place, value) in near.iter_mut().take(5).enumerate() {
+            *value *= 1.2 - 0.1 * place as f64;
+        }
+        let shown = unread.predicted(&near, &mut Vec::new()).expect("stable");
+        for (index, each) in measured.iter_mut().enumerate() {
+            each.deflection_m = shown.values.fixed_rows::<3>(3 * index).into_owned();
+            each.deflection_m.x += 5e-5;
+        }
+        let source = case.with(&measured).equation_source();
+        let [one, other] = [None, Some(near.as_slice())].map(|near| {
+            let start = FitStart::new(&source, Method::Nonlinear, near.is_some());
+            fit_nonlinear(&start, &source, near).expect("a fit")
+        });
+        for (place, (one, value)) in other.values.iter().zip(&one.values).enumerate() {
+            let error = other.covariance[(place, place)].sqrt();
+            assert!((one - value).abs() < 1e-8 * error, "{place}: {one} {value}");
+        }
     }
 }

@@ -69,7 +69,7 @@ impl VisitReadings {
 
     /// Derivatives by parameters, waves and joints, and what is left, side by side.
     fn columns(&self) -> DMatrix<f64> {
-        let each = [&self.fixed, &self.waves, &self.joints].map(|each| each.as_slice());
+        let each = [&self.fixed, &self.waves, &self.joints].map(DMatrix::as_slice);
         let all = [each[0], each[1], each[2], self.residual.as_slice()].concat();
         DMatrix::from_vec(self.residual.len(), all.len() / self.residual.len(), all)
     }
