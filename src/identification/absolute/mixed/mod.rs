@@ -13,19 +13,22 @@
 //! expected squares at the knots, as in the EM algorithm.
 
 mod known;
+mod pose_readings;
 mod prediction;
 mod standard_errors;
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, RowDVector, UnitQuaternion};
 use rayon::prelude::*;
 
 use super::AbsoluteCase;
-use super::joint_errors::{DiscrepancyModel, among};
+use super::joint_errors::DiscrepancyModel;
 use super::residuals::LinearReading;
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, Tridiagonal, knots_among};
 use crate::numeric::posterior::Posterior;
-use crate::parameter::{ParameterSet, relative_precision};
+use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
+use crate::robot::Approach;
 pub use known::VarianceComponents;
+use pose_readings::by_pose;
 pub(super) use standard_errors::SumVariances;
 
 /// No joint has more knots.
@@ -45,12 +48,15 @@ const LEAST: f64 = 1e-18;
 const HIDDEN_WAVES: usize = 3;
 /// The largest variance of one of them, over that of what the joint is seen to be off by.
 const LARGEST_WAVES: f64 = 4.0;
+/// With fewer poses that are visited again, nothing is told apart that visits share.
+const FEWEST_AGAIN: usize = 5;
 /// Pieces of sums, so that bits do not depend on threads.
 const PIECES: usize = 32;
 
-/// Readings that share what is new at a visit.
+/// Readings at one command pose, of one visit or of several: all share what is new at a configuration, those of one visit what is new at
+/// that.
 #[derive(Debug, Clone)]
-pub(super) struct VisitReadings {
+pub(super) struct PoseReadings {
     /// Read less predicted (m).
     residual: DVector<f64>,
     /// Derivatives by what is determined of the parameters (m x r).
@@ -65,15 +71,25 @@ pub(super) struct VisitReadings {
     coordinates: Vec<usize>,
     /// The commanded angles of the joints.
     angles: Vec<f64>,
-    /// Variances of what is new at it, of positions and of rotations, that its readings were weighed with.
-    assumed: [f64; 2],
+    /// Which visit each row is of, from 0 on.
+    visits: Vec<usize>,
+    /// The variance of what is new at a visit that each row was weighed with.
+    assumed: Vec<f64>,
+    /// The command pose.
+    commanded_rad: DVector<f64>,
+    approach: Option<Approach>,
+    /// The axes of the rows, in those of the robot's base.
+    axes: UnitQuaternion<f64>,
 }
 
 /// The variances that are looked for.
 #[derive(Debug, Clone, PartialEq)]
 struct MixedVariances {
-    /// Of what is new at visits, of positions and of rotations; of each joint's error; of the waves of each joint that has them.
+    /// Of what is new at visits, of positions and of rotations; of each joint's error; of the waves of each joint that has them; of what
+    /// is new at configurations, of positions and of rotations, where some are visited again.
     all: Vec<f64>,
+    /// Where the last two begin.
+    of_poses: Option<usize>,
     /// How far each joint's error reaches.
     process: Vec<OrnsteinUhlenbeck>,
 }
@@ -81,10 +97,14 @@ struct MixedVariances {
 /// The readings with what is known before of the parameters, in the coordinates of what is determined.
 #[derive(Debug, Clone)]
 pub(super) struct MixedModel {
-    visits: Vec<VisitReadings>,
+    visits: Vec<PoseReadings>,
     /// Precision (r x r) and its pull (r).
     prior: DMatrix<f64>,
     pull: DVector<f64>,
+    /// Priors of the robot's own parameters one by one, each a row (r) whose square is its precision,
+    priors: Vec<(ParameterKind, RowDVector<f64>)>,
+    /// and the covariance (r x r) of all their pulls: of two series one prior pulls both alike.
+    pulls: DMatrix<f64>,
     /// The joints, and how the coordinates become parameters (p x r).
     joints: Vec<usize>,
     units: DMatrix<f64>,
@@ -139,9 +159,19 @@ impl MixedModel {
         let precision = relative_precision(set);
         let pull = &precision * &off.component_div(&set.scales());
         let basis = posterior.estimable.basis();
+        let prior = basis.tr_mul(&precision) * basis;
+        let of_the_robot = (set.parameters().iter().enumerate())
+            .filter(|(place, each)| !each.kind.is_mounted() && precision[(*place, *place)] > 0.0);
         let mut model = Self {
             visits: Vec::new(),
-            prior: basis.tr_mul(&precision) * basis,
+            pulls: prior.clone(),
+            prior,
+            priors: of_the_robot
+                .map(|(place, each)| {
+                    let root = precision[(place, place)].sqrt();
+                    (each.kind, basis.row(place) * root)
+                })
+                .collect(),
             pull: -basis.tr_mul(&pull),
             joints,
             units: posterior.estimable.basis_in_units(),
@@ -155,12 +185,12 @@ impl MixedModel {
     }
 
     /// Visits of readings at what was fitted, perhaps to others.
-    pub fn visits_of(&self, case: &AbsoluteCase<'_>, rows: &[LinearReading]) -> Vec<VisitReadings> {
+    pub fn visits_of(&self, case: &AbsoluteCase<'_>, rows: &[LinearReading]) -> Vec<PoseReadings> {
         let (joints, units) = (&self.joints, &self.units);
         (case.visits.iter())
             .map(|visit| {
                 let size: usize = visit.iter().map(|&index| rows[index].residual.len()).sum();
-                let mut all = VisitReadings {
+                let mut all = PoseReadings {
                     residual: DVector::zeros(size),
                     fixed: DMatrix::zeros(size, units.ncols()),
                     joints: DMatrix::zeros(size, joints.len()),
@@ -168,7 +198,11 @@ impl MixedModel {
                     own: DMatrix::zeros(size, size),
                     coordinates: Vec::new(),
                     angles: Vec::new(),
-                    assumed: self.shared.map(|each| each.max(LEAST)),
+                    visits: vec![0; size],
+                    assumed: Vec::new(),
+                    commanded_rad: DVector::zeros(0),
+                    approach: None,
+                    axes: UnitQuaternion::identity(),
                 };
                 for &index in visit {
                     let (rows, at) = (&rows[index], all.coordinates.len());
@@ -183,10 +217,18 @@ impl MixedModel {
                         own[(row, row)] += self.within[row / 3];
                     }
                     all.coordinates.extend(0..count);
+                    let assumed = self.shared.map(|each| each.max(LEAST));
+                    all.assumed.extend((0..count).map(|row| assumed[row / 3]));
                 }
                 let first = visit.first().map(|&index| &case.observations[index].setup);
                 let angle = |&joint: &usize| first.map_or(0.0, |each| each.commanded_rad[joint]);
                 all.angles = joints.iter().map(angle).collect();
+                if let Some(setup) = first {
+                    all.commanded_rad.clone_from(&setup.commanded_rad);
+                    all.approach.clone_from(&setup.approach);
+                    let station = case.arm.instrument_from_base[setup.station];
+                    all.axes = station.rotation.inverse();
+                }
                 all
             })
             .collect()
@@ -200,6 +242,8 @@ impl MixedModel {
             visits: visits.map(|(_, visit)| visit.clone()).collect(),
             prior: self.prior.clone(),
             pull: self.pull.clone(),
+            priors: self.priors.clone(),
+            pulls: self.pulls.clone(),
             joints: self.joints.clone(),
             units: self.units.clone(),
             waving: self.waving.clone(),
@@ -238,8 +282,8 @@ impl MixedModel {
         model
     }
 
-    /// Two series of one robot, which share the errors of its joints and nothing else: all parameters of the one (p) above all
-    /// of the other.
+    /// Two series of one robot, which share the errors of its joints, what is new at configurations that both visit, and what is known
+    /// before of the robot: all parameters of the one (p) above all of the other.
     pub fn beside(&self, other: &Self) -> Self {
         let corner = |one: &DMatrix<f64>, other: &DMatrix<f64>| {
             let (rows, columns) = (one.nrows(), one.ncols());
@@ -250,7 +294,7 @@ impl MixedModel {
             both
         };
         let (own, others) = (self.units.ncols(), other.units.ncols());
-        let wide = |visit: &VisitReadings, before: usize| VisitReadings {
+        let wide = |visit: &PoseReadings, before: usize| PoseReadings {
             fixed: (visit.fixed.clone())
                 .insert_columns(0, before, 0.0)
                 .resize_horizontally(own + others, 0.0),
@@ -260,10 +304,22 @@ impl MixedModel {
         let visits = visits.chain(other.visits.iter().map(|each| wide(each, own)));
         let mut pull = self.pull.clone().resize_vertically(own + others, 0.0);
         pull.rows_mut(own, others).copy_from(&other.pull);
+        let mut pulls = corner(&self.pulls, &other.pulls);
+        for (kind, row) in &self.priors {
+            if let Some((_, twin)) = other.priors.iter().find(|(each, _)| each == kind) {
+                let common = row.tr_mul(twin);
+                let mut among = pulls.view_mut((0, own), (own, others));
+                among += &common;
+                let mut among = pulls.view_mut((own, 0), (others, own));
+                among += common.transpose();
+            }
+        }
         Self {
-            visits: visits.collect(),
+            visits: by_pose(visits.collect()),
             prior: corner(&self.prior, &other.prior),
             pull,
+            priors: Vec::new(),
+            pulls,
             joints: self.joints.clone(),
             units: corner(&self.units, &other.units),
             shared: [0, 1].map(|part| f64::midpoint(self.shared[part], other.shared[part])),
@@ -285,7 +341,7 @@ impl MixedModel {
         };
         let mut variances = self.first();
         let limit = |variances: &mut MixedVariances| {
-            let waves = variances.all[2 + self.joints.len()..].iter_mut();
+            let waves = variances.all.iter_mut().skip(2 + self.joints.len());
             for (variance, &most) in waves.zip(&most) {
                 *variance = variance.min(most * LARGEST_WAVES).max(LEAST);
             }
@@ -326,10 +382,18 @@ impl MixedModel {
             }
         }
         let of_joints = 0.5 * self.shared[0] * rows / f64::max(moved, f64::MIN_POSITIVE);
-        let mut all = self.shared.map(|each| (0.5 * each).max(LEAST)).to_vec();
+        let visits = self.shared.map(|each| (0.5 * each).max(LEAST));
+        let mut all = visits.to_vec();
         let count = all.len() + process.len() + self.waving.len();
         all.resize(count, of_joints.clamp(LEAST, 1e-4));
-        MixedVariances { all, process }
+        let again = self.visits.iter().filter(|each| each.is_visited_again());
+        let of_poses = (again.count() >= FEWEST_AGAIN).then_some(count);
+        all.extend(visits.iter().filter(|_| of_poses.is_some()));
+        MixedVariances {
+            all,
+            of_poses,
+            process,
+        }
     }
 
     /// Where the knots of each joint begin among all unknowns, where all waves do, and the number of unknowns.
@@ -410,7 +474,7 @@ impl MixedModel {
         })
     }
 
-    fn pieces(&self) -> impl IndexedParallelIterator<Item = &[VisitReadings]> {
+    fn pieces(&self) -> impl IndexedParallelIterator<Item = &[PoseReadings]> {
         let size = self.visits.len().div_ceil(PIECES).max(1);
         self.visits.par_chunks(size)
     }
@@ -427,7 +491,8 @@ impl MixedModel {
             .map(|visits| {
                 let mut sums = nothing.clone();
                 for visit in visits {
-                    visit.improve(&visit.local(variances, &offsets), solved, &mut sums)?;
+                    let local = visit.local(variances, &offsets);
+                    visit.improve(&local, variances.of_poses, solved, &mut sums)?;
                 }
                 Some(sums)
             })
@@ -482,105 +547,16 @@ impl MixedModel {
 }
 
 impl MixedVariances {
+    /// Of what is new where no reading is: of a visit, and of its configuration.
+    fn new(&self, part: usize) -> f64 {
+        self.all[part] + self.of_poses.map_or(0.0, |first| self.all[first + part])
+    }
+
     /// The largest change of a deviation that matters, as a share of it.
     fn change_from(&self, other: &Self) -> f64 {
         (self.all.iter().zip(&other.all))
             .filter(|(one, _)| **one > 10.0 * LEAST)
             .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
             .fold(0.0, f64::max)
-    }
-}
-
-impl VisitReadings {
-    /// What is determined of the parameters (m x r), weighed as it was fitted.
-    fn weighed(&self) -> Option<DMatrix<f64>> {
-        let mut by = self.own.clone();
-        self.add_shared(&mut by, &self.assumed);
-        Some(Cholesky::new(by)?.solve(&self.fixed))
-    }
-
-    /// Adds what is new at the visit: variances of positions and rotations.
-    fn add_shared(&self, covariance: &mut DMatrix<f64>, variances: &[f64]) {
-        for (row, one) in self.coordinates.iter().enumerate() {
-            for (column, other) in self.coordinates.iter().enumerate() {
-                if one == other {
-                    covariance[(row, column)] += variances[one / 3];
-                }
-            }
-        }
-    }
-
-    fn local(&self, variances: &MixedVariances, offsets: &[usize]) -> VisitEquations {
-        let fixed = self.fixed.ncols();
-        let mut index: Vec<usize> = (0..fixed).collect();
-        let columns = fixed + 2 * self.angles.len() + self.waves.ncols();
-        let mut matrix = self.fixed.clone().resize_horizontally(columns, 0.0);
-        let mut covariance = self.own.clone();
-        self.add_shared(&mut covariance, &variances.all);
-        let mut spare = Vec::new();
-        for (joint, process) in variances.process.iter().enumerate() {
-            let between = process.between(self.angles[joint]);
-            let moved = self.joints.column(joint);
-            for (knot, weight) in between.knots.into_iter().zip(between.weights) {
-                matrix.column_mut(index.len()).copy_from(&(moved * weight));
-                index.push(offsets[joint] + knot);
-            }
-            let own = variances.all[2 + joint] * between.spare;
-            covariance.ger(own, &moved, &moved, 1.0);
-            spare.push(between.spare);
-        }
-        let first = offsets[variances.process.len()];
-        for (wave, moved) in self.waves.column_iter().enumerate() {
-            matrix.column_mut(index.len()).copy_from(&moved);
-            index.push(first + wave);
-        }
-        VisitEquations {
-            index,
-            matrix,
-            covariance,
-            spare,
-        }
-    }
-
-    /// Adds to the sums that improve the variances of what is new at visits and of joints' errors.
-    fn improve(
-        &self,
-        local: &VisitEquations,
-        solved: &MixedSolution,
-        sums: &mut [[f64; 2]],
-    ) -> Option<()> {
-        let weight = Cholesky::new(local.covariance.clone())?.inverse();
-        let left = &weight * local.left(self, solved);
-        let projected = &weight - &weight * local.known(solved) * &weight;
-        for (row, one) in self.coordinates.iter().enumerate() {
-            for (column, other) in self.coordinates.iter().enumerate() {
-                if one == other {
-                    let sum = &mut sums[one / 3];
-                    sum[0] += left[row] * left[column];
-                    sum[1] += projected[(row, column)];
-                }
-            }
-        }
-        for (joint, spare) in local.spare.iter().enumerate() {
-            let moved = self.joints.column(joint);
-            let sum = &mut sums[2 + joint];
-            sum[0] += spare * moved.dot(&left).powi(2);
-            sum[1] += spare * moved.dot(&(&projected * moved));
-        }
-        Some(())
-    }
-}
-
-impl VisitEquations {
-    /// What is left of the readings.
-    fn left(&self, visit: &VisitReadings, solved: &MixedSolution) -> DVector<f64> {
-        let mean = self.index.iter().map(|&at| solved.mean[at]);
-        &visit.residual - &self.matrix * DVector::from_iterator(self.index.len(), mean)
-    }
-
-    /// The covariance of what is predicted.
-    fn known(&self, solved: &MixedSolution) -> DMatrix<f64> {
-        let among = among(&solved.covariance, &self.index);
-        &self.matrix * among * self.matrix.transpose()
     }
 }
