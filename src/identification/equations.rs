@@ -2,8 +2,8 @@
 
 use nalgebra::allocator::Allocator;
 use nalgebra::{
-    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix3, Matrix6, OMatrix, Storage,
-    U3, Vector3,
+    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix3, Matrix6, OMatrix, Storage, U3,
+    Vector3,
 };
 
 use super::error::IdentificationError;
