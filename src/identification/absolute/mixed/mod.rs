@@ -309,7 +309,7 @@ impl MixedModel {
             }
         }
         Self {
-            visits: by_pose(visits.collect()),
+            visits: by_pose(&visits.collect::<Vec<_>>()),
             prior: corner(&self.prior, &other.prior),
             pull,
             priors: Vec::new(),
@@ -528,7 +528,7 @@ impl MixedModel {
 
 impl MixedVariances {
     /// Of what is new where no reading is: of a visit, and of its configuration.
-    fn new(&self, part: usize) -> f64 {
+    fn of_unread(&self, part: usize) -> f64 {
         self.all[part] + self.of_poses.map_or(0.0, |first| self.all[first + part])
     }
 

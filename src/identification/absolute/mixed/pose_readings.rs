@@ -201,7 +201,7 @@ impl PoseReadings {
 }
 
 /// Visits of one command pose together.
-pub(super) fn by_pose(visits: Vec<PoseReadings>) -> Vec<PoseReadings> {
+pub(super) fn by_pose(visits: &[PoseReadings]) -> Vec<PoseReadings> {
     let pose = |place: usize| {
         (
             &visits[place].commanded_rad,

@@ -52,7 +52,7 @@ impl MixedModel {
         rest.fill_with_identity();
         let joints = variances.process.iter().enumerate();
         let [position_m, rotation_rad] =
-            [0, 1].map(|part| (variances.new(part) + self.within[part]).sqrt());
+            [0, 1].map(|part| (variances.of_unread(part) + self.within[part]).sqrt());
         let mut coordinates = self.visits.iter().flat_map(|visit| &visit.coordinates);
         let has_rotations = coordinates.any(|coordinate| *coordinate >= 3);
         DiscrepancyModel {
