@@ -111,15 +111,6 @@ pub(super) fn for_each_effect(
     station_m: Option<&Vector3<f64>>,
     tell: &mut impl FnMut(Vector6<f64>),
 ) {
-    // Columns by the axes of a vector that each joint's torque follows in this way, in N or N m.
-    let by_torques = |follows: &dyn Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>| {
-        let mut effects = Matrix6x3::zeros();
-        for (joint, k) in arm.compliance_rad_per_nm.iter().enumerate() {
-            let (moved, turned) = (plain.position_column(joint), plain.rotation_column(joint));
-            effects += column(seen, joint) * (follows(&moved, &turned) * *k).transpose();
-        }
-        effects
-    };
     let (force, torque) = (&load.force_n, &load.torque_nm);
     let mut tell_axes = |effects: Matrix6x3<f64>, deviation: f64| {
         for effect in effects.column_iter() {
@@ -144,10 +135,11 @@ pub(super) fn for_each_effect(
             let turns = |moved: &Vector3<f64>, turned: &Vector3<f64>| {
                 force.cross(&(moved + turned.cross(lever))) + torque.cross(turned)
             };
-            tell_axes(by_torques(&turns), *deviation);
+            tell_axes(by_torques(arm, [plain, seen], turns), *deviation);
         }
         ReadingSource::LoadPoint(deviation) => {
-            tell_axes(by_torques(&|_, turned| force.cross(turned)), *deviation);
+            let shifts = |_: &Vector3<f64>, turned: &Vector3<f64>| force.cross(turned);
+            tell_axes(by_torques(arm, [plain, seen], shifts), *deviation);
         }
         ReadingSource::Range(noise) => {
             let apart_m = plain.tool_position - station_m.unwrap_or(&noise.from_m);
@@ -172,4 +164,18 @@ pub(super) fn for_each_effect(
             tell_axes(by_itself(&-moved.cross_matrix()), *deviation);
         }
     }
+}
+
+/// How a target follows the axes of a vector, which each joint's torque follows in this way: by the joint's columns of the Jacobian.
+fn by_torques(
+    arm: BareArm<'_>,
+    [plain, seen]: [&KinematicState; 2],
+    follows: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>,
+) -> Matrix6x3<f64> {
+    let mut effects = Matrix6x3::zeros();
+    for (joint, k) in arm.compliance_rad_per_nm.iter().enumerate() {
+        let (moved, turned) = (plain.position_column(joint), plain.rotation_column(joint));
+        effects += column(seen, joint) * (follows(&moved, &turned) * *k).transpose();
+    }
+    effects
 }
