@@ -268,7 +268,9 @@ fn what_a_command_writes_the_next_one_reads() {
     let place = Workplace::new();
     place.write("m.xml", MODEL);
     place.write("p.csv", PLAN);
-    let (kinds, sizes) = kinds_and_sizes(&place);
+    let (mut kinds, sizes) = kinds_and_sizes(&place);
+    // It is an error where nothing is read by a gauge.
+    kinds.retain(|kind| kind != "gauge_direction");
     assert!(kinds.len() > 20 && sizes.len() > 5, "{kinds:?} {sizes:?}");
     let mut all = SCENARIO.to_owned();
     for kind in &kinds {

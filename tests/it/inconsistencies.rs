@@ -94,8 +94,8 @@ fn series_contradict_each_other_where_the_robot_is_another() {
 /// differences are as large as their standard errors say.
 #[test]
 fn a_zero_that_moved_between_series_is_found() {
-    const ROBOTS: u64 = 200;
-    const MOVED: u64 = 40;
+    const ROBOTS: u64 = 80;
+    const MOVED: u64 = 20;
     const ELBOW: ParameterKind = ParameterKind::JointZero { joint: 2 };
     let scenario = ur10();
     let found: Vec<(Inconsistencies, Option<Inconsistencies>)> = (0..ROBOTS)
@@ -145,16 +145,16 @@ fn a_zero_that_moved_between_series_is_found() {
         all.iter().map(|each| each * each).sum::<f64>() / all.len() as f64
     });
     println!("{alarms} of {ROBOTS} alarms; squares {squares:?}; p of a moved zero {named:?}");
-    // Two are expected, more than seven with p = 0.001.
-    assert!(alarms <= 7, "{alarms}");
-    // At the same poses joint errors cancel; at others one in ten may hide behind them, more than six of twenty with p = 0.002.
+    // 0.8 are expected, more than five with p = 0.0002.
+    assert!(alarms <= 5, "{alarms}");
+    // At the same poses joint errors cancel; at others one in ten may hide behind them, more than four of ten with p = 0.002.
     assert!(named[0].iter().all(|p| *p < 1e-6), "{:?}", named[0]);
     let hidden = named[1].iter().filter(|p| **p >= 1e-2).count();
-    assert!(hidden <= 6, "{:?}", named[1]);
-    // One with a standard deviation of sqrt(2 / 100), were all parameters of a robot one.
+    assert!(hidden <= 4, "{:?}", named[1]);
+    // One with a standard deviation of sqrt(2 / 40), were all parameters of a robot one.
     for square in squares {
         assert!(
-            (0.25..1.0 + 3.0 * 0.02_f64.sqrt()).contains(&square),
+            (0.25..1.0 + 3.0 * 0.05_f64.sqrt()).contains(&square),
             "{squares:?}"
         );
     }

@@ -98,12 +98,12 @@ impl Checker<'_> {
         let known = before.known + parameters.iter().filter(is_listed).count();
         let to_find = parameters.len().saturating_sub(known);
 
+        let instrument = self.instrument(&file, &nominal.model)?;
         let (joints, commands) = (nominal.chain.len(), file.commands(&nominal.chain));
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain, &machining_tool)?;
         let loads = self.loads(&file.load)?;
         let design = self.design(&file.design, to_find, &commands, &loads)?;
         let plans = self.plans(&file.plan, &commands)?;
-        let instrument = self.instrument(&file, &nominal.model)?;
         let stations = self.stations(&file, &nominal.model, instrument.tracker_site)?;
         let context = study::Context {
             sigma_m: instrument.sigma_m,
