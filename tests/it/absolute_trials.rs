@@ -153,19 +153,22 @@ fn what_is_hidden_breaks_the_prediction() {
 fn deflections_keep_what_is_predicted() {
     let place = Workplace::new();
     let file = "[[study.plan]]\nkind = \"file\"\nname = \"mine\"\nfile = \"p.csv\"\n";
-    let text = scenario_text("ur10") + KNOWN;
+    let known = "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.05\n\
+        [[uncertainty]]\nkind = \"tracker_range\"\nstd_um_per_m = 6\n";
+    let text = scenario_text("ur10") + known;
     place.write("r.toml", &text);
+    place.write("noise.toml", scenario_text("ur10"));
     place
-        .run("plan r.toml --no-proof --plan-out p.csv --quiet")
+        .run("plan noise.toml --no-proof --plan-out p.csv --quiet")
         .ends_with(0);
     let evaluate = "evaluate r.toml --plan p.csv --no-proof --trials 300";
-    let trials = place.json_with_conditions(evaluate)["trials"].clone();
+    let trials = place.json(evaluate)["trials"].clone();
     assert_eq!(trials["prediction"], "holds", "{trials}");
     assert_eq!(trials["robots"], 300);
     let measurements = place.read("p.csv").lines().count() - 1;
     let study = format!("\n[study]\nexperiments = {measurements}\ntrials = 300\n{file}");
     place.write("s.toml", text + &study);
-    let study = place.json_with_conditions("study s.toml --level robot");
+    let study = place.json("study s.toml --level robot");
     for key in [
         "rms_mm",
         "rms_std_mm",
