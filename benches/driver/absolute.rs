@@ -12,6 +12,7 @@ use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
 use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, StudiedReadings};
+use elastocal::task::AccuracyKind;
 use nalgebra::{DVector, Isometry3, Matrix6, Matrix6xX, Rotation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 
@@ -93,8 +94,11 @@ pub fn trials(scenario: &'static Scenario) -> impl FnMut(u64) {
         configurations: 20,
         seed: 1,
     };
-    let conditions = Conditions::plain(&scenario.task, READINGS);
-    let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
+    let mut task = scenario.task.clone();
+    task.design.accuracy = AccuracyKind::Absolute;
+    let conditions = Conditions::plain(&task, READINGS);
+    let task = Box::leak(Box::new(task));
+    let setting = Setting::new(task, &scenario.truth, conditions);
     let settings = Box::leak(Box::new([setting]));
     let planning = AbsolutePlanning::anywhere(&settings[0].task, groups, wanted).expect("a region");
     let entries = Box::leak(Box::new([Entry {

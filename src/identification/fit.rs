@@ -6,7 +6,7 @@ use super::equations::{EquationSource, PredictedRows, PriorRows, stacked};
 use super::error::IdentificationError;
 use super::whitening::Whitening;
 use crate::numeric::estimable::Estimable;
-use crate::numeric::least_squares::{LeastSquares, NormalEquations};
+use crate::numeric::least_squares::{FactoredEquations, LeastSquares};
 use crate::observation::RestTorques;
 use crate::task::Method;
 
@@ -49,7 +49,7 @@ pub(super) struct FitStart {
     nominal: Vec<f64>,
     /// Where a fit begins that does not begin near: at nominal values, through the static equilibrium as far as there is one.
     at_nominal: PredictedRows,
-    normal: Option<NormalEquations>,
+    normal: Option<FactoredEquations>,
     torques: Vec<RestTorques>,
 }
 
@@ -73,7 +73,7 @@ impl FitStart {
         let within = &prior.rows * estimable.basis_in_units();
         let before = within.tr_mul(&within);
         Self {
-            normal: NormalEquations::new(&at_nominal.derivatives, &before, &estimable),
+            normal: FactoredEquations::new(&at_nominal.derivatives, &before, &estimable),
             before,
             whitening,
             estimable,
@@ -129,12 +129,12 @@ impl FitStart {
     }
 
     /// The normal equations there; `None` where they are singular to rounding.
-    fn normal(&self, place: &FitPlace) -> Option<NormalEquations> {
-        NormalEquations::new(&place.matrix, &self.before, &self.estimable)
+    fn normal(&self, place: &FitPlace) -> Option<FactoredEquations> {
+        FactoredEquations::new(&place.matrix, &self.before, &self.estimable)
     }
 
     /// The step that the equations say, by their normal equations where there are some.
-    fn step(&self, place: &FitPlace, normal: Option<&NormalEquations>) -> DVector<f64> {
+    fn step(&self, place: &FitPlace, normal: Option<&FactoredEquations>) -> DVector<f64> {
         let Some(normal) = normal else {
             return self.solve(place).solution;
         };
@@ -149,7 +149,7 @@ impl FitStart {
     }
 
     /// The covariance of what is determined, and its condition number: by normal equations where there are some.
-    fn known(&self, place: &FitPlace, normal: Option<&NormalEquations>) -> (DMatrix<f64>, f64) {
+    fn known(&self, place: &FitPlace, normal: Option<&FactoredEquations>) -> (DMatrix<f64>, f64) {
         if let Some(normal) = normal {
             return (normal.covariance(&self.estimable), normal.condition);
         }

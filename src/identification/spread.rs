@@ -88,12 +88,12 @@ fn columns_at(angles: &[&[f64]], ranges: &[[f64; 2]]) -> DMatrix<f64> {
 }
 
 /// Columns of a fit, and their products with each other.
-struct SpreadColumns {
+struct SpreadDesign {
     columns: DMatrix<f64>,
     products: DMatrix<f64>,
 }
 
-impl SpreadColumns {
+impl SpreadDesign {
     fn new(columns: DMatrix<f64>) -> Self {
         Self {
             // Many rows: faster than `tr_mul`.
@@ -145,7 +145,7 @@ impl SpreadVariances {
     /// The likeliest ones, with the coefficients.
     fn likeliest(
         mut self,
-        SpreadColumns { columns, products }: &SpreadColumns,
+        SpreadDesign { columns, products }: &SpreadDesign,
         wanted: &DVector<f64>,
     ) -> Option<(Self, DVector<f64>)> {
         let pull = columns.tr_mul(wanted);
@@ -182,14 +182,14 @@ impl ErrorSpread {
     /// Of some squares, each with the angles of the joints there; `ranges` are those of the joints' angles. By logarithms, which wrong
     /// readings hardly move. None where the numbers have no factorisation, or are too few to tell.
     pub fn of_logarithms(squares: &[f64], angles: &[&[f64]], ranges: &[[f64; 2]]) -> Option<Self> {
-        let columns = SpreadColumns::new(columns_at(angles, ranges));
+        let columns = SpreadDesign::new(columns_at(angles, ranges));
         let (_, mean) = SpreadVariances::first(ranges).likeliest(&columns, &logarithms(squares))?;
         Self::new(&mean, Vec::new())
     }
 
     /// The same by means, as regions that shall hold most of the squares need, and the logarithm at each place as the others have it.
     pub fn of_means(squares: &[f64], angles: &[&[f64]], ranges: &[[f64; 2]]) -> Option<Self> {
-        let columns = SpreadColumns::new(columns_at(angles, ranges));
+        let columns = SpreadDesign::new(columns_at(angles, ranges));
         let wanted = logarithms(squares);
         let (mut variances, mut mean) =
             SpreadVariances::first(ranges).likeliest(&columns, &wanted)?;
@@ -209,7 +209,7 @@ impl ErrorSpread {
         for fold in 0..FOLDS {
             let (own, others): (Vec<usize>, Vec<usize>) =
                 (0..squares.len()).partition(|each| each % FOLDS == fold);
-            let part = SpreadColumns::new(columns.columns.select_rows(&others));
+            let part = SpreadDesign::new(columns.columns.select_rows(&others));
             let squares: Vec<f64> = others.iter().map(|&each| squares[each]).collect();
             let mut found = mean.clone();
             for _ in 0..STEPS {

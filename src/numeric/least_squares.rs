@@ -92,13 +92,13 @@ impl LeastSquares {
 
 /// The normal equations of whitened rows in coordinates of what is determined, in units of typical sizes: quicker for many unknowns.
 #[derive(Debug, Clone)]
-pub struct NormalEquations {
+pub struct FactoredEquations {
     factor: Cholesky<f64, Dyn>,
     /// The condition number of the information in these units, its root.
     pub condition: f64,
 }
 
-impl NormalEquations {
+impl FactoredEquations {
     /// Of rows (N x p) beside what is known before (r x r, in these coordinates). `None` where they are singular to rounding.
     pub fn new(
         matrix: &DMatrix<f64>,

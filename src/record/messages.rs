@@ -10,7 +10,6 @@ use nalgebra::{DMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::json::merge;
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::codes::Condition;
 use crate::files::{FileError, hexadecimal, schema::RESULTS_VERSION, sha256_of};
@@ -352,7 +351,7 @@ pub fn assessment_json(scenario: &Scenario, assessment: &Assessment) -> Value {
     let in_unit = |value: f64| criterion.map_or(value, |criterion| value * unit(criterion));
     let violation = |violation: &Violation| {
         let mut json = json!(violation);
-        merge(&mut json, json!({ "text": violation.to_string() }));
+        json["text"] = violation.to_string().into();
         json
     };
     let violations = assessment.violations.iter().map(violation);

@@ -114,6 +114,11 @@ fn check(schema: &Value, value: &Value, place: &str) {
                 }
                 true
             }
+            // One of words that are described one by one.
+            "oneOf" => {
+                let word = |each: &Value| each.get("const").expect("a word") == value;
+                rule.as_array().expect("words").iter().any(word)
+            }
             "minItems" => value
                 .as_array()
                 .is_none_or(|v| Some(v.len() as u64) >= rule.as_u64()),

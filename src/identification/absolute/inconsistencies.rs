@@ -1,16 +1,15 @@
 //! Inconsistency between two series of readings, or between the halves of joint space of one: parameters that differ by more than
 //! their covariance explains.
 //!
-//! Each parameter of the robot that both determine has a value on either side. Whether these may lie so far apart is asked of two
-//! variances of their difference, in which errors that both series share cancel:
+//! Each parameter of the robot that both tell has a value on either side. How far these may lie apart is asked of two yardsticks:
 //!
-//! - how much the difference changes when blocks of joint space are left out one by one, of both series the same one. That needs no
-//!   model of the discrepancy, but takes blocks as independent;
-//! - one mixed model of both series together, whose joints err in both alike, as does a configuration that both visit; a prior that
-//!   both have counts once. A gear that is not round errs in all blocks where its joint has the same angle, and, where it is so once
-//!   or twice a turn, one way in the one half and the other way in the other.
+//! - how much each value changes when blocks of joint space are left out one by one. That needs no model of what is unexplained, but takes
+//!   blocks as independent;
+//! - one mixed model of both series together, whose joints err in both alike. A gear that is not round errs in all blocks
+//!   where its joint has the same angle, and, where it is so once or twice a turn, one way in the one half and the other way in the
+//!   other.
 //!
-//! Student's t of the difference, over all parameters that are compared (Bonferroni), says whether both can be right; by that variance
+//! Student's t of the difference, over all parameters that are compared (Bonferroni), says whether both can be right; by that yardstick
 //! which makes it more probable.
 
 use nalgebra::DMatrix;
@@ -35,8 +34,8 @@ struct SeriesEstimate {
     /// Its place among all that were fitted.
     place: usize,
     value: f64,
-    /// What leaving out each block changes of it.
-    changes: Vec<f64>,
+    /// By leaving out blocks, in the unit of the value.
+    error: f64,
 }
 
 /// What a series says of the robot's own parameters.
@@ -44,14 +43,10 @@ struct SeriesEstimate {
 pub struct SeriesEstimates {
     /// Those that it determines.
     parameters: Vec<SeriesEstimate>,
-    /// The covariance of all that were fitted, those of frames among them, as readings were weighed.
-    covariance: DMatrix<f64>,
-    /// The robot's parameters of which something is known before: places and precisions.
-    known_before: Vec<(ParameterKind, usize, f64)>,
-    /// The number of blocks that were left out,
+    /// How many parameters were fitted, those of frames among them.
+    fitted: usize,
+    /// The number of blocks that were left out.
     blocks: usize,
-    /// and whether the other series has the same ones.
-    has_common_blocks: bool,
     /// Its readings with what their errors have in common, where there are enough to tell.
     mixed: Option<MixedModel>,
     /// The arm from which values count.
@@ -76,43 +71,22 @@ pub struct Inconsistency {
 /// Two series beside each other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inconsistencies {
-    /// How many parameters both determine.
+    /// How many parameters both tell.
     pub compared: usize,
-    /// How far each of these lies apart, in standard errors of the difference.
-    pub deviations: Vec<f64>,
     /// Those that contradict each other, the surest first.
     pub found: Vec<Inconsistency>,
 }
 
 impl AbsoluteCase<'_> {
-    /// What a fit of this case and one of another series of the robot say of its parameters, by common blocks of joint space; `None`
-    /// with too few configurations to leave some out.
-    ///
-    /// # Errors
-    /// A fit does not converge.
-    pub fn estimates_beside(
+    /// What a fit of this case says of the robot's own parameters; `None` with too few configurations to leave some out.
+    pub fn estimates(
         &mut self,
         fit: &AbsoluteFit,
-        (other, other_fit): (&mut Self, &AbsoluteFit),
-    ) -> Result<Option<[SeriesEstimates; 2]>, AbsoluteError> {
-        let count = BLOCKS.min(self.different().min(other.different()) / 2);
-        if count < FEWEST_BLOCKS {
-            return Ok(None);
+    ) -> Result<Option<SeriesEstimates>, AbsoluteError> {
+        if let Some(discrepancy) = fit.discrepancy {
+            self.weigh(discrepancy);
         }
-        let [own, others] = self.common_blocks(other, count);
-        let of_series = |case: &mut Self, fit: &AbsoluteFit, of_readings| {
-            if let Some(discrepancy) = fit.discrepancy {
-                case.weigh(discrepancy);
-            }
-            let blocks = Blocks::of_readings(case, of_readings, count);
-            let found = case.by_blocks(fit, &blocks)?;
-            Ok::<_, AbsoluteError>(SeriesEstimates {
-                has_common_blocks: true,
-                ..found
-            })
-        };
-        let own = of_series(self, fit, own)?;
-        Ok(Some([own, of_series(other, other_fit, others)?]))
+        self.by_blocks(fit)
     }
 
     /// The halves of joint space, across the joint that moves furthest: which half each reading is in, and what each half says.
@@ -124,57 +98,47 @@ impl AbsoluteCase<'_> {
         let halves = self.blocks(2);
         let half = |number: usize| {
             let case = self.part_of(|index| halves[index] == number);
-            let count = BLOCKS.min(case.different() / 2);
-            let is_enough = count >= FEWEST_BLOCKS;
-            is_enough.then(|| case.by_blocks(fit, &Blocks::new(&case, count)).ok())?
+            case.by_blocks(fit).ok()?
         };
         let both = [half(0)?, half(1)?];
         Some((halves, both))
     }
 
-    fn by_blocks(
-        &self,
-        of_all: &AbsoluteFit,
-        blocks: &Blocks<'_>,
-    ) -> Result<SeriesEstimates, AbsoluteError> {
+    fn by_blocks(&self, of_all: &AbsoluteFit) -> Result<Option<SeriesEstimates>, AbsoluteError> {
         let set = &of_all.set;
         let fit = self.fit_near(set, &of_all.posterior.mean)?;
-        let without = blocks.without(set, &fit)?;
+        let count = BLOCKS.min(self.different() / 2);
+        if count < FEWEST_BLOCKS {
+            return Ok(None);
+        }
+        let without = Blocks::new(self, count).without(set, &fit)?;
         let mixed = of_all.discrepancy.and_then(|discrepancy| {
             let (_, mixed) = self.mixed(set, &fit, discrepancy)?;
             Some(mixed.with_waves(&self.commanded_turns()))
         });
+        // By leaving out blocks, and no less than what the weights say.
         let estimate = |(place, parameter): (usize, &Parameter)| {
-            fit.posterior.standard_error(place)?;
+            let own = fit.posterior.standard_error(place)?;
             let value = fit.posterior.mean[place];
-            let changes = without.iter().map(|each| each.values[place] - value);
+            let squares = without
+                .iter()
+                .map(|each| (each.values[place] - value).powi(2));
+            let by_blocks = (squares.sum::<f64>() * (count - 1) as f64 / count as f64).sqrt();
             Some(SeriesEstimate {
                 parameter: parameter.clone(),
                 place,
                 value,
-                changes: changes.collect(),
+                error: own.max(by_blocks),
             })
         };
-        let precision = |(place, each): (usize, &Parameter)| {
-            Some((each.kind, place, each.prior_deviation?.powi(-2)))
-        };
-        Ok(SeriesEstimates {
+        Ok(Some(SeriesEstimates {
             parameters: of_all.of_the_robot().filter_map(estimate).collect(),
-            known_before: of_all.of_the_robot().filter_map(precision).collect(),
-            covariance: fit.posterior.covariance,
-            blocks: blocks.len(),
-            has_common_blocks: false,
+            fitted: set.len(),
+            blocks: count,
             mixed,
             reference: self.arm.clone(),
-        })
+        }))
     }
-}
-
-/// A standard error by what leaving out each block changes.
-fn jackknife(changes: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = changes.len() as f64;
-    let squares: f64 = changes.map(|change| change * change).sum();
-    (squares * (count - 1.0) / count).sqrt()
 }
 
 impl SeriesEstimates {
@@ -190,7 +154,7 @@ impl SeriesEstimates {
         let compared: Vec<[&SeriesEstimate; 2]> = twins.collect();
         let together = self.together(other, &compared);
         let degrees = self.blocks.min(other.blocks) as f64 - 1.0;
-        let (mut found, mut deviations) = (Vec::new(), Vec::new());
+        let mut found = Vec::new();
         for (at, both) in compared.iter().enumerate() {
             // Standard errors with their degrees of freedom: by blocks, and by the model of both together.
             let yardsticks = |error: f64, which: usize| {
@@ -201,17 +165,7 @@ impl SeriesEstimates {
                 [Some([error, degrees]), together].into_iter().flatten()
             };
             let [one, second] = both.map(|each| each.value);
-            // By leaving out blocks, and no less than what the weights say; where what both share is counted, that is not needed.
-            let apart = self.apart(other, *both);
-            let weighed = if self.has_common_blocks && together.is_some() {
-                0.0
-            } else {
-                self.weighed(other, *both)
-            };
-            let error = apart.max(weighed);
-            let errors = yardsticks(error, 0).map(|[error, _]| error);
-            deviations.push((one - second) / errors.fold(0.0, f64::max));
-            let alone = yardsticks(error, 0)
+            let alone = yardsticks(both[0].error.hypot(both[1].error), 0)
                 .map(|[error, degrees]| {
                     let distance = (one - second).abs() / error;
                     let student = StudentsT::new(0.0, 1.0, degrees);
@@ -223,9 +177,7 @@ impl SeriesEstimates {
                 let parameter = &both[0].parameter;
                 let quantity = |value: f64| parameter.quantity(&self.reference, value);
                 let interval = |side: usize| {
-                    let (series, each) = ([self, other][side], both[side]);
-                    let value = each.value;
-                    let error = series.error(each);
+                    let SeriesEstimate { value, error, .. } = *both[side];
                     let half = yardsticks(error, 1 + side)
                         .map(|[error, degrees]| error * two_sided_student(degrees))
                         .fold(0.0, f64::max);
@@ -243,51 +195,16 @@ impl SeriesEstimates {
         found.sort_by(|one, other| one.probability.total_cmp(&other.probability));
         Inconsistencies {
             compared: compared.len(),
-            deviations,
             found,
         }
-    }
-
-    /// The standard error of an estimate by leaving out blocks, and no less than what the weights say.
-    fn error(&self, each: &SeriesEstimate) -> f64 {
-        let own = self.covariance[(each.place, each.place)].sqrt();
-        own.max(jackknife(each.changes.iter().copied()))
-    }
-
-    /// The standard error of a difference by leaving out blocks, of both series together where they have the same.
-    fn apart(&self, other: &Self, [one, second]: [&SeriesEstimate; 2]) -> f64 {
-        if self.has_common_blocks && other.has_common_blocks {
-            let both = one.changes.iter().zip(&second.changes);
-            return jackknife(both.map(|(one, second)| one - second));
-        }
-        let alone = |each: &SeriesEstimate| jackknife(each.changes.iter().copied());
-        alone(one).hypot(alone(second))
-    }
-
-    /// The same as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to one prior.
-    fn weighed(&self, other: &Self, [one, second]: [&SeriesEstimate; 2]) -> f64 {
-        let variance =
-            |series: &Self, each: &SeriesEstimate| series.covariance[(each.place, each.place)];
-        let common = self.known_before.iter().map(|(kind, place, precision)| {
-            let known = other.known_before.iter();
-            let twin = known
-                .filter(|(each, ..)| each == kind)
-                .map(|(_, twin, _)| other.covariance[(*twin, second.place)]);
-            self.covariance[(one.place, *place)] * precision * twin.sum::<f64>()
-        });
-        let both = variance(self, one) + variance(other, second);
-        (both - 2.0 * common.sum::<f64>()).max(0.0).sqrt()
     }
 
     /// What one mixed model of both says: of the differences of what is compared, then of what the one says, then of the other.
     fn together(&self, other: &Self, compared: &[[&SeriesEstimate; 2]]) -> Option<SumVariances> {
         let count = compared.len();
-        let mut sums = DMatrix::zeros(
-            self.covariance.nrows() + other.covariance.nrows(),
-            3 * count,
-        );
+        let mut sums = DMatrix::zeros(self.fitted + other.fitted, 3 * count);
         for (at, [one, second]) in compared.iter().enumerate() {
-            let (one, second) = (one.place, self.covariance.nrows() + second.place);
+            let (one, second) = (one.place, self.fitted + second.place);
             sums[(one, at)] = 1.0;
             sums[(second, at)] = -1.0;
             sums[(one, count + at)] = 1.0;

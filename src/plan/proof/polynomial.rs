@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector};
 use super::rounding::{UNDERFLOW, UNIT, UP};
 use super::taylor::{COEFFICIENTS, ModelWorkspace, TaylorModel, VARIABLES, linear, second};
 
-type Form = SMatrix<f64, VARIABLES, VARIABLES>;
+type QuadraticForm = SMatrix<f64, VARIABLES, VARIABLES>;
 
 /// How much is added to a form's diagonal, and taken off again where it is checked to be positive semidefinite, as shares of its size:
 /// Cholesky's factorisation in double precision succeeds of no form that is less positive than 1e-14 of it below zero.
@@ -96,7 +96,7 @@ impl Polynomial {
     /// The last is an equality for the y where the concave function is largest.
     pub fn largest_of_concave(&self) -> f64 {
         let (c, count) = (&self.coefficients, self.variables);
-        let (mut form, mut slopes) = (Form::zeros(), SVector::<f64, VARIABLES>::zeros());
+        let (mut form, mut slopes) = (QuadraticForm::zeros(), SVector::<f64, VARIABLES>::zeros());
         let mut least = c[0] + self.remainder;
         let mut size = c[0].abs() + self.remainder;
         for j in 0..count {
@@ -117,14 +117,14 @@ impl Polynomial {
         }
         let eigen = form.symmetric_eigen();
         let convex = eigen.eigenvectors
-            * Form::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0)))
+            * QuadraticForm::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0)))
             * eigen.eigenvectors.transpose();
         let rows = SVector::from_fn(|row, _| {
             let sum: f64 = convex.row(row).iter().map(|entry| entry.abs()).sum();
             sum + scale * SLACK[0]
         });
-        let own = (Form::from_diagonal(&rows) - form) * 2.0;
-        let shifted = own - Form::identity() * (scale * SLACK[1]);
+        let own = (QuadraticForm::from_diagonal(&rows) - form) * 2.0;
+        let shifted = own - QuadraticForm::identity() * (scale * SLACK[1]);
         let Some(factor) = shifted.cholesky() else {
             return f64::INFINITY;
         };
