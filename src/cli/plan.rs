@@ -166,10 +166,10 @@ impl PlanCommand {
         let Some(minutes) = self.minutes else {
             return Ok(Vec::new());
         };
+        let watch = Watch::quiet(ask_search());
         let searching = format!("searching plans of at most {minutes} minutes");
         self.args.common.say(&searching);
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
-        let watch = Watch::quiet(ask_search());
         let timed = plans_within(task, laboratory, minutes, scenario.seed, watch)?;
         if timed.is_empty() {
             let problem = format!("no plan takes at most {minutes} minutes");
@@ -304,16 +304,17 @@ impl PlanCommand {
             (None, Some(count)) => format!(" in {}", counted(count.into(), "configuration")),
             (None, None) => String::new(),
         };
+        let stop = ask_search();
         args.common.say(&format!(
             "designing a plan of {}{of} for the criterion {}",
             counted(wanted.experiments.into(), "measurement"),
             self.criterion.name()
         ));
         let (mut designed, certificate) = if let Some(candidates) = &candidates {
-            (self.among(scenario, candidates, wanted)?, None)
+            (self.among(scenario, candidates, wanted, stop)?, None)
         } else {
             let (designed, approximate) =
-                design(&args.common, task, seed, wanted, &args.proof, ask_search())?;
+                design(&args.common, task, seed, wanted, &args.proof, stop)?;
             (designed, Some(approximate.certificate))
         };
         let plan = &mut designed.exact.plan;
@@ -359,10 +360,11 @@ impl PlanCommand {
         scenario: &Scenario,
         candidates: &Candidates,
         wanted: Wanted,
+        stop: &AtomicBool,
     ) -> anyhow::Result<Designed> {
         let bar = bar(self.args.common.quiet, "searching the plan");
         let watch = Watch {
-            stop: ask_search(),
+            stop,
             progress: &|done, all, _| show(&bar, done, all),
         };
         let designed = design_among(&scenario.task, candidates, scenario.seed, wanted, watch);

@@ -75,10 +75,11 @@ impl Select {
         }
         let ways = self.sizes.len() * (CHOICES.len() + self.draws as usize);
         let readings_words = counted(readings.len() as u64, "reading");
+        let stop = ask_search();
         (self.common).say(&format!("choosing among {readings_words} in {ways} ways"));
         let bar = bar(self.common.quiet, "choosing, calibrating, judging");
         let watch = Watch {
-            stop: ask_search(),
+            stop,
             progress: &|done, all, _| show(&bar, done, all),
         };
         let wanted = SelectionWanted {
