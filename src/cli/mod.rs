@@ -13,6 +13,7 @@ mod dialect;
 mod evaluate;
 mod explain;
 mod export;
+mod help;
 mod identified;
 mod identify;
 mod import;
@@ -238,7 +239,8 @@ enum Command {
 fn without_effect(options: &[&str]) -> impl Fn(Arg) -> Arg {
     move |argument| {
         let is_one = options.contains(&argument.get_id().as_str());
-        argument.hide(is_one)
+        let is_hidden = argument.is_hide_set();
+        argument.hide(is_one || is_hidden)
     }
 }
 

@@ -3,20 +3,22 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::Parser;
+use clap::FromArgMatches;
 use elastocal::codes::ErrorCode;
 use elastocal::text::diagnostics::say;
 
 use super::interruption::{self, Interrupted};
 use super::printed_error::PrintedError;
-use super::{Arguments, unless_reader_is_gone};
+use super::{Arguments, help, unless_reader_is_gone};
 
 /// Does what the arguments say, the program's name first, and returns the exit code. It is the only place that maps
 /// outcomes to exit codes: 0 done, 1 failed, 2 wrong usage (by clap), 3 done with a condition that was not accepted, 130
 /// interrupted. `itself` as in [`Arguments::execute`].
 pub fn run(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf>) -> u8 {
     interruption::listen();
-    let arguments = match Arguments::try_parse_from(arguments) {
+    let words: Vec<OsString> = arguments.into_iter().collect();
+    let parsed = help::program(&words).try_get_matches_from(words);
+    let arguments = match parsed.and_then(|found| Arguments::from_arg_matches(&found)) {
         Ok(arguments) => arguments,
         Err(usage) => return explain_usage(&usage),
     };

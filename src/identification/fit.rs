@@ -49,6 +49,7 @@ pub(super) struct FitStart {
     nominal: Vec<f64>,
     /// Where a fit begins that does not begin near: at nominal values, through the static equilibrium as far as there is one.
     at_nominal: PredictedRows,
+    /// Their normal equations, where a step is found by these and they are not singular to rounding.
     normal: Option<FactoredEquations>,
     torques: Vec<RestTorques>,
 }
@@ -72,8 +73,11 @@ impl FitStart {
         whitening.whiten(&mut at_nominal.values);
         let within = &prior.rows * estimable.basis_in_units();
         let before = within.tr_mul(&within);
+        let is_factored = source.uncertain.is_some() || method == Method::Nonlinear;
         Self {
-            normal: FactoredEquations::new(&at_nominal.derivatives, &before, &estimable),
+            normal: (is_factored
+                .then(|| FactoredEquations::new(&at_nominal.derivatives, &before, &estimable)))
+            .flatten(),
             before,
             whitening,
             estimable,

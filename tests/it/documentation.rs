@@ -247,25 +247,80 @@ fn calls(text: &str) -> Vec<String> {
     lines.chain(spans).map(str::to_owned).collect()
 }
 
+fn commands(place: &Workplace) -> Vec<String> {
+    let listed = place.run("--help").ends_with(0).stdout;
+    let commands = listed.lines().skip_while(|line| *line != "Commands:");
+    let commands: Vec<String> = (commands.skip(1).take_while(|line| !line.is_empty()))
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|name| *name != "help")
+        .map(str::to_owned)
+        .collect();
+    assert!(commands.len() > 18, "{commands:?}");
+    commands
+}
+
+/// Options are in groups, each on a line.
+#[test]
+fn help_fits_on_a_screen() {
+    let place = Workplace::new();
+    for command in commands(&place) {
+        let help = place.run(&format!("{command} --help")).ends_with(0).stdout;
+        assert_eq!(
+            place.run(&format!("{command} -h")).ends_with(0).stdout,
+            help
+        );
+        let longest = help.lines().map(|line| line.chars().count()).max();
+        assert!(help.lines().count() <= 50, "{help}");
+        assert!(longest <= Some(100), "{longest:?}: {help}");
+        let options = |help: &str| -> BTreeSet<String> {
+            let names = help.split(|letter: char| letter.is_whitespace() || letter == ',');
+            names
+                .filter(|word| word.starts_with("--"))
+                .map(str::to_owned)
+                .collect()
+        };
+        let whole = place
+            .run(&format!("{command} --help all"))
+            .ends_with(0)
+            .stdout;
+        let whole = whole.split("\nExample").next().expect("options");
+        let missing: Vec<String> = (options(whole).into_iter())
+            .filter(|option| {
+                !help.contains(&format!("  {option}")) && !help.contains(&format!(", {option}"))
+            })
+            .filter(|option| whole.contains(&format!("      {option}")))
+            .collect();
+        assert!(missing.is_empty(), "{command}: {missing:?}");
+    }
+    let plan = place.run("plan --help").ends_with(0).stdout;
+    let groups: Vec<&str> = (plan.lines())
+        .filter(|line| line.ends_with(':') && !line.starts_with(' '))
+        .collect();
+    assert_eq!(
+        groups,
+        [
+            "Arguments:",
+            "Design:",
+            "Bound:",
+            "Output:",
+            "Common:",
+            "Examples:"
+        ]
+    );
+}
+
 #[test]
 fn every_help_has_examples_of_what_is_there() {
     let place = Workplace::new();
-    let listed = place.run("--help").ends_with(0).stdout;
-    let commands = listed.lines().skip_while(|line| *line != "Commands:");
-    let commands: Vec<&str> = (commands.skip(1).take_while(|line| !line.is_empty()))
-        .filter_map(|line| line.split_whitespace().next())
-        .filter(|name| *name != "help")
-        .collect();
-    assert!(commands.len() > 18, "{commands:?}");
-    for command in commands {
-        let help = place.run(&format!("{command} --help")).ends_with(0).stdout;
-        let (help, examples) = help.split_once("\nExample").expect(command);
+    for command in commands(&place) {
+        let help = (place.run(&format!("{command} --help all")).ends_with(0)).stdout;
+        let (help, examples) = help.split_once("\nExample").expect("examples");
         let examples: Vec<&str> = examples.lines().skip(1).collect();
         assert!(!examples.is_empty(), "{command}");
         for example in examples {
             let mut words = example.split_whitespace();
             assert_eq!(words.next(), Some("elastocal"), "{example}");
-            assert_eq!(words.next(), Some(command), "{example}");
+            assert_eq!(words.next(), Some(&*command), "{example}");
             for option in words.filter(|word| word.starts_with("--")) {
                 let mut known = help.split(|letter: char| letter.is_whitespace() || letter == ',');
                 assert!(known.any(|word| word == option), "{example}");
