@@ -127,7 +127,6 @@ codes! {
         Tally = "E0701",
         Simulation = "E0702",
         NotComparable = "E0703",
-        Draws = "E0704",
         View = "E0801",
         Other = "E0901",
         Usage = "E0902",
