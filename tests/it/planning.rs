@@ -108,7 +108,8 @@ fn largest_of(
         }
         let load = random_load(&task.loads, &mut random);
         evaluator.readings.move_to(&q);
-        let inside = |bound: &SmoothBound| bound.margin(evaluator.readings.state(), &load, &gravity) >= 0.0;
+        let inside =
+            |bound: &SmoothBound| bound.margin(evaluator.readings.state(), &load, &gravity) >= 0.0;
         if bounds.iter().all(inside) {
             evaluator.observe(&load, &mut matrix);
             seen.gemm(1.0, &matrix, directions, 0.0);
