@@ -19,7 +19,7 @@ use crate::measurement::AbsoluteReading;
 use crate::numeric::low_rank::LowRankList;
 use crate::numeric::random::{generator, streams};
 use crate::plan::search::{CandidateInformation, FiniteEffort, FiniteProblem, Watch, best_choice};
-use crate::plan::{Criterion, CriterionFunction};
+use crate::plan::{Criterion, CriterionFunction, no_wider_than_high};
 use crate::task::Belief;
 
 /// Searches for one choice, before it is searched for from the others, too.
@@ -216,7 +216,7 @@ pub fn select<'a>(
     let chooser = Chooser {
         told: CandidateInformation::of_all(parts.set().len(), &parts.told()),
         before: parts.known_before(),
-        positions: in_fewest_columns(parts.positions()),
+        positions: no_wider_than_high(parts.positions()),
         read: SimulatedReadings {
             observations: parts.case.observations.clone(),
             expected_m: parts.expected_m.clone(),
@@ -413,14 +413,6 @@ impl Chooser<'_> {
         };
         Some((judged, predicted.squares_m2))
     }
-}
-
-/// A matrix (p x r) of no more columns than rows, with the same product with its transpose.
-fn in_fewest_columns(matrix: DMatrix<f64>) -> DMatrix<f64> {
-    if matrix.ncols() <= matrix.nrows() {
-        return matrix;
-    }
-    matrix.transpose().qr().r().transpose()
 }
 
 /// What random choices come to: the median of a quantity, and what a twentieth of them stay below and above.

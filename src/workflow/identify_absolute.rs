@@ -9,6 +9,7 @@ use crate::identification::{
     ReadingWeights, Repeats,
 };
 use crate::measurement::AbsoluteReading;
+use crate::numeric::tolerance::ends;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::inconsistencies::InconsistenciesMessage;
 use crate::record::json::{merge, results};
@@ -87,10 +88,7 @@ fn halves(
     let reach = |joint: usize, half: usize| {
         let all = case.observations.iter().zip(&half_of);
         let own = all.filter(|(_, other)| **other == half);
-        let angles = own.map(|(each, _)| each.setup.commanded_rad[joint]);
-        angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], angle| {
-            [low.min(angle), high.max(angle)]
-        })
+        ends(own.map(|(each, _)| each.setup.commanded_rad[joint]))
     };
     let is_apart = |joint: &usize| {
         let [one, other] = [0, 1].map(|half| reach(*joint, half));

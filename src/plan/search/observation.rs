@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
 use crate::experiment::Experiment;
 use crate::observation::{ComplianceColumns, PlannedReadings};
+use crate::plan::stand_at;
 use crate::robot::Load;
 
 /// Planned readings in the unknowns that a search is about, in units that make the observation matrix dimensionless:
@@ -76,10 +77,7 @@ impl<'a> MatrixEvaluator<'a> {
         matrix: &mut Matrix3xX<f64>,
     ) {
         self.readings.set_repeats(repeats);
-        self.readings.come_from(experiment.approach.as_ref());
-        self.readings.read_along(experiment.direction.as_ref());
-        self.readings
-            .move_to(experiment.configuration_rad.as_slice());
+        stand_at(&mut self.readings, experiment);
         self.observe(&experiment.load, matrix);
     }
 

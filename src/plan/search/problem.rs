@@ -15,8 +15,8 @@ use crate::experiment::Loads;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::{
-    Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, alone_and_together,
-    bounds_of, hung, task_rows, widened,
+    Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, bounds_of, hung,
+    sharing_groups, stand_at, task_rows, widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
 
@@ -488,22 +488,14 @@ impl<'a> Problem<'a> {
         let mut evaluator = self.evaluator();
         let mut matrix = evaluator.matrix();
         let mut information = self.prior.clone();
-        let (alone, together) = alone_and_together(plan, self.is_shared_by_configuration());
-        for experiment in alone {
-            evaluator.observe_experiment(experiment, experiment.repeats, &mut matrix);
-            add_information(&mut information, &matrix, f64::from(experiment.repeats));
-        }
-        for experiments in together {
-            evaluator
-                .readings
-                .come_from(experiments[0].approach.as_ref());
-            evaluator
-                .readings
-                .read_along(experiments[0].direction.as_ref());
-            evaluator
-                .readings
-                .move_to(experiments[0].configuration_rad.as_slice());
-            information += evaluator.told_together(&hung(&experiments));
+        for group in sharing_groups(plan, self.is_shared_by_configuration()) {
+            if let [alone] = group[..] {
+                evaluator.observe_experiment(alone, alone.repeats, &mut matrix);
+                add_information(&mut information, &matrix, f64::from(alone.repeats));
+            } else {
+                stand_at(&mut evaluator.readings, group[0]);
+                information += evaluator.told_together(&hung(&group));
+            }
         }
         information
     }

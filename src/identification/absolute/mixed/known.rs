@@ -8,6 +8,7 @@ use super::super::joint_errors::{DiscrepancyModel, JointError};
 use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS};
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
 use crate::numeric::tolerance;
+use crate::numeric::tolerance::ends;
 use crate::observation::Observation;
 use crate::parameter::JointFunction;
 
@@ -57,8 +58,7 @@ impl VarianceComponents {
                 .iter()
                 .map(|each| each.setup.commanded_rad[function.joint]);
             let angles: Vec<f64> = angles.collect();
-            let low = angles.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let [low, high] = ends(angles.iter().copied());
             let apart = APART * function.correlation_rad;
             let count = (2..MOST_PLANNED)
                 .find(|count| high - low <= apart * f64::from(count - 1))
