@@ -136,13 +136,23 @@ fn compared(message: &InconsistenciesMessage) -> String {
     let InconsistenciesMessage {
         between: [one, other],
         compared,
+        not_comparable,
         found,
     } = message;
+    let unresolved = match not_comparable.as_slice() {
+        [] => String::new(),
+        names => format!(
+            "    not comparable, from the same prior in both: {}\n",
+            names.join(", ")
+        ),
+    };
     if *compared == 0 {
-        return format!("  Fitted apart {one} and {other}: no parameter is determined by both.\n");
+        return format!(
+            "  Fitted apart {one} and {other}: no parameter is determined by both.\n{unresolved}"
+        );
     }
     format!(
-        "  Fitted apart {one} and {other}: of {} {} with each other.\n",
+        "  Fitted apart {one} and {other}: of {} {} with each other.\n{unresolved}",
         counted(*compared as u64, "parameter"),
         match found.len() {
             0 => "none are inconsistent".to_owned(),

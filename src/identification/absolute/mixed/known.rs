@@ -105,7 +105,8 @@ impl MixedModel {
         };
         let joints = self.joints.iter().enumerate().zip(turns);
         let functions = joints.filter_map(|(joint, turns)| turns.then_some(joint));
-        let rest = |part: usize| Some((median(&|of| of.all[part])? + self.within[part]).sqrt());
+        let rest =
+            |part: usize| Some((median(&|of| of.of_unread(part))? + self.within[part]).sqrt());
         Some(VarianceComponents {
             functions: functions.map(of_joint).collect::<Option<_>>()?,
             rest: [rest(0)?, rest(1)?],
@@ -159,6 +160,7 @@ impl MixedModel {
             all: rest
                 .chain(functions.map(|each| each.deviation_rad.powi(2)))
                 .collect(),
+            of_poses: None,
             process: known.functions.iter().enumerate().map(process).collect(),
         };
         let solved = self.solved(&variances)?;

@@ -8,7 +8,7 @@ use super::super::super::spread::ErrorSpread;
 use super::super::super::tails::shares_of_tail;
 use super::super::Discrepancy;
 use super::super::joint_errors::{DiscrepancyModel, JointError, SQUARE_95, region_square};
-use super::{MixedFit, MixedModel, MixedSolution, MixedVariances, VisitReadings};
+use super::{MixedFit, MixedModel, MixedSolution, MixedVariances, PoseReadings};
 
 /// From so many readings on, regions are scaled by what was seen.
 const SCALED_FROM: usize = 40;
@@ -23,7 +23,7 @@ const SELDOM: f64 = 0.1;
 
 impl MixedModel {
     /// The likeliest variances with what follows from them; of some readings that were left out, too. None where the numbers have no factorisation.
-    pub fn fit(&self, left_out: &[VisitReadings]) -> Option<MixedFit> {
+    pub fn fit(&self, left_out: &[PoseReadings]) -> Option<MixedFit> {
         let (variances, solved) = self.likeliest()?;
         let mut model = self.model(&variances, &solved);
         let kept = self.squares_by_others();
@@ -52,7 +52,7 @@ impl MixedModel {
         rest.fill_with_identity();
         let joints = variances.process.iter().enumerate();
         let [position_m, rotation_rad] =
-            [0, 1].map(|part| (variances.all[part] + self.within[part]).sqrt());
+            [0, 1].map(|part| (variances.of_unread(part) + self.within[part]).sqrt());
         let mut coordinates = self.visits.iter().flat_map(|visit| &visit.coordinates);
         let has_rotations = coordinates.any(|coordinate| *coordinate >= 3);
         DiscrepancyModel {
@@ -96,7 +96,7 @@ impl MixedModel {
     /// The same of a visit that was not fitted.
     fn squares_at<'a>(
         &self,
-        visit: &'a VisitReadings,
+        visit: &'a PoseReadings,
         variances: &MixedVariances,
         solved: &MixedSolution,
     ) -> Vec<PredictedSquares<'a>> {
