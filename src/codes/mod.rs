@@ -75,6 +75,7 @@ codes! {
         NoFingerprint = "C0308",
         ToleranceExceeded = "C0309",
         Inconclusive = "C0310",
+        BeyondRead = "C0311",
         FailedRuns = "C0401",
         PredictionExceeded = "C0402",
         NotReproduced = "C0403",

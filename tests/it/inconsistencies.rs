@@ -174,9 +174,8 @@ fn what_series_owe_to_one_prior_is_not_compared() {
     let all = "parameters = [\"shoulder_pan\", ";
     let text = place.read("s.toml").replace("parameters = [", all) + known;
     place.write("s.toml", text);
-    let found = place.json_with_conditions(
-        "identify s.toml --measurements m.csv --against other.csv --parameters zeros",
-    );
+    let identify = "identify s.toml --measurements m.csv --against other.csv --parameters zeros";
+    let found = place.run(&format!("{identify} --json --quiet")).json();
     let comparisons = found["inconsistencies"].as_array().expect("comparisons");
     assert_eq!(comparisons.len(), 2, "{comparisons:?}");
     for each in comparisons {
@@ -184,6 +183,24 @@ fn what_series_owe_to_one_prior_is_not_compared() {
         assert_eq!(names, &["shoulder_pan.compliance"], "{each}");
         assert_eq!(each["found"].as_array().map(Vec::len), Some(0), "{each}");
     }
+}
+
+/// Positions alone, at the same poses again.
+#[test]
+fn positions_are_compared() {
+    let mut random = generator(49, 0);
+    let scenario = ur10();
+    let arm = seen_arm(&mut random, &scenario, 1, 1);
+    let gear = waves(&mut random);
+    let mut one = read_of(&mut random, &arm, 60, 0.0, &gear);
+    let poses = |place: usize, _: &mut _| one[place].configuration_rad.clone();
+    let mut other = read_where(&mut random, &arm, (60, 0.0), poses, &gear);
+    for reading in one.iter_mut().chain(&mut other) {
+        reading.rotation = None;
+    }
+    let [mut one, mut other] = [one, other].map(|all| fitted(&scenario, &all, &GROUPS[..1]));
+    let found = beside(&mut one, &mut other);
+    assert!(found.compared > 3 && found.found.is_empty(), "{found:?}");
 }
 
 /// Gears that are not round once or twice a turn look like joints that give way to gravity, another way in each half of a series: no half

@@ -138,6 +138,7 @@ mod draws;
 mod elastic_beliefs;
 mod error_sources;
 mod exported_models;
+mod extrapolation;
 mod faults;
 mod few_readings;
 mod force_sizes;

@@ -146,7 +146,7 @@ impl AbsoluteCase<'_> {
         let without = blocks.without(set, &fit)?;
         let mixed = of_all.discrepancy.and_then(|discrepancy| {
             let (_, mixed) = self.mixed(set, &fit, discrepancy)?;
-            Some(mixed.with_waves(&self.commanded_turns()))
+            Some(mixed.with_waves(&self.commanded_turns()).for_parameters())
         });
         let estimate = |(place, parameter): (usize, &Parameter)| {
             fit.posterior.standard_error(place)?;
@@ -294,8 +294,8 @@ impl SeriesEstimates {
         alone(one).hypot(alone(second))
     }
 
-    /// The same as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to one prior, which moves the
-    /// difference by C1 - C2 alone. Summed as squares, so that it is never negative.
+    /// The same as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to one prior, which moves
+    /// the difference by C1 - C2 alone. Summed as squares, so that it is never negative.
     fn weighed(&self, other: &Self, [one, second]: [&SeriesEstimate; 2]) -> f64 {
         let mut of_readings = [(self, one), (other, second)]
             .map(|(series, each)| series.covariance[(each.place, each.place)]);

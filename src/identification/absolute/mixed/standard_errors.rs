@@ -138,8 +138,9 @@ impl GradientSums {
             for shared in of_visits.values() {
                 self.parts[1 + part].ger(variances.all[part], shared, shared, 1.0);
             }
-            if let Some(first) = variances.of_poses {
-                let shared: DVector<f64> = of_visits.into_values().sum();
+            // Positions alone have no rotations.
+            let shared = of_visits.into_values().reduce(|sum, each| sum + each);
+            if let (Some(first), Some(shared)) = (variances.of_poses, shared) {
                 let place = first + part;
                 self.parts[1 + place].ger(variances.all[place], &shared, &shared, 1.0);
             }
