@@ -85,7 +85,6 @@
 //! | W = (F, T) | [`robot::Load`] | N, N m; world frame |
 //! | J | [`robot::KinematicState::jacobian`] | m, 1; world frame |
 //! | k, k_theta | `compliance_rad_per_nm` | rad/(N m) |
-//! | K_C | [`robot::cartesian_stiffness`] | N/m, N m/rad |
 //! | A, A^(p), A^(phi) | [`robot::ObservationMatrix`] | m N m/rad |
 //! | A_0^(p) | [`compensation::test_pose_matrix`] | m N m/rad |
 //! | dp | `deflection_m` | m; loaded minus unloaded |

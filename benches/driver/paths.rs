@@ -136,13 +136,17 @@ pub fn value_and_gradient(
         let mut gradient = vec![0.0; joints * experiments.len()];
         information.copy_from(&before);
         for experiment in &experiments {
-            evaluator.move_to(experiment.configuration_rad.as_slice());
+            evaluator
+                .readings
+                .move_to(experiment.configuration_rad.as_slice());
             evaluator.observe(&experiment.load, &mut matrix);
             information.gemm_tr(1.0, &matrix, &matrix, 1.0);
         }
         let value = cost.cost(&information, &mut directions);
         for (experiment, gradient) in experiments.iter().zip(gradient.chunks_exact_mut(joints)) {
-            evaluator.move_to(experiment.configuration_rad.as_slice());
+            evaluator
+                .readings
+                .move_to(experiment.configuration_rad.as_slice());
             evaluator.observe(&experiment.load, &mut matrix);
             factor.gemm(-2.0, &matrix, &directions, 0.0);
             evaluator.pull_back(&experiment.load, &factor, gradient);

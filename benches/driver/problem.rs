@@ -159,7 +159,9 @@ fn pool(scenario: &Scenario) -> Value {
         .experiments
         .iter()
         .map(|each| {
-            evaluator.move_to(each.configuration_rad.as_slice());
+            evaluator
+                .readings
+                .move_to(each.configuration_rad.as_slice());
             evaluator.observe(&each.load, &mut matrix);
             rows(&DMatrix::from_column_slice(
                 3,

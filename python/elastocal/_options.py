@@ -24,8 +24,6 @@ class Common(TypedDict, total=False):
 
 class BudgetGiven(Common, total=False):
     by_minutes: bool | None
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     no_proof: bool | None
     plot_out: FilePath | None
     proof_out: FilePath | None
@@ -39,8 +37,6 @@ class BudgetOptions(BudgetGiven, total=False):
 
 
 class CheckGiven(Common, total=False):
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     parameters: bool | None
 
 
@@ -60,8 +56,6 @@ class CompareGiven(TypedDict, total=False):
 class CompensateGiven(Common, total=False):
     angles_out: FilePath | None
     dialect: str | None
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     frame: Literal["base", "instrument"] | None
     method: Literal["linear", "nonlinear"] | None
     program_out: FilePath | None
@@ -84,8 +78,6 @@ class EvaluateGiven(Common, total=False):
     budget_out: FilePath | None
     candidates: FilePath | None
     criterion: Literal["test-pose", "a", "d", "e", "g", "o1", "o2", "o3", "o4", "o5"] | None
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     no_proof: bool | None
     parameters: Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"] | Sequence[Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"]] | None
     proof_out: FilePath | None
@@ -106,8 +98,6 @@ class ExplainGiven(TypedDict, total=False):
 
 
 class ExportGiven(Common, total=False):
-    draws_in: FilePath | None
-    draws_out: FilePath | None
 
 
 class ExportOptions(ExportGiven, total=False):
@@ -117,8 +107,6 @@ class ExportOptions(ExportGiven, total=False):
 
 class IdentifyGiven(Common, total=False):
     against: FilePath | None
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     identified_out: FilePath | None
     keep_all: bool | None
     method: Literal["linear", "nonlinear"] | None
@@ -153,8 +141,6 @@ class InitOptions(InitGiven, total=False):
 
 class LabGiven(Common, total=False):
     dialect: str | None
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     keep_order: bool | None
 
 
@@ -164,8 +150,6 @@ class LabOptions(LabGiven, total=False):
 
 
 class MeasureGiven(Common, total=False):
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     measurements_out: FilePath | None
     noise_free: bool | None
     run: int | None
@@ -183,8 +167,6 @@ class MergeGiven(TypedDict, total=False):
 
 class NextGiven(Common, total=False):
     accuracy_um: float | None
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     experiments: int | None
     plan_out: FilePath | None
     skip: int | Sequence[int] | None
@@ -202,8 +184,6 @@ class PlanGiven(Common, total=False):
     configurations: int | None
     criterion: Literal["test-pose", "a", "d", "e", "g", "o1", "o2", "o3", "o4", "o5"] | None
     draw: int | None
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     minutes: float | None
     no_proof: bool | None
     parameters: Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"] | Sequence[Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"]] | None
@@ -259,8 +239,6 @@ class SchemaGiven(TypedDict, total=False):
 class SelectGiven(Common, total=False):
     campaigns: int | None
     draws: int | None
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     parameters: Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"] | Sequence[Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"]] | None
     plot_out: FilePath | None
     sizes: int | Sequence[int] | None
@@ -287,8 +265,6 @@ class StudyOptions(StudyGiven, total=False):
 
 
 class ValidateGiven(Common, total=False):
-    draws_in: FilePath | None
-    draws_out: FilePath | None
     experiments: int | None
     guard_band: float | None
     plan_out: FilePath | None

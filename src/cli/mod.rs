@@ -58,7 +58,6 @@ use clap::{Arg, Args, Parser, Subcommand};
 use elastocal::codes::{Condition, ConditionCode, ErrorCode, condition_code};
 use elastocal::files::{FileError, output::check_writable, roles::Roles, shipped};
 use elastocal::measurement::Origin;
-use elastocal::numeric::random::draws::Draws;
 use elastocal::record::{json::results, platform::platform};
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
@@ -102,12 +101,6 @@ pub struct Common {
     /// Say nothing on stderr but errors.
     #[arg(long)]
     quiet: bool,
-    /// Take the random numbers of virtual robots from a file of --draws-out, to compare versions of the program.
-    #[arg(long, value_name = "FILE", hide = true, conflicts_with = "draws_out")]
-    draws_in: Option<PathBuf>,
-    /// Where to write the random numbers of virtual robots.
-    #[arg(long, value_name = "FILE", hide = true)]
-    draws_out: Option<PathBuf>,
     #[command(flatten)]
     accepted: Accepted,
 }
@@ -319,17 +312,7 @@ impl Arguments {
 
     /// Does what the command says, and prints no results.
     pub fn report(&self) -> anyhow::Result<Report> {
-        let common = self.command.common();
-        let draws = common.and_then(|common| common.noted_draws().transpose());
-        let draws = draws.transpose()?;
-        let report = self.own_report()?;
-        let finished = draws.map_or(Ok(()), Draws::finish);
-        finished.map_err(|wrong| wrong.or_code(ErrorCode::Draws))?;
-        Ok(report.with_accepted(self.command.accepted())?)
-    }
-
-    fn own_report(&self) -> anyhow::Result<Report> {
-        match &self.command {
+        let report = match &self.command {
             Command::Init(command) => command.execute(),
             Command::Run(command) => command.execute(),
             Command::Check(command) => command.execute(),
@@ -356,7 +339,8 @@ impl Arguments {
             // It has nothing to report.
             Command::LoadModel(_) => Ok(Report::default()),
             Command::Reproduce(command) => command.execute(),
-        }
+        }?;
+        Ok(report.with_accepted(self.command.accepted())?)
     }
 }
 
@@ -406,20 +390,6 @@ pub fn rests(scenario: &Scenario) -> Result<(), FileError> {
 }
 
 impl Common {
-    /// What notes the random numbers of virtual robots, or gives them, if that is asked for.
-    fn noted_draws(&self) -> Result<Option<Draws>, FileError> {
-        match (&self.draws_in, &self.draws_out) {
-            (Some(path), _) => {
-                (Draws::from_file(path).map(Some)).map_err(|wrong| wrong.or_code(ErrorCode::Draws))
-            }
-            (None, Some(path)) => {
-                check_writable(path)?;
-                Ok(Some(Draws::to_file(path)))
-            }
-            (None, None) => Ok(None),
-        }
-    }
-
     /// Loads the scenario, with the seed replaced where one is given.
     fn load(&self) -> anyhow::Result<Scenario> {
         self.load_file(self.scenario())

@@ -5,13 +5,15 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::codes::{ConditionCode, ErrorCode};
 use elastocal::files::FileError;
-use elastocal::identification::{DistanceStatistics, ParameterGroup};
+use elastocal::identification::ParameterGroup;
 use elastocal::measurement::{MeasuredFile, Origin, read_measured};
 use elastocal::plan::search::Watch;
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
-use elastocal::record::selection::{PlannedChoiceMessage, SelectionMessage, SelectionSizeMessage};
+use elastocal::record::selection::selection_json;
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
-use elastocal::study::selection::{CHOICES, SelectionWanted, WITH_FUNCTIONS, select};
+use elastocal::study::selection::{
+    CHOICES, Chosen, Selection, SelectionOfSize, SelectionWanted, WITH_FUNCTIONS, select,
+};
 use elastocal::text::wording::counted;
 use elastocal::view::selection_plot::selection_plot;
 use serde_json::json;
@@ -93,17 +95,16 @@ impl Select {
             .map_err(|error| explained(&self.measurements, &error))?;
         bar.finish_and_clear();
         super::interruption::searched();
-        let message = SelectionMessage::new(&selection);
-        let mut text = describe(&message);
+        let mut text = describe(&selection);
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
-            text += &written.save(path, &selection_plot(title, &message)?);
+            text += &written.save(path, &selection_plot(title, &selection)?);
         }
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?;
         let mut json = results("select", &provenance, json!({ "groups": self.parameters }));
-        merge(&mut json, serde_json::to_value(&message)?);
+        merge(&mut json, selection_json(&selection));
         let mut conditions = Vec::new();
         if selection.is_cut_short {
             let words = "the study was stopped: not all choices were made";
@@ -114,21 +115,21 @@ impl Select {
     }
 }
 
-fn describe(message: &SelectionMessage) -> String {
+fn describe(selection: &Selection<'_>) -> String {
     let mut text = format!(
         "{} unknowns{}; mean residual of a fit of all {}: {:.4} mm\n",
-        message.unknowns.len(),
-        match message.known_before {
+        selection.parts.set().len(),
+        match selection.known_before() {
             0 => String::new(),
             known => format!(", of {known} of which something is known before"),
         },
-        counted(message.readings as u64, "reading"),
-        message.all_mm.mean
+        counted(selection.parts.all.left.len() as u64, "reading"),
+        selection.all_mm().mean
     );
-    for of_size in &message.sizes {
+    for of_size in &selection.sizes {
         text += &format!("\n{}", of_one_size(of_size));
     }
-    let counted = if message.joint_errors.is_empty() {
+    let counted = if selection.parts.functions().is_empty() {
         "are for errors that are independent between readings"
     } else {
         "count joint error functions, which every fit has"
@@ -140,8 +141,8 @@ fn describe(message: &SelectionMessage) -> String {
 }
 
 /// What a criterion is called here.
-fn named(choice: &PlannedChoiceMessage) -> &str {
-    match choice.criterion.as_str() {
+fn named(criterion: &str) -> &str {
+    match criterion {
         "test_pose" => "absolute accuracy",
         "d" => "D, O1",
         "o2" => "O2",
@@ -153,8 +154,21 @@ fn named(choice: &PlannedChoiceMessage) -> &str {
     }
 }
 
-fn of_one_size(of_size: &SelectionSizeMessage) -> String {
-    let row = |name: &str, better: String, cells: [Option<f64>; 8]| {
+fn of_one_size(of_size: &SelectionOfSize) -> String {
+    let row = |name: &str, better: String, numbers: [Option<f64>; 8]| {
+        let [
+            mean,
+            rms,
+            quantile95,
+            largest,
+            rho0,
+            predicted,
+            from_all,
+            without,
+        ] = numbers;
+        let cells = [
+            mean, rms, predicted, quantile95, largest, rho0, from_all, without,
+        ];
         let mut row = vec![name.to_owned()];
         row.extend(cells.map(|value| number(value, 4)));
         row.insert(6, better);
@@ -162,54 +176,36 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
     };
     let mut problems = String::new();
     let mut rows = Vec::new();
-    for choice in &of_size.planned {
-        if let Some(problem) = &choice.problem {
-            problems += &format!("  {}: {problem}\n", named(choice));
+    for (criterion, chosen) in &of_size.planned {
+        let name = named(criterion);
+        if let Some(problem) = Chosen::problem(chosen) {
+            problems += &format!("  {name}: {problem}\n");
         }
-        let distance = choice.distance_mm.as_ref();
-        let of = |get: fn(&DistanceStatistics) -> f64| distance.map(get);
-        let better = choice.better_than_random.map(|share| share * 100.0);
-        let cells = [
-            of(|lengths| lengths.mean),
-            of(|lengths| lengths.rms),
-            choice.predicted_rms_mm,
-            of(|lengths| lengths.quantile95),
-            of(|lengths| lengths.largest),
-            choice.rho0_mm,
-            choice.from_all_mm,
-            choice.without_discrepancy_from_true_mm,
-        ];
-        rows.push(row(named(choice), number(better, 0), cells));
+        let chosen = chosen.as_ref();
+        let better = chosen
+            .ok()
+            .and_then(|chosen| of_size.better_than_random(chosen));
+        let numbers = chosen.map_or([None; 8], Chosen::numbers_mm);
+        let better = number(better.map(|share| share * 100.0), 0);
+        rows.push(row(name, better, numbers));
     }
-    let random = &of_size.random;
+    let spreads = of_size.spreads_mm();
     for (place, name) in ["5 % are below", "median", "5 % are above"]
         .iter()
         .enumerate()
     {
-        let cells = [
-            "mean_mm",
-            "rms_mm",
-            "predicted_rms_mm",
-            "quantile95_mm",
-            "largest_mm",
-            "rho0_mm",
-            "from_all_mm",
-            "without_discrepancy_from_true_mm",
-        ];
-        let cells = cells.map(|of| random.spreads[of].map(|spread| spread[place]));
-        rows.push(row(&format!("random: {name}"), String::new(), cells));
+        let numbers = spreads.map(|spread| spread.map(|spread| spread[place]));
+        rows.push(row(&format!("random: {name}"), String::new(), numbers));
     }
     let header = "chosen by | mean [mm] | rms | predicted rms | 95 % below | largest | better than random [%] | rho0 | from all | without discrepancy";
-    if random.failed > 0 {
-        problems += &format!(
-            "  {} of {} random choices give no fit.\n",
-            random.failed, random.draws
-        );
+    let draws = of_size.random.len();
+    let failed = draws - of_size.random_means_mm().len();
+    if failed > 0 {
+        problems += &format!("  {failed} of {draws} random choices give no fit.\n");
     }
     format!(
-        "{} of the readings, {} random choices:\n{}{problems}",
+        "{} of the readings, {draws} random choices:\n{}{problems}",
         of_size.size,
-        random.draws,
         table(header, rows)
     )
 }

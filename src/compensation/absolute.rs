@@ -230,16 +230,13 @@ impl<'a> InverseKinematics<'a> {
         Ok(commands)
     }
 
-    /// A configuration, far from those of other numbers: an additive recurrence with roots of primes.
+    /// A configuration, far from those of other numbers, with passive joints where they rest.
     fn spread(&self, number: usize) -> DVector<f64> {
-        const PRIMES: [f64; 8] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0];
-        let joints = self.chain.joints.iter().enumerate().map(|(index, joint)| {
-            let root = (PRIMES[index % PRIMES.len()] + (index / PRIMES.len()) as f64 * 0.1).sqrt();
-            let share = (number as f64 * root).fract();
-            let [low, high] = joint.range_rad;
-            (joint.drive.passive_at).unwrap_or(low + share * (high - low))
-        });
-        DVector::from_iterator(self.chain.len(), joints)
+        let mut q = self.chain.spread(number);
+        for (coordinate, joint) in q.iter_mut().zip(&self.chain.joints) {
+            *coordinate = joint.drive.passive_at.unwrap_or(*coordinate);
+        }
+        q
     }
 }
 

@@ -3,6 +3,7 @@
 use nalgebra::{DVector, Matrix6, Vector3, Vector6};
 
 use crate::measurement::{Measurement, by_experiment};
+use crate::numeric::tolerance::ends;
 
 /// So often readings are weighed anew by what a fit leaves before the last time; the third time changes next to nothing.
 pub(super) const WEIGHINGS: usize = 3;
@@ -138,9 +139,7 @@ fn widest(configurations: &[&DVector<f64>], block: &[usize]) -> Option<usize> {
     let joints = configurations.get(*block.first()?)?.len();
     let reach = |joint: usize| {
         let angles = block.iter().map(|&index| configurations[index][joint]);
-        let (low, high) = angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| {
-            (low.min(angle), high.max(angle))
-        });
+        let [low, high] = ends(angles);
         high - low
     };
     (0..joints)

@@ -9,7 +9,7 @@ use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::discrepancy::ReadingResidual;
 use super::spread::ErrorSpread;
-use crate::numeric::tolerance::median;
+use crate::numeric::tolerance::{ends, median};
 use crate::text::wording::counted;
 
 /// Residuals that are as large, or as small, with less than this probability are no chance: with a
@@ -193,13 +193,7 @@ fn local_factors(squares: &[f64], angles: &[&[f64]], far: f64) -> Vec<f64> {
     let mut factors = vec![1.0; squares.len()];
     let commands = angles.first().map_or(0, |each| each.len());
     let ranges: Vec<[f64; 2]> = (0..commands)
-        .map(|joint| {
-            let angles = angles.iter().map(|each| each[joint]);
-            let both = (f64::INFINITY, f64::NEG_INFINITY);
-            let (low, high) =
-                angles.fold(both, |(low, high), angle| (low.min(angle), high.max(angle)));
-            [low, high]
-        })
+        .map(|joint| ends(angles.iter().map(|each| each[joint])))
         .collect();
     for _ in 0..LOOKS {
         let kept: Vec<usize> = (0..squares.len())

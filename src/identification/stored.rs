@@ -77,17 +77,14 @@ struct IdentificationFile {
     method: Method,
     parameters: Vec<String>,
     compliance_rad_per_nm: Vec<Option<f64>>,
-    #[serde(default)]
     compliance_applied_rad_per_nm: Vec<f64>,
-    #[serde(default)]
     undetermined_directions: Vec<Vec<f64>>,
-    #[serde(default)]
     compliance_typical_rad_per_nm: Vec<f64>,
     covariance_rad2_per_n2m2: Vec<Vec<f64>>,
     #[serde(default)]
     uncertain: Vec<StoredUncertain>,
     #[serde(default)]
-    undetermined_of_all: Option<Vec<Vec<f64>>>,
+    undetermined_of_all: Vec<Vec<f64>>,
     #[serde(default)]
     covariance_of_all: Vec<Vec<f64>>,
     #[expect(dead_code, reason = "must be a number")]
@@ -138,7 +135,7 @@ impl StoredIdentification {
     fn read_for(path: &Path, robot: &Robot) -> Result<Self, FileError> {
         let mut stored = read(path)?;
         let joints = joints_of(path, &stored.parameters, robot)?;
-        let mut posterior = posterior(path, &stored, &joints, robot)?;
+        let mut posterior = posterior(path, &stored)?;
         let mut others = others(path, &stored)?;
         let nominal = |place: usize| robot.compliance_rad_per_nm[joints[place]];
         for place in hold_impossible(&mut posterior, others.as_mut(), nominal) {
@@ -290,18 +287,13 @@ fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknow
         let wrong = || FileError::new(path, problem).at(format!("uncertain[{index}].value"));
         value.is_finite().then_some(value).ok_or_else(wrong)
     };
-    // Files of earlier versions know of no others that are not determined.
-    let directions = stored.undetermined_of_all.clone().unwrap_or_else(|| {
-        let padded = stored.undetermined_directions.iter().cloned();
-        padded
-            .map(|mut direction| {
-                direction.resize(size, 0.0);
-                direction
-            })
-            .collect()
-    });
     Ok(Some(OtherUnknowns {
-        hidden: orthonormal(path, "undetermined_of_all", &directions, size)?,
+        hidden: orthonormal(
+            path,
+            "undetermined_of_all",
+            &stored.undetermined_of_all,
+            size,
+        )?,
         names: stored
             .uncertain
             .iter()
@@ -315,22 +307,16 @@ fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknow
 }
 
 /// What is known of the parameters.
-fn posterior(
-    path: &Path,
-    stored: &IdentificationFile,
-    joints: &[usize],
-    robot: &Robot,
-) -> Result<Posterior, FileError> {
+fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, FileError> {
     let names = &stored.parameters;
     let size = names.len();
-    let check = |key: &str, found: usize, is_right: bool| {
+    let check = |key: &str, found: usize| {
         let problem = format!("found {found} values; there are {size} parameters");
         let wrong = || FileError::new(path, problem).at(key);
-        is_right.then_some(()).ok_or_else(wrong)
+        (found == size).then_some(()).ok_or_else(wrong)
     };
     let estimates = &stored.compliance_rad_per_nm;
-    let is_right = estimates.len() == size;
-    check("compliance_rad_per_nm", estimates.len(), is_right)?;
+    check("compliance_rad_per_nm", estimates.len())?;
     for (index, value) in estimates.iter().enumerate() {
         // What scatters below zero is dealt with later.
         let size = value.unwrap_or_default().abs().max(LEAST_SIZE);
@@ -341,37 +327,28 @@ fn posterior(
         })?;
     }
     let rows = &stored.covariance_rad2_per_n2m2;
-    check("covariance_rad2_per_n2m2", rows.len(), rows.len() == size)?;
+    check("covariance_rad2_per_n2m2", rows.len())?;
     let covariance = covariance_of(rows).map_err(|(place, problem)| {
         FileError::new(path, problem).at(format!("covariance_rad2_per_n2m2{place}"))
     })?;
-    // Files of earlier versions have none of these: there, what has no estimate is nominal.
     let applied = &stored.compliance_applied_rad_per_nm;
-    let is_right = applied.is_empty() || applied.len() == size;
-    check("compliance_applied_rad_per_nm", applied.len(), is_right)?;
-    let given = &stored.compliance_typical_rad_per_nm;
-    let is_right = given.is_empty() || given.len() == size;
-    check("compliance_typical_rad_per_nm", given.len(), is_right)?;
-    let typical = if given.is_empty() {
-        robot.typical_rad_per_nm(joints)
-    } else {
-        given.clone()
-    };
+    check("compliance_applied_rad_per_nm", applied.len())?;
+    let typical = &stored.compliance_typical_rad_per_nm;
+    check("compliance_typical_rad_per_nm", typical.len())?;
     if let Some(found) = (typical.iter()).find(|value| value.is_nan() || **value <= 0.0) {
         let problem = format!("found {found}; positive numbers are allowed");
         return Err(FileError::new(path, problem).at("compliance_typical_rad_per_nm"));
     }
-    let hidden = hidden(path, stored, size)?;
-    let value = |(index, &joint): (usize, &usize)| {
-        let nominal = robot.compliance_rad_per_nm[joint];
-        let applied = applied.get(index).copied().unwrap_or(nominal);
-        estimates[index].unwrap_or(applied)
-    };
+    let (key, directions) = ("undetermined_directions", &stored.undetermined_directions);
+    let hidden = orthonormal(path, key, directions, size)?;
+    let both = estimates.iter().zip(applied);
     let posterior = Posterior {
         names: names.clone(),
-        mean: joints.iter().enumerate().map(value).collect(),
+        mean: both
+            .map(|(estimate, applied)| estimate.unwrap_or(*applied))
+            .collect(),
         covariance,
-        estimable: Estimable::with_hidden(&typical, hidden),
+        estimable: Estimable::with_hidden(typical, hidden),
     };
     let is_known = |index: usize| posterior.standard_error(index).is_some();
     if let Some(index) = (0..size).find(|&index| estimates[index].is_some() != is_known(index)) {
@@ -381,24 +358,6 @@ fn posterior(
         return Err(FileError::new(path, problem).at(place));
     }
     Ok(posterior)
-}
-
-/// What is not determined, p x (p - r).
-fn hidden(
-    path: &Path,
-    stored: &IdentificationFile,
-    size: usize,
-) -> Result<DMatrix<f64>, FileError> {
-    let (key, directions) = ("undetermined_directions", &stored.undetermined_directions);
-    let given = orthonormal(path, key, directions, size)?;
-    if !stored.compliance_applied_rad_per_nm.is_empty() {
-        return Ok(given);
-    }
-    let estimates = &stored.compliance_rad_per_nm;
-    let missing: Vec<usize> = (0..size)
-        .filter(|&each| estimates[each].is_none())
-        .collect();
-    Ok(DMatrix::identity(size, size).select_columns(&missing))
 }
 
 /// Orthonormal directions among so many parameters, as columns.

@@ -8,6 +8,7 @@ use rand::RngExt;
 use super::PathJudge;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::{FIXED_SEED, SAFE_POSES};
+use crate::numeric::tolerance::ends;
 use crate::robot::Load;
 use crate::task::Task;
 
@@ -171,9 +172,8 @@ fn random_poses(
     let ranges: Vec<(f64, f64)> = (joints.iter().enumerate())
         .map(|(joint, limits)| {
             let [low, high] = limits.range_rad;
-            let values = || among.iter().map(|q| q[joint]);
-            let least = values().fold(f64::INFINITY, f64::min) - MARGIN;
-            let most = values().fold(f64::NEG_INFINITY, f64::max) + MARGIN;
+            let [least, most] = ends(among.iter().map(|q| q[joint]));
+            let [least, most] = [least - MARGIN, most + MARGIN];
             (least.max(low).min(high), most.min(high).max(low))
         })
         .collect();

@@ -75,14 +75,19 @@ impl Posterior {
     /// The inverse of the covariance within what is determined, and zero in what is not (p x p). `None`
     /// where the covariance is singular there.
     pub fn precision(&self) -> Option<DMatrix<f64>> {
-        // In the coordinates of the basis, where the covariance is regular.
+        let (from, covariance) = self.regular();
+        let inverse = covariance.cholesky()?.inverse();
+        Some(&from * inverse * from.transpose())
+    }
+
+    /// The basis of what is determined (p x r), and the covariance in its coordinates, where it is regular.
+    fn regular(&self) -> (DMatrix<f64>, DMatrix<f64>) {
         let mut from = self.estimable.basis().clone();
         for (mut row, typical) in from.row_iter_mut().zip(self.estimable.typical()) {
             row /= *typical;
         }
         let covariance = from.tr_mul(&self.covariance) * &from;
-        let inverse = covariance.cholesky()?.inverse();
-        Some(&from * inverse * from.transpose())
+        (from, covariance)
     }
 
     /// The normalised error squared of `error` (p), of which only what is determined counts: chi-square
@@ -93,12 +98,7 @@ impl Posterior {
             let factor = self.covariance.clone().cholesky()?;
             return Some(error.dot(&factor.solve(error)));
         }
-        // In the coordinates of the basis, where the covariance is regular.
-        let mut from = self.estimable.basis().clone();
-        for (mut row, typical) in from.row_iter_mut().zip(self.estimable.typical()) {
-            row /= *typical;
-        }
-        let covariance = from.tr_mul(&self.covariance) * &from;
+        let (from, covariance) = self.regular();
         let error = from.tr_mul(error);
         let factor = covariance.cholesky()?;
         Some(error.dot(&factor.solve(&error)))

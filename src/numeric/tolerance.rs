@@ -31,6 +31,13 @@ pub fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
+/// The smallest and the largest of some values; infinity and its negative of none.
+pub fn ends(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+        [low.min(value), high.max(value)]
+    })
+}
+
 /// 3.89^-24 is 7e-15; more nodes would lose as much to rounding.
 const NODES: u32 = 24;
 /// Halvings of the interval in which a quantile lies: to its last digits.

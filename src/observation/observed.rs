@@ -48,11 +48,12 @@ impl<'a> ObservedRows<'a> {
     ) -> Self {
         let gears_err =
             (sources.iter()).any(|source| matches!(source, ReadingSource::TransmissionError(_)));
-        let (set, zeros) = if gears_err {
-            with_zeros(arm, wanted)
-        } else {
-            (wanted.clone(), Vec::new())
-        };
+        // Zeros are parameters of any chain.
+        let zeros = (0..arm.chain.len()).map(|joint| ParameterKind::JointZero { joint });
+        let with_zeros = gears_err.then(|| wanted.with_more(arm, zeros).ok());
+        let (set, zeros) = with_zeros
+            .flatten()
+            .unwrap_or_else(|| (wanted.clone(), Vec::new()));
         let nominal: Vec<f64> = set.parameters().iter().map(|each| each.nominal).collect();
         // Where joints stand off their springs by what they carry, the arm's weight counts, and with it what it carries.
         let is_laden = arm.payload.is_some()
@@ -261,26 +262,5 @@ pub(super) fn is_by_torque(arm: &ElasticArm, kind: ParameterKind) -> bool {
         ParameterKind::JointBacklash { joint } => arm.backlash[joint].turned_over_at_nm.is_some(),
         ParameterKind::JointStiffening { .. } => true,
         _ => false,
-    }
-}
-
-/// A set with the zeros of all joints, and where these are.
-fn with_zeros(arm: &ElasticArm, wanted: &ParameterSet) -> (ParameterSet, Vec<usize>) {
-    let mut unknowns: Vec<(ParameterKind, Option<f64>)> = (wanted.parameters().iter())
-        .map(|each| (each.kind, each.prior_deviation))
-        .collect();
-    let mut zeros = Vec::new();
-    for joint in 0..arm.chain.len() {
-        let kind = ParameterKind::JointZero { joint };
-        let known = unknowns.iter().position(|(other, _)| *other == kind);
-        zeros.push(known.unwrap_or(unknowns.len()));
-        if known.is_none() {
-            unknowns.push((kind, None));
-        }
-    }
-    match ParameterSet::new(arm, unknowns) {
-        Ok(set) => (set, zeros),
-        // It was one before, and every joint has a zero.
-        Err(_) => (wanted.clone(), Vec::new()),
     }
 }

@@ -12,8 +12,10 @@
     serde::Deserialize,
     serde::Serialize,
     schemars::JsonSchema,
+    strum::IntoStaticStr,
 )]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum SourceLevel {
     /// In each reading.
     Reading,
@@ -33,16 +35,8 @@ pub enum SourceLevel {
 
 impl SourceLevel {
     /// Its word, as in JSON.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Reading => "reading",
-            Self::Visit => "visit",
-            Self::Configuration => "configuration",
-            Self::Campaign => "campaign",
-            Self::Instrument => "instrument",
-            Self::Robot => "robot",
-            Self::Task => "task",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// Whether all readings of a plan share its value, so that no number of them averages it.

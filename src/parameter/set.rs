@@ -186,6 +186,30 @@ impl ParameterSet {
         self
     }
 
+    /// The parameters with others besides, nominal in what they are not known of; the places of the others.
+    ///
+    /// # Errors
+    /// The arm does not have one of them.
+    pub fn with_more(
+        &self,
+        arm: &ElasticArm,
+        more: impl Iterator<Item = ParameterKind>,
+    ) -> Result<(Self, Vec<usize>), ParameterError> {
+        let mut unknowns: Vec<(ParameterKind, Option<f64>)> = (self.parameters.iter())
+            .map(|each| (each.kind, each.prior_deviation))
+            .collect();
+        let places = more
+            .map(|kind| {
+                let known = unknowns.iter().position(|(other, _)| *other == kind);
+                known.unwrap_or_else(|| {
+                    unknowns.push((kind, None));
+                    unknowns.len() - 1
+                })
+            })
+            .collect();
+        Ok((Self::new(arm, unknowns)?, places))
+    }
+
     /// Some of the parameters, at `indices`, with what is known of them when the others are at their
     /// prior's mean.
     pub fn subset(&self, indices: &[usize]) -> Self {

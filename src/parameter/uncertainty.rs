@@ -62,18 +62,6 @@ pub enum Source {
     Reading(ReadingSource),
 }
 
-impl Source {
-    /// Where it takes a new value.
-    pub fn level(&self) -> SourceLevel {
-        match self {
-            Self::Plan(parameters) => {
-                (parameters.first()).map_or(SourceLevel::Robot, |(kind, _)| kind.level())
-            }
-            Self::Reading(source) => source.level(),
-        }
-    }
-}
-
 /// What is new in each reading, at each visit or in each configuration; sizes are those of a deflection.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReadingSource {

@@ -85,9 +85,7 @@ impl<'a> ExperimentModel<'a> {
         mut model: PlannedReadings<'_>,
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
-        model.come_from(experiments[0].approach.as_ref());
-        model.read_along(experiments[0].direction.as_ref());
-        model.move_to(experiments[0].configuration_rad.as_slice());
+        stand_at(&mut model, experiments[0]);
         let rows = model.observe_together(&hung(experiments));
         rows.into_iter()
             .map(|rows| rows * self.precision.sigma_m)
@@ -104,9 +102,7 @@ impl<'a> ExperimentModel<'a> {
         let blocks = self.rows() / 3;
         let mut matrix = Matrix3xX::zeros(blocks * size);
         model.set_repeats(experiment.repeats);
-        model.come_from(experiment.approach.as_ref());
-        model.read_along(experiment.direction.as_ref());
-        model.move_to(experiment.configuration_rad.as_slice());
+        stand_at(model, experiment);
         model.observe(&experiment.load, &mut matrix);
         matrix *= self.precision.sigma_m;
         let mut rows = DMatrix::zeros(3 * blocks, size);
@@ -127,21 +123,26 @@ impl<'a> ExperimentModel<'a> {
     }
 }
 
-/// The experiments of a plan that are alone in their configuration, and those of each configuration that are not, where
-/// deflections of one configuration share something; else all are alone.
-pub fn alone_and_together(
-    plan: &Plan,
-    is_shared: bool,
-) -> (Vec<&Experiment>, Vec<Vec<&Experiment>>) {
+/// The experiments of a plan by configuration, where deflections of one configuration share something; else each by itself. Those that
+/// are alone come first.
+pub fn sharing_groups(plan: &Plan, is_shared: bool) -> Vec<Vec<&Experiment>> {
     if !is_shared {
-        return (plan.experiments.iter().collect(), Vec::new());
+        return plan.experiments.iter().map(|only| vec![only]).collect();
     }
     let groups = plan.by_configuration().into_iter().map(|group| {
         let here = group.into_iter().map(|place| &plan.experiments[place]);
-        here.collect::<Vec<&Experiment>>()
+        here.collect()
     });
-    let (alone, together): (Vec<_>, Vec<_>) = groups.partition(|group| group.len() == 1);
-    (alone.into_iter().flatten().collect(), together)
+    let mut groups: Vec<Vec<&Experiment>> = groups.collect();
+    groups.sort_by_key(|group| group.len() > 1);
+    groups
+}
+
+/// Planned readings are from now on those of an experiment: approached and read along as it says, where it stands.
+pub fn stand_at(readings: &mut PlannedReadings<'_>, experiment: &Experiment) {
+    readings.come_from(experiment.approach.as_ref());
+    readings.read_along(experiment.direction.as_ref());
+    readings.move_to(experiment.configuration_rad.as_slice());
 }
 
 /// What hangs in a configuration, and how often it is measured.

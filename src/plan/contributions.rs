@@ -14,7 +14,7 @@
 use nalgebra::DMatrix;
 
 use super::uncertainty_budget::{Squares, UncertaintyBudget};
-use super::{ExperimentModel, Plan, alone_and_together, hung, quantile95_m, task_rows};
+use super::{ExperimentModel, Plan, hung, quantile95_m, sharing_groups, stand_at, task_rows};
 use crate::numeric::posterior::Posterior;
 use crate::task::{Extended, Task};
 
@@ -36,11 +36,8 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     let rows = experiments.rows();
     let mut model = experiments.readings();
     let is_shared = extended.is_some_and(Extended::is_shared_by_configuration);
-    let (alone, together) = alone_and_together(plan, is_shared);
-    for group in alone.into_iter().map(|only| vec![only]).chain(together) {
-        model.come_from(group[0].approach.as_ref());
-        model.read_along(group[0].direction.as_ref());
-        model.move_to(group[0].configuration_rad.as_slice());
+    for group in sharing_groups(plan, is_shared) {
+        stand_at(&mut model, group[0]);
         let hung = hung(&group);
         let covariance = model.covariance_together(&hung);
         let Some(inverse) = covariance.all().cholesky().map(|factor| factor.inverse()) else {

@@ -31,8 +31,10 @@ use super::factorisation::{
     schemars::JsonSchema,
     Serialize,
     clap::ValueEnum,
+    strum::IntoStaticStr,
 )]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Criterion {
     /// The rms distance `rho_0` that compensation leaves at the test poses (m), eq. 20; minimised.
     #[default]
@@ -61,19 +63,8 @@ pub enum Criterion {
 
 impl Criterion {
     /// The name in files and on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::TestPose => "test_pose",
-            Self::A => "a",
-            Self::D => "d",
-            Self::E => "e",
-            Self::G => "g",
-            Self::O1 => "o1",
-            Self::O2 => "o2",
-            Self::O3 => "o3",
-            Self::O4 => "o4",
-            Self::O5 => "o5",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// Whether larger values are better.
@@ -138,7 +129,7 @@ pub struct CriterionFunction {
 
 /// A matrix R (p x r) or, where r > p, a smaller one with the same R R^T: many test poses cost no more than a
 /// few.
-fn no_wider_than_high(right: DMatrix<f64>) -> DMatrix<f64> {
+pub fn no_wider_than_high(right: DMatrix<f64>) -> DMatrix<f64> {
     if right.ncols() <= right.nrows() {
         return right;
     }

@@ -17,10 +17,10 @@ mod turns;
 mod uncertainty_budget;
 
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
-pub use accuracy::{ExperimentModel, alone_and_together, hung};
+pub use accuracy::{ExperimentModel, hung, sharing_groups, stand_at};
 pub use assessment::{Assessment, FurtherError};
 pub use common_sources::CommonSources;
-pub use criterion::{Criterion, CriterionFunction};
+pub use criterion::{Criterion, CriterionFunction, no_wider_than_high};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, LookingAt, Violation};
 pub use predicted_accuracy::{posterior, quantile95_m, rho0_m, task_rows};

@@ -87,11 +87,23 @@ pub struct AbsoluteMessage {
     /// What that discrepancy consists of, for predictions of other poses; null where there are too few readings to tell.
     #[serde(default)]
     pub discrepancy_model: Option<UnexplainedMessage>,
+    /// The angles of each joint at which it was read.
+    #[serde(default)]
+    pub ranges_read: Vec<ReadRange>,
     /// Readings that were left out, since they lie far out.
     #[serde(default)]
     pub rejected: Vec<RejectedMessage>,
     /// What must be looked at.
     pub conditions: Vec<Condition>,
+}
+
+/// Between which angles a joint was read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct ReadRange {
+    /// The joint's name.
+    pub joint: String,
+    /// The smallest and the largest (rad; m where it slides).
+    pub range: [f64; 2],
 }
 
 /// What one joint is off by, as a function of its own angle.
@@ -105,8 +117,14 @@ pub struct JointErrorMessage {
     pub length: f64,
     /// Angles in ascending order (rad; m).
     pub knots: Vec<f64>,
-    /// By how much further than commanded the joint stands there (rad; m).
+    /// By how much further than commanded the joint stands there (rad; m), slow waves aside.
     pub values: Vec<f64>,
+    /// The amplitudes of slow waves (rad): sine and cosine of its angle, of its double, and so on.
+    #[serde(default)]
+    pub waves: Vec<f64>,
+    /// The largest at a knot, waves included (rad; m).
+    #[serde(default)]
+    pub largest: f64,
     /// How much larger or smaller all errors of positions are at its angles: coefficients of Legendre polynomials P_k / k from the
     /// first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
     #[serde(default)]
@@ -123,7 +141,8 @@ pub struct UnexplainedMessage {
     pub joints: Vec<JointErrorMessage>,
     /// By how much the unknowns, in their order and units, are off together with that.
     pub shift: Vec<f64>,
-    /// The lower triangle, row by row, of the covariance of the unknowns and of the joints' values at their knots.
+    /// The lower triangle, row by row, of the covariance of the unknowns, of the amplitudes of the joints' waves and of their values at
+    /// their knots.
     pub covariance: Vec<Vec<f64>>,
     /// The standard deviation of each coordinate of a position that joints do not explain either (mm).
     pub remainder_mm: f64,
@@ -197,10 +216,29 @@ impl AbsoluteMessage {
                 .collect(),
             discrepancy_model: (fit.discrepancy_model.as_ref())
                 .map(|each| discrepancy_model(case, fit, each)),
+            ranges_read: ranges_read(case, fit),
             rejected: fit.rejected.iter().map(RejectedMessage::from).collect(),
             conditions: fit.conditions(),
         }
     }
+}
+
+fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
+    let all: Vec<usize> = (0..case.observations.len()).collect();
+    let kept = fit.of_kept(&all);
+    let joints = case.arm.chain.joints.iter().enumerate();
+    joints
+        .map(|(joint, each)| {
+            let angles =
+                (kept.iter()).map(|&index| case.observations[index].setup.commanded_rad[joint]);
+            ReadRange {
+                joint: each.name.clone(),
+                range: angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], angle| {
+                    [low.min(angle), high.max(angle)]
+                }),
+            }
+        })
+        .collect()
 }
 
 /// How the parameters' own values become quantities.
@@ -241,6 +279,8 @@ fn discrepancy_model(
                 length: each.process.length,
                 knots: each.process.knots.clone(),
                 values: each.values.clone(),
+                waves: each.waves.clone(),
+                largest: each.largest(),
                 spread_of_positions: each.spread[0].clone(),
                 spread_of_rotations: each.spread[1].clone(),
             })

@@ -12,8 +12,11 @@ use crate::quantities::units::shown_unit;
 pub struct InconsistenciesMessage {
     /// Which series, in words.
     pub between: [String; 2],
-    /// How many parameters of the robot both tell.
+    /// How many parameters of the robot both determine whose difference is resolved.
     pub compared: usize,
+    /// Those whose difference is all rounding, since both have them from the same prior.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_comparable: Vec<String>,
     /// Those that contradict each other, the surest first.
     pub found: Vec<InconsistencyMessage>,
 }
@@ -40,6 +43,7 @@ impl InconsistenciesMessage {
         Self {
             between,
             compared: inconsistencies.compared,
+            not_comparable: inconsistencies.not_comparable.clone(),
             found: found
                 .map(|each| InconsistencyMessage {
                     name: each.name.clone(),

@@ -1,6 +1,6 @@
 //! The serial kinematic chain with rigid links, independent of any simulator.
 
-use nalgebra::{Isometry3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{DVector, Isometry3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use super::elements::Elements;
 use super::kinematic_state::{KinematicState, Kinematics};
@@ -94,6 +94,18 @@ impl SerialChain {
     pub fn is_plain(&self) -> bool {
         self.elements.is_empty()
             && (self.joints.iter()).all(|joint| joint.drive == Drive::default())
+    }
+
+    /// A configuration, far from those of other numbers: an additive recurrence with roots of primes.
+    pub fn spread(&self, number: usize) -> DVector<f64> {
+        const PRIMES: [f64; 8] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0];
+        let joints = self.joints.iter().enumerate().map(|(index, joint)| {
+            let root = (PRIMES[index % PRIMES.len()] + (index / PRIMES.len()) as f64 * 0.1).sqrt();
+            let share = (number as f64 * root).fract();
+            let [low, high] = joint.range_rad;
+            low + share * (high - low)
+        });
+        DVector::from_iterator(self.len(), joints)
     }
 
     /// The chain as seen from one of its tools.

@@ -23,7 +23,7 @@ pub use approach::Approach;
 pub use chain::{Drive, Joint, SerialChain, Tool};
 pub use commands::Commands;
 pub use elastic::Robot;
-pub use elastostatics::{ObservationMatrix, cartesian_stiffness};
+pub use elastostatics::ObservationMatrix;
 pub use elements::{Elements, JointSpring, Offset, Place, Spring};
 pub use equilibrium::{
     CONVERGED_RAD, Equilibrium, EquilibriumError, EquilibriumSolver, MAXIMUM_ITERATIONS,

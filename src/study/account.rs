@@ -19,8 +19,8 @@ use super::{EntryKind, StudiedReadings, summary::Measured, verdict::Kept};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{
-    CommonSources, EARLIER, ExperimentModel, NOISE, Plan, alone_and_together, posterior,
-    quantile95_m, task_rows,
+    CommonSources, EARLIER, ExperimentModel, NOISE, Plan, posterior, quantile95_m, sharing_groups,
+    task_rows,
 };
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -160,9 +160,7 @@ impl Account {
         let mut of_sources = vec![0.0; readings.len()];
         let mut foreign = -deviations.test_poses(task);
         let is_shared = deviations.is_shared_by_configuration();
-        let (alone, together) = alone_and_together(plan, is_shared);
-        let groups = alone.into_iter().map(|only| vec![only]).chain(together);
-        for group in groups {
+        for group in sharing_groups(plan, is_shared) {
             let matrices = model.observation_matrices_of(&group);
             let rows = model.rows();
             let mut weighted = DMatrix::zeros(gain.nrows(), rows * group.len());

@@ -35,7 +35,7 @@ use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::factorisation::finite_eigen;
 use crate::numeric::random::normal::LANES;
-use crate::plan::{Experiment, ExperimentModel, Plan, alone_and_together};
+use crate::plan::{Experiment, ExperimentModel, Plan, sharing_groups};
 use crate::task::Task;
 use crate::testbed::Truth;
 
@@ -120,9 +120,7 @@ impl<'a> LinearModel<'a> {
         // The noise of all deflections comes before that of all rotations.
         let mut of_rotations = vec![ThreeRows::new(); padded / 3];
         let is_shared = self.deviations.is_shared_by_configuration();
-        let (alone, together) = alone_and_together(plan, is_shared);
-        let groups = alone.into_iter().map(|only| vec![only]).chain(together);
-        for group in groups {
+        for group in sharing_groups(plan, is_shared) {
             let mut room = (&mut biases, &mut coloured);
             let each = self.whitened(&group, &factor, part.as_ref(), &mut room)?;
             for (experiment, columns) in group.iter().zip(each) {

@@ -19,7 +19,7 @@ use crate::measurement::AbsoluteReading;
 use crate::numeric::low_rank::LowRankList;
 use crate::numeric::random::{generator, streams};
 use crate::plan::search::{CandidateInformation, FiniteEffort, FiniteProblem, Watch, best_choice};
-use crate::plan::{Criterion, CriterionFunction};
+use crate::plan::{Criterion, CriterionFunction, no_wider_than_high};
 use crate::task::Belief;
 
 /// Searches for one choice, before it is searched for from the others, too.
@@ -79,6 +79,50 @@ pub struct Chosen {
     pub without_discrepancy: Vec<Judged>,
 }
 
+/// The numbers of a choice: of the distances at all other readings the mean, the rms, what 95 % stay below, and the largest; what
+/// independent errors leave; the predicted rms distance at all other readings; the rms distance from the robot that all readings are
+/// fitted to; and the same from the true robot without discrepancy, over all times that it was read.
+pub const NUMBERS: [&str; 8] = [
+    "mean_mm",
+    "rms_mm",
+    "quantile95_mm",
+    "largest_mm",
+    "rho0_mm",
+    "predicted_rms_mm",
+    "from_all_mm",
+    "without_discrepancy_from_true_mm",
+];
+
+impl Chosen {
+    /// The [`NUMBERS`].
+    pub fn numbers_mm(&self) -> [Option<f64>; 8] {
+        let distance = |of: fn(&DistanceStatistics) -> f64| Some(of(&self.judged?.distance));
+        let squares = (self.without_discrepancy.iter()).map(|judged| judged.from_all_m.powi(2));
+        let count = self.without_discrepancy.len();
+        let without_m = || (squares.sum::<f64>() / count as f64).sqrt();
+        let numbers_m = [
+            distance(|lengths| lengths.mean),
+            distance(|lengths| lengths.rms),
+            distance(|lengths| lengths.quantile95),
+            distance(|lengths| lengths.largest),
+            self.predicted_m,
+            self.predicted_distance_m,
+            self.judged.map(|judged| judged.from_all_m),
+            (count > 0).then(without_m),
+        ];
+        numbers_m.map(|number| number.map(|metres| metres * 1e3))
+    }
+
+    /// Why there is no such choice.
+    pub fn problem(chosen: &Result<Self, String>) -> Option<&str> {
+        match chosen {
+            Ok(chosen) if chosen.judged.is_some() => None,
+            Ok(_) => Some("there is no fit"),
+            Err(problem) => Some(problem),
+        }
+    }
+}
+
 /// All choices of one size.
 #[derive(Debug, Clone)]
 pub struct SelectionOfSize {
@@ -90,6 +134,28 @@ pub struct SelectionOfSize {
     pub random: Vec<Chosen>,
 }
 
+impl SelectionOfSize {
+    /// The mean distances of the random choices that have a fit (mm).
+    pub fn random_means_mm(&self) -> Vec<f64> {
+        let means = |chosen: &Chosen| chosen.numbers_mm()[0];
+        self.random.iter().filter_map(means).collect()
+    }
+
+    /// Of each of the [`NUMBERS`] over the random choices what a twentieth stay below, the median, and what a twentieth are above.
+    pub fn spreads_mm(&self) -> [Option<[f64; 3]>; 8] {
+        let all: Vec<_> = self.random.iter().map(Chosen::numbers_mm).collect();
+        std::array::from_fn(|place| spread_of(all.iter().filter_map(|each| each[place]).collect()))
+    }
+
+    /// The share of random choices whose mean distance is larger.
+    pub fn better_than_random(&self, chosen: &Chosen) -> Option<f64> {
+        let mean_mm = chosen.numbers_mm()[0]?;
+        let means_mm = self.random_means_mm();
+        let worse = means_mm.iter().filter(|other| **other > mean_mm).count();
+        (!means_mm.is_empty()).then(|| worse as f64 / means_mm.len() as f64)
+    }
+}
+
 /// What came of all choices.
 #[derive(Debug, Clone)]
 pub struct Selection<'a> {
@@ -99,6 +165,21 @@ pub struct Selection<'a> {
     pub sizes: Vec<SelectionOfSize>,
     /// Whether it was cut short.
     pub is_cut_short: bool,
+}
+
+impl Selection<'_> {
+    /// Of how many unknowns something is known before.
+    pub fn known_before(&self) -> usize {
+        let precision = &self.parts.set().prior().precision;
+        let known = precision.diagonal();
+        known.iter().filter(|each| **each > 0.0).count()
+    }
+
+    /// What a fit of all readings leaves of them (mm).
+    pub fn all_mm(&self) -> DistanceStatistics {
+        let left = DistanceStatistics::of(self.parts.distances_m()).unwrap_or_default();
+        left.in_thousandths()
+    }
 }
 
 /// The readings, ready to be chosen from.
@@ -135,7 +216,7 @@ pub fn select<'a>(
     let chooser = Chooser {
         told: CandidateInformation::of_all(parts.set().len(), &parts.told()),
         before: parts.known_before(),
-        positions: in_fewest_columns(parts.positions()),
+        positions: no_wider_than_high(parts.positions()),
         read: SimulatedReadings {
             observations: parts.case.observations.clone(),
             expected_m: parts.expected_m.clone(),
@@ -334,16 +415,8 @@ impl Chooser<'_> {
     }
 }
 
-/// A matrix (p x r) of no more columns than rows, with the same product with its transpose.
-fn in_fewest_columns(matrix: DMatrix<f64>) -> DMatrix<f64> {
-    if matrix.ncols() <= matrix.nrows() {
-        return matrix;
-    }
-    matrix.transpose().qr().r().transpose()
-}
-
 /// What random choices come to: the median of a quantity, and what a twentieth of them stay below and above.
-pub fn spread_of(mut values: Vec<f64>) -> Option<[f64; 3]> {
+fn spread_of(mut values: Vec<f64>) -> Option<[f64; 3]> {
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
     let at = |share: f64| {

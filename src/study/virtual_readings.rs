@@ -13,9 +13,9 @@ use thiserror::Error;
 use crate::experiment::{Candidate, Experiment};
 use crate::files::FileError;
 use crate::measurement::AbsoluteReading;
+use crate::numeric::random::generator;
 use crate::numeric::random::normal::{LANES, fill_normals};
-use crate::numeric::random::streams::{FRAMES, Stream, frames_of_trial};
-use crate::numeric::random::{draws, generator};
+use crate::numeric::random::streams::{Stream, frames_of_trial};
 use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Task, station_named};
@@ -111,9 +111,7 @@ impl<'a> ReadPlan<'a> {
     pub fn frames(&self, [seed, run]: [u64; 2]) -> Vec<Isometry3<f64>> {
         let mut random = generator(seed, frames_of_trial(run));
         let stations = self.planning.stations().iter();
-        let mut numbers: Vec<f64> = stations.flat_map(|_| anywhere(&mut random)).collect();
-        draws::pass(FRAMES, [seed, run], &mut numbers);
-        numbers.as_chunks().0.iter().map(frame_of).collect()
+        stations.map(|_| anywhere(&mut random)).collect()
     }
 
     /// Reads the robot of a run from instruments with these frames: each of the readings that visits repeat alike, so often.
@@ -263,13 +261,9 @@ pub fn virtual_readings(
 }
 
 /// A position (m), and a quaternion that is not of unit length.
-fn anywhere(random: &mut impl Rng) -> [f64; 7] {
+fn anywhere(random: &mut impl Rng) -> Isometry3<f64> {
     let [x, y, z] = [(); 3].map(|()| AWAY_M * (2.0 * random.random::<f64>() - 1.0));
     let [w, i, j, k] = [(); 4].map(|()| StandardNormal.sample(random));
-    [x, y, z, w, i, j, k]
-}
-
-fn frame_of(&[x, y, z, w, i, j, k]: &[f64; 7]) -> Isometry3<f64> {
     Isometry3::from_parts(
         Translation3::new(x, y, z),
         UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)),

@@ -5,6 +5,7 @@ use super::charts::{
 };
 use crate::identification::patterns::PatternPoint;
 use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
+use crate::numeric::tolerance::ends;
 use crate::record::patterns::{PatternMessage, PatternsMessage};
 
 /// What each nested model of a model selection leaves of the readings that it was fitted to and of blocks that it was not; the recommended one
@@ -102,9 +103,7 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
     };
     let points = &pattern.points;
     let reach = |values: &mut dyn Iterator<Item = f64>| {
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-            (low.min(value), high.max(value))
-        });
+        let [low, high] = ends(values);
         let margin = ((high - low) * 0.05).max(1e-9 * high.abs().max(1e-9));
         if low <= high {
             (low - margin)..(high + margin)

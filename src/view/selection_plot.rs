@@ -5,7 +5,7 @@ use std::ops::Range;
 use plotters::style::RGBColor;
 
 use super::charts::{COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot};
-use crate::record::selection::{SelectionMessage, SelectionSizeMessage};
+use crate::study::selection::{Chosen, Selection};
 
 /// The random choices of a size stand so far to the left of it at most, the planned ones to the right.
 const RANDOM: f64 = 0.35;
@@ -14,19 +14,20 @@ const RANDOM: f64 = 0.35;
 ///
 /// # Errors
 /// There are no choices, or the drawing fails.
-pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String, PlotError> {
-    let means = |of_size: &SelectionSizeMessage| {
+pub fn selection_plot(title: &str, selection: &Selection<'_>) -> Result<String, PlotError> {
+    let mean = |chosen: &Chosen| chosen.numbers_mm()[0];
+    let means = selection.sizes.iter().map(|of_size| {
         let planned = of_size.planned.iter();
-        let planned = planned.filter_map(|each| Some(each.distance_mm.as_ref()?.mean));
-        [of_size.random.means_mm.clone(), planned.collect()]
-    };
-    let of_sizes: Vec<_> = message.sizes.iter().map(means).collect();
-    let heights = heights(message.all_mm.mean, &of_sizes)?;
-    let sizes = || (0..).map(f64::from).zip(&message.sizes);
-    let count = message.sizes.len() as f64;
-    let all = message.all_mm.mean;
-    let random = sizes().flat_map(|(place, of_size)| {
-        let means = &of_size.random.means_mm;
+        let planned = planned.filter_map(|(_, chosen)| mean(chosen.as_ref().ok()?));
+        [of_size.random_means_mm(), planned.collect()]
+    });
+    let of_sizes: Vec<[Vec<f64>; 2]> = means.collect();
+    let all = selection.all_mm().mean;
+    let heights = heights(all, &of_sizes)?;
+    let sizes = || (0..).map(f64::from).zip(&selection.sizes);
+    let count = selection.sizes.len() as f64;
+    let random = (0..).map(f64::from).zip(&of_sizes);
+    let random = random.flat_map(|(place, [means, _])| {
         let step = RANDOM / means.len().max(1) as f64;
         let all = (0..).map(f64::from).zip(means);
         all.map(move |(index, mean)| (place - RANDOM + step * index, *mean))
@@ -39,17 +40,15 @@ pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String,
         ),
         (Series::new("random", grey, Mark::Dot), random.collect()),
     ];
-    let criteria = message
-        .sizes
-        .first()
-        .map_or(&[][..], |first| &first.planned);
-    for (number, first) in criteria.iter().enumerate() {
+    let criteria = (selection.sizes.first()).map_or(&[][..], |first| &first.planned);
+    for (number, (criterion, _)) in criteria.iter().enumerate() {
         let step = RANDOM / criteria.len() as f64;
         let marks = sizes().filter_map(|(place, of_size)| {
-            let mean = of_size.planned.get(number)?.distance_mm.as_ref()?.mean;
+            let (_, chosen) = of_size.planned.get(number)?;
+            let mean = mean(chosen.as_ref().ok()?)?;
             Some((place + step * (number + 1) as f64, mean))
         });
-        let name = match first.criterion.as_str() {
+        let name = match *criterion {
             "test_pose" => "absolute accuracy".to_owned(),
             "test_pose_with_joint_errors" => "with joint errors".to_owned(),
             other => other.to_uppercase(),
@@ -58,7 +57,7 @@ pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String,
         drawn.push((Series::new(&name, colour, Mark::Triangle), marks.collect()));
     }
     let (series, points): (Vec<Series>, Vec<Vec<(f64, f64)>>) = drawn.into_iter().unzip();
-    let size_names = message.sizes.iter().map(|each| each.size.to_string());
+    let size_names = selection.sizes.iter().map(|each| each.size.to_string());
     let axes = [
         ChartAxis::named(size_names.collect()),
         ChartAxis::logarithmic(heights.clone()),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3, Matrix3xX};
 
-use super::stored_robot::{StoredRobot, robot_kinds};
+use super::stored_robot::{ReadRanges, StoredRobot, robot_kinds};
 use crate::calibration::{
     CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
 };
@@ -75,6 +75,8 @@ pub struct CalibratedRobot {
     pub taken_as_believed: Vec<String>,
     /// What joints are off by over their own angles, with the arm and the stations that belong to that; where it was told apart.
     pub with_joint_errors: Option<ArmWithJointErrors>,
+    /// The angles that were read, where errors elsewhere are not known.
+    pub read_ranges: ReadRanges,
     /// Where the instrument stood; nowhere if deflections were measured, which do not tell.
     pub stations: Vec<IdentifiedStation>,
     known: Knowledge,
@@ -134,6 +136,7 @@ impl CalibratedRobot {
             apart,
             taken_as_believed: Vec::new(),
             with_joint_errors: None,
+            read_ranges: ReadRanges::default(),
             stations: Vec::new(),
             known: Knowledge::OfBelief(posterior, compliance_rad_per_nm),
             nominal,
@@ -202,13 +205,7 @@ impl CalibratedRobot {
                 said_apart((*kind)?, &unknown.name, unknown.value, &unknown.unit)
             })
             .chain(stations.iter().map(told_station))
-            .chain(
-                stored
-                    .message
-                    .discrepancy_model
-                    .as_ref()
-                    .map(told_joint_errors),
-            )
+            .chain((message.discrepancy_model.as_ref()).map(told_joint_errors))
             .collect();
         let is_asked = |joint| kinds.contains(&Some(ParameterKind::JointCompliance { joint }));
         let joints = nominal.chain.joints.iter().enumerate();
@@ -233,6 +230,7 @@ impl CalibratedRobot {
         Ok(Self {
             arm,
             with_joint_errors,
+            read_ranges: stored.read_ranges(),
             nominal,
             machining_tool,
             found_tools,

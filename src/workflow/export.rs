@@ -247,7 +247,7 @@ fn differences(
         let tool_again = SerialChain::tool(&model, &tool.name)?;
         let (mut ours, mut theirs) = (own_chain.at(tool), again.at(&tool_again));
         for number in 1..=CONFIGURATIONS {
-            let commanded = configuration(&own_chain, number);
+            let commanded = own_chain.spread(number);
             let standing = &commanded + DVector::from_column_slice(&arm.zero_rad);
             let (q, others) = (standing.as_slice(), commanded.as_slice());
             let (one, other) = (ours.state(q), theirs.state(others));
@@ -274,16 +274,4 @@ fn differences(
         }
     }
     Ok(largest)
-}
-
-/// A configuration, far from those of other numbers: an additive recurrence with roots of primes.
-fn configuration(chain: &SerialChain, number: usize) -> DVector<f64> {
-    const PRIMES: [f64; 8] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0];
-    let joints = chain.joints.iter().enumerate().map(|(index, joint)| {
-        let root = (PRIMES[index % PRIMES.len()] + (index / PRIMES.len()) as f64 * 0.1).sqrt();
-        let share = (number as f64 * root).fract();
-        let [low, high] = joint.range_rad;
-        low + share * (high - low)
-    });
-    DVector::from_iterator(chain.len(), joints)
 }

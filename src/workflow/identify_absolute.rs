@@ -9,6 +9,7 @@ use crate::identification::{
     ReadingWeights, Repeats,
 };
 use crate::measurement::AbsoluteReading;
+use crate::numeric::tolerance::ends;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::inconsistencies::InconsistenciesMessage;
 use crate::record::json::{merge, results};
@@ -87,10 +88,7 @@ fn halves(
     let reach = |joint: usize, half: usize| {
         let all = case.observations.iter().zip(&half_of);
         let own = all.filter(|(_, other)| **other == half);
-        let angles = own.map(|(each, _)| each.setup.commanded_rad[joint]);
-        angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], angle| {
-            [low.min(angle), high.max(angle)]
-        })
+        ends(own.map(|(each, _)| each.setup.commanded_rad[joint]))
     };
     let is_apart = |joint: &usize| {
         let [one, other] = [0, 1].map(|half| reach(*joint, half));
@@ -151,7 +149,7 @@ impl<'a> IdentifiedRobot<'a> {
         other.keeps_all = self.case.keeps_all;
         let fit = other.fit(groups, weights)?;
         let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));
-        let (Some(own), Some(second)) = (kept.estimates(&self.fit)?, other.estimates(&fit)?) else {
+        let Some([own, second]) = kept.estimates_beside(&self.fit, (&mut other, &fit))? else {
             let different = kept.different().min(other.different());
             let needed = 2 * FEWEST_BLOCKS;
             return Err(AbsoluteError::TooFewConfigurations { different, needed });

@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 use serde::Deserialize;
 
-use crate::codes::{Condition, ErrorCode};
+use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
@@ -17,8 +17,9 @@ use crate::measurement::Origin;
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::quantities::plausible::ELASTIC_COMPLIANCE;
-use crate::record::absolute::{AbsoluteMessage, JointErrorMessage};
+use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, ReadRange};
 use crate::task::Fingerprint;
+use crate::text::wording::counted;
 
 /// A robot as `identify --identified-out` tells it from absolute readings.
 #[derive(Debug, Clone)]
@@ -31,6 +32,63 @@ pub struct StoredRobot {
     pub origin: Option<Origin>,
     /// How far frames, by the beginning of their unknowns' names, stand along and about their own axes from where the file has them.
     frame_shifts: Vec<(String, Isometry3<f64>)>,
+}
+
+/// Configurations that are further outside of the angles read count, as a share of their range,
+const BEYOND: f64 = 0.1;
+/// and no nearer than this (rad; m).
+const LEAST_BEYOND: f64 = 0.05;
+
+/// The angles that were read of a robot whose errors elsewhere are not known.
+#[derive(Debug, Clone, Default)]
+pub struct ReadRanges(Vec<ReadRange>);
+
+impl ReadRanges {
+    /// What must be looked at where configurations of an arm, in words, lie outside.
+    pub fn beyond<'a>(
+        &self,
+        arm: &ElasticArm,
+        what: &str,
+        configurations: impl IntoIterator<Item = &'a DVector<f64>>,
+    ) -> Option<Condition> {
+        let joints = arm
+            .chain
+            .joints
+            .iter()
+            .enumerate()
+            .filter_map(|(place, joint)| {
+                let [low, high] = self.0.iter().find(|each| each.joint == joint.name)?.range;
+                Some((place, joint, low, high))
+            });
+        let joints: Vec<_> = joints.collect();
+        let mut furthest = vec![0.0; joints.len()];
+        let (mut outside, mut all) = (0_usize, 0_usize);
+        for q in configurations {
+            let before = outside;
+            for (far, &(place, _, low, high)) in furthest.iter_mut().zip(&joints) {
+                let beyond = f64::max(low - q[place], q[place] - high);
+                if beyond > (BEYOND * (high - low)).max(LEAST_BEYOND) {
+                    outside = before + 1;
+                    *far = f64::max(*far, beyond);
+                }
+            }
+            all += 1;
+        }
+        let named = joints.iter().zip(&furthest).filter(|(_, far)| **far > 0.0);
+        let named: Vec<String> = named
+            .map(|((_, joint, ..), far)| {
+                let (far, unit) = joint.drive.shown(*far);
+                format!("{} by {far:.1} {unit}", joint.name)
+            })
+            .collect();
+        (outside > 0).then(|| {
+            ConditionCode::BeyondRead.with(format!(
+                "{outside} of {} outside of the joint angles that were read, where the model discrepancy is not known: {}",
+                counted(all as u64, what),
+                named.join(", ")
+            ))
+        })
+    }
 }
 
 /// The keys that are read besides.
@@ -110,6 +168,16 @@ impl StoredRobot {
         }
         let set = ParameterSet::new(arm, found).map_err(|error| wrong(0, error.to_string()))?;
         Ok(set.apply(arm, &values))
+    }
+
+    /// The angles that were read, where the model left a discrepancy and no joint error functions say how large that is elsewhere.
+    pub fn read_ranges(&self) -> ReadRanges {
+        let is_told =
+            (self.message.discrepancy_model.as_ref()).is_some_and(|model| !model.joints.is_empty());
+        if is_told || self.message.discrepancy_mm.is_none() {
+            return ReadRanges::default();
+        }
+        ReadRanges(self.message.ranges_read.clone())
     }
 
     /// The robot to which what joints are off by belongs: parameters and frames are off together with that. None where nothing is
@@ -237,7 +305,8 @@ impl StoredRobot {
         };
         let discrepancy_model = |(key, problem)| wrong(format!("discrepancy_model.{key}"), problem);
         let joints = joint_errors(&found.joints, arm).map_err(discrepancy_model)?;
-        let knots = joints.iter().map(|each| each.values.len()).sum::<usize>();
+        let of_joint = |each: &JointError| each.waves.len() + each.values.len();
+        let knots = joints.iter().map(of_joint).sum::<usize>();
         let rows = whole(&found.covariance, unknowns + knots).map_err(discrepancy_model)?;
         if found.shift.len() != unknowns {
             let count = found.shift.len();
@@ -319,6 +388,7 @@ fn joint_errors(
             },
             deviation: each.deviation,
             values: each.values.clone(),
+            waves: each.waves.clone(),
             spread: [positions.clone(), rotations.clone()],
         });
     }

@@ -30,6 +30,8 @@ pub struct AbsoluteValidation {
     pub before: Option<Vec<ReadingResidual>>,
     /// Stations and targets that were not identified: their frames are fitted to these readings.
     pub frames_anew: Vec<String>,
+    /// Whether readings lie outside of the angles at which the robot was identified.
+    pub beyond: Option<Condition>,
     /// How far the identified stations stand from where they were.
     pub moved: Vec<(String, MovedStation)>,
 }
@@ -49,7 +51,7 @@ impl AbsoluteValidation {
 
     /// What must be looked at.
     pub fn conditions(&self) -> Vec<Condition> {
-        let mut conditions = Vec::new();
+        let mut conditions: Vec<Condition> = self.beyond.iter().cloned().collect();
         for (name, moved) in &self.moved {
             if moved.is_moved() {
                 conditions.push(ConditionCode::StationMoved.with(format!(
@@ -219,7 +221,12 @@ pub fn validate_absolute(
         moved.extend(found.map(|found| (name, found)));
     }
     let position = |each: &Matrix6<f64>| each.fixed_view::<3, 3>(0, 0).into_owned();
+    let configurations = case
+        .observations
+        .iter()
+        .map(|each| &each.setup.commanded_rad);
     Ok(AbsoluteValidation {
+        beyond: (stored.read_ranges()).beyond(&arm, "reading", configurations),
         left,
         readings_m2: case.covariances.iter().map(position).collect(),
         prognoses,

@@ -339,7 +339,7 @@ fn the_bound_holds_for_forces_of_every_size() {
                 continue;
             }
             inside += 1;
-            evaluator.move_to(&q);
+            evaluator.readings.move_to(&q);
             evaluator.observe(&load, &mut matrix);
             most = most.max((&matrix * &design.directions).dot(&matrix));
         }

@@ -133,7 +133,7 @@ fn the_searchs_gradient_is_that_of_its_matrix() {
             });
             let mut matrix = evaluator.matrix();
             let mut value = |q: &DVector<f64>| {
-                evaluator.move_to(q.as_slice());
+                evaluator.readings.move_to(q.as_slice());
                 evaluator.observe(&LOAD, &mut matrix);
                 matrix.dot(&factor)
             };
@@ -145,7 +145,7 @@ fn the_searchs_gradient_is_that_of_its_matrix() {
                 };
                 (at(1e-5) - at(-1e-5)) / 2e-5
             });
-            evaluator.move_to(q.as_slice());
+            evaluator.readings.move_to(q.as_slice());
             let mut gradient = vec![0.0; 6];
             evaluator.pull_back(&LOAD, &factor, &mut gradient);
             let apart = (DVector::from_vec(gradient) - &slopes).amax() / slopes.amax();

@@ -172,7 +172,7 @@ fn derivatives_by_the_size_are_those_of_differences() {
     scenario.task.region.tool_elevation_max_rad = Some(0.5);
     let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let mut evaluator = problem.evaluator();
-    let gravity = evaluator.gravity();
+    let gravity = evaluator.readings.gravity_m_s2();
     let directions = DMatrix::from_fn(3, 3, |row, column| if row == column { 2.0 } else { 0.5 });
     let mut random = generator(4, 0);
     for _ in 0..20 {
@@ -183,7 +183,7 @@ fn derivatives_by_the_size_are_those_of_differences() {
             Load::force(x, y, z)
         };
         let (size, step) = (250.0, 1e-2);
-        evaluator.move_to(&q);
+        evaluator.readings.move_to(&q);
         let information = |size: f64| {
             let mut matrix = Matrix3xX::zeros(3);
             evaluator.observe(&load(size), &mut matrix);
@@ -196,9 +196,10 @@ fn derivatives_by_the_size_are_those_of_differences() {
         let difference = (information(size + step).0 - information(size - step).0) / (2.0 * step);
         assert_close("information", slope, difference, 1e-7);
         for bound in bounds_of(&scenario.task.region) {
-            let margin = |size: f64| bound.margin(evaluator.state(), &load(size), &gravity);
+            let margin =
+                |size: f64| bound.margin(evaluator.readings.state(), &load(size), &gravity);
             let difference = (margin(size + step) - margin(size - step)) / (2.0 * step);
-            let slope = (bound.force_derivative(evaluator.state()))
+            let slope = (bound.force_derivative(evaluator.readings.state()))
                 .map_or(0.0, |slope| slope.dot(&direction));
             assert!(
                 (slope - difference).abs() < 1e-9,
@@ -249,14 +250,14 @@ fn the_order_of_parameters_does_not_matter() {
     let weights = Matrix3xX::from_fn(3, |row, column| 1.0 + row as f64 - 0.7 * column as f64);
     let q = [0.3, -0.5, 0.8];
     let mut gradient = [0.0; 3];
-    evaluator.move_to(&q);
+    evaluator.readings.move_to(&q);
     evaluator.pull_back(&load, &weights, &mut gradient);
     for joint in 0..3 {
         let mut told = |step: f64| {
             let mut q = q;
             q[joint] += step;
             let mut matrix = Matrix3xX::zeros(3);
-            evaluator.move_to(&q);
+            evaluator.readings.move_to(&q);
             evaluator.observe(&load, &mut matrix);
             matrix.dot(&weights)
         };

@@ -48,7 +48,6 @@
 //! - `plan_conditions`: what is said of a plan before its accuracy is relied on; repeats beside their bound.
 //! - `planned_readings`: what else is uncertain where rotations are measured, and on arms with springs.
 //! - `bad_starts`: absolute fits that begin far from the truth.
-//! - `draws`: random numbers of virtual robots in a file, of which readings are a function.
 //! - `simulated`: files by the hundred: false alarms, patterns that are found, models that are chosen.
 //! - `backlash`: gaps of joints: sides of approach in files, belief and truth, and loads that turn joints over.
 //! - `gear_waves`: gear error as waves over the joint's own angle, in predictions and found in absolute readings.
@@ -134,10 +133,10 @@ mod determined;
 mod diagnoses;
 mod directions;
 mod documentation;
-mod draws;
 mod elastic_beliefs;
 mod error_sources;
 mod exported_models;
+mod extrapolation;
 mod faults;
 mod few_readings;
 mod force_sizes;

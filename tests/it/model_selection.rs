@@ -34,7 +34,20 @@ pub fn read_within(
     random: &mut impl Rng,
     arm: &ElasticArm,
     [low, high]: [f64; 2],
+    size: (usize, f64),
+    gear: Gear<'_>,
+) -> Vec<AbsoluteReading> {
+    let joints = arm.chain.len();
+    let told = |_, random: &mut _| DVector::from_fn(joints, |_, _| between(random, low, high));
+    read_where(random, arm, size, told, gear)
+}
+
+/// The same where joints stand at these angles (rad).
+pub fn read_where<R: Rng>(
+    random: &mut R,
+    arm: &ElasticArm,
     (readings, force_n): (usize, f64),
+    mut told: impl FnMut(usize, &mut R) -> DVector<f64>,
     gear: Gear<'_>,
 ) -> Vec<AbsoluteReading> {
     let nothing = ParameterSet::empty();
@@ -43,8 +56,8 @@ pub fn read_within(
     let variances = [SIGMA_M, SIGMA_RAD].map(|sigma| sigma * sigma);
     let covariance = Matrix6::from_diagonal(&Vector6::from_fn(|row, _| variances[row / 3]));
     (0..readings)
-        .map(|_| {
-            let told = DVector::from_fn(arm.chain.len(), |_, _| between(random, low, high));
+        .map(|reading| {
+            let told = told(reading, random);
             let setup = Setup {
                 commanded_rad: DVector::from_fn(told.len(), |joint, _| {
                     told[joint] + gear(joint, told[joint])

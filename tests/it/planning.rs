@@ -96,7 +96,7 @@ fn largest_of(
     let bounds = bounds_of(&task.region);
     let mut random = generator(20_240_229, thread);
     let mut evaluator = problem.evaluator();
-    let gravity = evaluator.gravity();
+    let gravity = evaluator.readings.gravity_m_s2();
     let mut matrix = Matrix3xX::zeros(problem.parameters());
     let mut seen = Matrix3xX::zeros(problem.parameters());
     let mut q = vec![0.0; ranges.len()];
@@ -107,8 +107,9 @@ fn largest_of(
             *angle = low + (high - low) * random.random::<f64>();
         }
         let load = random_load(&task.loads, &mut random);
-        evaluator.move_to(&q);
-        let inside = |bound: &SmoothBound| bound.margin(evaluator.state(), &load, &gravity) >= 0.0;
+        evaluator.readings.move_to(&q);
+        let inside =
+            |bound: &SmoothBound| bound.margin(evaluator.readings.state(), &load, &gravity) >= 0.0;
         if bounds.iter().all(inside) {
             evaluator.observe(&load, &mut matrix);
             seen.gemm(1.0, &matrix, directions, 0.0);

@@ -8,11 +8,11 @@ use elastocal::plan::{Assessment, ExperimentModel, Plan, read_plan, write_plan};
 use elastocal::quantities::units::{degrees, thousandths};
 use elastocal::robot::{
     Drive, Elements, EquilibriumError, EquilibriumSolver, Joint, KinematicState, Load,
-    ObservationMatrix, SerialChain, Tool, cartesian_stiffness, rotation_vector,
+    ObservationMatrix, SerialChain, Tool, rotation_vector,
 };
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Vector3};
 use rand::{Rng, RngExt};
 
 use crate::support::{Workplace, plan, scenario, table4};
@@ -240,39 +240,6 @@ fn equilibria_move_with_compliances_as_the_sensitivity_says() {
             assert!((column.fixed_rows::<3>(3) - slope).amax() < allowed);
         }
     }
-}
-
-#[test]
-fn cartesian_stiffness_takes_deflections_to_loads() {
-    let scenario = scenario("kr270");
-    let compliance = &scenario.task.belief.nominal.compliance_rad_per_nm;
-    let pose = &scenario.task.test_poses[0].configuration_rad;
-    let state = at_calibration_tool(&scenario, pose);
-    let stiffness = cartesian_stiffness(&state, compliance).expect("regular");
-    let jacobian = state.jacobian();
-    let compliant = &jacobian
-        * DMatrix::from_diagonal(&DVector::from_column_slice(compliance))
-        * jacobian.transpose();
-    assert!(
-        (stiffness * Matrix6::from_iterator(compliant.iter().copied()) - Matrix6::identity())
-            .amax()
-            < 1e-8
-    );
-    let displacement = ObservationMatrix::new(&state, &LOAD, &[0, 1, 2, 3, 4, 5]).rows()
-        * DVector::from_column_slice(compliance);
-    let load: Vector6<f64> = stiffness * Vector6::from_column_slice(displacement.as_slice());
-    assert!((load - LOAD.wrench()).amax() < 1e-6 * 2500.0, "{load}");
-    assert!((stiffness - stiffness.transpose()).amax() < 1e-9 * stiffness.amax());
-    let rigid = [0.0, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6];
-    assert_eq!(cartesian_stiffness(&state, &rigid), None, "a rigid joint 1");
-    let mut aligned = pose.clone();
-    aligned[4] = 0.0;
-    let state = at_calibration_tool(&scenario, &aligned);
-    assert_eq!(
-        cartesian_stiffness(&state, compliance),
-        None,
-        "axes 4 and 6 aligned"
-    );
 }
 
 /// An arm that stands upright on one elastic joint: mass (kg) at a height (m).

@@ -103,7 +103,7 @@ fn quick_rho0_um(scenario: &Scenario, plan: &Plan) -> f64 {
 
 /// The cost of a plan whose first experiment is at these angles under this force, and its derivatives
 /// by the angles and by the force.
-fn cost_and_gradient(
+pub fn cost_and_gradient(
     problem: &Problem<'_>,
     criterion: Criterion,
     evaluator: &mut MatrixEvaluator<'_>,
@@ -113,7 +113,7 @@ fn cost_and_gradient(
 ) -> (f64, Vec<f64>) {
     let mut matrix = evaluator.matrix();
     let size = problem.parameters();
-    evaluator.move_to(q);
+    evaluator.readings.move_to(q);
     evaluator.observe(load, &mut matrix);
     let mut information = rest.clone();
     for block in 0..evaluator.blocks() {
@@ -393,7 +393,7 @@ fn a_free_force_beats_the_vertical_one_in_its_best_direction() {
     let mut evaluator = problem.evaluator();
     let mut random = generator(5, 0);
     for point in &design.support {
-        evaluator.move_to(&point.q);
+        evaluator.readings.move_to(&point.q);
         let form = evaluator.force_form(&design.directions);
         let information = |load: &Load| load.force_n.dot(&(form * load.force_n));
         // The quadratic form is trace(A G A^T) ...

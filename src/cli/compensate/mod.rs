@@ -99,6 +99,8 @@ impl Compensate {
         }
         let poses = robot.compensate(&scenario.task, &mut robots, method)?;
         conditions.extend(pose_conditions(&scenario.task.belief, &poses));
+        let commanded = poses.iter().map(|pose| &pose.commanded_rad);
+        conditions.extend(robot.read_ranges.beyond(&robot.arm, "test pose", commanded));
         let commands = scenario.task.belief.commands();
         let messages: Vec<TestPoseMessage> = (poses.iter())
             .map(|each| TestPoseMessage::new(&commands, each))

@@ -8,6 +8,7 @@ use elastocal::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
 use elastocal::files::{FileError, output::write_whole};
+use elastocal::identification::JointError;
 use elastocal::mujoco::frame;
 use elastocal::parameter::ElasticArm;
 use elastocal::record::messages::ProvenanceMessage;
@@ -76,6 +77,8 @@ impl Compensate {
         let (base_from_frame, said) = self.base_from_frame(targets, robot)?;
         let rows = read_targets(targets)?;
         let found = commands(scenario, robot, tool, &base_from_frame, &rows);
+        let commanded = found.iter().filter_map(|found| found.as_ref().ok());
+        conditions.extend(robot.read_ranges.beyond(&robot.arm, "target", commanded));
         let names = scenario.task.belief.commands();
         let mut csv = format!(
             "# targets of the tool {name:?} in {said}\ntarget,line,{}\n",
@@ -113,9 +116,8 @@ impl Compensate {
         }
         text += &taken_as_believed(robot);
         if let Some(errors) = &robot.with_joint_errors {
-            let largest = (errors.joints.iter())
-                .flat_map(|joint| joint.values.iter().map(|value| value.abs()))
-                .fold(0.0, f64::max);
+            let largest = errors.joints.iter().map(JointError::largest);
+            let largest = largest.fold(0.0, f64::max);
             text += &format!(
                 "Commands correct what joints are off by over their own angles, {:.3} mrad at most.\n",
                 largest * 1e3

@@ -136,13 +136,23 @@ fn compared(message: &InconsistenciesMessage) -> String {
     let InconsistenciesMessage {
         between: [one, other],
         compared,
+        not_comparable,
         found,
     } = message;
+    let unresolved = match not_comparable.as_slice() {
+        [] => String::new(),
+        names => format!(
+            "    not comparable, from the same prior in both: {}\n",
+            names.join(", ")
+        ),
+    };
     if *compared == 0 {
-        return format!("  Fitted apart {one} and {other}: no parameter is determined by both.\n");
+        return format!(
+            "  Fitted apart {one} and {other}: no parameter is determined by both.\n{unresolved}"
+        );
     }
     format!(
-        "  Fitted apart {one} and {other}: of {} {} with each other.\n",
+        "  Fitted apart {one} and {other}: of {} {} with each other.\n{unresolved}",
         counted(*compared as u64, "parameter"),
         match found.len() {
             0 => "none are inconsistent".to_owned(),
@@ -236,15 +246,11 @@ fn describe(message: &AbsoluteMessage) -> String {
 /// What the discrepancy consists of.
 fn discrepancy_model(found: &UnexplainedMessage) -> String {
     let rows = (found.joints.iter()).map(|each| {
-        let largest = (each.values.iter())
-            .copied()
-            .map(f64::abs)
-            .fold(0.0, f64::max);
         vec![
             each.joint.clone(),
             format!("{:.4}", each.deviation * 1e3),
             format!("{:.1}", each.length.to_degrees()),
-            format!("{:.4}", largest * 1e3),
+            format!("{:.4}", each.largest * 1e3),
         ]
     });
     let header = "joint | off by [mrad] | alike within [deg] | largest [mrad]";

@@ -72,6 +72,19 @@ impl AbsoluteCase<'_> {
 
     /// Each reading's block of joint space, among so many. Readings of one visit are of one configuration.
     pub fn blocks(&self, count: usize) -> Vec<usize> {
+        joint_space_blocks(&self.configurations(), count)
+    }
+
+    /// The same of two series together: of each reading of the one, and of the other.
+    pub(super) fn common_blocks(&self, other: &Self, count: usize) -> [Vec<usize>; 2] {
+        let own = self.configurations();
+        let mut all = joint_space_blocks(&[own, other.configurations()].concat(), count);
+        let others = all.split_off(self.observations.len());
+        [all, others]
+    }
+
+    /// The commanded angles of each reading.
+    fn configurations(&self) -> Vec<&DVector<f64>> {
         // A visit's first reading stands for all of it, whatever angles the others say.
         let mut configurations: Vec<&DVector<f64>> = (self.observations.iter())
             .map(|each| &each.setup.commanded_rad)
@@ -81,7 +94,7 @@ impl AbsoluteCase<'_> {
                 configurations[index] = configurations[visit[0]];
             }
         }
-        joint_space_blocks(&configurations, count)
+        configurations
     }
 
     /// How many different configurations were read.
@@ -139,6 +152,11 @@ impl<'a> Blocks<'a> {
     pub fn new(case: &'a AbsoluteCase<'a>, count: usize) -> Self {
         let of_readings = case.blocks(count);
         let count = of_readings.iter().max().map_or(0, |&last| last + 1);
+        Self::of_readings(case, of_readings, count)
+    }
+
+    /// Those to which readings belong; some may be empty.
+    pub fn of_readings(case: &'a AbsoluteCase<'a>, of_readings: Vec<usize>, count: usize) -> Self {
         let part = |block| case.part_of(|index| of_readings[index] == block);
         Self {
             parts: (0..count).map(part).collect(),

@@ -1,15 +1,16 @@
 //! Inconsistency between two series of readings, or between the halves of joint space of one: parameters that differ by more than
 //! their covariance explains.
 //!
-//! Each parameter of the robot that both tell has a value on either side. How far these may lie apart is asked of two yardsticks:
+//! Each parameter of the robot that both determine has a value on either side. Whether these may lie so far apart is asked of two
+//! variances of their difference, in which errors that both series share cancel:
 //!
-//! - how much each value changes when blocks of joint space are left out one by one. That needs no model of what is unexplained, but takes
-//!   blocks as independent;
-//! - one mixed model of both series together, whose joints err in both alike. A gear that is not round errs in all blocks
-//!   where its joint has the same angle, and, where it is so once or twice a turn, one way in the one half and the other way in the
-//!   other.
+//! - how much the difference changes when blocks of joint space are left out one by one, of both series the same one. That needs no
+//!   model of the discrepancy, but takes blocks as independent;
+//! - one mixed model of both series together, whose joints err in both alike, as does a configuration that both visit; a prior that
+//!   both have counts once. A gear that is not round errs in all blocks where its joint has the same angle, and, where it is so once
+//!   or twice a turn, one way in the one half and the other way in the other.
 //!
-//! Student's t of the difference, over all parameters that are compared (Bonferroni), says whether both can be right; by that yardstick
+//! Student's t of the difference, over all parameters that are compared (Bonferroni), says whether both can be right; by that variance
 //! which makes it more probable.
 
 use nalgebra::DMatrix;
@@ -20,12 +21,14 @@ use super::blocks::{Blocks, FEWEST_BLOCKS};
 use super::mixed::{MixedModel, SumVariances};
 use super::unknowns::is_geometry;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
-use crate::parameter::{ElasticArm, Parameter, ParameterKind};
+use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 
 /// Series of one robot are said to contradict each other in one of a hundred comparisons.
 pub const CONTRADICTION: f64 = 0.01;
 /// At most so many blocks of each series are left out.
 const BLOCKS: usize = 16;
+/// A standard error of a difference below this share of those of what differs is rounding: of sums that cancel, and of where fits end.
+const RESOLVED: f64 = 1e-4;
 
 /// What a series says of a parameter.
 #[derive(Debug, Clone)]
@@ -34,8 +37,8 @@ struct SeriesEstimate {
     /// Its place among all that were fitted.
     place: usize,
     value: f64,
-    /// By leaving out blocks, in the unit of the value.
-    error: f64,
+    /// What leaving out each block changes of it.
+    changes: Vec<f64>,
 }
 
 /// What a series says of the robot's own parameters.
@@ -43,10 +46,14 @@ struct SeriesEstimate {
 pub struct SeriesEstimates {
     /// Those that it determines.
     parameters: Vec<SeriesEstimate>,
-    /// How many parameters were fitted, those of frames among them.
-    fitted: usize,
-    /// The number of blocks that were left out.
+    /// The covariance of all that were fitted, those of frames among them, as readings were weighed.
+    covariance: DMatrix<f64>,
+    /// The robot's parameters of which something is known before: places and precisions.
+    known_before: Vec<(ParameterKind, usize, f64)>,
+    /// The number of blocks that were left out,
     blocks: usize,
+    /// and whether the other series has the same ones.
+    has_common_blocks: bool,
     /// Its readings with what their errors have in common, where there are enough to tell.
     mixed: Option<MixedModel>,
     /// The arm from which values count.
@@ -71,22 +78,45 @@ pub struct Inconsistency {
 /// Two series beside each other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inconsistencies {
-    /// How many parameters both tell.
+    /// How many parameters both determine whose difference is resolved.
     pub compared: usize,
+    /// How far each of these lies apart, in standard errors of the difference.
+    pub deviations: Vec<f64>,
+    /// The names of those whose difference is all rounding: both series have them from the same prior.
+    pub not_comparable: Vec<String>,
     /// Those that contradict each other, the surest first.
     pub found: Vec<Inconsistency>,
 }
 
 impl AbsoluteCase<'_> {
-    /// What a fit of this case says of the robot's own parameters; `None` with too few configurations to leave some out.
-    pub fn estimates(
+    /// What a fit of this case and one of another series of the robot say of its parameters, by common blocks of joint space; `None`
+    /// with too few configurations to leave some out.
+    ///
+    /// # Errors
+    /// A fit does not converge.
+    pub fn estimates_beside(
         &mut self,
         fit: &AbsoluteFit,
-    ) -> Result<Option<SeriesEstimates>, AbsoluteError> {
-        if let Some(discrepancy) = fit.discrepancy {
-            self.weigh(discrepancy);
+        (other, other_fit): (&mut Self, &AbsoluteFit),
+    ) -> Result<Option<[SeriesEstimates; 2]>, AbsoluteError> {
+        let count = BLOCKS.min(self.different().min(other.different()) / 2);
+        if count < FEWEST_BLOCKS {
+            return Ok(None);
         }
-        self.by_blocks(fit)
+        let [own, others] = self.common_blocks(other, count);
+        let of_series = |case: &mut Self, fit: &AbsoluteFit, of_readings| {
+            if let Some(discrepancy) = fit.discrepancy {
+                case.weigh(discrepancy);
+            }
+            let blocks = Blocks::of_readings(case, of_readings, count);
+            let found = case.by_blocks(fit, &blocks)?;
+            Ok::<_, AbsoluteError>(SeriesEstimates {
+                has_common_blocks: true,
+                ..found
+            })
+        };
+        let own = of_series(self, fit, own)?;
+        Ok(Some([own, of_series(other, other_fit, others)?]))
     }
 
     /// The halves of joint space, across the joint that moves furthest: which half each reading is in, and what each half says.
@@ -98,47 +128,70 @@ impl AbsoluteCase<'_> {
         let halves = self.blocks(2);
         let half = |number: usize| {
             let case = self.part_of(|index| halves[index] == number);
-            case.by_blocks(fit).ok()?
+            let count = BLOCKS.min(case.different() / 2);
+            let is_enough = count >= FEWEST_BLOCKS;
+            is_enough.then(|| case.by_blocks(fit, &Blocks::new(&case, count)).ok())?
         };
         let both = [half(0)?, half(1)?];
         Some((halves, both))
     }
 
-    fn by_blocks(&self, of_all: &AbsoluteFit) -> Result<Option<SeriesEstimates>, AbsoluteError> {
+    fn by_blocks(
+        &self,
+        of_all: &AbsoluteFit,
+        blocks: &Blocks<'_>,
+    ) -> Result<SeriesEstimates, AbsoluteError> {
         let set = &of_all.set;
         let fit = self.fit_near(set, &of_all.posterior.mean)?;
-        let count = BLOCKS.min(self.different() / 2);
-        if count < FEWEST_BLOCKS {
-            return Ok(None);
-        }
-        let without = Blocks::new(self, count).without(set, &fit)?;
+        let without = blocks.without(set, &fit)?;
         let mixed = of_all.discrepancy.and_then(|discrepancy| {
             let (_, mixed) = self.mixed(set, &fit, discrepancy)?;
-            Some(mixed.with_waves(&self.commanded_turns()))
+            Some(mixed.with_waves(&self.commanded_turns()).for_parameters())
         });
-        // By leaving out blocks, and no less than what the weights say.
         let estimate = |(place, parameter): (usize, &Parameter)| {
-            let own = fit.posterior.standard_error(place)?;
+            fit.posterior.standard_error(place)?;
             let value = fit.posterior.mean[place];
-            let squares = without
-                .iter()
-                .map(|each| (each.values[place] - value).powi(2));
-            let by_blocks = (squares.sum::<f64>() * (count - 1) as f64 / count as f64).sqrt();
+            let changes = without.iter().map(|each| each.values[place] - value);
             Some(SeriesEstimate {
                 parameter: parameter.clone(),
                 place,
                 value,
-                error: own.max(by_blocks),
+                changes: changes.collect(),
             })
         };
-        Ok(Some(SeriesEstimates {
+        Ok(SeriesEstimates {
             parameters: of_all.of_the_robot().filter_map(estimate).collect(),
-            fitted: set.len(),
-            blocks: count,
+            known_before: known_alone(set).collect(),
+            covariance: fit.posterior.covariance,
+            blocks: blocks.len(),
+            has_common_blocks: false,
             mixed,
             reference: self.arm.clone(),
-        }))
+        })
     }
+}
+
+/// The robot's own parameters that are known before, apart from all others: places and precisions.
+pub(super) fn known_alone(set: &ParameterSet) -> impl Iterator<Item = (ParameterKind, usize, f64)> {
+    let precision = &set.prior().precision;
+    let all = set.parameters().iter().enumerate();
+    all.filter_map(|(place, each)| {
+        let own = precision[(place, place)];
+        let is_alone = precision
+            .column(place)
+            .iter()
+            .filter(|each| **each != 0.0)
+            .count()
+            == 1;
+        (!each.kind.is_mounted() && is_alone && own > 0.0).then_some((each.kind, place, own))
+    })
+}
+
+/// A standard error by what leaving out each block changes.
+fn jackknife(changes: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = changes.len() as f64;
+    let squares: f64 = changes.map(|change| change * change).sum();
+    (squares * (count - 1.0) / count).sqrt()
 }
 
 impl SeriesEstimates {
@@ -151,22 +204,45 @@ impl SeriesEstimates {
             let twin = (other.parameters.iter()).find(|each| each.parameter.kind == kind)?;
             (is_same || !is_geometry(kind)).then_some([one, twin])
         });
-        let compared: Vec<[&SeriesEstimate; 2]> = twins.collect();
-        let together = self.together(other, &compared);
+        let twins: Vec<[&SeriesEstimate; 2]> = twins.collect();
+        let together = self.together(other, &twins);
         let degrees = self.blocks.min(other.blocks) as f64 - 1.0;
-        let mut found = Vec::new();
-        for (at, both) in compared.iter().enumerate() {
-            // Standard errors with their degrees of freedom: by blocks, and by the model of both together.
-            let yardsticks = |error: f64, which: usize| {
-                let together = together.as_ref().map(|found| {
-                    let place = which * compared.len() + at;
-                    [found.variances[place].sqrt(), found.degrees[place]]
-                });
-                [Some([error, degrees]), together].into_iter().flatten()
+        // Standard errors with their degrees of freedom: by blocks, and by the model of both together; of differences, then of the one
+        // and of the other.
+        let yardsticks = |error: f64, at: usize, which: usize| {
+            let together = together.as_ref().map(|found| {
+                let place = which * twins.len() + at;
+                [found.variances[place].sqrt(), found.degrees[place]]
+            });
+            [Some([error, degrees]), together].into_iter().flatten()
+        };
+        let mut not_comparable = Vec::new();
+        let mut compared = Vec::new();
+        for (at, both) in twins.iter().enumerate() {
+            // By leaving out blocks, and no less than what the weights say; where what both share is counted, that is not needed.
+            let apart = self.apart(other, *both);
+            let error = if self.has_common_blocks && together.is_some() {
+                apart
+            } else {
+                apart.max(self.weighed(other, *both))
             };
+            let least = RESOLVED * self.error(both[0]).hypot(other.error(both[1]));
+            let resolved = yardsticks(error, at, 0).filter(|[error, _]| *error > least);
+            let resolved: Vec<[f64; 2]> = resolved.collect();
+            if resolved.is_empty() {
+                not_comparable.push(both[0].parameter.name.clone());
+            } else {
+                compared.push((at, *both, resolved));
+            }
+        }
+        let (mut found, mut deviations) = (Vec::new(), Vec::new());
+        for (at, both, errors) in &compared {
             let [one, second] = both.map(|each| each.value);
-            let alone = yardsticks(both[0].error.hypot(both[1].error), 0)
-                .map(|[error, degrees]| {
+            let largest = errors.iter().map(|[error, _]| *error).fold(0.0, f64::max);
+            deviations.push((one - second) / largest);
+            let alone = errors
+                .iter()
+                .map(|&[error, degrees]| {
                     let distance = (one - second).abs() / error;
                     let student = StudentsT::new(0.0, 1.0, degrees);
                     student.map_or(1.0, |student| 2.0 * student.sf(distance))
@@ -177,8 +253,9 @@ impl SeriesEstimates {
                 let parameter = &both[0].parameter;
                 let quantity = |value: f64| parameter.quantity(&self.reference, value);
                 let interval = |side: usize| {
-                    let SeriesEstimate { value, error, .. } = *both[side];
-                    let half = yardsticks(error, 1 + side)
+                    let (series, each) = ([self, other][side], both[side]);
+                    let value = each.value;
+                    let half = yardsticks(series.error(each), *at, 1 + side)
                         .map(|[error, degrees]| error * two_sided_student(degrees))
                         .fold(0.0, f64::max);
                     [value - half, value + half].map(quantity)
@@ -195,16 +272,60 @@ impl SeriesEstimates {
         found.sort_by(|one, other| one.probability.total_cmp(&other.probability));
         Inconsistencies {
             compared: compared.len(),
+            deviations,
+            not_comparable,
             found,
         }
+    }
+
+    /// The standard error of an estimate by leaving out blocks, and no less than what the weights say.
+    fn error(&self, each: &SeriesEstimate) -> f64 {
+        let own = self.covariance[(each.place, each.place)].sqrt();
+        own.max(jackknife(each.changes.iter().copied()))
+    }
+
+    /// The standard error of a difference by leaving out blocks, of both series together where they have the same.
+    fn apart(&self, other: &Self, [one, second]: [&SeriesEstimate; 2]) -> f64 {
+        if self.has_common_blocks && other.has_common_blocks {
+            let both = one.changes.iter().zip(&second.changes);
+            return jackknife(both.map(|(one, second)| one - second));
+        }
+        let alone = |each: &SeriesEstimate| jackknife(each.changes.iter().copied());
+        alone(one).hypot(alone(second))
+    }
+
+    /// The same as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to one prior, which moves
+    /// the difference by C1 - C2 alone. Summed as squares, so that it is never negative.
+    fn weighed(&self, other: &Self, [one, second]: [&SeriesEstimate; 2]) -> f64 {
+        let mut of_readings = [(self, one), (other, second)]
+            .map(|(series, each)| series.covariance[(each.place, each.place)]);
+        let mut of_priors = 0.0;
+        for (kind, place, precision) in &self.known_before {
+            let twin = other.known_before.iter().find(|(each, ..)| each == kind);
+            if let Some((_, twin, _)) = twin {
+                let pulled = [
+                    self.covariance[(one.place, *place)],
+                    other.covariance[(second.place, *twin)],
+                ];
+                of_priors += precision * (pulled[0] - pulled[1]).powi(2);
+                for (own, pulled) in of_readings.iter_mut().zip(pulled) {
+                    *own -= precision * pulled * pulled;
+                }
+            }
+        }
+        let own: f64 = of_readings.iter().map(|own| own.max(0.0)).sum();
+        (own + of_priors).sqrt()
     }
 
     /// What one mixed model of both says: of the differences of what is compared, then of what the one says, then of the other.
     fn together(&self, other: &Self, compared: &[[&SeriesEstimate; 2]]) -> Option<SumVariances> {
         let count = compared.len();
-        let mut sums = DMatrix::zeros(self.fitted + other.fitted, 3 * count);
+        let mut sums = DMatrix::zeros(
+            self.covariance.nrows() + other.covariance.nrows(),
+            3 * count,
+        );
         for (at, [one, second]) in compared.iter().enumerate() {
-            let (one, second) = (one.place, self.fitted + second.place);
+            let (one, second) = (one.place, self.covariance.nrows() + second.place);
             sums[(one, at)] = 1.0;
             sums[(second, at)] = -1.0;
             sums[(one, count + at)] = 1.0;

@@ -5,7 +5,6 @@ use nalgebra::{Matrix6xX, Vector3, Vector6};
 use super::super::error::IdentificationError;
 use super::super::patterns::{BLOCKS, LookedAt, ReadingRows, unit};
 use super::case::whitener;
-use super::residuals::with_more;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{Form, Observation, ObservationModel};
@@ -28,7 +27,7 @@ impl AbsoluteCase<'_> {
             let zero = ParameterKind::JointZero { joint };
             [zero, ParameterKind::JointCompliance { joint }]
         });
-        let (set, places) = with_more(&fit.set, &fit.reference, kinds)?;
+        let (set, places) = fit.set.with_more(&fit.reference, kinds)?;
         let places = places.as_chunks::<2>().0;
         let mut values = set.prior().mean.clone();
         values.rows_mut(0, fit.set.len()).copy_from(&fit.values());

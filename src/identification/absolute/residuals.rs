@@ -7,7 +7,7 @@ use super::super::IdentificationError;
 use super::case::rotation_of;
 use super::{AbsoluteCase, ReadingResidual};
 use crate::observation::{Form, ObservationModel, Whitener};
-use crate::parameter::{ElasticArm, ParameterError, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::rotation_vector;
 
 /// How long vectors are.
@@ -74,27 +74,6 @@ pub(super) struct LinearReading {
     pub own: DMatrix<f64>,
 }
 
-/// Parameters with others besides, nominal in what they are not known of; the places of the others.
-pub(super) fn with_more(
-    set: &ParameterSet,
-    reference: &ElasticArm,
-    more: impl Iterator<Item = ParameterKind>,
-) -> Result<(ParameterSet, Vec<usize>), ParameterError> {
-    let mut unknowns: Vec<(ParameterKind, Option<f64>)> = (set.parameters().iter())
-        .map(|each| (each.kind, each.prior_deviation))
-        .collect();
-    let places = more
-        .map(|kind| {
-            let known = unknowns.iter().position(|(other, _)| *other == kind);
-            known.unwrap_or_else(|| {
-                unknowns.push((kind, None));
-                unknowns.len() - 1
-            })
-        })
-        .collect();
-    Ok((ParameterSet::new(reference, unknowns)?, places))
-}
-
 impl AbsoluteCase<'_> {
     /// What an arm leaves of the readings.
     ///
@@ -144,8 +123,9 @@ impl AbsoluteCase<'_> {
             .iter()
             .map(|&joint| ParameterKind::JointZero { joint });
         // Zeros are parameters of any chain.
-        let (all, places) =
-            with_more(set, reference, zeros).unwrap_or_else(|_| (set.clone(), Vec::new()));
+        let (all, places) = set
+            .with_more(reference, zeros)
+            .unwrap_or_else(|_| (set.clone(), Vec::new()));
         let mut all_values = all.prior().mean.clone();
         all_values.as_mut_slice()[..set.len()].copy_from_slice(values);
         let mut model = ObservationModel::new(&all, reference, all_values.as_slice());

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::candidates::{Against, Base, Course, Drifting};
 use super::rows::LookedAt;
+use crate::numeric::tolerance::ends;
 
 /// Readings are put together in so many bins.
 const BINS: usize = 24;
@@ -98,14 +99,7 @@ struct Seen {
 }
 
 fn binned(seen: &[Seen]) -> Vec<PatternPoint> {
-    let lowest = seen
-        .iter()
-        .map(|each| each.at)
-        .fold(f64::INFINITY, f64::min);
-    let highest = seen
-        .iter()
-        .map(|each| each.at)
-        .fold(f64::NEG_INFINITY, f64::max);
+    let [lowest, highest] = ends(seen.iter().map(|each| each.at));
     let width = ((highest - lowest) / BINS as f64).max(f64::MIN_POSITIVE);
     let of = |bin: usize| {
         let [from, to] = [bin, bin + 1].map(|edge| lowest + edge as f64 * width);

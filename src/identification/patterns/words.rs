@@ -4,6 +4,7 @@ use nalgebra::DVector;
 
 use super::candidates::{Against, Base, Course, Drifting};
 use super::rows::LookedAt;
+use crate::numeric::tolerance::ends;
 
 impl LookedAt {
     /// What a pattern makes of each reading: an angle or a growth, or a length.
@@ -36,14 +37,8 @@ impl LookedAt {
         if let Against::Angle { .. } = against {
             return coefficients.norm();
         }
-        let effects = self.effects(against, coefficients);
-        let highest = effects.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let lowest = effects.iter().copied().fold(f64::INFINITY, f64::min);
-        if highest < lowest {
-            0.0
-        } else {
-            highest - lowest
-        }
+        let [lowest, highest] = ends(self.effects(against, coefficients).iter().copied());
+        (highest - lowest).max(0.0)
     }
 
     /// The pattern in words.

@@ -3,10 +3,8 @@
 //!
 //! - [`generator`]: any random numbers, such as those of searches and random plans.
 //! - [`normal`]: the noise of measurements, many runs at a time.
-//! - [`draws`]: those of virtual robots in a file, for another version of the program.
 //! - [`streams`]: which numbers are for what.
 
-pub mod draws;
 pub mod normal;
 pub mod streams;
 

@@ -9,7 +9,6 @@
 
 use multiversion::multiversion;
 
-use super::draws::pass_lanes;
 use super::streams::Stream;
 
 /// Runs that are drawn at a time.
@@ -32,7 +31,6 @@ const BLOCKS: usize = 16;
 /// number i of run `first_run` + j is `normals[i][j]`.
 pub fn fill_normals(stream: Stream, seed: u64, first_run: u64, normals: &mut [[f64; LANES]]) {
     fill((stream as u64) << 32, seed, first_run, normals);
-    pass_lanes(stream.name(), [seed, first_run], normals);
 }
 
 #[multiversion(targets(

@@ -14,20 +14,6 @@ pub enum Stream {
     Circumstances = 2,
 }
 
-impl Stream {
-    /// Its name in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Noise => "noise",
-            Self::Compliances => "compliances",
-            Self::Circumstances => "circumstances",
-        }
-    }
-}
-
-/// The name in files of the numbers of [`frames_of_trial`].
-pub const FRAMES: &str = "frames";
-
 /// Experiment `index` of a pool of random experiments; pools count from 1.
 pub const fn pool(pool: u64, index: u64) -> u64 {
     (pool << 32) + index

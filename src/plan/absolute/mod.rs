@@ -220,11 +220,6 @@ impl<'a> AbsolutePlanning<'a> {
         &self.case.stations
     }
 
-    /// The targets that candidates are read of.
-    pub fn targets(&self) -> &[String] {
-        &self.case.targets
-    }
-
     /// Whether an unknown is of a station or of a target that no reading of a plan is from or of.
     pub fn is_elsewhere(&self, unknown: usize, plan: &[(usize, u32)]) -> bool {
         let mut setups = plan

@@ -29,9 +29,11 @@ pub(super) fn random_information(
     let mut random = generator(FIXED_SEED, SHOWN);
     for _ in 0..CONFIGURATIONS {
         let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
-        evaluator.move_to(&ranges.iter().map(draw).collect::<Vec<f64>>());
+        evaluator
+            .readings
+            .move_to(&ranges.iter().map(draw).collect::<Vec<f64>>());
         for direction in &task.directions {
-            evaluator.read_along(direction.as_ref());
+            evaluator.readings.read_along(direction.as_ref());
             for load in &loads {
                 evaluator.observe(load, &mut matrix);
                 add_information(&mut information, &matrix, 1.0);
@@ -56,13 +58,13 @@ pub(super) fn indifferent_joints(
         return Vec::new();
     }
     let loads = task.loads.samples();
-    let gravity = evaluator.gravity();
+    let gravity = evaluator.readings.gravity_m_s2();
     let size = evaluator.parameters();
     let mut matrix = evaluator.matrix();
     let mut told = |q: &[f64], load: &Load| {
-        evaluator.move_to(q);
+        evaluator.readings.move_to(q);
         evaluator.observe(load, &mut matrix);
-        let margin = |bound: &SmoothBound| bound.margin(evaluator.state(), load, &gravity);
+        let margin = |bound: &SmoothBound| bound.margin(evaluator.readings.state(), load, &gravity);
         let mut told: Vec<f64> = bounds.iter().map(margin).collect();
         for first in (0..matrix.ncols()).step_by(size) {
             let rows = matrix.columns(first, size);

@@ -116,7 +116,7 @@ impl<'a> LocalSearch<'a> {
     pub fn new(problem: &Problem<'a>) -> Self {
         let evaluator = problem.evaluator();
         Self {
-            gravity: evaluator.gravity(),
+            gravity: evaluator.readings.gravity_m_s2(),
             evaluator: RefCell::new((evaluator, Vec::new())),
             is_force_bounded: problem.is_force_bounded(),
             is_force_varied: problem.is_force_varied(),
@@ -139,14 +139,14 @@ impl<'a> LocalSearch<'a> {
 
     /// Experiments are from now on repeated so often.
     pub fn set_repeats(&self, repeats: u32) {
-        self.evaluator.borrow_mut().0.set_repeats(repeats);
+        self.evaluator.borrow_mut().0.readings.set_repeats(repeats);
     }
 
     /// The evaluator, at joint angles `q`.
     fn at(&self, q: &[f64]) -> RefMut<'_, MatrixEvaluator<'a>> {
         RefMut::map(self.evaluator.borrow_mut(), |(evaluator, at)| {
             if at != q {
-                evaluator.move_to(q);
+                evaluator.readings.move_to(q);
                 at.clear();
                 at.extend_from_slice(q);
             }
@@ -157,7 +157,7 @@ impl<'a> LocalSearch<'a> {
     /// The point at joint angles `q` under a load, read along a direction.
     pub fn point(&self, q: &[f64], load: &Load, direction: Option<Vector3<f64>>) -> Point {
         let mut evaluator = self.at(q);
-        evaluator.read_along(direction.as_ref());
+        evaluator.readings.read_along(direction.as_ref());
         let mut matrix = evaluator.matrix();
         evaluator.observe(load, &mut matrix);
         Point {
@@ -178,7 +178,7 @@ impl<'a> LocalSearch<'a> {
     /// Whether a point lies within the smooth bounds.
     pub fn is_inside(&self, q: &[f64], load: &Load) -> bool {
         let evaluator = self.at(q);
-        let state = evaluator.state();
+        let state = evaluator.readings.state();
         (self.bounds.iter()).all(|bound| bound.margin(state, load, &self.gravity) >= INSET - SLACK)
     }
 
@@ -191,7 +191,7 @@ impl<'a> LocalSearch<'a> {
         [low, high]: [f64; 2],
     ) -> Option<f64> {
         let evaluator = self.at(q);
-        let state = evaluator.state();
+        let state = evaluator.readings.state();
         let (mut least, mut most) = (low, high);
         for bound in &self.bounds {
             let Some(slope) = bound.force_derivative(state) else {
@@ -333,7 +333,7 @@ impl<'a> LocalSearch<'a> {
         precision: Precision,
     ) -> Option<Point> {
         let (joints, direction) = (start.q.len(), start.direction);
-        self.at(&start.q).read_along(direction.as_ref());
+        self.at(&start.q).readings.read_along(direction.as_ref());
         let (variables, of_load) = free.variables(&start.load);
         let x = [&*start.q, &variables].concat();
         let ranges = [&*self.ranges, &of_load].concat();
@@ -362,7 +362,7 @@ impl<'a> LocalSearch<'a> {
         let constraint = |bound: SmoothBound| {
             move |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
                 let evaluator = self.at(&x[..joints]);
-                let (state, load) = (evaluator.state(), load_of(&evaluator, x));
+                let (state, load) = (evaluator.readings.state(), load_of(&evaluator, x));
                 if let Some(gradient) = gradient {
                     let (of_joints, of_load) = gradient.split_at_mut(joints);
                     of_load.fill(0.0);

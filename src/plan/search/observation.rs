@@ -4,10 +4,8 @@ use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
 use crate::experiment::Experiment;
 use crate::observation::{ComplianceColumns, PlannedReadings};
-use crate::robot::{Approach, KinematicState, Load};
-
-/// How far joints are moved to see what follows them (rad, m).
-const SHIFT: f64 = 1e-5;
+use crate::plan::stand_at;
+use crate::robot::Load;
 
 /// Planned readings in the unknowns that a search is about, in units that make the observation matrix dimensionless:
 /// compliances relative to typical ones, deflections and rotations relative to sigma.
@@ -16,7 +14,8 @@ const SHIFT: f64 = 1e-5;
 /// stand beside those of A^(p). What is called [`blocks`](Self::blocks) are these one or two parts.
 #[derive(Debug, Clone)]
 pub struct MatrixEvaluator<'a> {
-    readings: PlannedReadings<'a>,
+    /// The readings in their own unknowns: where and how they are made.
+    pub readings: PlannedReadings<'a>,
     /// The identified compliances, of which the best direction of a force is seen.
     compliances: ComplianceColumns,
     /// Where the parameters are combinations of the readings' unknowns: these, as columns.
@@ -36,21 +35,6 @@ impl<'a> MatrixEvaluator<'a> {
             compliances,
             basis: basis.cloned(),
         }
-    }
-
-    /// Experiments are from now on repeated so often: what their repeats share, they do not average.
-    pub fn set_repeats(&mut self, repeats: u32) {
-        self.readings.set_repeats(repeats);
-    }
-
-    /// Configurations are from now on approached from this side, see [`PlannedReadings::come_from`].
-    pub fn come_from(&mut self, approach: Option<&Approach>) {
-        self.readings.come_from(approach);
-    }
-
-    /// A gauge reads from now on along this direction, see [`PlannedReadings::read_along`].
-    pub fn read_along(&mut self, direction: Option<&Vector3<f64>>) {
-        self.readings.read_along(direction);
     }
 
     /// The number p of parameters.
@@ -73,21 +57,6 @@ impl<'a> MatrixEvaluator<'a> {
         Matrix3xX::zeros(self.blocks() * self.readings.parameters())
     }
 
-    /// The acceleration of gravity (m/s^2).
-    pub fn gravity(&self) -> Vector3<f64> {
-        self.readings.gravity_m_s2()
-    }
-
-    /// Moves to the joint angles `q` (rad).
-    pub fn move_to(&mut self, q: &[f64]) {
-        self.readings.move_to(q);
-    }
-
-    /// The arm's geometry at the last configuration.
-    pub const fn state(&self) -> &KinematicState {
-        self.readings.state()
-    }
-
     /// Writes the scaled observation matrix, 3 x p a block, at the last configuration.
     pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         match &self.basis {
@@ -107,10 +76,8 @@ impl<'a> MatrixEvaluator<'a> {
         repeats: u32,
         matrix: &mut Matrix3xX<f64>,
     ) {
-        self.set_repeats(repeats);
-        self.come_from(experiment.approach.as_ref());
-        self.read_along(experiment.direction.as_ref());
-        self.move_to(experiment.configuration_rad.as_slice());
+        self.readings.set_repeats(repeats);
+        stand_at(&mut self.readings, experiment);
         self.observe(&experiment.load, matrix);
     }
 
@@ -125,27 +92,6 @@ impl<'a> MatrixEvaluator<'a> {
         match &self.basis {
             None => told,
             Some(basis) => basis.tr_mul(&told) * basis,
-        }
-    }
-
-    /// Adds the derivatives of a cost with respect to the joint angles of a configuration in which several experiments share
-    /// errors, by differences; the cost's with respect to the information are -G (p x p). Leaves the configuration.
-    pub fn gradient_together(
-        &mut self,
-        q: &[f64],
-        experiments: &[(Load, u32)],
-        directions: &DMatrix<f64>,
-        gradient: &mut [f64],
-    ) {
-        let mut moved = q.to_vec();
-        for (joint, slope) in gradient.iter_mut().enumerate() {
-            let mut at = |shift: f64| {
-                moved[joint] = q[joint] + shift;
-                self.move_to(&moved);
-                self.told_together(experiments).dot(directions)
-            };
-            *slope -= (at(SHIFT) - at(-SHIFT)) / (2.0 * SHIFT);
-            moved[joint] = q[joint];
         }
     }
 

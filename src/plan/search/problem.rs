@@ -8,15 +8,15 @@ use thiserror::Error;
 use super::candidate_error::CandidateError;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
-use super::point::{add_information, in_directions};
+use super::point::add_information;
 use super::relevance::relevant;
 use crate::compensation::{test_pose_matrix, weighted_rows};
 use crate::experiment::Loads;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::{
-    Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, alone_and_together,
-    bounds_of, hung, task_rows, widened,
+    Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, bounds_of, hung,
+    sharing_groups, stand_at, task_rows, widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
 
@@ -488,16 +488,14 @@ impl<'a> Problem<'a> {
         let mut evaluator = self.evaluator();
         let mut matrix = evaluator.matrix();
         let mut information = self.prior.clone();
-        let (alone, together) = alone_and_together(plan, self.is_shared_by_configuration());
-        for experiment in alone {
-            evaluator.observe_experiment(experiment, experiment.repeats, &mut matrix);
-            add_information(&mut information, &matrix, f64::from(experiment.repeats));
-        }
-        for experiments in together {
-            evaluator.come_from(experiments[0].approach.as_ref());
-            evaluator.read_along(experiments[0].direction.as_ref());
-            evaluator.move_to(experiments[0].configuration_rad.as_slice());
-            information += evaluator.told_together(&hung(&experiments));
+        for group in sharing_groups(plan, self.is_shared_by_configuration()) {
+            if let [alone] = group[..] {
+                evaluator.observe_experiment(alone, alone.repeats, &mut matrix);
+                add_information(&mut information, &matrix, f64::from(alone.repeats));
+            } else {
+                stand_at(&mut evaluator.readings, group[0]);
+                information += evaluator.told_together(&hung(&group));
+            }
         }
         information
     }
@@ -505,35 +503,6 @@ impl<'a> Problem<'a> {
     /// What experiments tell together, p x p; those of one configuration may share errors.
     pub(super) fn told_by(&self, experiments: Vec<Experiment>) -> DMatrix<f64> {
         self.information(&Plan { experiments }) - &self.prior
-    }
-
-    /// A plan's cost, and its derivatives with respect to the joint angles of each of its experiments. Those of one configuration
-    /// that share errors turn together: each has the derivatives of all of them.
-    pub fn cost_and_gradient(&self, plan: &Plan) -> (f64, Vec<Vec<f64>>) {
-        let size = self.parameters();
-        let mut directions = DMatrix::zeros(size, size);
-        let cost = self.cost().cost(&self.information(plan), &mut directions);
-        let mut evaluator = self.evaluator();
-        let (mut matrix, mut factor) = (evaluator.matrix(), evaluator.matrix());
-        let joints = self.task.belief.joints();
-        let (_, together) = alone_and_together(plan, self.is_shared_by_configuration());
-        let gradient = plan.experiments.iter().map(|experiment| {
-            let mut gradient = vec![0.0; joints];
-            let group = together.iter().find(|group| group[0].stands_as(experiment));
-            if let Some(group) = group {
-                evaluator.come_from(experiment.approach.as_ref());
-                evaluator.read_along(experiment.direction.as_ref());
-                let q = experiment.configuration_rad.as_slice();
-                evaluator.gradient_together(q, &hung(group), &directions, &mut gradient);
-                return gradient;
-            }
-            evaluator.observe_experiment(experiment, experiment.repeats, &mut matrix);
-            let weight = -2.0 * f64::from(experiment.repeats);
-            in_directions(&mut factor, weight, &matrix, &directions);
-            evaluator.pull_back(&experiment.load, &factor, &mut gradient);
-            gradient
-        });
-        (cost, gradient.collect())
     }
 }
 

@@ -53,13 +53,18 @@ impl<'a> RandomPlans<'a> {
     /// after many attempts.
     pub(super) fn draw_one(&mut self, random: &mut impl Rng) -> Option<Drawn> {
         (0..ATTEMPTS).find_map(|_| {
-            let q = uniform(&self.problem.ranges, random);
-            let load = self.load(&q, random)?;
-            let direction = self.direction(random);
-            (self.local.is_inside(&q, &load)
-                && self.feasibility.is_clear(&q, &load, direction.as_ref()))
-            .then_some((q, load, direction))
+            let (q, load, direction) = self.inside(random)?;
+            (self.feasibility.is_clear(&q, &load, direction.as_ref()))
+                .then_some((q, load, direction))
         })
+    }
+
+    /// A draw, where it keeps the smooth bounds.
+    fn inside(&self, random: &mut impl Rng) -> Option<Drawn> {
+        let q = uniform(&self.problem.ranges, random);
+        let load = self.load(&q, random)?;
+        let direction = self.direction(random);
+        (self.local.is_inside(&q, &load)).then_some((q, load, direction))
     }
 
     /// Random plan number `run` under a seed.
@@ -114,12 +119,8 @@ impl<'a> RandomPlans<'a> {
 
     /// An experiment that keeps the smooth bounds only.
     pub(super) fn draw_inside(&self, random: &mut impl Rng) -> Option<Point> {
-        (0..ATTEMPTS).find_map(|_| {
-            let q = uniform(&self.problem.ranges, random);
-            let load = self.load(&q, random)?;
-            let direction = self.direction(random);
-            (self.local.is_inside(&q, &load)).then(|| self.local.point(&q, &load, direction))
-        })
+        let (q, load, direction) = (0..ATTEMPTS).find_map(|_| self.inside(random))?;
+        Some(self.local.point(&q, &load, direction))
     }
 
     /// Why nothing feasible was found: the share of random experiments that each constraint rejects,

@@ -2,6 +2,7 @@
 
 use plotters::prelude::*;
 
+use crate::numeric::tolerance::ends;
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{inverse_interval, micrometres, number};
 use crate::view::charts::{COLOURS, PlotError};
@@ -100,11 +101,7 @@ pub fn means_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
             Some((line, [low, line.runs.mean_mm?, high].map(logarithm)))
         })
         .collect();
-    let all = || means.iter().flat_map(|(_, ends)| ends);
-    let (low, high) = (
-        all().copied().fold(f64::MAX, f64::min),
-        all().copied().fold(f64::MIN, f64::max),
-    );
+    let [low, high] = ends(means.iter().flat_map(|(_, ends)| *ends));
     if means.is_empty() {
         return Ok(String::new());
     }

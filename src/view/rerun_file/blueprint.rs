@@ -1,23 +1,21 @@
 //! How the viewer shows a recording: the robot large, text and curves beside it.
 //!
-//! The SDK's own blueprint types give no hold of the eye, so the archetypes are logged directly.
+//! The archetypes are logged directly: the SDK's own blueprint types come with all of its other crates.
 
-use nalgebra::Vector3;
 use re_sdk_types::AsComponents;
 use re_sdk_types::blueprint::archetypes::{
-    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
-    ScalarAxis, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
+    Background, ContainerBlueprint, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis, TimeAxis,
+    TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
 };
 use re_sdk_types::blueprint::components::{
-    ActiveTab, BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent,
-    PanelState, PlayState, QueryExpression, RootContainer, RowShare, ViewClass,
+    ActiveTab, BackgroundKind, ColumnShare, ContainerKind, Corner2D, IncludedContent, PanelState,
+    PlayState, QueryExpression, RootContainer, RowShare, ViewClass,
 };
 use re_sdk_types::components::{Name, Visible};
 use re_sdk_types::datatypes::{
     Bool, Float32, Range1D, TimeInt, TimeRange, TimeRangeBoundary, Uuid,
 };
 
-use super::eye::Eye;
 use super::store::Store;
 
 /// A part of the window.
@@ -55,10 +53,9 @@ pub(super) struct Clock {
 }
 
 /// Writes the blueprint into its store.
-pub(super) fn lay_out(store: &mut Store, root: &ViewArea, eye: &Eye, clock: &Clock) {
+pub(super) fn lay_out(store: &mut Store, root: &ViewArea, clock: &Clock) {
     let mut layout = Layout {
         store,
-        eye,
         range: clock.range,
         count: 0,
     };
@@ -81,7 +78,6 @@ pub(super) fn lay_out(store: &mut Store, root: &ViewArea, eye: &Eye, clock: &Clo
 
 struct Layout<'a> {
     store: &'a mut Store,
-    eye: &'a Eye,
     range: Option<(i64, i64)>,
     count: u8,
 }
@@ -180,12 +176,6 @@ impl Layout<'_> {
         let contents = ViewContents::new(content.lines().map(|line| QueryExpression(line.into())));
         self.log(&format!("{path}/ViewContents"), &contents);
         if class == SPACE {
-            let eye = EyeControls3D::new()
-                .with_kind(Eye3DKind::Orbital)
-                .with_position(single(&self.eye.position_m))
-                .with_look_target(single(&self.eye.target_m))
-                .with_eye_up([0.0, 0.0, 1.0]);
-            self.log(&format!("{path}/EyeControls3D"), &eye);
             let background =
                 Background::new(BackgroundKind::SolidColor).with_color([222, 228, 234]);
             self.log(&format!("{path}/Background"), &background);
@@ -205,11 +195,6 @@ pub(super) fn about_nought(largest: f64) -> Option<[f64; 2]> {
     let times = (largest / power).ceil();
     let end = if times > 3.0 { 10.0 } else { times } * power * 1.08;
     Some([-end, end])
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "for drawing")]
-fn single(vector: &Vector3<f64>) -> [f32; 3] {
-    (*vector).map(|value| value as f32).into()
 }
 
 #[cfg(test)]

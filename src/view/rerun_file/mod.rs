@@ -1,7 +1,6 @@
 //! The stream for the rerun viewer (.rrd).
 
 mod blueprint;
-mod eye;
 mod scene;
 mod store;
 pub mod study;
@@ -19,7 +18,6 @@ use sha2::{Digest, Sha256};
 use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind};
 use crate::files::{FileError, output::write_whole};
 use blueprint::{Clock, SPACE, TEXT, ViewArea};
-use eye::Eye;
 use store::Store;
 
 const APPLICATION: &str = "elastocal";
@@ -84,7 +82,7 @@ fn open(
     let new = |kind, name, first| Store::new(StoreId::new(kind, APPLICATION, name), first);
     let blueprint = format!("blueprint-{id:032x}");
     let mut blueprint = new(StoreKind::Blueprint, blueprint, id ^ (1 << 120));
-    blueprint::lay_out(&mut blueprint, layout, &Eye::of(recording), clock);
+    blueprint::lay_out(&mut blueprint, layout, clock);
     let mut store = new(StoreKind::Recording, format!("{id:032x}"), id);
     let info = RecordingInfo::new().with_name(recording.provenance.scenario.as_str());
     store.log_static(EntityPath::properties(), &info);

@@ -27,8 +27,6 @@ pub const SCHEMA_FILE: &str = "elastocal.schema.json";
 pub struct Draft {
     /// The scenario's text (TOML).
     pub text: String,
-    /// The scenario that it is.
-    pub scenario: Scenario,
     /// The robot as the program understands it, with what is implausible.
     pub understanding: Understanding,
     /// What the model has beside its arm, and what was made of it, in sentences.
@@ -53,12 +51,10 @@ pub fn draft(
     let named = named_from(model_path, scenario_path);
     let written = written::scenario(&arm, &tools, &tried, &named);
     let scenario = Scenario::check(scenario_path, &written.text)?;
-    let understanding = Understanding::new(&scenario);
     Ok(Draft {
         text: written.text,
         found: written.found,
-        scenario,
-        understanding,
+        understanding: Understanding::new(&scenario),
     })
 }
 

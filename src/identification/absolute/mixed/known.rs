@@ -8,6 +8,7 @@ use super::super::joint_errors::{DiscrepancyModel, JointError};
 use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS};
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
 use crate::numeric::tolerance;
+use crate::numeric::tolerance::ends;
 use crate::observation::Observation;
 use crate::parameter::JointFunction;
 
@@ -57,8 +58,7 @@ impl VarianceComponents {
                 .iter()
                 .map(|each| each.setup.commanded_rad[function.joint]);
             let angles: Vec<f64> = angles.collect();
-            let low = angles.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let [low, high] = ends(angles.iter().copied());
             let apart = APART * function.correlation_rad;
             let count = (2..MOST_PLANNED)
                 .find(|count| high - low <= apart * f64::from(count - 1))
@@ -67,6 +67,7 @@ impl VarianceComponents {
             JointError {
                 joint: function.joint,
                 values: vec![0.0; knots.len()],
+                waves: Vec::new(),
                 process: OrnsteinUhlenbeck {
                     knots,
                     length: function.correlation_rad,
@@ -105,7 +106,8 @@ impl MixedModel {
         };
         let joints = self.joints.iter().enumerate().zip(turns);
         let functions = joints.filter_map(|(joint, turns)| turns.then_some(joint));
-        let rest = |part: usize| Some((median(&|of| of.all[part])? + self.within[part]).sqrt());
+        let rest =
+            |part: usize| Some((median(&|of| of.of_unread(part))? + self.within[part]).sqrt());
         Some(VarianceComponents {
             functions: functions.map(of_joint).collect::<Option<_>>()?,
             rest: [rest(0)?, rest(1)?],
@@ -159,6 +161,7 @@ impl MixedModel {
             all: rest
                 .chain(functions.map(|each| each.deviation_rad.powi(2)))
                 .collect(),
+            of_poses: None,
             process: known.functions.iter().enumerate().map(process).collect(),
         };
         let solved = self.solved(&variances)?;

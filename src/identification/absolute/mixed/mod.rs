@@ -13,24 +13,25 @@
 //! expected squares at the knots, as in the EM algorithm.
 
 mod known;
+mod pose_readings;
 mod prediction;
 mod standard_errors;
-mod visits;
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, RowDVector, UnitQuaternion};
 use rayon::prelude::*;
 
 use super::AbsoluteCase;
+use super::inconsistencies::known_alone;
 use super::joint_errors::DiscrepancyModel;
 use super::residuals::LinearReading;
 use crate::numeric::factorisation::inverse_of;
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, Tridiagonal, knots_among};
 use crate::numeric::posterior::Posterior;
-use crate::parameter::{ParameterSet, relative_precision};
+use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
+use crate::robot::Approach;
 pub use known::VarianceComponents;
+use pose_readings::{by_pose, sums_of};
 pub(super) use standard_errors::SumVariances;
-pub(super) use visits::VisitReadings;
-use visits::sums_of;
 
 /// No joint has more knots.
 const MOST_KNOTS: usize = 48;
@@ -52,12 +53,46 @@ const LARGEST_WAVES: f64 = 4.0;
 /// Pieces of sums, so that bits do not depend on threads, and the fewest visits of one.
 const PIECES: usize = 8;
 const LEAST_PIECE: usize = 64;
+/// With fewer poses that are visited again, nothing is told apart that visits share.
+const FEWEST_AGAIN: usize = 5;
+
+/// Readings at one command pose, of one visit or of several: all share what is new at a configuration, those of one visit what is new at
+/// that.
+#[derive(Debug, Clone)]
+pub(super) struct PoseReadings {
+    /// Read less predicted (m).
+    residual: DVector<f64>,
+    /// Derivatives by what is determined of the parameters (m x r).
+    fixed: DMatrix<f64>,
+    /// Derivatives by each joint's angle (m x k).
+    joints: DMatrix<f64>,
+    /// The same by waves of those joints' errors that have them (m x w).
+    waves: DMatrix<f64>,
+    /// The readings' own covariance.
+    own: DMatrix<f64>,
+    /// Which coordinate each row is, from 0 to 5.
+    coordinates: Vec<usize>,
+    /// The commanded angles of the joints.
+    angles: Vec<f64>,
+    /// Which visit each row is of, from 0 on.
+    visits: Vec<usize>,
+    /// The variance of what is new at a visit that each row was weighed with.
+    assumed: Vec<f64>,
+    /// The command pose.
+    commanded_rad: DVector<f64>,
+    approach: Option<Approach>,
+    /// The axes of the rows, in those of the robot's base.
+    axes: UnitQuaternion<f64>,
+}
 
 /// The variances that are looked for.
 #[derive(Debug, Clone, PartialEq)]
 struct MixedVariances {
-    /// Of what is new at visits, of positions and of rotations; of each joint's error; of the waves of each joint that has them.
+    /// Of what is new at visits, of positions and of rotations; of each joint's error; of the waves of each joint that has them; of what
+    /// is new at configurations, of positions and of rotations, where some are visited again.
     all: Vec<f64>,
+    /// Where the last two begin.
+    of_poses: Option<usize>,
     /// How far each joint's error reaches.
     process: Vec<OrnsteinUhlenbeck>,
 }
@@ -65,10 +100,14 @@ struct MixedVariances {
 /// The readings with what is known before of the parameters, in the coordinates of what is determined.
 #[derive(Debug, Clone)]
 pub(super) struct MixedModel {
-    visits: Vec<VisitReadings>,
+    visits: Vec<PoseReadings>,
     /// Precision (r x r) and its pull (r).
     prior: DMatrix<f64>,
     pull: DVector<f64>,
+    /// Priors of the robot's own parameters one by one, each a row (r) whose square is its precision,
+    priors: Vec<(ParameterKind, RowDVector<f64>)>,
+    /// and the covariance (r x r) of all their pulls: of two series one prior pulls both alike.
+    pulls: DMatrix<f64>,
     /// The joints, and how the coordinates become parameters (p x r).
     joints: Vec<usize>,
     units: DMatrix<f64>,
@@ -115,9 +154,17 @@ impl MixedModel {
         let precision = relative_precision(set);
         let pull = &precision * &off.component_div(&set.scales());
         let basis = posterior.estimable.basis();
+        let prior = basis.tr_mul(&precision) * basis;
         let mut model = Self {
             visits: Vec::new(),
-            prior: basis.tr_mul(&precision) * basis,
+            pulls: prior.clone(),
+            prior,
+            priors: known_alone(set)
+                .map(|(kind, place, _)| {
+                    let root = precision[(place, place)].sqrt();
+                    (kind, basis.row(place) * root)
+                })
+                .collect(),
             pull: -basis.tr_mul(&pull),
             joints,
             units: posterior.estimable.basis_in_units(),
@@ -131,12 +178,12 @@ impl MixedModel {
     }
 
     /// Visits of readings at what was fitted, perhaps to others.
-    pub fn visits_of(&self, case: &AbsoluteCase<'_>, rows: &[LinearReading]) -> Vec<VisitReadings> {
+    pub fn visits_of(&self, case: &AbsoluteCase<'_>, rows: &[LinearReading]) -> Vec<PoseReadings> {
         let (joints, units) = (&self.joints, &self.units);
         (case.visits.iter())
             .map(|visit| {
                 let size: usize = visit.iter().map(|&index| rows[index].residual.len()).sum();
-                let mut all = VisitReadings {
+                let mut all = PoseReadings {
                     residual: DVector::zeros(size),
                     fixed: DMatrix::zeros(size, units.ncols()),
                     joints: DMatrix::zeros(size, joints.len()),
@@ -144,7 +191,11 @@ impl MixedModel {
                     own: DMatrix::zeros(size, size),
                     coordinates: Vec::new(),
                     angles: Vec::new(),
-                    assumed: self.shared.map(|each| each.max(LEAST)),
+                    visits: vec![0; size],
+                    assumed: Vec::new(),
+                    commanded_rad: DVector::zeros(0),
+                    approach: None,
+                    axes: UnitQuaternion::identity(),
                 };
                 for &index in visit {
                     let (rows, at) = (&rows[index], all.coordinates.len());
@@ -159,10 +210,19 @@ impl MixedModel {
                         own[(row, row)] += self.within[row / 3];
                     }
                     all.coordinates.extend(0..count);
+                    let assumed = self.shared.map(|each| each.max(LEAST));
+                    all.assumed.extend((0..count).map(|row| assumed[row / 3]));
                 }
                 let first = visit.first().map(|&index| &case.observations[index].setup);
                 let angle = |&joint: &usize| first.map_or(0.0, |each| each.commanded_rad[joint]);
                 all.angles = joints.iter().map(angle).collect();
+                all.wave(&self.waving);
+                if let Some(setup) = first {
+                    all.commanded_rad.clone_from(&setup.commanded_rad);
+                    all.approach.clone_from(&setup.approach);
+                    let station = case.arm.instrument_from_base[setup.station];
+                    all.axes = station.rotation.inverse();
+                }
                 all
             })
             .collect()
@@ -176,6 +236,8 @@ impl MixedModel {
             visits: visits.map(|(_, visit)| visit.clone()).collect(),
             prior: self.prior.clone(),
             pull: self.pull.clone(),
+            priors: self.priors.clone(),
+            pulls: self.pulls.clone(),
             joints: self.joints.clone(),
             units: self.units.clone(),
             waving: self.waving.clone(),
@@ -185,37 +247,30 @@ impl MixedModel {
 
     /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.
     pub fn with_waves(mut self, turns: &[bool]) -> Self {
-        let turning: Vec<usize> = (0..turns.len()).filter(|&joint| turns[joint]).collect();
+        self.waving = (0..turns.len()).filter(|&joint| turns[joint]).collect();
         for visit in &mut self.visits {
-            let waves = turning.iter().flat_map(|&joint| {
-                let (moved, angle) = (visit.joints.column(joint), visit.angles[joint]);
-                (1..=HIDDEN_WAVES).flat_map(move |order| {
-                    let (sine, cosine) = (order as f64 * angle).sin_cos();
-                    [moved * sine, moved * cosine]
-                })
-            });
-            visit.waves = DMatrix::from_iterator(
-                visit.residual.len(),
-                2 * HIDDEN_WAVES * turning.len(),
-                waves.flat_map(|column| column.data.as_vec().clone()),
-            );
+            visit.wave(&self.waving);
         }
-        self.most_knots = MOST_BESIDE_WAVES;
-        self.waving = turning;
+        self
+    }
+
+    /// The same with fewer knots: enough for variances of parameters.
+    pub fn for_parameters(mut self) -> Self {
+        self.most_knots = self.most_knots.min(MOST_BESIDE_WAVES);
         self
     }
 
     fn without_waves(&self) -> Self {
         let mut model = self.clone();
-        for visit in &mut model.visits {
-            visit.waves = DMatrix::zeros(visit.residual.len(), 0);
-        }
         model.waving.clear();
+        for visit in &mut model.visits {
+            visit.wave(&[]);
+        }
         model
     }
 
-    /// Two series of one robot, which share the errors of its joints and nothing else: all parameters of the one (p) above all
-    /// of the other.
+    /// Two series of one robot, which share the errors of its joints, what is new at configurations that both visit, and what is known
+    /// before of the robot: all parameters of the one (p) above all of the other.
     pub fn beside(&self, other: &Self) -> Self {
         let corner = |one: &DMatrix<f64>, other: &DMatrix<f64>| {
             let (rows, columns) = (one.nrows(), one.ncols());
@@ -226,7 +281,7 @@ impl MixedModel {
             both
         };
         let (own, others) = (self.units.ncols(), other.units.ncols());
-        let wide = |visit: &VisitReadings, before: usize| VisitReadings {
+        let wide = |visit: &PoseReadings, before: usize| PoseReadings {
             fixed: (visit.fixed.clone())
                 .insert_columns(0, before, 0.0)
                 .resize_horizontally(own + others, 0.0),
@@ -236,10 +291,22 @@ impl MixedModel {
         let visits = visits.chain(other.visits.iter().map(|each| wide(each, own)));
         let mut pull = self.pull.clone().resize_vertically(own + others, 0.0);
         pull.rows_mut(own, others).copy_from(&other.pull);
+        let mut pulls = corner(&self.pulls, &other.pulls);
+        for (kind, row) in &self.priors {
+            if let Some((_, twin)) = other.priors.iter().find(|(each, _)| each == kind) {
+                let common = row.tr_mul(twin);
+                let mut among = pulls.view_mut((0, own), (own, others));
+                among += &common;
+                let mut among = pulls.view_mut((own, 0), (others, own));
+                among += common.transpose();
+            }
+        }
         Self {
-            visits: visits.collect(),
+            visits: by_pose(&visits.collect::<Vec<_>>()),
             prior: corner(&self.prior, &other.prior),
             pull,
+            priors: Vec::new(),
+            pulls,
             joints: self.joints.clone(),
             units: corner(&self.units, &other.units),
             shared: [0, 1].map(|part| f64::midpoint(self.shared[part], other.shared[part])),
@@ -247,6 +314,22 @@ impl MixedModel {
             most_knots: self.most_knots.min(other.most_knots),
             waving: self.waving.clone(),
         }
+    }
+
+    /// The likeliest variances of what shows, with what the model says then. Slow waves do not show at the angles that were read: they are
+    /// as large as they may be.
+    fn likeliest_shown(&self) -> Option<(MixedVariances, MixedSolution)> {
+        if self.waving.is_empty() {
+            return self.likeliest();
+        }
+        let (mut variances, _) = self.without_waves().likeliest()?;
+        let of_joint = |&joint: &usize| variances.all[2 + joint] * LARGEST_WAVES;
+        let waves: Vec<f64> = self.waving.iter().map(of_joint).collect();
+        let at = 2 + self.joints.len();
+        variances.of_poses = variances.of_poses.map(|first| first + waves.len());
+        variances.all.splice(at..at, waves);
+        let solved = self.solved(&variances)?;
+        Some((variances, solved))
     }
 
     /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in
@@ -261,7 +344,7 @@ impl MixedModel {
         };
         let mut variances = self.first();
         let limit = |variances: &mut MixedVariances| {
-            let waves = variances.all[2 + self.joints.len()..].iter_mut();
+            let waves = variances.all.iter_mut().skip(2 + self.joints.len());
             for (variance, &most) in waves.zip(&most) {
                 *variance = variance.min(most * LARGEST_WAVES).max(LEAST);
             }
@@ -302,10 +385,18 @@ impl MixedModel {
             }
         }
         let of_joints = 0.5 * self.shared[0] * rows / f64::max(moved, f64::MIN_POSITIVE);
-        let mut all = self.shared.map(|each| (0.5 * each).max(LEAST)).to_vec();
+        let visits = self.shared.map(|each| (0.5 * each).max(LEAST));
+        let mut all = visits.to_vec();
         let count = all.len() + process.len() + self.waving.len();
         all.resize(count, of_joints.clamp(LEAST, 1e-4));
-        MixedVariances { all, process }
+        let again = self.visits.iter().filter(|each| each.is_visited_again());
+        let of_poses = (again.count() >= FEWEST_AGAIN).then_some(count);
+        all.extend(visits.iter().filter(|_| of_poses.is_some()));
+        MixedVariances {
+            all,
+            of_poses,
+            process,
+        }
     }
 
     /// Where the knots of each joint begin among all unknowns, behind the parameters and all waves, and the number of unknowns.
@@ -367,7 +458,7 @@ impl MixedModel {
         })
     }
 
-    fn pieces(&self) -> impl IndexedParallelIterator<Item = &[VisitReadings]> {
+    fn pieces(&self) -> impl IndexedParallelIterator<Item = &[PoseReadings]> {
         let size = self.visits.len().div_ceil(PIECES).max(LEAST_PIECE);
         self.visits.par_chunks(size)
     }
@@ -388,7 +479,8 @@ impl MixedModel {
                 for visit in visits {
                     let local = visit.local(variances);
                     let known = known.rows(at, visit.residual.len()).into_owned();
-                    visit.improve(&local, &offsets, (solved, &known), &mut sums)?;
+                    let places = (offsets.as_slice(), variances.of_poses);
+                    visit.improve(&local, places, (solved, &known), &mut sums)?;
                     at += visit.residual.len();
                 }
                 Some(sums)
@@ -444,6 +536,11 @@ impl MixedModel {
 }
 
 impl MixedVariances {
+    /// Of what is new where no reading is: of a visit, and of its configuration.
+    fn of_unread(&self, part: usize) -> f64 {
+        self.all[part] + self.of_poses.map_or(0.0, |first| self.all[first + part])
+    }
+
     /// The largest change of a deviation that matters, as a share of it.
     fn change_from(&self, other: &Self) -> f64 {
         (self.all.iter().zip(&other.all))

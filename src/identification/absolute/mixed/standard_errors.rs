@@ -1,9 +1,11 @@
 //! Standard errors of parameters from variance components, with degrees of freedom after Satterthwaite.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
-use super::{HIDDEN_WAVES, ImprovedVariances, MixedModel, MixedVariances, VisitReadings};
+use super::{HIDDEN_WAVES, ImprovedVariances, MixedModel, MixedVariances, PoseReadings};
 use crate::numeric::factorisation::inverse_of;
 
 /// The variances of some sums of parameters, and how well they are known.
@@ -30,7 +32,8 @@ impl MixedModel {
         let (parts, told) = self.parts()?;
         let of_sum = |sum: DVectorView<'_, f64>| {
             let sum = self.units.tr_mul(&sum);
-            let of_part = |part: &DMatrix<f64>| sum.dot(&(part * &sum));
+            // Where little is left of it, rounding may leave less than nothing.
+            let of_part = |part: &DMatrix<f64>| sum.dot(&(part * &sum)).max(0.0);
             let parts: Vec<f64> = parts.iter().map(of_part).collect();
             satterthwaite(&parts, &told)
         };
@@ -65,7 +68,7 @@ impl MixedModel {
             parts: vec![DMatrix::zeros(fixed, fixed); 1 + variances.all.len()],
             through: DMatrix::zeros(fixed, offsets.last()? - fixed),
         };
-        sums.parts[0] += &self.prior;
+        sums.parts[0] += &self.pulls;
         let pieces: Vec<Option<GradientSums>> = (self.pieces())
             .map(|visits| {
                 let mut own = GradientSums {
@@ -111,7 +114,7 @@ impl GradientSums {
     /// Adds a visit.
     fn add(
         &mut self,
-        visit: &VisitReadings,
+        visit: &PoseReadings,
         variances: &MixedVariances,
         offsets: &[usize],
     ) -> Option<()> {
@@ -121,11 +124,26 @@ impl GradientSums {
         self.curvature += weighed.tr_mul(&visit.fixed);
         self.parts[0] += weighed.tr_mul(&(&visit.own * &weighed));
         for coordinate in 0..6 {
-            let rows = visit.coordinates.iter().zip(weighed.row_iter());
-            let rows = rows.filter(|(each, _)| **each == coordinate);
-            let shared = rows.fold(DVector::zeros(fixed), |sum, (_, row)| sum + row.transpose());
             let part = coordinate / 3;
-            self.parts[1 + part].ger(variances.all[part], &shared, &shared, 1.0);
+            let rows = weighed
+                .row_iter()
+                .zip(&visit.coordinates)
+                .zip(&visit.visits);
+            let rows = rows.filter(|((_, each), _)| **each == coordinate);
+            let mut of_visits: BTreeMap<usize, DVector<f64>> = BTreeMap::new();
+            for ((row, _), visit) in rows {
+                let sum = of_visits.entry(*visit);
+                *sum.or_insert_with(|| DVector::zeros(fixed)) += row.transpose();
+            }
+            for shared in of_visits.values() {
+                self.parts[1 + part].ger(variances.all[part], shared, shared, 1.0);
+            }
+            // Positions alone have no rotations.
+            let shared = of_visits.into_values().reduce(|sum, each| sum + each);
+            if let (Some(first), Some(shared)) = (variances.of_poses, shared) {
+                let place = first + part;
+                self.parts[1 + place].ger(variances.all[place], &shared, &shared, 1.0);
+            }
         }
         let mut of_waves = self.through.columns_mut(0, visit.waves.ncols());
         of_waves += weighed.tr_mul(&visit.waves);

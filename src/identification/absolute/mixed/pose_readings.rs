@@ -1,30 +1,11 @@
-//! Readings of one visit, and what visits say together.
+//! Readings of one command pose as a mixed model has them.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion};
 
-use super::{MixedSolution, MixedVariances};
+use super::super::joint_errors::slow_waves;
+use super::{HIDDEN_WAVES, MixedSolution, MixedVariances, PoseReadings};
+use crate::experiment::{is_one_configuration, together};
 use crate::numeric::ornstein_uhlenbeck::Between;
-
-/// Readings that share what is new at a visit.
-#[derive(Debug, Clone)]
-pub(in super::super) struct VisitReadings {
-    /// Read less predicted (m).
-    pub residual: DVector<f64>,
-    /// Derivatives by what is determined of the parameters (m x r).
-    pub fixed: DMatrix<f64>,
-    /// Derivatives by each joint's angle (m x k).
-    pub joints: DMatrix<f64>,
-    /// The same by waves of those joints' errors that have them (m x w).
-    pub waves: DMatrix<f64>,
-    /// The readings' own covariance.
-    pub own: DMatrix<f64>,
-    /// Which coordinate each row is, from 0 to 5.
-    pub coordinates: Vec<usize>,
-    /// The commanded angles of the joints.
-    pub angles: Vec<f64>,
-    /// Variances of what is new at it, of positions and of rotations, that its readings were weighed with.
-    pub assumed: [f64; 2],
-}
 
 /// A visit's equations at some variances: the knots that move it by each joint's error, and the covariance of what they leave.
 pub(super) struct VisitEquations {
@@ -32,28 +13,113 @@ pub(super) struct VisitEquations {
     pub covariance: DMatrix<f64>,
 }
 
-impl VisitReadings {
+impl PoseReadings {
     /// What is determined of the parameters (m x r), weighed as it was fitted.
-    pub fn weighed(&self) -> Option<DMatrix<f64>> {
+    pub(super) fn weighed(&self) -> Option<DMatrix<f64>> {
         let mut by = self.own.clone();
-        self.add_shared(&mut by, &self.assumed);
+        for (row, column, _) in self.pairs().filter(|(.., is_one_visit)| *is_one_visit) {
+            by[(row, column)] += self.assumed[row];
+        }
         Some(Cholesky::new(by)?.solve(&self.fixed))
     }
 
-    /// Adds what is new at the visit: variances of positions and rotations.
-    pub fn add_shared(&self, covariance: &mut DMatrix<f64>, variances: &[f64]) {
-        for (row, one) in self.coordinates.iter().enumerate() {
-            for (column, other) in self.coordinates.iter().enumerate() {
-                if one == other {
-                    covariance[(row, column)] += variances[one / 3];
-                }
+    /// Gives the errors of these joints slow waves.
+    pub(super) fn wave(&mut self, joints: &[usize]) {
+        let count = 2 * HIDDEN_WAVES;
+        self.waves = DMatrix::zeros(self.residual.len(), count * joints.len());
+        for (number, &joint) in joints.iter().enumerate() {
+            let waves = slow_waves(self.angles[joint]).take(count).enumerate();
+            for (place, wave) in waves {
+                let mut column = self.waves.column_mut(number * count + place);
+                column.axpy(wave, &self.joints.column(joint), 0.0);
             }
+        }
+    }
+
+    /// Rows of one coordinate in pairs, and whether they are of one visit.
+    fn pairs(&self) -> impl Iterator<Item = (usize, usize, bool)> {
+        let count = self.coordinates.len();
+        let all = (0..count).flat_map(move |row| (0..count).map(move |column| (row, column)));
+        all.filter(|&(row, column)| self.coordinates[row] == self.coordinates[column])
+            .map(|(row, column)| (row, column, self.visits[row] == self.visits[column]))
+    }
+
+    /// Where the variances are of what two rows of one coordinate share.
+    fn shared_by(
+        &self,
+        row: usize,
+        is_one_visit: bool,
+        of_poses: Option<usize>,
+    ) -> impl Iterator<Item = usize> + use<> {
+        let part = self.coordinates[row] / 3;
+        let of_visit = is_one_visit.then_some(part);
+        of_visit
+            .into_iter()
+            .chain(of_poses.map(|first| first + part))
+    }
+
+    /// Whether it is of several visits.
+    pub(super) fn is_visited_again(&self) -> bool {
+        self.visits.last().is_some_and(|&last| last > 0)
+    }
+
+    /// The same in axes that this turns into their own.
+    fn turned(&self, by: &UnitQuaternion<f64>) -> Self {
+        let by = by.to_rotation_matrix();
+        let size = self.coordinates.len();
+        let turn = DMatrix::from_fn(size, size, |row, column| {
+            let is_one = row - self.coordinates[row] % 3 == column - self.coordinates[column] % 3;
+            if is_one {
+                by[(self.coordinates[row] % 3, self.coordinates[column] % 3)]
+            } else {
+                0.0
+            }
+        });
+        Self {
+            residual: &turn * &self.residual,
+            fixed: &turn * &self.fixed,
+            joints: &turn * &self.joints,
+            waves: &turn * &self.waves,
+            own: &turn * &self.own * turn.transpose(),
+            ..self.clone()
+        }
+    }
+
+    /// The same with a visit more of its pose.
+    fn with(self, other: &Self) -> Self {
+        let other = other.turned(&(self.axes.inverse() * other.axes));
+        let (rows, more) = (self.coordinates.len(), other.coordinates.len());
+        let stacked = |own: DMatrix<f64>, below: &DMatrix<f64>| {
+            let mut both = own.resize_vertically(rows + more, 0.0);
+            both.rows_mut(rows, more).copy_from(below);
+            both
+        };
+        let mut residual = self.residual.resize_vertically(rows + more, 0.0);
+        residual.rows_mut(rows, more).copy_from(&other.residual);
+        let mut own = self.own.resize(rows + more, rows + more, 0.0);
+        own.view_mut((rows, rows), (more, more))
+            .copy_from(&other.own);
+        let next = self.visits.last().map_or(0, |last| last + 1);
+        let labels = other.visits.iter().map(|visit| next + visit);
+        Self {
+            residual,
+            fixed: stacked(self.fixed, &other.fixed),
+            joints: stacked(self.joints, &other.joints),
+            waves: stacked(self.waves, &other.waves),
+            own,
+            coordinates: [self.coordinates, other.coordinates].concat(),
+            visits: self.visits.into_iter().chain(labels).collect(),
+            assumed: [self.assumed, other.assumed].concat(),
+            ..self
         }
     }
 
     pub(super) fn local(&self, variances: &MixedVariances) -> VisitEquations {
         let mut covariance = self.own.clone();
-        self.add_shared(&mut covariance, &variances.all);
+        for (row, column, is_one_visit) in self.pairs() {
+            let shared = self.shared_by(row, is_one_visit, variances.of_poses);
+            covariance[(row, column)] += shared.map(|place| variances.all[place]).sum::<f64>();
+        }
         let processes = variances.process.iter().zip(&self.angles);
         let between: Vec<Between> = processes.map(|(each, &at)| each.between(at)).collect();
         for (joint, between) in between.iter().enumerate() {
@@ -79,7 +145,7 @@ impl VisitReadings {
     pub(super) fn improve(
         &self,
         local: &VisitEquations,
-        offsets: &[usize],
+        (offsets, of_poses): (&[usize], Option<usize>),
         (solved, by_dense): (&MixedSolution, &DMatrix<f64>),
         sums: &mut [[f64; 2]],
     ) -> Option<()> {
@@ -87,13 +153,11 @@ impl VisitReadings {
         let (left, known) = self.beside_known(local, offsets, solved, by_dense);
         let left = &weight * left;
         let projected = &weight - &weight * known * &weight;
-        for (row, one) in self.coordinates.iter().enumerate() {
-            for (column, other) in self.coordinates.iter().enumerate() {
-                if one == other {
-                    let sum = &mut sums[one / 3];
-                    sum[0] += left[row] * left[column];
-                    sum[1] += projected[(row, column)];
-                }
+        for (row, column, is_one_visit) in self.pairs() {
+            for place in self.shared_by(row, is_one_visit, of_poses) {
+                let sum = &mut sums[place];
+                sum[0] += left[row] * left[column];
+                sum[1] += projected[(row, column)];
             }
         }
         for (joint, Between { spare, .. }) in local.between.iter().enumerate() {
@@ -150,9 +214,27 @@ impl VisitReadings {
     }
 }
 
+/// Visits of one command pose together.
+pub(super) fn by_pose(visits: &[PoseReadings]) -> Vec<PoseReadings> {
+    let pose = |place: usize| {
+        (
+            &visits[place].commanded_rad,
+            visits[place].approach.as_ref(),
+        )
+    };
+    let is_same = |one, other| is_one_configuration(pose(one), pose(other));
+    let groups = together(visits.len(), |place| pose(place).0, is_same);
+    let joined = |group: Vec<usize>| {
+        let first = visits[group[0]].clone();
+        let others = group[1..].iter().map(|&place| &visits[place]);
+        others.fold(first, PoseReadings::with)
+    };
+    groups.into_iter().map(joined).collect()
+}
+
 /// The information of some visits and its pull, in its upper triangle.
 pub(super) fn sums_of(
-    visits: &[VisitReadings],
+    visits: &[PoseReadings],
     variances: &MixedVariances,
     offsets: &[usize],
 ) -> Option<(DMatrix<f64>, DVector<f64>)> {
@@ -202,7 +284,7 @@ pub(super) fn sums_of(
 
 impl MixedSolution {
     /// Visits' derivatives by parameters and waves times the covariance of these, one visit below the other.
-    pub fn of_dense(&self, visits: &[VisitReadings], first: usize) -> DMatrix<f64> {
+    pub(super) fn of_dense(&self, visits: &[PoseReadings], first: usize) -> DMatrix<f64> {
         let rows = visits.iter().map(|each| each.residual.len()).sum();
         let mut dense = DMatrix::zeros(rows, first);
         let mut at = 0;

@@ -1,0 +1,84 @@
+//! Predictions outside of the angles that were read.
+
+use elastocal::measurement::absolute_table;
+use elastocal::numeric::random::generator;
+use rayon::prelude::*;
+use serde_json::Value;
+
+use crate::model_selection::read_within;
+use crate::one_fit::{between, seen_arm, ur10, workplace};
+use crate::support::{Workplace, number};
+
+/// A robot whose joints err once to five times a turn, read in one part of joint space and in another.
+fn halves(seed: u64, readings: usize) -> Workplace {
+    let mut random = generator(53, seed);
+    let arm = seen_arm(&mut random, &ur10(), 1, 1);
+    let waves: Vec<[f64; 2]> = (0..30)
+        .map(|_| {
+            [
+                between(&mut random, 0.0, 3e-4),
+                between(&mut random, 0.0, 6.3),
+            ]
+        })
+        .collect();
+    let gear = |joint: usize, angle: f64| {
+        let own = waves[5 * joint..].iter().take(5).enumerate();
+        let wave = |(order, [size, phase]): (usize, &[f64; 2])| {
+            size * ((order + 1) as f64 * angle + phase).sin()
+        };
+        own.map(wave).sum()
+    };
+    let mut read = |range| read_within(&mut random, &arm, range, (readings, 0.0), &gear);
+    let (one, other) = (read([-2.6, 0.0]), read([0.0, 2.6]));
+    let place = workplace(&one);
+    place.write("other.csv", absolute_table(&6.into(), &other));
+    place
+}
+
+fn validated(place: &Workplace) -> Value {
+    let identify = "identify s.toml --measurements m.csv --parameters geometry --identified-out i.json --quiet";
+    place.run(identify);
+    let validate = "validate --identified i.json --measurements other.csv --json --quiet";
+    place.run(validate).json()
+}
+
+/// All joints stand where none stood before: regions of 95 % hold most of what is read there.
+#[test]
+fn regions_hold_on_the_other_side() {
+    const ROBOTS: u64 = 12;
+    let held: Vec<[f64; 2]> = (0..ROBOTS)
+        .into_par_iter()
+        .map(|seed| {
+            let coverage = &validated(&halves(seed, 120))["coverage95"];
+            ["positions", "orientations"].map(|key| number(&coverage[key]))
+        })
+        .collect();
+    let [positions, orientations] =
+        [0, 1].map(|part| held.iter().map(|each| each[part]).sum::<f64>() / ROBOTS as f64);
+    println!("{positions} {orientations}: {held:?}");
+    assert!(positions > 0.85 && orientations > 0.85, "{held:?}");
+}
+
+/// Where too few readings tell joint error functions, a condition names the joints, before a validation and before a compensation.
+#[test]
+fn beyond_what_was_read_is_said() {
+    let place = halves(20, 15);
+    let codes = |found: &Value| -> Vec<String> {
+        let conditions = found["conditions"].as_array().expect("conditions").iter();
+        let beyond = conditions.filter(|each| each["code"] == "C0311");
+        beyond.map(|each| each["text"].to_string()).collect()
+    };
+    let found = codes(&validated(&place));
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(
+        found[0].contains("15 of 15 readings") && found[0].contains("elbow by "),
+        "{found:?}"
+    );
+    let compensate = "compensate --identified i.json --json --quiet";
+    let found = codes(&place.run(compensate).json());
+    assert!(found[0].contains("1 of 1 test pose outside"), "{found:?}");
+    // The readings themselves, and more of them: joint error functions are fitted.
+    let own = "validate --identified i.json --measurements m.csv --json --quiet";
+    assert!(codes(&place.run(own).json()).is_empty());
+    assert!(codes(&validated(&halves(21, 60))).is_empty());
+}
