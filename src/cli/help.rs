@@ -75,9 +75,7 @@ fn group(option: &Arg, of_plans: bool) -> Option<&'static str> {
         | "test_poses" => Some(DESIGN),
         "parameters" if of_plans => Some(DESIGN),
         "prove" | "prove_time" | "no_proof" | "proof_out" => Some(BOUND),
-        "seed" | "threads" | "noise_only" | "allow" | "quiet" | "draws_in" | "draws_out" => {
-            Some(COMMON)
-        }
+        "seed" | "threads" | "noise_only" | "allow" | "quiet" => Some(COMMON),
         "json" | "out" | "rerun" => Some(OUTPUT),
         other => other.ends_with("_out").then_some(OUTPUT),
     }
