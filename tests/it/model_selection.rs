@@ -74,6 +74,7 @@ pub fn read_within(
                 rotation: Some(UnitQuaternion::from_rotation_matrix(&rotation)),
                 covariance: Some(covariance),
                 approach: None,
+                distance_m: None,
                 time_s: None,
                 temperature_c: None,
             }
