@@ -22,8 +22,10 @@ pub struct AbsoluteReading {
     pub position_m: Vector3<f64>,
     /// The target's axes in the instrument's frame, where poses are read.
     pub rotation: Option<UnitQuaternion<f64>>,
+    /// The target's distance from the station's point (m), where that alone is read: there is no position then.
+    pub distance_m: Option<f64>,
     /// The covariance of position (m) and rotation (rad, a rotation vector in the instrument's frame) where it is known
-    /// for this reading alone; of a position only the first three rows and columns count.
+    /// for this reading alone; of a position only the first three rows and columns count, of a distance the first.
     pub covariance: Option<Matrix6<f64>>,
     /// From which side the configuration was approached.
     pub approach: Option<Approach>,

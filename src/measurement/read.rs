@@ -6,10 +6,10 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::columns::{
-    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, LOADED, LOADED_SIGMA, PLACES,
-    POSITION, ROTATION, ROTATION_SIGMA, UNLOADED, UNLOADED_SIGMA, deviations,
+    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, DISTANCE, LOADED, LOADED_SIGMA,
+    PLACES, POSITION, ROTATION, ROTATION_SIGMA, UNLOADED, UNLOADED_SIGMA, deviations,
 };
-use super::read_absolute::{absolute_columns, absolute_readings};
+use super::read_absolute::{absolute_columns, absolute_readings, distance_columns};
 use super::{AbsoluteReading, Measurement, RotationMeasurement, by_configuration};
 use crate::codes::ErrorCode;
 use crate::csv::{Columns, Row, Table, owned};
@@ -124,6 +124,8 @@ fn read(
         let is_absolute = |column: &str| header.iter().any(|known| known == column);
         if commands.reads_along {
             displacement_columns(commands, may_be_unfinished)
+        } else if is_absolute(DISTANCE) {
+            distance_columns(commands)
         } else if POSITION.into_iter().any(is_absolute) {
             absolute_columns(commands)
         } else {
@@ -132,7 +134,7 @@ fn read(
     })?;
     let found = if commands.reads_along {
         displacements(&table, commands).map(MeasuredFile::Deflections)
-    } else if table.has(&POSITION) {
+    } else if table.has(&POSITION) || table.has(&[DISTANCE]) {
         absolute_readings(&table, commands).map(MeasuredFile::Absolute)
     } else {
         deflections(&table, commands, *unloaded).map(MeasuredFile::Deflections)

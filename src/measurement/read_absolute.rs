@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, Matrix6, SymmetricEigen};
+use nalgebra::{DMatrix, Matrix6, SymmetricEigen, Vector3};
 
 use super::absolute::AbsoluteReading;
 use super::columns::{
-    DEFLECTION_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME, WORDS,
-    covariance_column, covariance_columns, deviations, rotation_of, triangle,
+    DEFLECTION_SIGMA, DISPLACEMENT_SIGMA, DISTANCE, POSITION, QUATERNION, ROTATION_SIGMA,
+    TEMPERATURE, TIME, WORDS, covariance_column, covariance_columns, deviations, rotation_of,
+    triangle,
 };
 use crate::csv::{Columns, Row, Table, owned};
 use crate::experiment::{LOAD, approach, configuration, load};
@@ -31,6 +32,14 @@ pub(super) fn absolute_columns(commands: &Commands) -> Columns {
     columns.one_of = vec![owned(&POSITION)];
     columns.optional.extend(covariance_columns(6));
     columns
+}
+
+/// The columns that a file of distances may have.
+pub(super) fn distance_columns(commands: &Commands) -> Columns {
+    let mut required = commands.columns();
+    required.push(DISTANCE.to_owned());
+    let numbers = [&LOAD[..], &[DISPLACEMENT_SIGMA, TIME, TEMPERATURE]].concat();
+    Columns::of(required, &numbers, &WORDS)
 }
 
 /// The readings of a table with these columns.
@@ -64,6 +73,7 @@ pub(super) fn absolute_readings(
 struct AbsoluteGroups {
     has_load: bool,
     is_pose: bool,
+    is_distance: bool,
     precision: ReadingPrecision,
 }
 
@@ -107,9 +117,15 @@ impl AbsoluteGroups {
                 ReadingPrecision::Covariance
             }
         };
+        let precision = if table.has(&[DISPLACEMENT_SIGMA]) {
+            ReadingPrecision::Deviations
+        } else {
+            precision
+        };
         Ok(Self {
             has_load: table.has_group(&LOAD)?,
             is_pose,
+            is_distance: table.has(&[DISTANCE]),
             precision,
         })
     }
@@ -127,8 +143,13 @@ impl AbsoluteGroups {
             target: row.name(target)?,
             station: row.name(station)?,
             visit: row.name(visit)?,
-            position_m: row.vector(POSITION) * 1e-3,
+            position_m: if self.is_distance {
+                Vector3::zeros()
+            } else {
+                row.vector(POSITION) * 1e-3
+            },
             rotation: self.is_pose.then(|| rotation_of(row)).transpose()?,
+            distance_m: self.is_distance.then(|| distance_m(row)).transpose()?,
             covariance: self.covariance(row)?,
             approach: approach(row, commands)?,
             time_s: number(TIME),
@@ -141,7 +162,12 @@ impl AbsoluteGroups {
         match self.precision {
             ReadingPrecision::None => return Ok(None),
             ReadingPrecision::Deviations => {
-                let position = deviations(row, DEFLECTION_SIGMA, &DEVIATION)?;
+                let own = if self.is_distance {
+                    [DISPLACEMENT_SIGMA; 3]
+                } else {
+                    DEFLECTION_SIGMA
+                };
+                let position = deviations(row, own, &DEVIATION)?;
                 let rotation = (self.is_pose)
                     .then(|| deviations(row, ROTATION_SIGMA, &ROTATION_DEVIATION))
                     .transpose()?;
@@ -161,6 +187,19 @@ impl AbsoluteGroups {
         }
         Ok(Some(covariance))
     }
+}
+
+/// A distance (m), which has a length.
+fn distance_m(row: &Row<'_>) -> Result<f64, FileError> {
+    let found = row.get(DISTANCE);
+    if found > 0.0 {
+        return Ok(found * 1e-3);
+    }
+    let problem = format!(
+        "{DISTANCE}: found {}; a positive number is allowed",
+        shown(found)
+    );
+    Err(row.wrong(problem))
 }
 
 /// Whether a matrix with units of m and rad is the covariance of a reading, whose deviations are plausible.

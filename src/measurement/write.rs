@@ -5,9 +5,9 @@ use std::path::Path;
 use nalgebra::{DVector, Matrix6, Vector3};
 
 use super::columns::{
-    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, LOADED, PLACES, POSITION,
-    QUATERNION, ROTATION, ROTATION_SIGMA, TEMPERATURE, TIME, UNLOADED, WORDS, covariance_columns,
-    triangle,
+    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, DISTANCE, LOADED, PLACES,
+    POSITION, QUATERNION, ROTATION, ROTATION_SIGMA, TEMPERATURE, TIME, UNLOADED, WORDS,
+    covariance_columns, triangle,
 };
 use super::{AbsoluteReading, Measurement, Origin};
 use crate::csv::{Sheet, word_field};
@@ -168,7 +168,12 @@ pub fn deflection_table(
 pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> String {
     let all = |has: &dyn Fn(&AbsoluteReading) -> bool| readings.iter().all(has);
     let is_pose = all(&|each| each.rotation.is_some());
-    let rows = if is_pose { 6 } else { 3 };
+    let is_distance = all(&|each| each.distance_m.is_some());
+    let rows = match (is_pose, is_distance) {
+        (true, _) => 6,
+        (false, true) => 1,
+        (false, false) => 3,
+    };
     let mut sheet = Sheet::new(readings);
     sheet.add(&commands.columns(), |each| {
         shown(&commands.numbers(each.configuration_rad.as_slice()))
@@ -192,7 +197,16 @@ pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> Stri
         }
     }
     add_approach(&mut sheet, |each| each.approach.as_ref());
-    sheet.add(&POSITION, |each| in_thousandths(&each.position_m));
+    if is_distance {
+        sheet.add(&[DISTANCE], |each| {
+            let distance_m = each.distance_m.into_iter();
+            distance_m
+                .map(|value| thousandths(value).to_string())
+                .collect()
+        });
+    } else {
+        sheet.add(&POSITION, |each| in_thousandths(&each.position_m));
+    }
     if is_pose {
         sheet.add(&QUATERNION, |each| {
             let parts = each.rotation.map(|rotation| rotation.coords.into());
@@ -201,7 +215,9 @@ pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> Stri
     }
     if all(&|each| each.covariance.is_some()) {
         let is_diagonal = all(&|each| each.covariance.is_none_or(|all| is_diagonal(&all, rows)));
-        let columns = if is_diagonal {
+        let columns = if is_distance {
+            vec![DISPLACEMENT_SIGMA.to_owned()]
+        } else if is_diagonal {
             [DEFLECTION_SIGMA, ROTATION_SIGMA].concat()[..rows]
                 .iter()
                 .map(|&name| name.to_owned())

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3, Vector6};
 
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
@@ -434,7 +434,8 @@ impl<'a> ObservationModel<'a> {
         }
     }
 
-    /// From the robot's base frame to the instrument's, with the derivatives by the base's parameters.
+    /// From the robot's base frame to the instrument's, with the derivatives by the base's parameters; of a distance what is along the
+    /// line from the station's point.
     fn to_instrument(
         &self,
         station: usize,
@@ -491,6 +492,18 @@ impl<'a> ObservationModel<'a> {
         }
         if kind.is_deflection() {
             prediction.position_m += self.belief.drift_m;
+        }
+        if kind == ReadingKind::Distance {
+            let apart = prediction.position_m;
+            let away = apart.try_normalize(0.0).unwrap_or_default();
+            for mut column in derivatives.column_iter_mut() {
+                let along = away.dot(&column.fixed_rows::<3>(0));
+                column.copy_from(&Vector6::ith(0, along));
+            }
+            *prediction = Prediction {
+                position_m: Vector3::ith(0, apart.norm()),
+                rotation: Matrix3::identity(),
+            };
         }
     }
 }

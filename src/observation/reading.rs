@@ -32,14 +32,17 @@ pub enum ReadingKind {
     Position,
     /// The loaded target's position and orientation: six rows.
     Pose,
+    /// The loaded target's distance from the station's point: one row.
+    Distance,
 }
 
 impl ReadingKind {
-    /// The number of rows: 3 or 6, position above rotation.
+    /// The number of rows: 3 or 6, position above rotation; 1 of a distance.
     pub const fn rows(self) -> usize {
         match self {
             Self::Deflection | Self::Position => 3,
             Self::DeflectionAndRotation | Self::Pose => 6,
+            Self::Distance => 1,
         }
     }
 
@@ -50,6 +53,7 @@ impl ReadingKind {
             Self::DeflectionAndRotation => "deflection and rotation",
             Self::Position => "position",
             Self::Pose => "pose",
+            Self::Distance => "distance",
         }
     }
 
@@ -116,6 +120,11 @@ pub enum Reading {
         /// The axes as columns.
         rotation: Matrix3<f64>,
     },
+    /// A distance from the station's point.
+    Distance {
+        /// The distance (m).
+        distance_m: f64,
+    },
 }
 
 impl Reading {
@@ -128,6 +137,7 @@ impl Reading {
             Self::Deflection { .. } => ReadingKind::DeflectionAndRotation,
             Self::Position { .. } => ReadingKind::Position,
             Self::Pose { .. } => ReadingKind::Pose,
+            Self::Distance { .. } => ReadingKind::Distance,
         }
     }
 }
@@ -135,7 +145,7 @@ impl Reading {
 /// A reading as the model has it, in the instrument's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
-    /// The position, or the difference of positions (m).
+    /// The position, or the difference of positions (m); a distance is the first coordinate.
     pub position_m: Vector3<f64>,
     /// The orientation, or the rotation from unloaded to loaded.
     pub rotation: Matrix3<f64>,
@@ -169,7 +179,7 @@ impl Whitener {
         })
     }
 
-    /// W, 6 x 6, lower triangular; its upper left 3 x 3 serves readings of three rows.
+    /// W, 6 x 6, lower triangular; its upper left r x r serves readings of r rows.
     pub const fn matrix(&self) -> &Matrix6<f64> {
         &self.matrix
     }
@@ -190,10 +200,9 @@ impl Whitener {
         derivatives: &mut Matrix6xX<f64>,
     ) {
         let mut matrix = self.matrix;
-        if kind.rows() == 3 {
-            matrix.fixed_view_mut::<3, 6>(3, 0).fill(0.0);
-            matrix.fixed_view_mut::<6, 3>(0, 3).fill(0.0);
-        }
+        let (rows, others) = (kind.rows(), 6 - kind.rows());
+        matrix.view_mut((rows, 0), (others, 6)).fill(0.0);
+        matrix.view_mut((0, rows), (6, others)).fill(0.0);
         *residual = matrix * *residual;
         for mut column in derivatives.column_iter_mut() {
             let white = matrix * &column;
@@ -225,9 +234,10 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// The position that was read, or the difference of positions (m).
+    /// The position that was read, or the difference of positions (m); a distance is the first coordinate.
     pub const fn position_m(&self) -> Vector3<f64> {
         match self.reading {
+            Reading::Distance { distance_m } => Vector3::new(distance_m, 0.0, 0.0),
             Reading::Deflection { position_m, .. }
             | Reading::Position { position_m }
             | Reading::Pose { position_m, .. } => position_m,
@@ -251,8 +261,8 @@ impl Observation {
         derivatives: &mut Matrix6xX<f64>,
     ) -> Vector6<f64> {
         let (position, rotation) = match &self.reading {
-            Reading::Position { position_m } => {
-                (position_m - predicted.position_m, Vector3::zeros())
+            Reading::Position { .. } | Reading::Distance { .. } => {
+                (self.position_m() - predicted.position_m, Vector3::zeros())
             }
             Reading::Deflection {
                 position_m,

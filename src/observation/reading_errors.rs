@@ -8,6 +8,7 @@
 use nalgebra::{Matrix3, Matrix6, Matrix6x3, Matrix6xX, Vector3, Vector6};
 
 use super::compliances::BareArm;
+use super::shown::ShownRows;
 use crate::parameter::{ReadingSource, SourceLevel, TransmissionError};
 use crate::robot::{KinematicState, Kinematics, Load, Tool};
 
@@ -80,6 +81,18 @@ impl ReadingErrors {
             visit: together(&visit),
             configuration: together(&configuration),
         }
+    }
+
+    /// The same of what they move along a direction (unit vector, base frame), which is then the first row.
+    pub fn along(mut self, direction: &Vector3<f64>) -> Self {
+        let own = self.reading.fixed_view::<3, 3>(0, 0);
+        let variance = direction.dot(&(own * direction));
+        self.reading = Matrix6::zeros();
+        self.reading[(0, 0)] = variance;
+        let shown = ShownRows::Along(*direction);
+        shown.of_derivatives(&mut self.visit);
+        shown.of_derivatives(&mut self.configuration);
+        self
     }
 
     /// Whether readings of one visit, or of one configuration, share any.

@@ -11,7 +11,8 @@ use crate::robot::{
     rotation_vector,
 };
 
-const KINDS: [ReadingKind; 4] = [
+const KINDS: [ReadingKind; 5] = [
+    ReadingKind::Distance,
     ReadingKind::Deflection,
     ReadingKind::DeflectionAndRotation,
     ReadingKind::Position,

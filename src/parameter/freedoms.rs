@@ -196,13 +196,18 @@ fn generators(belief: &ElasticArm, set: &ParameterSet) -> Vec<Generator> {
                 let (back_velocity, back_omega) = seen_from(&from_base, &velocity, &omega);
                 let mut generator = link(0, &-back_velocity, &-back_omega);
                 // Seen from every station alike.
-                for station in 0..belief.instrument_from_base.len() {
-                    generator.extend(motion(
-                        |axis| ParameterKind::BasePosition { station, axis },
-                        |axis| ParameterKind::BaseRotation { station, axis },
-                        &velocity,
-                        &omega,
-                    ));
+                for (station, frame) in belief.instrument_from_base.iter().enumerate() {
+                    let position = |axis| ParameterKind::BasePosition { station, axis };
+                    let rotation = |axis| ParameterKind::BaseRotation { station, axis };
+                    let has_axes = set.index_of(position(Axis::X)).is_none()
+                        || set.index_of(rotation(Axis::X)).is_some();
+                    // A point has no axes that turn with the robot: it moves about the base instead.
+                    let moved = velocity - omega.cross(&frame.translation.vector);
+                    generator.extend(if has_axes {
+                        motion(position, rotation, &velocity, &omega)
+                    } else {
+                        motion(position, rotation, &moved, &Vector3::zeros())
+                    });
                 }
                 all.push(generator);
             }

@@ -357,10 +357,12 @@ fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessa
     let base = |(station, (name, frame)): (usize, (&Option<String>, &Isometry3<f64>))| {
         let position = Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis });
         let rotation = Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis });
+        let own = MountedFrameMessage::new(fit, frame, [position, rotation]);
         MountedFrameMessage {
             name: name.clone(),
             unknowns: numbered("base", station),
-            ..MountedFrameMessage::new(fit, frame, [position, rotation])
+            quaternion: own.quaternion.filter(|_| !case.is_point(station)),
+            ..own
         }
     };
     bases.enumerate().map(base).collect()

@@ -27,6 +27,9 @@ pub struct PlannedReadingMessage {
     pub target: Option<String>,
     /// Where the instrument stands.
     pub station: Option<String>,
+    /// The nominal distance that is read (mm), where one is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
     /// How often it is read.
     pub repeats: u32,
 }
@@ -93,13 +96,19 @@ pub struct AbsolutePlanMessage {
 }
 
 impl PlannedReadingMessage {
-    fn new(commands: &Commands, candidate: &Candidate, repeats: u32) -> Self {
+    fn new(
+        commands: &Commands,
+        candidate: &Candidate,
+        distance_m: Option<f64>,
+        repeats: u32,
+    ) -> Self {
         let load = candidate.load.filter(|load| *load != Load::NONE);
         Self {
             q_deg: commands.numbers(candidate.configuration_rad.as_slice()),
             wrench: load.map(|load| load.wrench().into()),
             target: candidate.target.clone(),
             station: candidate.station.clone(),
+            distance_mm: distance_m.map(|distance_m| distance_m * 1e3),
             repeats,
         }
     }
@@ -112,9 +121,12 @@ fn planned(
     plan: &[(usize, u32)],
 ) -> Vec<PlannedReadingMessage> {
     let commands = task.belief.commands();
-    let rows = planning.readings(plan).into_iter();
-    rows.map(|(row, repeats)| PlannedReadingMessage::new(&commands, row, repeats))
-        .collect()
+    let rows = planning.readings(plan).into_iter().zip(plan);
+    rows.map(|((row, repeats), &(place, _))| {
+        let distance_m = planning.distance_m(place);
+        PlannedReadingMessage::new(&commands, row, distance_m, repeats)
+    })
+    .collect()
 }
 
 /// A run of a plan of absolute readings by its name, as a record.
@@ -143,7 +155,12 @@ pub fn readings_run_json(
         let quaternion = each
             .rotation
             .map(|turned| [turned.w, turned.i, turned.j, turned.k]);
-        json!({ "position_mm": millimetres(&each.position_m), "quaternion": quaternion })
+        match each.distance_m {
+            Some(distance_m) => json!({ "distance_mm": distance_m * 1e3 }),
+            None => {
+                json!({ "position_mm": millimetres(&each.position_m), "quaternion": quaternion })
+            }
+        }
     });
     Ok(json!({
         "name": name,

@@ -155,6 +155,8 @@ pub enum SigmaOf {
     Deflection,
     /// Of each coordinate of the two positions whose difference is the deflection.
     Position,
+    /// Of a distance.
+    Distance,
 }
 
 impl SigmaOf {
@@ -162,7 +164,7 @@ impl SigmaOf {
     pub(super) fn deflection_factor(self) -> f64 {
         match self {
             Self::Deflection => 1.0,
-            Self::Position => 2.0_f64.sqrt(),
+            Self::Position | Self::Distance => 2.0_f64.sqrt(),
         }
     }
 }
@@ -178,6 +180,19 @@ pub enum InstrumentReads {
     Deflection,
     /// The displacement along one direction, as a dial gauge does.
     Displacement,
+    /// The distance of a target from a station, as a ballbar or a wire encoder does.
+    Distance,
+}
+
+impl InstrumentReads {
+    /// Its word in scenarios.
+    pub(super) const fn word(self) -> &'static str {
+        match self {
+            Self::Deflection => "deflection",
+            Self::Displacement => "displacement",
+            Self::Distance => "distance",
+        }
+    }
 }
 
 #[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]

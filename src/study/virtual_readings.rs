@@ -23,6 +23,8 @@ use crate::testbed::{ReadingNumbers, SeenFrom, TrueRobots, Truth};
 
 /// The instrument is within such a cube about the robot (m).
 const AWAY_M: f64 = 3.0;
+/// A point is within such a cube about where it is believed to be (m): measured with a ruler.
+const POINT_OFF_M: f64 = 1e-3;
 /// A reading has this share of the standard deviation of a deflection, which is made of two.
 const OF_DEFLECTION: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
@@ -60,7 +62,7 @@ pub struct ReadPlan<'a> {
 pub struct TargetReading {
     /// Which reading of the plan it is: rows count in their order, each with its repeats.
     pub number: usize,
-    /// Where the target is (m),
+    /// Where the target is (m); of distances the first coordinate is how far,
     pub position_m: Vector3<f64>,
     /// and its axes.
     pub rotation: Rotation3<f64>,
@@ -107,11 +109,20 @@ impl<'a> ReadPlan<'a> {
         self.plan.iter().map(|&(place, _)| self.target(place))
     }
 
-    /// The frame of each station in a run: anywhere about the robot.
+    /// The frame of each station in a run: anywhere about the robot; of points near where they are believed to be, with the base's axes.
     pub fn frames(&self, [seed, run]: [u64; 2]) -> Vec<Isometry3<f64>> {
         let mut random = generator(seed, frames_of_trial(run));
         let stations = self.planning.stations().iter();
-        stations.map(|_| anywhere(&mut random)).collect()
+        let frames = stations.map(|_| anywhere(&mut random));
+        (frames.zip(self.planning.points()))
+            .map(|(frame, point)| match point {
+                None => frame,
+                Some(point_m) => {
+                    let off = frame.translation.vector * (POINT_OFF_M / AWAY_M);
+                    Translation3::from(off - point_m).into()
+                }
+            })
+            .collect()
     }
 
     /// Reads the robot of a run from instruments with these frames: each of the readings that visits repeat alike, so often.
@@ -126,7 +137,7 @@ impl<'a> ReadPlan<'a> {
         [seed, run]: [u64; 2],
     ) -> Result<Vec<(RepeatedReading, Vec<TargetReading>)>, VirtualReadingError> {
         let sigma = &task.belief.instrument;
-        let sigma_m = OF_DEFLECTION * sigma.sigma_m;
+        let sigma_m = OF_DEFLECTION * sigma.noise_m();
         let sigma_rad = OF_DEFLECTION * sigma.rotation_sigma_rad.unwrap_or(0.0);
         let mut noise = vec![[0.0; LANES]; 6 * self.len()];
         fill_normals(Stream::Noise, seed, run, &mut noise);
@@ -140,7 +151,7 @@ impl<'a> ReadPlan<'a> {
                 approach: row.approach.clone(),
                 direction: None,
             };
-            let station = station_named(&task.stations, row.station.as_deref());
+            let station = station_named(&task.belief.stations, row.station.as_deref());
             let seen = SeenFrom {
                 target: self.target(each.place),
                 station_m: station.map(|station| station.position_m),
@@ -154,9 +165,16 @@ impl<'a> ReadPlan<'a> {
                 })?;
                 let own = &noise[6 * numbers.reading..];
                 let three = |from: usize| Vector3::from_fn(|axis, _| own[from + axis][0]);
+                let exact_m = (frame * Point3::from(at_m)).coords;
                 Ok(TargetReading {
                     number: numbers.reading,
-                    position_m: (frame * Point3::from(at_m)).coords + three(0) * sigma_m,
+                    position_m: match &sigma.distance {
+                        None => exact_m + three(0) * sigma_m,
+                        Some(shows) => {
+                            let read_m = exact_m.norm() + own[0][0] * sigma_m;
+                            Vector3::ith(0, shows.rounded_m(read_m))
+                        }
+                    },
                     rotation: Rotation3::new(three(3) * sigma_rad)
                         * frame.rotation.to_rotation_matrix()
                         * Rotation3::from_matrix_unchecked(axes),
@@ -182,6 +200,7 @@ impl<'a> ReadPlan<'a> {
             station: row.station.clone(),
             visit: None,
             position_m,
+            distance_m: self.planning.reads_distances().then_some(position_m.x),
             rotation: rotation.map(|turned| UnitQuaternion::from_rotation_matrix(&turned)),
             covariance: Some(covariance),
             approach: row.approach.clone(),

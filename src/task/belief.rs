@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::{Extended, Gauge, PriorCampaign};
+use super::{Extended, Gauge, PriorCampaign, Station};
 use crate::observation::{BareArm, DeflectionPrecision};
 use crate::parameter::{
     ElasticArm, ErrorDistribution, ParameterError, ParameterSet, Prior, Unloaded,
@@ -25,6 +25,8 @@ pub struct Instrument {
     pub distribution: ErrorDistribution,
     /// What a gauge shows, where displacements along a direction are read in place of all three coordinates.
     pub gauge: Option<Gauge>,
+    /// What a ballbar or a wire encoder shows, where the distances of targets from stations are read in place of positions.
+    pub distance: Option<Gauge>,
 }
 
 impl Instrument {
@@ -38,12 +40,19 @@ impl Instrument {
         }
     }
 
-    /// The standard deviation (m) of its noise before a gauge rounds.
+    /// The variance of rounding (m^2) in a deflection, which is made of two distances.
+    pub fn rounding_m2(&self) -> f64 {
+        let [once, twice] =
+            [self.gauge, self.distance].map(|gauge| gauge.map_or(0.0, |gauge| gauge.rounding_m2()));
+        once + 2.0 * twice
+    }
+
+    /// The standard deviation (m) of its noise before it rounds.
     pub fn noise_m(&self) -> f64 {
-        self.gauge.map_or(self.sigma_m, |gauge| {
-            let unrounded_m2 = self.sigma_m.powi(2) - gauge.rounding_m2();
-            unrounded_m2.max(0.0).sqrt()
-        })
+        match self.rounding_m2() {
+            0.0 => self.sigma_m,
+            rounding_m2 => (self.sigma_m.powi(2) - rounding_m2).max(0.0).sqrt(),
+        }
     }
 }
 
@@ -95,6 +104,8 @@ pub struct Belief {
     pub stiffening_at_nm: Vec<Option<f64>>,
     /// How deflections are measured.
     pub instrument: Instrument,
+    /// Where the instrument may stand for absolute readings; none where the scenario does not say.
+    pub stations: Vec<Station>,
     /// The method of identification and compensation.
     pub method: Method,
 }

@@ -54,6 +54,9 @@ impl Belief {
         if self.instrument.gauge.is_some() {
             belief.text("displacements along a direction are read");
         }
+        if self.instrument.distance.is_some() {
+            belief.text("distances from stations are read");
+        }
         let rotation = self.instrument.rotation_sigma_rad;
         belief.numbers([self.instrument.sigma_m].into_iter().chain(rotation));
         Fingerprint {

@@ -1,11 +1,11 @@
-//! A gauge: an instrument on a stand that reads how far a place moves along one direction.
+//! A gauge: an instrument that reads one length, how far a place moves along one direction or is from another place.
 
 use nalgebra::Vector3;
 
-/// What an instrument for displacements along a direction shows, such as a dial gauge. It is set to zero without the load.
+/// What an instrument for one length shows: a dial gauge, which is set to zero without the load, a ballbar, a wire encoder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gauge {
-    /// The largest displacement that it shows (m), to either side; any where there is no bound.
+    /// The largest displacement that it shows (m), to either side; any where there is no bound. Distances have that of their station.
     pub range_m: Option<f64>,
     /// The step of what it shows (m); nothing where that is far finer than its noise.
     pub resolution_m: f64,
@@ -17,13 +17,16 @@ impl Gauge {
         self.resolution_m.powi(2) / 12.0
     }
 
+    /// What it shows of a length (m).
+    pub fn rounded_m(&self, length_m: f64) -> f64 {
+        match self.resolution_m {
+            0.0 => length_m,
+            step => (length_m / step).round() * step,
+        }
+    }
+
     /// What it shows of a displacement (m) along a direction, as a vector.
     pub fn shown(&self, displacement_m: &Vector3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
-        let along = direction.dot(displacement_m);
-        direction
-            * match self.resolution_m {
-                0.0 => along,
-                step => (along / step).round() * step,
-            }
+        direction * self.rounded_m(direction.dot(displacement_m))
     }
 }

@@ -113,8 +113,6 @@ pub struct Task {
     pub directions: Vec<Option<Vector3<f64>>>,
     /// Where experiments are possible.
     pub region: Region,
-    /// Where the instrument may stand for absolute readings; none where the scenario does not say.
-    pub stations: Vec<Station>,
     /// How large a plan is to be, and what it must contain.
     pub design: Design,
 }

@@ -67,7 +67,10 @@ pub fn identify_absolute<'a>(
     let halves = halves(&mut kept, &fit, &joints);
     let all: Vec<usize> = (0..readings.len()).collect();
     let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
-    let repeats = Repeats::of_readings(readings, &residuals_m, &fit.of_kept(&all));
+    // These are of three coordinates.
+    let repeats = (!case.reads_distances())
+        .then(|| Repeats::of_readings(readings, &residuals_m, &fit.of_kept(&all)))
+        .flatten();
     Ok(IdentifiedRobot {
         repeats,
         patterns: PatternsMessage::new(&patterns, &joints, false).without(&fit.rejected),
@@ -128,6 +131,7 @@ pub fn model_selection(
     (weights, keeps_all): (ReadingWeights, bool),
 ) -> Result<ModelSelection, AbsoluteError> {
     let mut case = AbsoluteCase::new(belief, readings)?;
+    case.needs_positions("models are compared by errors")?;
     case.keeps_all = keeps_all;
     case.model_selection(weights)
 }
@@ -146,6 +150,7 @@ impl<'a> IdentifiedRobot<'a> {
         between: [String; 2],
     ) -> Result<(), AbsoluteError> {
         let mut other = AbsoluteCase::new(belief, readings)?;
+        other.needs_positions("series are compared by errors")?;
         other.keeps_all = self.case.keeps_all;
         let fit = other.fit(groups, weights)?;
         let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));

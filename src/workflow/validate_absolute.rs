@@ -174,6 +174,7 @@ pub fn validate_absolute(
     readings: &[AbsoluteReading],
 ) -> Result<AbsoluteValidation, AbsoluteValidationError> {
     let mut case = AbsoluteCase::placed(belief, readings)?;
+    case.needs_positions("regions are predicted")?;
     let nominal = case.arm.clone();
     case.arm = stored.apply(path, &case.arm)?;
     let is_turned = readings.iter().any(|each| each.rotation.is_some());

@@ -70,6 +70,7 @@ fn readings(scenario: &Scenario, rows: &[Candidate]) -> Vec<AbsoluteReading> {
                 rotation: None,
                 covariance: None,
                 approach: None,
+                distance_m: None,
                 time_s: None,
                 temperature_c: None,
             }

@@ -300,6 +300,7 @@ pub fn pose_of(
             &nalgebra::Vector6::from_fn(|row, _| variances[row / 3]),
         )),
         approach: None,
+        distance_m: None,
         time_s: None,
         temperature_c: None,
     }

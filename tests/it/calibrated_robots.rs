@@ -72,6 +72,7 @@ fn readings(random: &mut impl Rng, arm: &ElasticArm, count: usize) -> Vec<Absolu
                     variances[row / 3]
                 }))),
                 approach: None,
+                distance_m: None,
                 time_s: None,
                 temperature_c: None,
             }

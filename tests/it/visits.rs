@@ -205,6 +205,7 @@ fn reading(row: &Candidate, visit: Option<&str>) -> AbsoluteReading {
         rotation: None,
         covariance: None,
         approach: None,
+        distance_m: None,
         time_s: None,
         temperature_c: None,
     }

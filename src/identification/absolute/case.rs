@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Translation3, Vector3, Vector6};
 
 use super::super::copies::{CopiedReadings, ReadBits};
 use super::super::frames::{MountedFrames, RobustFrames, Sight, reach};
@@ -10,10 +10,10 @@ use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
 use super::visits::visits;
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Observation, Reading, Setup, SharedErrors, Whitener};
+use crate::observation::{Observation, Reading, ReadingKind, Setup, SharedErrors, Whitener};
 use crate::parameter::ElasticArm;
 use crate::robot::{KinematicState, Kinematics, Load, SerialChain, Tool};
-use crate::task::Belief;
+use crate::task::{Belief, station_named};
 
 /// Readings spread by more, or by less, than this many times what the robot does are in another unit.
 const OTHER_UNIT: f64 = 8.0;
@@ -58,10 +58,16 @@ impl<'a> AbsoluteCase<'a> {
     /// Readings of the robot of a belief, with frames from their closed forms.
     ///
     /// # Errors
-    /// A target does not exist, or cannot be where the load is; nothing says how precise orientations are; the units
-    /// cannot be right.
+    /// A target does not exist, or cannot be where the load is; nothing says how precise orientations are, or where a station is
+    /// that distances are read from; the units cannot be right.
     pub fn new(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
         let mut case = Self::placed(belief, readings)?;
+        if case.reads_distances() {
+            // Places of points are known well enough to begin with, and all readings are fitted.
+            case.keeps_all = true;
+            case.copies = CopiedReadings::of(&case.read_bits());
+            return Ok(case);
+        }
         let sights = case.sights();
         check_units(&sights, &case.arm)?;
         let found = RobustFrames::guessed(&sights, case.stations.len(), &case.link_from_tools());
@@ -127,11 +133,12 @@ impl<'a> AbsoluteCase<'a> {
                     station,
                     approach: reading.approach.clone(),
                 },
-                reading: match reading.rotation {
-                    None => Reading::Position {
+                reading: match (reading.distance_m, reading.rotation) {
+                    (Some(distance_m), _) => Reading::Distance { distance_m },
+                    (None, None) => Reading::Position {
                         position_m: reading.position_m,
                     },
-                    Some(rotation) => Reading::Pose {
+                    (None, Some(rotation)) => Reading::Pose {
                         position_m: reading.position_m,
                         rotation: rotation.to_rotation_matrix().into_inner(),
                     },
@@ -139,8 +146,44 @@ impl<'a> AbsoluteCase<'a> {
                 whitener: whitener(&covariance),
             });
         }
-        case.arm.instrument_from_base = vec![Isometry3::identity(); case.stations.len()];
+        let frames = (0..case.stations.len()).map(|station| case.placed_frame(station));
+        case.arm.instrument_from_base = frames.collect::<Result<_, _>>()?;
         Ok(case)
+    }
+
+    /// Where a station is begun with: where the robot's own world is; the point of one that distances are read from, where the planner's
+    /// model has it, with the axes of the robot's base.
+    fn placed_frame(&self, station: usize) -> Result<Isometry3<f64>, AbsoluteError> {
+        if !self.is_point(station) {
+            return Ok(Isometry3::identity());
+        }
+        let name = self.stations[station].as_deref();
+        let place = station_named(&self.belief.stations, name);
+        let place = place.ok_or_else(|| AbsoluteError::NoPlace(name.map(str::to_owned)))?;
+        Ok(Translation3::from(-place.position_m).into())
+    }
+
+    /// Whether distances alone are read from a station: its axes show in none of them.
+    pub fn is_point(&self, station: usize) -> bool {
+        let mut readings = (self.observations.iter()).filter(|each| each.setup.station == station);
+        readings.all(|each| each.reading.kind() == ReadingKind::Distance)
+    }
+
+    /// Whether distances are read.
+    pub fn reads_distances(&self) -> bool {
+        let mut readings = self.observations.iter();
+        readings.any(|each| each.reading.kind() == ReadingKind::Distance)
+    }
+
+    /// Refuses distances for what is made of three coordinates, in words.
+    ///
+    /// # Errors
+    /// Distances are read.
+    pub fn needs_positions(&self, what: &'static str) -> Result<(), AbsoluteError> {
+        if self.reads_distances() {
+            return Err(AbsoluteError::Distances(what));
+        }
+        Ok(())
     }
 
     /// The same where readings, weighed by their own covariances, share errors besides.
@@ -191,6 +234,13 @@ impl<'a> AbsoluteCase<'a> {
             return Ok(covariance);
         }
         let instrument = &self.belief.instrument;
+        if reading.distance_m.is_some() != instrument.distance.is_some() {
+            return Err(AbsoluteError::NoSigma(if reading.distance_m.is_some() {
+                "distances"
+            } else {
+                "positions"
+            }));
+        }
         let rotation_rad = match (reading.rotation, instrument.rotation_sigma_rad) {
             (None, _) => 1.0,
             (Some(_), Some(sigma)) => sigma,

@@ -89,6 +89,15 @@ pub enum AbsoluteError {
         /// The input error, in words.
         likely: String,
     },
+    /// Readings of another kind than the scenario's instrument has, and nobody says how precise they are.
+    #[error("nothing says how precise the {0} are: instrument.reads is of another kind")]
+    NoSigma(&'static str),
+    /// Distances from where nobody knows.
+    #[error("distances are read from {}, and the scenario has no such [[station]]", .0.as_ref().map_or_else(|| "no station".to_owned(), |name| format!("station {name:?}")))]
+    NoPlace(Option<String>),
+    /// What takes positions.
+    #[error("distances are read, and {0} of three coordinates")]
+    Distances(&'static str),
     /// Readings that cannot be chosen one by one.
     #[error("several readings of one visit cannot be chosen one by one")]
     Together,
@@ -131,6 +140,15 @@ impl AbsoluteError {
             ),
             Self::Target { .. } => Some(
                 "add the target to the scenario as a [[robot.tool]], or to the model as a site",
+            ),
+            Self::NoSigma(_) => Some(
+                "give instrument.reads = \"distance\" for distances alone, or columns of standard deviations",
+            ),
+            Self::NoPlace(_) => Some(
+                "give the column station, and a [[station]] with position_mm for each place that distances are read from",
+            ),
+            Self::Distances(_) => Some(
+                "distances are weighed by their own standard deviations: instrument.sigma_mm, or the column s_mm",
             ),
             Self::Together => Some("give readings of one target, each in a visit of its own"),
             _ => None,

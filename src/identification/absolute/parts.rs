@@ -63,6 +63,7 @@ impl<'a> AbsoluteCase<'a> {
         if self.visits.len() < self.observations.len() {
             return Err(AbsoluteError::Together);
         }
+        self.needs_positions("readings are chosen by errors")?;
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
         let uncertain = self.belief.uncertain.as_ref();

@@ -36,6 +36,12 @@ impl AbsoluteCase<'_> {
         let mut rows = Matrix6xX::zeros(set.len());
         let blocks = self.blocks(BLOCKS.min(self.different() / 2).max(1));
         let mut all = Vec::new();
+        // Patterns are of three coordinates.
+        let readings = if self.reads_distances() {
+            &[]
+        } else {
+            readings
+        };
         for (index, reading) in readings.iter().enumerate() {
             let each = self.alone(index, fit.discrepancy.unwrap_or_default());
             let kind = each.reading.kind();

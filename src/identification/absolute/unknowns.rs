@@ -179,7 +179,9 @@ impl AbsoluteCase<'_> {
         let mut kinds = Vec::new();
         for station in 0..self.stations.len() {
             kinds.extend(Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis }));
-            kinds.extend(Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis }));
+            if !self.is_point(station) {
+                kinds.extend(Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis }));
+            }
         }
         for tool in 0..self.targets.len() {
             kinds.extend(Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis }));

@@ -25,6 +25,9 @@ const PARTS: usize = 8;
 impl AbsoluteCase<'_> {
     /// The input error that explains why frames alone do not explain the readings; none where they do, or where none explains it.
     pub fn likely_input_error(&self) -> Option<Condition> {
+        if self.reads_distances() {
+            return None;
+        }
         let step = self.observations.len().div_ceil(ENOUGH).max(1);
         let some = self.part_of(|index| index % step == 0);
         let sights = some.sights();

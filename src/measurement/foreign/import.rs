@@ -129,6 +129,7 @@ fn reading(
         target: reader.name("target", mapping.target.as_ref(), row)?,
         visit: reader.name("visit", mapping.visit.as_ref(), row)?,
         station: reader.name("station", mapping.station.as_ref(), row)?,
+        distance_m: None,
         time_s: reader.scalar("time", mapping.time.as_ref(), TIME, row)?,
         temperature_c: (reader).scalar(
             "temperature",

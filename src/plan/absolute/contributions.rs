@@ -191,14 +191,13 @@ impl AbsolutePlanning<'_> {
 
     /// u(x) of the noise of a plan's readings, where one number says it.
     fn noise(&self, plan: &[(usize, u32)]) -> Option<Input> {
-        let is_position =
-            |&(place, _): &(usize, u32)| self.case.observations[place].reading.kind().rows() == 3;
+        let rows = |place: usize| self.setup(place).1.rows();
         let of_one = |&(place, _): &(usize, u32)| {
             let variances = self.case.covariances[place].diagonal();
-            [0, 1, 2].map(|axis| (variances[axis].sqrt(), "m"))
+            (0..rows(place)).map(move |row| (variances[row].sqrt(), "m"))
         };
         let input = common(plan.iter().flat_map(of_one));
-        input.filter(|_| plan.iter().all(is_position))
+        input.filter(|_| plan.iter().all(|&(place, _)| rows(place) <= 3))
     }
 
     /// The error sources in common with the campaign of the earlier identification, and the prediction with them.

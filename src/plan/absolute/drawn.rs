@@ -9,6 +9,7 @@ use nalgebra::DVector;
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
+use super::distances::in_range;
 use super::error::AbsolutePlanError;
 use super::{AbsolutePlan, AbsolutePlanning};
 use crate::experiment::Candidate;
@@ -18,8 +19,8 @@ use crate::numeric::random::streams::{RANDOM_READINGS, drawn_candidates};
 use crate::plan::Criterion;
 use crate::plan::search::{BoundKind, CandidatePlan, Problem, RandomPlans, Watch};
 use crate::quantities::limits::MOST_EXPERIMENTS;
-use crate::robot::Load;
-use crate::task::Task;
+use crate::robot::{Load, Tool};
+use crate::task::{Station, Task, station_named};
 
 /// After the first search, so many more, each nearer to the plan that was best: the standard deviation of each joint's step, as a share
 /// of its range.
@@ -163,7 +164,7 @@ impl<'a> AbsolutePlanning<'a> {
 fn drawn(task: &Task, wanted: DrawnWanted) -> Result<Vec<Candidate>, AbsolutePlanError> {
     // Stations have a sight of their own, which candidates are held to.
     let mut anywhere = task.clone();
-    anywhere.region.line_of_sight &= task.stations.is_empty();
+    anywhere.region.line_of_sight &= task.belief.stations.is_empty();
     let stream = drawn_candidates(0);
     let problem = Problem::new(&anywhere, Criterion::TestPose);
     let experiments = RandomPlans::new(&problem)
@@ -176,21 +177,34 @@ fn drawn(task: &Task, wanted: DrawnWanted) -> Result<Vec<Candidate>, AbsolutePla
     let carried = belief.calibration_tool.joints;
     let mut targets = vec![&belief.calibration_tool, &belief.machining_tool];
     targets.dedup_by(|one, other| one.name == other.name);
+    // Distances have a range, and each station its own configurations.
+    let reads_distances = belief.instrument.distance.is_some();
+    let stations: Vec<Option<&Station>> = if reads_distances {
+        belief.stations.iter().map(Some).collect()
+    } else {
+        vec![None]
+    };
     let mut rows = Vec::new();
     for (index, experiment) in experiments.iter().enumerate() {
-        for target in &targets {
-            // A load acts at the calibration tool, and no further.
-            let loads = [
-                Some(Load::NONE),
-                (target.joints <= carried).then_some(experiment.load),
-            ];
+        for (target, station) in targets
+            .iter()
+            .flat_map(|target| stations.iter().map(move |station| (target, station)))
+        {
+            // A load acts at the calibration tool, and no further; none hangs where a ballbar's ball is.
+            let is_loaded = target.joints <= carried && !reads_distances;
+            let loads = [Some(Load::NONE), is_loaded.then_some(experiment.load)];
             rows.extend(loads.into_iter().flatten().map(|load| Candidate {
                 line: index + 1,
-                configuration_rad: experiment.configuration_rad.clone(),
+                configuration_rad: in_range(
+                    task,
+                    target,
+                    *station,
+                    experiment.configuration_rad.clone(),
+                ),
                 load: Some(load),
                 most: None,
                 target: Some(target.name.clone()),
-                station: None,
+                station: station.map(|station| station.name.clone()),
                 approach: None,
             }));
         }
@@ -218,8 +232,17 @@ fn near(task: &Task, best: &[Candidate], step: f64, [seed, round]: [u64; 2]) -> 
                     (angle + step * (high - low) * normal).clamp(*low, *high)
                 })
                 .collect();
+            let moved = DVector::from_vec(moved);
+            let belief = &task.belief;
+            let station = station_named(&belief.stations, row.station.as_deref());
+            let calibration = &belief.calibration_tool;
+            let is_it = |tool: &&Tool| row.target.as_ref() == Some(&tool.name);
+            let target = [&belief.machining_tool]
+                .into_iter()
+                .find(is_it)
+                .unwrap_or(calibration);
             all.push(Candidate {
-                configuration_rad: DVector::from_vec(moved),
+                configuration_rad: in_range(task, target, station, moved),
                 ..row.clone()
             });
         }

@@ -8,6 +8,7 @@
 //! which only readings from there tell, so that where the instrument stands is chosen with the readings.
 
 mod contributions;
+mod distances;
 mod drawn;
 mod error;
 mod predicted_accuracy;
@@ -115,10 +116,10 @@ impl<'a> AbsolutePlanning<'a> {
         }
         let rows = from_stations(task, rows)?;
         let (candidates, offer) = possible(task, &rows)?;
-        let is_pose = task.belief.instrument.rotation_sigma_rad.is_some();
+        let instrument = &task.belief.instrument;
         let readings = candidates
             .iter()
-            .map(|candidate| reading_of(candidate, is_pose));
+            .map(|candidate| reading_of(candidate, instrument));
         let readings: Vec<AbsoluteReading> = readings.collect();
         let lines: Vec<usize> = candidates.iter().map(|candidate| candidate.line).collect();
         let of_lines = |error: AbsoluteError| AbsolutePlanError::of_lines(error, &lines);
@@ -132,7 +133,7 @@ impl<'a> AbsolutePlanning<'a> {
         let errors = (candidates.iter().zip(setups))
             .map(|(candidate, setup)| {
                 let sources = sources.iter().copied();
-                disturbed(&case, &task.stations, candidate, setup, sources)
+                disturbed(&case, &task.belief.stations, candidate, setup, sources)
             })
             .collect();
         let machining = &task.belief.machining_tool;
@@ -145,14 +146,18 @@ impl<'a> AbsolutePlanning<'a> {
         let first = &case.observations[0];
         let asked = (0..case.stations.len()).map(|station| PlannedReading {
             setup: setup_of(&first.setup.commanded_rad, Load::NONE, [target, station]),
-            kind: ReadingKind::Position,
+            // Where only lengths are read, the tool's place counts along axes that they do not show: the robot's own.
+            kind: match first.reading.kind() {
+                ReadingKind::Distance => ReadingKind::Distance,
+                _ => ReadingKind::Position,
+            },
             whitener: first.whitener,
         });
         let asked: Vec<PlannedReading> = asked.collect();
         let set = case.unknowns_beside(groups, &asked).map_err(of_lines)?;
         Ok(Self {
             poses: place_rows(task, &case, &set, target),
-            stations: &task.stations,
+            stations: &task.belief.stations,
             target,
             before: relative_precision(&set),
             offer,

@@ -14,7 +14,7 @@ use crate::plan::search::{CandidateError, OfferedCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::robot::{Load, SerialChain, Tool};
-use crate::task::{Belief, Station, Task, station_named};
+use crate::task::{Belief, Instrument, Station, Task, station_named};
 use crate::text::nearest;
 
 /// Rows as readings from stations: where a task says what stations there are, a row that names none is one from each.
@@ -22,20 +22,24 @@ pub(super) fn from_stations(
     task: &Task,
     rows: &[Candidate],
 ) -> Result<Vec<Candidate>, AbsolutePlanError> {
-    if task.stations.is_empty() {
+    if task.belief.stations.is_empty() {
         return Ok(rows.to_vec());
     }
     let mut all = Vec::new();
     for row in rows {
         let Some(name) = &row.station else {
-            all.extend(task.stations.iter().map(|station| Candidate {
+            all.extend(task.belief.stations.iter().map(|station| Candidate {
                 station: Some(station.name.clone()),
                 ..row.clone()
             }));
             continue;
         };
-        if station_named(&task.stations, Some(name)).is_none() {
-            let known = task.stations.iter().map(|station| station.name.as_str());
+        if station_named(&task.belief.stations, Some(name)).is_none() {
+            let known = task
+                .belief
+                .stations
+                .iter()
+                .map(|station| station.name.as_str());
             let hint = nearest(name, known).map_or_else(
                 || "a scenario with [[station]] has each station that candidates name".to_owned(),
                 |likely| format!("did you mean {likely:?}?"),
@@ -58,6 +62,7 @@ pub(super) fn from_stations(
 /// What is wrong with the station of a line, where a task has some.
 fn of_station(task: &Task, line: usize, problem: &str, hint: &str) -> AbsolutePlanError {
     let known: Vec<String> = task
+        .belief
         .stations
         .iter()
         .map(|station| station.name.clone())
@@ -70,7 +75,7 @@ fn of_station(task: &Task, line: usize, problem: &str, hint: &str) -> AbsolutePl
 /// Refuses readings of a plan that do not say from which of several stations they are.
 pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), AbsolutePlanError> {
     match rows.iter().find(|row| row.station.is_none()) {
-        Some(row) if task.stations.len() > 1 => {
+        Some(row) if task.belief.stations.len() > 1 => {
             let hint = "give the column station";
             Err(of_station(task, row.line, "is missing", hint))
         }
@@ -90,7 +95,7 @@ pub(super) fn possible(
         let known = row.target.as_deref().and_then(|name| targets.get(name));
         let looking = LookingAt {
             target: known.unwrap_or(&task.belief.calibration_tool),
-            station: station_named(&task.stations, row.station.as_deref()),
+            station: station_named(&task.belief.stations, row.station.as_deref()),
         };
         let experiment = Experiment {
             configuration_rad: row.configuration_rad.clone(),
@@ -129,8 +134,8 @@ fn targets<'a>(
     Ok(known)
 }
 
-/// A reading that a candidate would be.
-pub(super) fn reading_of(candidate: &Candidate, is_pose: bool) -> AbsoluteReading {
+/// A reading that a candidate would be by an instrument.
+pub(super) fn reading_of(candidate: &Candidate, instrument: &Instrument) -> AbsoluteReading {
     AbsoluteReading {
         configuration_rad: candidate.configuration_rad.clone(),
         load: candidate.load.unwrap_or(Load::NONE),
@@ -138,7 +143,8 @@ pub(super) fn reading_of(candidate: &Candidate, is_pose: bool) -> AbsoluteReadin
         station: candidate.station.clone(),
         visit: None,
         position_m: Vector3::zeros(),
-        rotation: is_pose.then(UnitQuaternion::identity),
+        rotation: (instrument.rotation_sigma_rad).map(|_| UnitQuaternion::identity()),
+        distance_m: instrument.distance.map(|_| 0.0),
         covariance: None,
         approach: candidate.approach.clone(),
         time_s: None,
@@ -163,11 +169,19 @@ pub(super) fn disturbed<'s>(
     };
     let load = candidate.load.unwrap_or(Load::NONE);
     let station = station_named(stations, candidate.station.as_deref());
-    ReadingErrors::new(
+    let q = candidate.configuration_rad.as_slice();
+    let errors = ReadingErrors::new(
         arm,
-        candidate.configuration_rad.as_slice(),
+        q,
         (&case.belief.calibration_tool, &load),
         station.map(|station| &station.position_m),
         sources,
-    )
+    );
+    match station.filter(|_| case.belief.instrument.distance.is_some()) {
+        Some(station) => {
+            let apart = arm.chain.at(arm.tool).state(q).tool_position - station.position_m;
+            errors.along(&apart.try_normalize(0.0).unwrap_or_default())
+        }
+        None => errors,
+    }
 }

@@ -12,14 +12,13 @@ use crate::parameter::{Axis, ParameterKind as Of, RangeNoise, ReadingSource, Sou
 use crate::quantities::plausible::TORQUE_LIMIT;
 use crate::robot::Drive;
 use crate::scenario::file::{UncertaintyKind as Kind, UncertaintyTable};
-use crate::task::{Belief, Station};
+use crate::task::Belief;
 
 /// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, where the
 /// instrument may stand, and the first test pose.
 #[derive(Clone, Copy)]
 pub(super) struct ReadingPlaces<'a> {
     pub between_h: f64,
-    pub stations: &'a [Station],
     pub test_pose_rad: &'a DVector<f64>,
 }
 
@@ -200,7 +199,7 @@ impl<'a> UncertaintyEntry<'a> {
     fn tracker_range(&self) -> Result<RangeNoise, FileError> {
         let per_metre = self.size("std_um_per_m")?;
         let along = self.optional_size("along_um_per_m")?;
-        let from_m = tracker_m(self.belief, self.places.stations).ok_or_else(|| {
+        let from_m = tracker_m(self.belief).ok_or_else(|| {
             let problem =
                 "the noise grows with the distance from the tracker, and nothing says where it is";
             let wrong = self.wrong("kind", problem);
@@ -332,13 +331,13 @@ impl<'a> UncertaintyEntry<'a> {
 }
 
 /// Where the tracker stands, if the scenario says so: its site, or the first of its stations.
-fn tracker_m(belief: &Belief, stations: &[Station]) -> Option<Vector3<f64>> {
+fn tracker_m(belief: &Belief) -> Option<Vector3<f64>> {
     match belief.instrument.tracker_site {
         Some(site) => {
             let mut state = State::new(&belief.nominal.model);
             state.update_kinematics();
             Some(state.site(site).0)
         }
-        None => stations.first().map(|station| station.position_m),
+        None => belief.stations.first().map(|station| station.position_m),
     }
 }

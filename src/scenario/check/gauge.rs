@@ -1,4 +1,4 @@
-//! The keys of `[instrument]` that a gauge has, and what there is not where one reads.
+//! The keys of `[instrument]` that a gauge has, for displacements or distances, and what there is not where one reads.
 
 use nalgebra::Vector3;
 
@@ -7,47 +7,76 @@ use crate::files::FileError;
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
 use crate::quantities::plausible::SIZE;
-use crate::scenario::file::{File, InstrumentReads, InstrumentTable, UncertaintyKind};
+use crate::scenario::file::{File, InstrumentReads, InstrumentTable, SigmaOf, UncertaintyKind};
 use crate::task::{AccuracyKind, Gauge};
 
 impl Checker<'_> {
     /// A gauge, where one reads.
     pub(super) fn gauge(&self, file: &File) -> Result<Option<Gauge>, FileError> {
+        use InstrumentReads::{Deflection, Displacement, Distance};
         let table = &file.instrument;
-        let own = [
-            ("directions", table.directions.is_some()),
-            ("range_mm", table.range_mm.is_some()),
-            ("resolution_mm", table.resolution_mm.is_some()),
-        ];
-        let others = [
-            ("tracker_site", table.tracker_site.is_some()),
-            ("rotation_sigma_mrad", table.rotation_sigma_mrad.is_some()),
-            ("rotation_mpe_mrad", table.rotation_mpe_mrad.is_some()),
-            ("unloaded", table.unloaded == Unloaded::Shared),
-        ];
-        let (reads, refused) = match table.reads {
-            InstrumentReads::Deflection => ("deflection", &own[..]),
-            InstrumentReads::Displacement => ("displacement", &others[..]),
-        };
-        if let Some((key, _)) = refused.iter().find(|(_, is_given)| *is_given) {
-            let problem = format!("is given, and instrument.reads is {reads:?}");
-            let wrong = self.wrong(&format!("instrument.{key}"), problem);
-            return Err(wrong.hint("leave it out: one gauge alone has directions, range and resolution, a tracker all else"));
-        }
-        if table.reads == InstrumentReads::Deflection {
-            return Ok(None);
-        }
-        let of_tracker = [
+        let reads = table.reads;
+        let rotation =
+            [table.rotation_sigma_mrad, table.rotation_mpe_mrad].map(|each| each.is_some());
+        let keys = [
             (
-                "design.accuracy",
-                file.design.accuracy == AccuracyKind::Absolute,
+                "directions",
+                table.directions.is_some(),
+                &[Displacement][..],
             ),
-            ("region.line_of_sight", file.region.line_of_sight),
+            ("range_mm", table.range_mm.is_some(), &[Displacement]),
+            (
+                "resolution_mm",
+                table.resolution_mm.is_some(),
+                &[Displacement, Distance],
+            ),
+            ("tracker_site", table.tracker_site.is_some(), &[Deflection]),
+            ("rotation_sigma_mrad", rotation[0], &[Deflection]),
+            ("rotation_mpe_mrad", rotation[1], &[Deflection]),
+            (
+                "unloaded",
+                table.unloaded == Unloaded::Shared,
+                &[Deflection],
+            ),
         ];
-        if let Some((key, _)) = of_tracker.iter().find(|(_, is_given)| *is_given) {
-            let problem =
-                "is of an instrument that sees positions, and instrument.reads is \"displacement\"";
+        let is_refused = |(_, is_given, of): &&(_, bool, &[_])| *is_given && !of.contains(&reads);
+        if let Some((key, ..)) = keys.iter().find(is_refused) {
+            let problem = format!("is given, and instrument.reads is {:?}", reads.word());
+            let wrong = self.wrong(&format!("instrument.{key}"), problem);
+            return Err(wrong.hint(
+                "leave it out: a gauge alone has directions, range and resolution, distances have a resolution and the range of \
+                 their [[station]], a tracker all else",
+            ));
+        }
+        let is_absolute = file.design.accuracy == AccuracyKind::Absolute;
+        let wrong = match reads {
+            Displacement => [
+                ("design.accuracy", is_absolute),
+                ("region.line_of_sight", file.region.line_of_sight),
+            ]
+            .into_iter()
+            .find_map(|(key, is_given)| {
+                is_given.then_some((key, "is of an instrument that sees positions"))
+            }),
+            Distance if !is_absolute => Some(("design.accuracy", "is not \"absolute\"")),
+            Distance if file.station.is_empty() => {
+                Some(("station", "is missing: where distances are read from"))
+            }
+            Deflection | Distance => None,
+        };
+        if let Some((key, problem)) = wrong {
+            let problem = format!("{problem}, and instrument.reads is {:?}", reads.word());
             return Err(self.wrong(key, problem));
+        }
+        if (table.sigma_of == SigmaOf::Distance) != (reads == Distance) {
+            let problem = format!("does not go with instrument.reads = {:?}", reads.word());
+            let wrong = self.wrong("instrument.sigma_of", problem);
+            return Err(wrong.hint(
+                "\"distance\" is of distances, \"deflection\" and \"position\" are of all else",
+            ));
+        }
+        if reads == Deflection {
+            return Ok(None);
         }
         let size = |name: &str, value| {
             let size = self.optional(&format!("instrument.{name}"), value, &SIZE)?;
@@ -64,7 +93,7 @@ impl Checker<'_> {
         &self,
         table: &InstrumentTable,
     ) -> Result<Vec<Option<Vector3<f64>>>, FileError> {
-        if table.reads == InstrumentReads::Deflection {
+        if table.reads != InstrumentReads::Displacement {
             return Ok(vec![None]);
         }
         let key = "instrument.directions";

@@ -6,7 +6,7 @@ use super::Checker;
 use super::certificate::NOISE;
 use crate::files::FileError;
 use crate::mujoco::Model;
-use crate::scenario::file::File;
+use crate::scenario::file::{File, InstrumentReads};
 use crate::task::Instrument;
 
 impl Checker<'_> {
@@ -29,14 +29,17 @@ impl Checker<'_> {
         if file.region.line_of_sight && tracker_site.is_none() && file.station.is_empty() {
             return Err(self.wrong(key, "is missing, and region.line_of_sight needs it"));
         }
-        let noise_m = sigma_m * table.sigma_of.deflection_factor();
-        Ok(Instrument {
-            sigma_m: gauge.map_or(noise_m, |gauge| noise_m.hypot(gauge.rounding_m2().sqrt())),
-            gauge,
+        let reads_distances = table.reads == InstrumentReads::Distance;
+        let mut instrument = Instrument {
+            sigma_m: sigma_m * table.sigma_of.deflection_factor(),
+            gauge: gauge.filter(|_| !reads_distances),
+            distance: gauge.filter(|_| reads_distances),
             rotation_sigma_rad: self.deviation("instrument", &given, rotation)?,
             tracker_site,
             unloaded: table.unloaded,
             distribution: table.distribution.unwrap_or_default(),
-        })
+        };
+        instrument.sigma_m = instrument.sigma_m.hypot(instrument.rounding_m2().sqrt());
+        Ok(instrument)
     }
 }

@@ -127,11 +127,11 @@ impl Checker<'_> {
             machining_tool,
             parameters,
             instrument,
+            stations,
             method: file.identification.method,
         };
         let places = ReadingPlaces {
             between_h: laboratory.costs.between_readings_h(file.visited_between()),
-            stations: &stations,
             test_pose_rad: &test_poses[0].configuration_rad,
         };
         let uncertainties = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
@@ -155,7 +155,6 @@ impl Checker<'_> {
                 loads,
                 directions: self.directions(&file.instrument)?,
                 region,
-                stations,
                 design,
             },
             is_noise_only: false,

@@ -285,9 +285,13 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
         row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
         row.push(reading.station.clone().unwrap_or_else(dash));
         row.push(reading.repeats.to_string());
+        row.extend(reading.distance_mm.map(|length| format!("{length:.3}")));
         row
     });
-    let header = plan_header(shown.scenario, "row", &["reflector", "station", "times"]);
+    let lengths = (shown.plan.plan.iter()).any(|reading| reading.distance_mm.is_some());
+    let own = ["reflector", "station", "times", "distance [mm]"];
+    let own = if lengths { &own[..] } else { &own[..3] };
+    let header = plan_header(shown.scenario, "row", own);
     format!(
         "<div class=\"stills\">{}</div>\n{}{}",
         shown.stills,

@@ -78,8 +78,9 @@ impl Scenery {
             let row = rows.get(index);
             let target =
                 row.and_then(|row| SerialChain::tool(&robot.model, row.target.as_ref()?).ok());
-            let station =
-                row.and_then(|row| station_named(&scenario.task.stations, row.station.as_deref()));
+            let station = row.and_then(|row| {
+                station_named(&scenario.task.belief.stations, row.station.as_deref())
+            });
             let tool = place(calibration);
             state.move_to(q);
             scenes.push(Scene {

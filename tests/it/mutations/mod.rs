@@ -121,7 +121,7 @@ fn scenario_reader() -> Reader {
                 "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
                 scenario.task.test_poses,
                 scenario.task.loads,
-                (scenario.task.region, scenario.task.stations),
+                (scenario.task.region, scenario.task.belief.stations),
                 scenario.task.belief.instrument,
                 scenario.study,
                 scenario.laboratory,
