@@ -137,12 +137,14 @@ pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
     if lines.is_empty() {
         return Ok(String::new());
     }
+    let is_free = |colour: &RGBColor| ![Role::Own.colour(), RANDOM].contains(colour);
+    let others: Vec<RGBColor> = COLOURS.into_iter().filter(is_free).collect();
     let series = |(index, line): (usize, &&Line<'_>)| {
         let colour = match line.role {
-            Role::Other => COLOURS[1 + index % (COLOURS.len() - 1)],
+            Role::Other => others[index % others.len()],
             role => role.colour(),
         };
-        let mark = if index < COLOURS.len() {
+        let mark = if index < others.len() {
             Mark::Line
         } else {
             Mark::Dashed
