@@ -9,6 +9,9 @@ use super::Arguments;
 
 /// So many of its examples a command shows on the screen.
 const EXAMPLES: usize = 2;
+/// The screen has so many columns, and of these the help of an option so many.
+const COLUMNS: usize = 100;
+const WORDS: usize = 70;
 
 /// The program's command line, with the help that these words ask for, if they do.
 pub fn program(words: &[OsString]) -> Command {
@@ -38,8 +41,14 @@ fn grouped(command: &Command, is_whole: bool) -> Command {
     let about = command.get_about().cloned().unwrap_or_default();
     let examples = (command.get_after_help()).map(ToString::to_string);
     let examples = examples.unwrap_or_default();
-    let lines = if is_whole { usize::MAX } else { 1 + EXAMPLES };
-    let examples: Vec<&str> = examples.lines().take(lines).collect();
+    let (lines, columns) = if is_whole {
+        (usize::MAX, usize::MAX)
+    } else {
+        (1 + EXAMPLES, COLUMNS)
+    };
+    let examples: Vec<&str> = (examples.lines().filter(|line| line.len() <= columns))
+        .take(lines)
+        .collect();
     let action = if is_whole {
         ArgAction::HelpLong
     } else {
@@ -83,23 +92,20 @@ fn group(option: &Arg, of_plans: bool) -> Option<&'static str> {
 
 /// An option with the first words of its help.
 fn brief(option: Arg) -> Arg {
-    let help = option
-        .get_help()
-        .map(ToString::to_string)
-        .unwrap_or_default();
-    let end = [". ", "; ", ": "]
-        .iter()
-        .filter_map(|stop| help.find(stop))
-        .min();
-    let first = help[..end.unwrap_or(help.len())].to_owned();
+    let help = (option.get_help().map(ToString::to_string)).unwrap_or_default();
+    let until = |stops: &[&str], text: &str| {
+        let end = stops.iter().filter_map(|stop| text.find(stop)).min();
+        text[..end.unwrap_or(text.len())].to_owned()
+    };
+    let mut first = until(&[". ", "; ", ": "], &help);
+    let is_open = first.matches('(').count() > first.matches(')').count();
+    if is_open || first.len() > WORDS {
+        first = until(&[", ", " ("], &first);
+    }
     let values = option.get_possible_values();
-    let many = values
-        .iter()
-        .map(|value| value.get_name().len() + 2)
-        .sum::<usize>()
-        > 30;
+    let length: usize = values.iter().map(|value| value.get_name().len() + 2).sum();
     option
+        .hide_possible_values(first.len() + length > WORDS)
         .help(first)
         .long_help(Resettable::Reset)
-        .hide_possible_values(many)
 }

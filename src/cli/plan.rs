@@ -52,7 +52,7 @@ pub struct PlanCommand {
     /// At most so many minutes, by the table [laboratory] of the scenario, in place of a number of measurements.
     #[arg(long, value_name = "MIN", value_parser = |text: &str| MINUTES.parse(text), conflicts_with_all = ["experiments", "configurations", "criterion", "candidates"])]
     minutes: Option<f64>,
-    /// With design.accuracy = "absolute" and without --candidates, begin with so many configurations at random [default: 200]
+    /// Begin with so many configurations at random, with design.accuracy = "absolute" and without --candidates [default: 200]
     #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     draw: Option<u32>,
     /// What makes the plan good; any of them with --candidates, and test-pose, a, d or o1 without

@@ -45,13 +45,13 @@ pub struct PlanArgs {
     /// machining tool; without loads, that of the scenario's first test pose)
     #[arg(long, value_name = "FILE")]
     test_poses: Option<PathBuf>,
-    /// With design.accuracy = "absolute", what is unknown, frames of stations and targets always among it; what the scenario's
+    /// What is unknown, with design.accuracy = "absolute": frames of stations and targets always; what the scenario's
     /// robot.parameters name if not given.
     #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
     pub parameters: Vec<ParameterGroup>,
     #[command(flatten)]
     pub budget: BudgetArgs,
-    /// With design.accuracy = "absolute", where to write a page about the plan (HTML).
+    /// Where to write a page about the plan (HTML), with design.accuracy = "absolute".
     #[arg(long, value_name = "FILE")]
     pub report_out: Option<PathBuf>,
 }

@@ -64,14 +64,14 @@ pub struct StudyCommand {
 /// What plans of absolute readings are made of.
 #[derive(Debug, Args)]
 pub struct StudyPlansArgs {
-    /// With design.accuracy = "absolute", what is unknown, frames of stations and targets always among it; what the scenario's
+    /// What is unknown, with design.accuracy = "absolute": frames of stations and targets always; what the scenario's
     /// robot.parameters name if not given.
     #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
     parameters: Vec<ParameterGroup>,
-    /// With design.accuracy = "absolute", choose plans from these rows alone (CSV: joint angles, loads, targets, stations)
+    /// Choose plans from these rows alone, with design.accuracy = "absolute" (CSV: joint angles, loads, targets, stations)
     #[arg(long, value_name = "FILE")]
     candidates: Option<PathBuf>,
-    /// With design.accuracy = "absolute" and without --candidates, begin with so many configurations at random [default: 200]
+    /// Begin with so many configurations at random, with design.accuracy = "absolute" and without --candidates [default: 200]
     #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     draw: Option<u32>,
 }
