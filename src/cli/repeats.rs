@@ -1,6 +1,7 @@
 //! What repeated visits show, for a person.
 
 use elastocal::identification::{RepeatedPose, Repeats};
+use elastocal::record::uncertainties::RepeatComponentsMessage;
 use elastocal::text::wording::counted;
 
 use super::table::{number, table};
@@ -46,6 +47,33 @@ pub fn describe(repeats: Option<&Repeats>, what: &str) -> String {
     if repeats.poses.len() > SHOWN {
         let more = repeats.poses.len() - SHOWN;
         text += &format!("  and {} in --json\n", counted(more as u64, "more pose"));
+    }
+    text
+}
+
+/// Variance components of repeats.
+pub fn components(found: Option<&RepeatComponentsMessage>) -> String {
+    let Some(found) = found else {
+        return String::new();
+    };
+    let rows = found.components.iter().map(|each| {
+        let [low, high] = each.interval95;
+        vec![
+            each.level.to_owned(),
+            each.joints.join(", "),
+            number(Some(each.standard_uncertainty), 4),
+            format!("{low:.4} to {high:.4}"),
+            format!("{:.1}", each.degrees_of_freedom),
+            each.unit.to_owned(),
+        ]
+    });
+    let header = "level | joints | u(x) | 95 % interval | degrees of freedom | unit";
+    let mut text = format!(
+        "\n  Variance components of repeats (REML):\n{}",
+        table(header, rows)
+    );
+    for sentence in &found.not_separated {
+        text += &format!("  not separated: {sentence}\n");
     }
     text
 }

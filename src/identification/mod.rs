@@ -31,10 +31,11 @@ mod whitening;
 
 pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
-    DistanceStatistics, FEWEST_BLOCKS, Inconsistencies, Inconsistency, JointError, LeftOut,
-    ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PredictedPositions,
-    ReadingPrognosis, ReadingWeights, Recommendation, SQUARE_95, SeriesEstimates,
-    SimulatedReadings, Unexplained, VarianceComponents,
+    DistanceStatistics, EstimatedDeviation, FEWEST_BLOCKS, Inconsistencies, Inconsistency,
+    JointError, JointReturn, LeftOut, ModelSelection, MovedStation, NestedModel, ParameterGroup,
+    PartsOfReadings, PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation,
+    RepeatComponents, SQUARE_95, SeriesEstimates, SimulatedReadings, Unexplained,
+    VarianceComponents,
 };
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;

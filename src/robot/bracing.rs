@@ -3,7 +3,7 @@
 //! With their stiffness S at the commanded angles, the joints' own K = k^-1 and a wrench W
 //!
 //! ```text
-//! dt = J (K + S)^-1 J^T W                               deflection, eq. 2 with K + S for K
+//! dt = K_C^-1 W,   K_C = J^-T (K + S) J^-1              deflection, eqs. 1 and 2 with K + S for K
 //! d(dt)/dk_j = J~_j J~_j^T W,   J~ = J (I + k S)^-1     column j of A, eq. 4 with J~ for J
 //! ```
 //!

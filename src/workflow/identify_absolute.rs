@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use crate::codes::Condition;
 use crate::identification::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, ModelSelection, ParameterGroup,
-    ReadingWeights, Repeats,
+    ReadingWeights, RepeatComponents, Repeats,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::tolerance::ends;
@@ -15,6 +15,7 @@ use crate::record::inconsistencies::InconsistenciesMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::ProvenanceMessage;
 use crate::record::patterns::PatternsMessage;
+use crate::record::uncertainties::RepeatComponentsMessage;
 use crate::scenario::Scenario;
 use crate::task::Belief;
 
@@ -29,6 +30,8 @@ pub struct IdentifiedRobot<'a> {
     pub patterns: PatternsMessage,
     /// What repeated visits show, where there are some.
     pub repeats: Option<Repeats>,
+    /// Variance components of these.
+    pub repeat_components: Option<RepeatComponents>,
     /// The input error that explains what frames alone leave.
     pub likely: Option<Condition>,
     /// The halves of joint space beside each other, where each has enough readings; and other series.
@@ -72,6 +75,7 @@ pub fn identify_absolute<'a>(
         .then(|| Repeats::of_readings(readings, &residuals_m, &fit.of_kept(&all)))
         .flatten();
     Ok(IdentifiedRobot {
+        repeat_components: case.repeat_components(&fit),
         repeats,
         patterns: PatternsMessage::new(&patterns, &joints, false).without(&fit.rejected),
         inconsistencies: halves.into_iter().collect(),
@@ -165,6 +169,14 @@ impl<'a> IdentifiedRobot<'a> {
         Ok(())
     }
 
+    /// Variance components of repeats as a record.
+    pub fn repeat_components(&self) -> Option<RepeatComponentsMessage> {
+        let all: Vec<usize> = (0..self.fit.left.len()).collect();
+        let (joints, rows) = (&self.case.arm.chain.joints, self.fit.of_kept(&all));
+        let found = self.repeat_components.as_ref();
+        found.map(|found| RepeatComponentsMessage::new(found, joints, &rows))
+    }
+
     /// What must be looked at.
     pub fn conditions(&self) -> Vec<Condition> {
         let mut conditions: Vec<Condition> = self.likely.iter().cloned().collect();
@@ -198,6 +210,7 @@ impl<'a> IdentifiedRobot<'a> {
         let more = json!({
             "patterns": self.patterns,
             "repeats": self.repeats,
+            "repeat_components": self.repeat_components(),
             "inconsistencies": self.inconsistencies,
             "not_counted": uncounted(&scenario.task.belief),
             "conditions": self.conditions(),

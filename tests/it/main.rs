@@ -188,6 +188,7 @@ mod ranks;
 mod raw_readings;
 mod recordings;
 mod recovery;
+mod repeat_components;
 mod repeated_visits;
 mod repeats;
 mod report;

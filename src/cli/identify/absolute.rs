@@ -89,6 +89,7 @@ impl Identify {
         }
         text += &patterns::describe(&identified.patterns);
         text += &repeats::describe(identified.repeats.as_ref(), "positions");
+        text += &repeats::components(identified.repeat_components().as_ref());
         for each in &identified.inconsistencies {
             text += &compared(each);
         }
@@ -99,18 +100,22 @@ impl Identify {
     }
 }
 
-/// Writes the variance components of a fit's residuals.
+/// Writes the variance components of a fit's residuals, and of its repeats.
 fn write_uncertainties(
     path: &Path,
     file: &Path,
-    IdentifiedRobot { case, fit, .. }: &IdentifiedRobot<'_>,
+    identified: &IdentifiedRobot<'_>,
 ) -> Result<(), FileError> {
-    let name = |joint: usize| case.arm.chain.joints[joint].name.clone();
+    let IdentifiedRobot {
+        case,
+        fit,
+        repeat_components,
+        ..
+    } = identified;
     let components = case.variance_components(fit);
-    let found = components.map(|found| uncertainty_tables(&found, name));
-    let tables = (found.transpose())
+    let joints = &case.arm.chain.joints;
+    let tables = uncertainty_tables(components.as_ref(), repeat_components.as_ref(), joints)
         .map_err(|error| FileError::new(path, error.to_string()))?
-        .flatten()
         .ok_or_else(|| {
             let problem =
                 "shows no variance components beyond the readings' own standard deviations";

@@ -18,7 +18,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::super::estimate::two_sided_student;
 use super::blocks::{Blocks, FEWEST_BLOCKS};
-use super::mixed::{MixedModel, SumVariances};
+use super::mixed::{MixedModel, SumVariances, known_alone};
 use super::unknowns::is_geometry;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
@@ -172,22 +172,6 @@ impl AbsoluteCase<'_> {
             reference: self.arm.clone(),
         })
     }
-}
-
-/// The robot's own parameters that are known before, apart from all others: places and precisions.
-pub(super) fn known_alone(set: &ParameterSet) -> impl Iterator<Item = (ParameterKind, usize, f64)> {
-    let precision = &set.prior().precision;
-    let all = set.parameters().iter().enumerate();
-    all.filter_map(|(place, each)| {
-        let own = precision[(place, place)];
-        let is_alone = precision
-            .column(place)
-            .iter()
-            .filter(|each| **each != 0.0)
-            .count()
-            == 1;
-        (!each.kind.is_mounted() && is_alone && own > 0.0).then_some((each.kind, place, own))
-    })
 }
 
 /// A standard error by what leaving out each block changes.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::super::Discrepancy;
 use super::super::joint_errors::{DiscrepancyModel, JointError};
-use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS};
+use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS, by_pose};
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
 use crate::numeric::tolerance;
 use crate::numeric::tolerance::ends;
@@ -27,7 +27,8 @@ const SAME_RAD: f64 = 1e-6;
 pub struct VarianceComponents {
     /// The functions, of each joint one at most, in the joints' order.
     pub functions: Vec<JointFunction>,
-    /// The standard deviations of each coordinate of what is new at each visit: of positions (m) and of rotations (rad).
+    /// The standard deviations of each coordinate of what is new at each visit, or at each pose where poses were visited again: of
+    /// positions (m) and of rotations (rad).
     pub rest: [f64; 2],
 }
 
@@ -88,12 +89,17 @@ impl MixedModel {
     /// the median. Of joints that turn.
     ///
     /// A real joint's error is no process of one length: read densely, with knots further apart than it changes, it looks smoother than
-    /// the few poses of a plan find it, and predictions from them are too good.
+    /// the few poses of a plan find it, and predictions from them are too good. Where poses are visited again, what is new at a pose is
+    /// told from what is new at a visit.
     pub fn components(&self, turns: &[bool]) -> Option<VarianceComponents> {
-        let parts = self.visits.len().div_ceil(SPARSE);
+        let of_poses = Self {
+            visits: by_pose(&self.visits),
+            ..self.clone()
+        };
+        let parts = of_poses.visits.len().div_ceil(SPARSE);
         let found: Vec<MixedVariances> = (0..parts)
             .into_par_iter()
-            .filter_map(|part| self.of_visits(|visit| visit % parts == part).exact())
+            .filter_map(|part| of_poses.of_visits(|visit| visit % parts == part).exact())
             .collect();
         let median =
             |of: &dyn Fn(&MixedVariances) -> f64| tolerance::median(found.iter().map(of).collect());
@@ -106,8 +112,11 @@ impl MixedModel {
         };
         let joints = self.joints.iter().enumerate().zip(turns);
         let functions = joints.filter_map(|(joint, turns)| turns.then_some(joint));
-        let rest =
-            |part: usize| Some((median(&|of| of.of_unread(part))? + self.within[part]).sqrt());
+        let of_pose = |of: &MixedVariances, part: usize| match of.of_poses {
+            Some(first) => of.all[first + part],
+            None => of.all[part] + self.within[part],
+        };
+        let rest = |part: usize| Some(median(&|of| of_pose(of, part))?.sqrt());
         Some(VarianceComponents {
             functions: functions.map(of_joint).collect::<Option<_>>()?,
             rest: [rest(0)?, rest(1)?],

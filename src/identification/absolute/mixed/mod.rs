@@ -21,7 +21,6 @@ use nalgebra::{Cholesky, DMatrix, DVector, RowDVector, UnitQuaternion};
 use rayon::prelude::*;
 
 use super::AbsoluteCase;
-use super::inconsistencies::known_alone;
 use super::joint_errors::DiscrepancyModel;
 use super::residuals::LinearReading;
 use crate::numeric::factorisation::inverse_of;
@@ -548,4 +547,20 @@ impl MixedVariances {
             .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
             .fold(0.0, f64::max)
     }
+}
+
+/// The robot's own parameters that are known before, apart from all others: places and precisions.
+pub(super) fn known_alone(set: &ParameterSet) -> impl Iterator<Item = (ParameterKind, usize, f64)> {
+    let precision = &set.prior().precision;
+    let all = set.parameters().iter().enumerate();
+    all.filter_map(|(place, each)| {
+        let own = precision[(place, place)];
+        let is_alone = precision
+            .column(place)
+            .iter()
+            .filter(|each| **each != 0.0)
+            .count()
+            == 1;
+        (!each.kind.is_mounted() && is_alone && own > 0.0).then_some((each.kind, place, own))
+    })
 }

@@ -1,0 +1,398 @@
+//! Variance components of repeated visits by restricted maximum likelihood (REML): what is new at each reading and at each visit, by joint.
+//!
+//! Visits of one command pose that read the same targets differ by what is new at them. Orthonormal contrasts of n visits have no part of
+//! what the pose has for itself, parameters, frames or discrepancy; n - 1 of them are independent, with the covariance
+//!
+//! ```text
+//! S = s R + sum_j v_j J_j J_j^T
+//! ```
+//!
+//! of the readings' own covariance R, which may be s times as large as stated (contrasts within visits have s R alone), and of the joints'
+//! returns v_j with the derivatives J_j by their angles. The variances maximise the likelihood of all contrasts by the minorisation of
+//! [`mixed`](super::mixed). With the expected information I, the effective degrees of freedom of a variance are 2 v^2 (I / var v).
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::residuals::LinearReading;
+use super::{AbsoluteCase, AbsoluteFit};
+use crate::experiment::{is_one_configuration, together};
+use crate::numeric::tolerance::pose_repeatability;
+
+/// Improvements of the variances, and the change of a deviation that ends them.
+const ROUNDS: usize = 500;
+const FOUND: f64 = 1e-5;
+/// So many numbers at least for each variance, else all joints have one.
+const NUMBERS_PER_VARIANCE: f64 = 4.0;
+/// A variance that is known so many times worse beside the others than by itself is not told from them.
+const INFLATED: f64 = 100.0;
+/// With fewer effective degrees of freedom no variance is known to be above zero.
+const FEWEST_DEGREES: f64 = 1.0;
+
+/// A standard deviation that was estimated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EstimatedDeviation {
+    /// Its value.
+    pub value: f64,
+    /// The interval of 95 %.
+    pub interval95: [f64; 2],
+    /// The effective degrees of freedom of the variance.
+    pub degrees_of_freedom: f64,
+}
+
+/// How joints return whose variances cannot be told apart: one alone where they can.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointReturn {
+    /// The joints.
+    pub joints: Vec<usize>,
+    /// The standard deviation of each (rad; m where they slide).
+    pub deviation: EstimatedDeviation,
+}
+
+/// What repeated visits say.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RepeatComponents {
+    /// By how much larger than stated standard deviations of readings are; none where no visit reads a target more than once.
+    pub reading: Option<EstimatedDeviation>,
+    /// What is new at each visit.
+    pub visit: Vec<JointReturn>,
+    /// The pose repeatability RP (m) of each pose that was visited again, without the instrument's noise, and its first reading from 0.
+    pub poses: Vec<(usize, f64)>,
+}
+
+/// The likeliest variances.
+struct ReturnVariances {
+    /// Which joints have one in common.
+    classes: Vec<Vec<usize>>,
+    /// That of the readings first, where it is estimated, then those of the classes, and their expected information.
+    variances: Vec<f64>,
+    information: DMatrix<f64>,
+}
+
+/// Contrasts of one covariance.
+struct Contrasts {
+    /// The sum of their squares (m x m), and their number.
+    scatter: DMatrix<f64>,
+    count: f64,
+    /// The readings' own covariance, and derivatives by the joints' angles (m x k).
+    own: DMatrix<f64>,
+    joints: DMatrix<f64>,
+}
+
+/// The readings of one visit, those of a target averaged.
+struct AveragedVisit {
+    first: usize,
+    /// Which stations and targets.
+    read: Vec<(usize, usize)>,
+    residual: DVector<f64>,
+    own: DMatrix<f64>,
+    joints: DMatrix<f64>,
+}
+
+impl AbsoluteCase<'_> {
+    /// What the repeated visits of a fit's readings say, without those that were rejected; none where there are none.
+    pub fn repeat_components(&self, fit: &AbsoluteFit) -> Option<RepeatComponents> {
+        let kept = self.kept(fit);
+        let joints = kept.commanded_joints();
+        let mean = &fit.posterior.mean;
+        let rows = kept.rows_at(&kept.arm, &fit.set, mean, &joints).ok()?;
+        let mut contrasts = Vec::new();
+        let visits: Vec<AveragedVisit> = (kept.visits.iter())
+            .map(|visit| averaged(&kept, &rows, visit, &mut contrasts))
+            .collect();
+        let setup = |visit: usize| &kept.observations[visits[visit].first].setup;
+        let is_same = |one: usize, other: usize| {
+            let pose = |visit| (&setup(visit).commanded_rad, setup(visit).approach.as_ref());
+            visits[one].read == visits[other].read
+                && setup(one).load == setup(other).load
+                && is_one_configuration(pose(one), pose(other))
+        };
+        let groups = together(visits.len(), |visit| &setup(visit).commanded_rad, is_same);
+        let within = contrasts.len();
+        let mut poses = Vec::new();
+        for group in groups.iter().filter(|group| group.len() > 1) {
+            let all: Vec<&AveragedVisit> = group.iter().map(|&visit| &visits[visit]).collect();
+            poses.push((all[0].first, contrasts.len()));
+            contrasts.push(between(&all));
+        }
+        if poses.is_empty() {
+            return None;
+        }
+        let ReturnVariances {
+            classes,
+            variances,
+            information,
+        } = components(&contrasts, joints.len(), within > 0)?;
+        let first = usize::from(within > 0);
+        let errors = Cholesky::new(information)?.inverse();
+        let of = |place: usize| estimated(variances[place], errors[(place, place)]);
+        let repeatability = |&(row, place): &(usize, usize)| {
+            let moved = contrasts[place].joints.rows(0, 3);
+            let covariance = classes
+                .iter()
+                .enumerate()
+                .flat_map(|(class, own)| own.iter().map(move |&joint| (class, joint)));
+            let covariance = covariance.fold(DMatrix::zeros(3, 3), |sum, (class, joint)| {
+                let column = moved.column(joint);
+                sum + column * column.transpose() * variances[first + class]
+            });
+            Some((row, pose_repeatability(&covariance)?))
+        };
+        Some(RepeatComponents {
+            reading: (within > 0).then(|| of(0)),
+            poses: poses.iter().filter_map(repeatability).collect(),
+            visit: (classes.iter().enumerate())
+                .map(|(class, own)| JointReturn {
+                    joints: own.iter().map(|&joint| joints[joint]).collect(),
+                    deviation: of(first + class),
+                })
+                .collect(),
+        })
+    }
+}
+
+/// A visit with the readings of each target averaged; what these differ by within it are contrasts of their own.
+fn averaged(
+    case: &AbsoluteCase<'_>,
+    rows: &[LinearReading],
+    visit: &[usize],
+    contrasts: &mut Vec<Contrasts>,
+) -> AveragedVisit {
+    let mut targets: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+    for &index in visit {
+        let setup = &case.observations[index].setup;
+        let target = targets.entry((setup.station, setup.target));
+        target.or_default().push(index);
+    }
+    let size = targets
+        .values()
+        .map(|own| rows[own[0]].residual.len())
+        .sum();
+    let joints = rows[visit[0]].joints.ncols();
+    let mut all = AveragedVisit {
+        first: visit[0],
+        read: targets.keys().copied().collect(),
+        residual: DVector::zeros(size),
+        own: DMatrix::zeros(size, size),
+        joints: DMatrix::zeros(size, joints),
+    };
+    let mut at = 0;
+    for own in targets.values() {
+        let count = rows[own[0]].residual.len();
+        let share = (own.len() as f64).recip();
+        let sum = own.iter().fold(DVector::zeros(count), |sum, &index| {
+            sum + &rows[index].residual
+        });
+        let covariance = own
+            .iter()
+            .fold(DMatrix::zeros(count, count), |sum, &index| {
+                sum + &rows[index].own
+            });
+        let mean = sum * share;
+        if own.len() > 1 {
+            let scatter = own.iter().map(|&index| &rows[index].residual - &mean);
+            contrasts.push(Contrasts {
+                scatter: scatter.fold(DMatrix::zeros(count, count), |sum, off| {
+                    sum + &off * off.transpose()
+                }),
+                count: own.len() as f64 - 1.0,
+                own: &covariance * share,
+                joints: DMatrix::zeros(count, joints),
+            });
+        }
+        all.residual.rows_mut(at, count).copy_from(&mean);
+        (all.own.view_mut((at, at), (count, count))).copy_from(&(covariance * (share * share)));
+        all.joints
+            .rows_mut(at, count)
+            .copy_from(&rows[own[0]].joints);
+        at += count;
+    }
+    all
+}
+
+/// The contrasts of visits of one pose.
+fn between(visits: &[&AveragedVisit]) -> Contrasts {
+    let share = (visits.len() as f64).recip();
+    let size = visits[0].residual.len();
+    let mean = visits
+        .iter()
+        .fold(DVector::zeros(size), |sum, each| sum + &each.residual)
+        * share;
+    let off = visits.iter().map(|each| &each.residual - &mean);
+    Contrasts {
+        scatter: off.fold(DMatrix::zeros(size, size), |sum, off| {
+            sum + &off * off.transpose()
+        }),
+        count: visits.len() as f64 - 1.0,
+        own: visits
+            .iter()
+            .fold(DMatrix::zeros(size, size), |sum, each| sum + &each.own)
+            * share,
+        joints: visits[0].joints.clone(),
+    }
+}
+
+/// All variances, and which joints have one in common.
+fn components(
+    contrasts: &[Contrasts],
+    joints: usize,
+    is_reading_estimated: bool,
+) -> Option<ReturnVariances> {
+    let is_moving = |&joint: &usize| {
+        contrasts
+            .iter()
+            .any(|each| each.joints.column(joint).amax() > 0.0)
+    };
+    let moving: Vec<usize> = (0..joints).filter(is_moving).collect();
+    let numbers: f64 = contrasts
+        .iter()
+        .map(|each| each.count * each.own.nrows() as f64)
+        .sum();
+    let mut classes: Vec<Vec<usize>> = if numbers < NUMBERS_PER_VARIANCE * (moving.len() + 1) as f64
+    {
+        vec![moving]
+    } else {
+        moving.into_iter().map(|joint| vec![joint]).collect()
+    };
+    let first = usize::from(is_reading_estimated);
+    loop {
+        let model = ReturnModel {
+            contrasts,
+            classes: &classes,
+            is_reading_estimated,
+        };
+        let variances = model.likeliest()?;
+        let information = model.improved(&variances)?.1;
+        let inverse = Cholesky::new(information.clone()).map(|factor| factor.inverse());
+        let is_inflated = |place: usize| {
+            let own = information[(place, place)];
+            inverse
+                .as_ref()
+                .is_none_or(|inverse| inverse[(place, place)] * own > INFLATED)
+        };
+        let alike = |one: usize, other: usize| {
+            let size = information[(one, one)] * information[(other, other)];
+            information[(one, other)] / size.sqrt()
+        };
+        let inflated = (first..variances.len()).filter(|&place| is_inflated(place));
+        // The two that are told apart worst become one.
+        let pairs = inflated.flat_map(|one| {
+            let others = (first..variances.len()).filter(move |other| *other != one);
+            others.map(move |other| (one, other))
+        });
+        let worst =
+            pairs.max_by(|one, other| alike(one.0, one.1).total_cmp(&alike(other.0, other.1)));
+        let Some((one, other)) = worst else {
+            return Some(ReturnVariances {
+                classes,
+                variances,
+                information,
+            });
+        };
+        let joined = classes.remove(one.max(other) - first);
+        let class = &mut classes[one.min(other) - first];
+        class.extend(joined);
+        class.sort_unstable();
+    }
+}
+
+/// Contrasts with joints by their classes.
+struct ReturnModel<'a> {
+    contrasts: &'a [Contrasts],
+    classes: &'a [Vec<usize>],
+    is_reading_estimated: bool,
+}
+
+impl ReturnModel<'_> {
+    /// How each variance moves the covariance of a contrast.
+    fn parts(&self, of: &Contrasts) -> Vec<DMatrix<f64>> {
+        let own = self.is_reading_estimated.then(|| of.own.clone());
+        let returns = self.classes.iter().map(|class| {
+            let moved = of.joints.select_columns(class);
+            &moved * moved.transpose()
+        });
+        own.into_iter().chain(returns).collect()
+    }
+
+    /// The likeliest variances: from half of what contrasts scatter on.
+    fn likeliest(&self) -> Option<Vec<f64>> {
+        let (mut square, mut moved) = (0.0, 0.0);
+        for each in self.contrasts {
+            square += each.scatter.trace();
+            moved += each.count * each.joints.norm_squared();
+        }
+        let mut variances =
+            vec![0.5 * square / f64::max(moved, f64::MIN_POSITIVE); self.classes.len()];
+        if self.is_reading_estimated {
+            variances.insert(0, 1.0);
+        }
+        for _ in 0..ROUNDS {
+            let (next, _) = self.improved(&variances)?;
+            let change = next.iter().zip(&variances).map(|(next, before)| {
+                (next.sqrt() - before.sqrt()).abs() / before.sqrt().max(f64::MIN_POSITIVE)
+            });
+            let change = change.fold(0.0, f64::max);
+            variances = next;
+            if change < FOUND {
+                break;
+            }
+        }
+        Some(variances)
+    }
+
+    /// Likelier variances, and the expected information of those that were given.
+    fn improved(&self, variances: &[f64]) -> Option<(Vec<f64>, DMatrix<f64>)> {
+        let count = variances.len();
+        let mut sums = vec![[0.0; 2]; count];
+        let mut information = DMatrix::zeros(count, count);
+        for each in self.contrasts {
+            let parts = self.parts(each);
+            let mut covariance = if self.is_reading_estimated {
+                DMatrix::zeros(each.own.nrows(), each.own.nrows())
+            } else {
+                each.own.clone()
+            };
+            for (part, variance) in parts.iter().zip(variances) {
+                covariance += part * *variance;
+            }
+            let weight = Cholesky::new(covariance)?.inverse();
+            let weighed: Vec<DMatrix<f64>> = parts.iter().map(|part| &weight * part).collect();
+            let scatter = &weight * &each.scatter;
+            for (row, one) in weighed.iter().enumerate() {
+                sums[row][0] += (one * &scatter).trace();
+                sums[row][1] += each.count * one.trace();
+                for (column, other) in weighed.iter().enumerate() {
+                    information[(row, column)] += 0.5 * each.count * one.dot(&other.transpose());
+                }
+            }
+        }
+        let improved = variances
+            .iter()
+            .zip(&sums)
+            .map(|(variance, [square, expected])| {
+                variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
+            });
+        Some((improved.collect(), information))
+    }
+}
+
+/// A deviation by its variance and the variance of that.
+fn estimated(variance: f64, spread: f64) -> EstimatedDeviation {
+    let degrees_of_freedom = 2.0 * variance * variance / spread;
+    let quantile = |share: f64| {
+        let distribution = ChiSquared::new(degrees_of_freedom).ok();
+        distribution.map(|each| (variance * degrees_of_freedom / each.inverse_cdf(share)).sqrt())
+    };
+    let interval95 = if degrees_of_freedom >= FEWEST_DEGREES {
+        [quantile(0.975), quantile(0.025)].map(|end| end.unwrap_or(f64::INFINITY))
+    } else {
+        [0.0, (variance + 1.96 * spread.sqrt()).sqrt()]
+    };
+    EstimatedDeviation {
+        value: variance.sqrt(),
+        interval95,
+        degrees_of_freedom,
+    }
+}

@@ -1,0 +1,123 @@
+//! Variance components of repeated visits: how each joint returns, and what readings of one visit do not share.
+
+use std::cell::RefCell;
+
+use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights, RepeatComponents};
+use elastocal::measurement::{AbsoluteReading, absolute_table};
+use elastocal::numeric::random::generator;
+use elastocal::scenario::Scenario;
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use crate::model_selection::read_where;
+use crate::one_fit::{between, normal, seen_arm, ur10, workplace};
+use crate::support::scenario_text;
+
+/// How each joint returns (rad).
+const RETURNS: [f64; 6] = [5e-5, 3e-5, 4e-5, 1e-4, 8e-5, 1.2e-4];
+
+/// Visits of poses in turn, each read so many times.
+fn visits(seed: u64, poses: usize, visits: usize, times: usize) -> Vec<AbsoluteReading> {
+    let mut random = generator(51, seed);
+    let arm = seen_arm(&mut random, &ur10(), 1, 1);
+    let commands: Vec<DVector<f64>> = (0..poses)
+        .map(|_| DVector::from_fn(6, |_, _| between(&mut random, -2.6, 2.6)))
+        .collect();
+    let returns = RefCell::new((generator(52, seed), Vec::new(), 0));
+    let gear = |joint: usize, _: f64| {
+        let (random, visit, calls) = &mut *returns.borrow_mut();
+        // All readings of a visit share it.
+        if *calls % (6 * times) == 0 {
+            *visit = RETURNS.map(|each| each * normal(random)).to_vec();
+        }
+        *calls += 1;
+        visit[joint]
+    };
+    let told = |reading: usize, _: &mut _| commands[reading / times % poses].clone();
+    let count = poses * visits * times;
+    let mut readings = read_where(&mut random, &arm, (count, 0.0), told, &gear);
+    for (place, reading) in readings.iter_mut().enumerate() {
+        reading.visit = (times > 1).then(|| format!("v{}", place / times));
+    }
+    readings
+}
+
+fn components(scenario: &Scenario, readings: &[AbsoluteReading]) -> RepeatComponents {
+    let mut case = AbsoluteCase::new(&scenario.task.belief, readings).expect("readings");
+    let fit = case.fit(&[ParameterGroup::Frames], ReadingWeights::AsNeeded);
+    case.repeat_components(&fit.expect("a fit"))
+        .expect("repeats")
+}
+
+/// Intervals of 95 % hold the true standard deviations: of 240, fewer than 216 with a probability below 1e-3.
+#[test]
+fn joint_returns_lie_in_their_intervals() {
+    const CAMPAIGNS: u64 = 40;
+    let scenario = ur10();
+    let held: Vec<[usize; 2]> = (0..CAMPAIGNS)
+        .into_par_iter()
+        .map(|seed| {
+            let found = components(&scenario, &visits(seed, 8, 12, 1));
+            assert!(found.reading.is_none());
+            assert_eq!(found.poses.len(), 8);
+            let joints = found.visit.iter().filter(|each| each.joints.len() == 1);
+            let is_held = joints.map(|each| {
+                let [low, high] = each.deviation.interval95;
+                (low..=high).contains(&RETURNS[each.joints[0]])
+            });
+            let is_held: Vec<bool> = is_held.collect();
+            [is_held.iter().filter(|held| **held).count(), is_held.len()]
+        })
+        .collect();
+    let [held, all] = [0, 1].map(|place| held.iter().map(|each| each[place]).sum::<usize>());
+    println!("{held} of {all}");
+    assert_eq!(all, 240);
+    assert!(held >= 216, "{held} of {all}");
+}
+
+/// Readings that scatter twice as much as is stated are told from returns where each visit has two.
+#[test]
+fn readings_of_one_visit_tell_their_noise() {
+    let mut readings = visits(50, 8, 12, 2);
+    for reading in &mut readings {
+        reading.covariance = reading.covariance.map(|covariance| covariance * 0.25);
+    }
+    let found = components(&ur10(), &readings);
+    let reading = found.reading.expect("it is told");
+    // 576 numbers within visits alone: known to 3 %.
+    assert!((reading.value / 2.0 - 1.0).abs() < 0.12, "{reading:?}");
+    assert!(reading.degrees_of_freedom > 500.0, "{reading:?}");
+}
+
+/// A file of repeats gives tables that a plan takes as they are; what few poses do not tell apart is said.
+#[test]
+fn repeats_become_error_sources() {
+    let place = workplace(&visits(60, 8, 12, 1));
+    let identify =
+        "identify s.toml --measurements m.csv --parameters frames --uncertainties-out u.toml";
+    let found = place.run(&format!("{identify} --json --quiet")).json();
+    let components = &found["repeat_components"];
+    assert_eq!(components["components"].as_array().map(Vec::len), Some(6));
+    let sentences = components["not_separated"].as_array().expect("sentences");
+    assert_eq!(sentences.len(), 1, "{components}");
+    let tables = place.read("u.toml");
+    assert_eq!(tables.matches("joint_repeatability").count(), 6, "{tables}");
+    place.write("f.toml", scenario_text("ur10") + &tables);
+    let planned = place
+        .run("plan f.toml --no-proof --experiments 4 --json --quiet")
+        .json();
+    let sources = planned["uncertainty_budget"].to_string();
+    assert!(sources.contains("elbow repeatability"), "{sources}");
+    // A source is of the difference of two visits.
+    let of = &components["components"][0];
+    let visit_rad = of["standard_uncertainty"].as_f64().expect("a number") * 1e-3;
+    let told = format!("{:.3e}", visit_rad * std::f64::consts::SQRT_2 * 1e3);
+    let told = format!("std_mrad = {}", told.parse::<f64>().expect("a number"));
+    assert!(tables.contains(&told), "{told}: {tables}");
+    // Few numbers: all joints have one variance.
+    place.write("m.csv", absolute_table(&6.into(), &visits(61, 4, 2, 1)));
+    let few = place.run(&format!("{identify} --json --quiet")).json();
+    let few = &few["repeat_components"];
+    let sentences = few["not_separated"].as_array().expect("sentences");
+    assert!(sentences.len() > 1, "{few}");
+}
