@@ -21,7 +21,7 @@ use super::blocks::{Blocks, FEWEST_BLOCKS};
 use super::mixed::{MixedModel, SumVariances, known_alone};
 use super::unknowns::is_geometry;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
-use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, Parameter, ParameterKind};
 
 /// Series of one robot are said to contradict each other in one of a hundred comparisons.
 pub const CONTRADICTION: f64 = 0.01;
