@@ -56,8 +56,9 @@ pub fn identify_absolute<'a>(
             None => source,
         }
     };
-    let mut case = AbsoluteCase::new(belief, readings).map_err(mistaken)?;
-    case.keeps_all = keeps_all;
+    let case = AbsoluteCase::new(belief, readings).map_err(mistaken)?;
+    let mut case = case.counting_sources();
+    case.keeps_all |= keeps_all;
     let likely = case.likely_input_error();
     let fit = case.fit(groups, weights).map_err(mistaken)?;
     // Geometry and elasticity may explain what frames alone do not.
@@ -120,9 +121,10 @@ fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
 }
 
 /// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
-/// by themselves.
+/// by themselves. Distances count them.
 pub fn uncounted(belief: &Belief) -> Vec<String> {
     let uncertain = belief.uncertain.iter();
+    let uncertain = uncertain.filter(|_| belief.instrument.distance.is_none());
     let sources = uncertain.flat_map(|each| each.sources().map(|(name, _)| name.to_owned()));
     sources.collect()
 }

@@ -43,6 +43,7 @@
 //! - `parameters`: derivatives by any parameter beside MuJoCo's Jacobians.
 //! - `priors`: an earlier identification as what is known before.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
+//! - `ballbars`: distances from places in the room: predictions, files, refusals.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
 //! - `plan_conditions`: what is said of a plan before its accuracy is relied on; repeats beside their bound.
@@ -114,6 +115,7 @@ mod absolute_trials;
 mod backlash;
 mod bad_input;
 mod bad_starts;
+mod ballbars;
 mod bounds;
 mod braced_arms;
 mod broken_streams;

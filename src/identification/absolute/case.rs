@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Translation3, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::super::copies::{CopiedReadings, ReadBits};
 use super::super::frames::{MountedFrames, RobustFrames, Sight, reach};
@@ -10,10 +10,10 @@ use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
 use super::visits::visits;
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Observation, Reading, ReadingKind, Setup, SharedErrors, Whitener};
+use crate::observation::{Observation, Reading, Setup, SharedErrors, Whitener};
 use crate::parameter::ElasticArm;
 use crate::robot::{KinematicState, Kinematics, Load, SerialChain, Tool};
-use crate::task::{Belief, station_named};
+use crate::task::Belief;
 
 /// Readings spread by more, or by less, than this many times what the robot does are in another unit.
 const OTHER_UNIT: f64 = 8.0;
@@ -149,41 +149,6 @@ impl<'a> AbsoluteCase<'a> {
         let frames = (0..case.stations.len()).map(|station| case.placed_frame(station));
         case.arm.instrument_from_base = frames.collect::<Result<_, _>>()?;
         Ok(case)
-    }
-
-    /// Where a station is begun with: where the robot's own world is; the point of one that distances are read from, where the planner's
-    /// model has it, with the axes of the robot's base.
-    fn placed_frame(&self, station: usize) -> Result<Isometry3<f64>, AbsoluteError> {
-        if !self.is_point(station) {
-            return Ok(Isometry3::identity());
-        }
-        let name = self.stations[station].as_deref();
-        let place = station_named(&self.belief.stations, name);
-        let place = place.ok_or_else(|| AbsoluteError::NoPlace(name.map(str::to_owned)))?;
-        Ok(Translation3::from(-place.position_m).into())
-    }
-
-    /// Whether distances alone are read from a station: its axes show in none of them.
-    pub fn is_point(&self, station: usize) -> bool {
-        let mut readings = (self.observations.iter()).filter(|each| each.setup.station == station);
-        readings.all(|each| each.reading.kind() == ReadingKind::Distance)
-    }
-
-    /// Whether distances are read.
-    pub fn reads_distances(&self) -> bool {
-        let mut readings = self.observations.iter();
-        readings.any(|each| each.reading.kind() == ReadingKind::Distance)
-    }
-
-    /// Refuses distances for what is made of three coordinates, in words.
-    ///
-    /// # Errors
-    /// Distances are read.
-    pub fn needs_positions(&self, what: &'static str) -> Result<(), AbsoluteError> {
-        if self.reads_distances() {
-            return Err(AbsoluteError::Distances(what));
-        }
-        Ok(())
     }
 
     /// The same where readings, weighed by their own covariances, share errors besides.

@@ -93,8 +93,8 @@ pub enum AbsoluteError {
     #[error("nothing says how precise the {0} are: instrument.reads is of another kind")]
     NoSigma(&'static str),
     /// Distances from where nobody knows.
-    #[error("distances are read from {}, and the scenario has no such [[station]]", .0.as_ref().map_or_else(|| "no station".to_owned(), |name| format!("station {name:?}")))]
-    NoPlace(Option<String>),
+    #[error("distances are read from {0}, and the scenario has no such [[station]]")]
+    NoPlace(String),
     /// What takes positions.
     #[error("distances are read, and {0} of three coordinates")]
     Distances(&'static str),

@@ -8,6 +8,7 @@
 mod blocks;
 mod case;
 mod discrepancy;
+mod distances;
 mod error;
 mod fit;
 mod inconsistencies;
