@@ -95,7 +95,7 @@ fn files_of_distances_are_read_as_they_are_written() {
     let json = place.json("identify s.toml --measurements read.csv --identified-out robot.json");
     assert_eq!(json["numbers"], 24);
     let stations = json["stations"].as_array().expect("a list");
-    assert_eq!(stations.len(), 1);
+    assert_eq!(stations.len(), 2);
     for (station, cup) in stations.iter().zip(&scenario.task.belief.stations) {
         assert!(station["quaternion"].is_null() && station["rotation_std_mrad"].is_null());
         // Where the robot's base is, from the cup.
