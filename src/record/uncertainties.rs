@@ -170,6 +170,10 @@ impl RepeatComponentsMessage {
             component("visit", names, if slides { "mm" } else { "mrad" }, 1e3, each.deviation)
         });
         let components = reading.into_iter().chain(visits).collect();
+        not_separated.extend(found.hidden.iter().map(|&joint| {
+            let name = &joints[joint].name;
+            format!("{name} does not show: a target off its axis, or rotations, would tell")
+        }));
         Self {
             components,
             poses: (found.poses.iter())

@@ -284,10 +284,12 @@ impl<'a> ReadingRuns<'a> {
 
 /// What the virtual robots differ in: what the scenario lists, and what is unknown and of which nothing is known.
 fn uncertainties(truth: &Truth, planning: &AbsolutePlanning<'_>) -> Vec<Uncertainty> {
-    let unknown = planning.set().parameters().iter();
-    let drawn: Vec<(ParameterKind, f64)> = unknown
-        .filter(|parameter| parameter.prior_deviation.is_none())
-        .filter_map(|parameter| match parameter.kind {
+    let set = planning.set();
+    // What the scenario lists of compliances that are identified is a precision without a deviation of its own.
+    let is_known = |place: usize| set.prior().precision[(place, place)] > 0.0;
+    let drawn: Vec<(ParameterKind, f64)> = (set.parameters().iter().enumerate())
+        .filter(|&(place, _)| !is_known(place))
+        .filter_map(|(_, parameter)| match parameter.kind {
             kind @ (ParameterKind::JointZero { .. }
             | ParameterKind::LinkPosition { .. }
             | ParameterKind::LinkRotation { .. }

@@ -26,6 +26,8 @@ const ROUNDS: usize = 500;
 const FOUND: f64 = 1e-5;
 /// So many numbers at least for each variance, else all joints have one.
 const NUMBERS_PER_VARIANCE: f64 = 4.0;
+/// A joint that moves what is read by less than this share of what another does is not shown: its axis goes through the target.
+const SHOWN: f64 = 1e-3;
 /// A variance that is known so many times worse beside the others than by itself is not told from them.
 const INFLATED: f64 = 100.0;
 /// With fewer effective degrees of freedom no variance is known to be above zero.
@@ -58,6 +60,8 @@ pub struct RepeatComponents {
     pub reading: Option<EstimatedDeviation>,
     /// What is new at each visit.
     pub visit: Vec<JointReturn>,
+    /// The joints whose returns do not show.
+    pub hidden: Vec<usize>,
     /// The pose repeatability RP (m) of each pose that was visited again, without the instrument's noise, and its first reading from 0.
     pub poses: Vec<(usize, f64)>,
 }
@@ -143,6 +147,10 @@ impl AbsoluteCase<'_> {
         Some(RepeatComponents {
             reading: (within > 0).then(|| of(0)),
             poses: poses.iter().filter_map(repeatability).collect(),
+            hidden: (joints.iter().enumerate())
+                .filter(|(place, _)| !classes.iter().any(|class| class.contains(place)))
+                .map(|(_, &joint)| joint)
+                .collect(),
             visit: (classes.iter().enumerate())
                 .map(|(class, own)| JointReturn {
                     joints: own.iter().map(|&joint| joints[joint]).collect(),
@@ -240,12 +248,14 @@ fn components(
     joints: usize,
     is_reading_estimated: bool,
 ) -> Option<ReturnVariances> {
-    let is_moving = |&joint: &usize| {
-        contrasts
-            .iter()
-            .any(|each| each.joints.column(joint).amax() > 0.0)
+    let moved = |joint: usize| {
+        let columns = contrasts.iter().map(|each| each.joints.column(joint));
+        columns.map(|column| column.amax()).fold(0.0, f64::max)
     };
-    let moving: Vec<usize> = (0..joints).filter(is_moving).collect();
+    let most = (0..joints).map(moved).fold(0.0, f64::max);
+    let moving: Vec<usize> = (0..joints)
+        .filter(|&joint| moved(joint) > SHOWN * most)
+        .collect();
     let numbers: f64 = contrasts
         .iter()
         .map(|each| each.count * each.own.nrows() as f64)
