@@ -28,7 +28,7 @@ use super::{Report, without_effect};
 pub struct Evaluate {
     #[command(flatten)]
     pub args: PlanArgs,
-    /// By which criterion no plan is better than the bound that is searched; of test-pose it is proved
+    /// The criterion of the bound that no plan can beat; of test-pose it is proved
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
     /// Sample so many virtual robots, measure each by the plan, identify it, and compare residual errors with the predicted

@@ -12,6 +12,8 @@ const EXAMPLES: usize = 2;
 /// The screen has so many columns, and of these the help of an option so many.
 const COLUMNS: usize = 100;
 const WORDS: usize = 70;
+/// What is said around possible values takes so many columns.
+const LABEL: usize = 20;
 
 /// The program's command line, with the help that these words ask for, if they do.
 pub fn program(words: &[OsString]) -> Command {
@@ -105,7 +107,7 @@ fn brief(option: Arg) -> Arg {
     let values = option.get_possible_values();
     let length: usize = values.iter().map(|value| value.get_name().len() + 2).sum();
     option
-        .hide_possible_values(first.len() + length > WORDS)
+        .hide_possible_values(first.len() + length + LABEL > WORDS)
         .help(first)
         .long_help(Resettable::Reset)
 }

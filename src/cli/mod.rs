@@ -188,7 +188,7 @@ enum Command {
         after_help = "Examples:\n  elastocal study scenarios/klimchik2012.toml\n  elastocal study scenarios/klimchik2012.toml --trials 1000000 --resume tally.json\n  elastocal study --shard 2/8 --tally-out part_2.json\n  elastocal study absolute.toml --parameters zeros --candidates stops.csv"
     )]
     Study(study::StudyCommand),
-    /// Choose a few of many absolute readings in several ways, calibrate with each, and validate on all others
+    /// Choose a few of many absolute readings in several ways, calibrate with each, validate on others
     #[command(
         after_help = "Examples:\n  elastocal select --measurements poses.csv --parameters geometry --sizes 20,40 --plot-out select.svg\n  elastocal select --measurements poses.csv --sizes 12 --draws 1000 --campaigns 3"
     )]

@@ -43,7 +43,7 @@ pub struct Next {
     /// Experiments of the plan that turned out impossible: others take their place.
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', requires = "plan")]
     skip: Vec<usize>,
-    /// New configurations differ from those by more than this in some joint (deg).
+    /// How much new configurations differ from those (deg); in some joint.
     #[arg(long, value_name = "DEG", default_value_t = 10.0, value_parser = angle)]
     skip_within_deg: f64,
     /// The accuracy that is wanted at the test poses (rms, um): as few measurements as give it.

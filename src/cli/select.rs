@@ -43,7 +43,7 @@ pub struct Select {
     /// How many random choices of each size.
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(0..=10_000))]
     draws: u32,
-    /// How often to read a robot without discrepancy, in comparison.
+    /// How many robots without discrepancy to compare with.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(0..=1000))]
     campaigns: u32,
     /// Where to draw what came of it (SVG).

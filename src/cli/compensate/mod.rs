@@ -44,7 +44,7 @@ pub struct Compensate {
     /// Where to write the angles to command, as CSV.
     #[arg(long, value_name = "FILE")]
     angles_out: Option<PathBuf>,
-    /// The folder for a robot's program that leads to the compensated test poses.
+    /// The folder for a robot's program through the compensated test poses.
     #[arg(long, value_name = "FOLDER")]
     program_out: Option<PathBuf>,
     /// The dialect of the program: krl, urscript, or a file that ends in .toml; the scenario's if not given.
@@ -161,7 +161,7 @@ impl Compensate {
         check_outputs(&mut roles, &[("--angles-out", self.angles_out.as_deref())])
     }
 
-    /// The program that leads to the compensated test poses.
+    /// The program through the compensated test poses.
     fn program(
         &self,
         scenario: &Scenario,
