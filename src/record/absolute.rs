@@ -117,14 +117,8 @@ pub struct JointErrorMessage {
     pub length: f64,
     /// Angles in ascending order (rad; m).
     pub knots: Vec<f64>,
-    /// By how much further than commanded the joint stands there (rad; m), slow waves aside.
+    /// By how much further than commanded the joint stands there (rad; m).
     pub values: Vec<f64>,
-    /// The amplitudes of slow waves (rad): sine and cosine of its angle, of its double, and so on.
-    #[serde(default)]
-    pub waves: Vec<f64>,
-    /// The largest at a knot, waves included (rad; m).
-    #[serde(default)]
-    pub largest: f64,
     /// How much larger or smaller all errors of positions are at its angles: coefficients of Legendre polynomials P_k / k from the
     /// first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
     #[serde(default)]
@@ -141,8 +135,7 @@ pub struct UnexplainedMessage {
     pub joints: Vec<JointErrorMessage>,
     /// By how much the unknowns, in their order and units, are off together with that.
     pub shift: Vec<f64>,
-    /// The lower triangle, row by row, of the covariance of the unknowns, of the amplitudes of the joints' waves and of their values at
-    /// their knots.
+    /// The lower triangle, row by row, of the covariance of the unknowns and of the joints' values at their knots.
     pub covariance: Vec<Vec<f64>>,
     /// The standard deviation of each coordinate of a position that joints do not explain either (mm).
     pub remainder_mm: f64,
@@ -279,8 +272,6 @@ fn discrepancy_model(
                 length: each.process.length,
                 knots: each.process.knots.clone(),
                 values: each.values.clone(),
-                waves: each.waves.clone(),
-                largest: each.largest(),
                 spread_of_positions: each.spread[0].clone(),
                 spread_of_rotations: each.spread[1].clone(),
             })

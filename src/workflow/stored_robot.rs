@@ -39,7 +39,7 @@ const BEYOND: f64 = 0.1;
 /// and no nearer than this (rad; m).
 const LEAST_BEYOND: f64 = 0.05;
 
-/// The angles that were read of a robot whose errors elsewhere are not known.
+/// The angles that were read of a robot in whose readings a model discrepancy remains.
 #[derive(Debug, Clone, Default)]
 pub struct ReadRanges(Vec<ReadRange>);
 
@@ -170,11 +170,9 @@ impl StoredRobot {
         Ok(set.apply(arm, &values))
     }
 
-    /// The angles that were read, where the model left a discrepancy and no joint error functions say how large that is elsewhere.
+    /// The angles that were read, where the model left a discrepancy.
     pub fn read_ranges(&self) -> ReadRanges {
-        let is_told =
-            (self.message.discrepancy_model.as_ref()).is_some_and(|model| !model.joints.is_empty());
-        if is_told || self.message.discrepancy_mm.is_none() {
+        if self.message.discrepancy_mm.is_none() {
             return ReadRanges::default();
         }
         ReadRanges(self.message.ranges_read.clone())
@@ -305,8 +303,7 @@ impl StoredRobot {
         };
         let discrepancy_model = |(key, problem)| wrong(format!("discrepancy_model.{key}"), problem);
         let joints = joint_errors(&found.joints, arm).map_err(discrepancy_model)?;
-        let of_joint = |each: &JointError| each.waves.len() + each.values.len();
-        let knots = joints.iter().map(of_joint).sum::<usize>();
+        let knots = joints.iter().map(|each| each.values.len()).sum::<usize>();
         let rows = whole(&found.covariance, unknowns + knots).map_err(discrepancy_model)?;
         if found.shift.len() != unknowns {
             let count = found.shift.len();
@@ -388,7 +385,6 @@ fn joint_errors(
             },
             deviation: each.deviation,
             values: each.values.clone(),
-            waves: each.waves.clone(),
             spread: [positions.clone(), rotations.clone()],
         });
     }

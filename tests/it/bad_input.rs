@@ -92,7 +92,7 @@ const SCENARIO_EDITS: &[Edit] = &[
     ("seed = 1", "seed = \"one\"", &["seed", "line 2", "string \"one\"", "u64"], None),
     ("seed = 1", "seed = -1", &["seed", "line 2", "`-1`"], None),
     ("0.03", "\"0.03\"", &["instrument.sigma_mm", "line 12", "f64"], None),
-    ("\"deflection\"", "\"positions\"", &["instrument.sigma_of", "`positions`", "`deflection` or `position`"], Some("did you mean `position`?")),
+    ("\"deflection\"", "\"positions\"", &["instrument.sigma_of", "`positions`", "`deflection`, `position`, `distance`"], Some("did you mean `position`?")),
     ("force_n = [0, 280, -180]", "force_n = [0, 280]", &["test_pose[0].force_n"], None),
     // Numbers.
     ("0.03", "nan", &["instrument.sigma_mm", "found NaN", "positive number"], None),

@@ -170,7 +170,7 @@ fn what_series_owe_to_one_prior_is_not_compared() {
     let [one, other] = [0, 1].map(|_| read_of(&mut random, &arm, 60, 0.0, &gear));
     let place = workplace(&one);
     place.write("other.csv", absolute_table(&6.into(), &other));
-    let known = "\n[[uncertainty]]\nkind = \"compliance\"\nstd_relative = 0.2\n";
+    let known = "\n[[uncertainty]]\nkind = \"compliance\"\njoints = [\"shoulder_pan\"]\nstd_relative = 0.2\n";
     let all = "parameters = [\"shoulder_pan\", ";
     let text = place.read("s.toml").replace("parameters = [", all) + known;
     place.write("s.toml", text);

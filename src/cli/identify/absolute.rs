@@ -251,11 +251,15 @@ fn describe(message: &AbsoluteMessage) -> String {
 /// What the discrepancy consists of.
 fn discrepancy_model(found: &UnexplainedMessage) -> String {
     let rows = (found.joints.iter()).map(|each| {
+        let largest = (each.values.iter())
+            .copied()
+            .map(f64::abs)
+            .fold(0.0, f64::max);
         vec![
             each.joint.clone(),
             format!("{:.4}", each.deviation * 1e3),
             format!("{:.1}", each.length.to_degrees()),
-            format!("{:.4}", each.largest * 1e3),
+            format!("{:.4}", largest * 1e3),
         ]
     });
     let header = "joint | off by [mrad] | alike within [deg] | largest [mrad]";

@@ -149,7 +149,7 @@ impl AbsoluteCase<'_> {
         let without = blocks.without(set, &fit)?;
         let mixed = of_all.discrepancy.and_then(|discrepancy| {
             let (_, mixed) = self.mixed(set, &fit, discrepancy)?;
-            Some(mixed.with_waves(&self.commanded_turns()).for_parameters())
+            Some(mixed.with_waves(&self.commanded_turns()))
         });
         let estimate = |(place, parameter): (usize, &Parameter)| {
             fit.posterior.standard_error(place)?;

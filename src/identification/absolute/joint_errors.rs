@@ -3,13 +3,13 @@
 //!
 //! ```text
 //! y = h(x) + sum_j J_j e_j(q_j) + m + noise
-//! cov(e_j(q), e_j(q')) = s_j^2 (exp(-|q - q'| / l_j) + 4 sum_k cos(k (q - q'))),  k = 1 to 3      new functions for each joint
+//! cov(e_j(q), e_j(q')) = s_j^2 exp(-|q - q'| / l_j)         new functions for each joint
 //! cov(m) = diag(p^2, r^2)                                    new at each visit
 //! ```
 //!
 //! Gears, encoders and bearings make such errors; so do, over a part of joint space, effects that no parameter has. Readings
 //! at like angles of one joint share its error, however far apart they are else: that is what makes neighbours alike, and
-//! intervals from independent errors too small. Slow waves k hide in the parameters at the angles that were read, and show at others.
+//! intervals from independent errors too small.
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 
@@ -25,11 +25,6 @@ pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
 /// Commands are corrected so often: each time what is left is smaller by the error's slope.
 const CORRECTIONS: usize = 8;
 
-/// Sine and cosine of an angle, of its double, and so on.
-pub(super) fn slow_waves(angle: f64) -> impl Iterator<Item = f64> {
-    (1..).flat_map(move |order| <[f64; 2]>::from((f64::from(order) * angle).sin_cos()))
-}
-
 /// What one joint is off by.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointError {
@@ -39,10 +34,8 @@ pub struct JointError {
     pub process: OrnsteinUhlenbeck,
     /// Its standard deviation (rad; m where it slides).
     pub deviation: f64,
-    /// Its values at the knots: the joint stands by so much further than commanded, slow waves aside.
+    /// Its values at the knots: the joint stands by so much further than commanded.
     pub values: Vec<f64>,
-    /// The amplitudes of slow waves (rad): sine and cosine of the angle, of its double, and so on; none where it slides.
-    pub waves: Vec<f64>,
     /// How much larger or smaller all errors of positions and of rotations are at its angles: coefficients of Legendre polynomials
     /// P_k / k from the first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
     pub spread: [Vec<f64>; 2],
@@ -53,15 +46,7 @@ impl JointError {
     pub fn at(&self, commanded: f64) -> f64 {
         let between = self.process.between(commanded);
         let each = between.knots.into_iter().zip(between.weights);
-        let near: f64 = each.map(|(knot, weight)| weight * self.values[knot]).sum();
-        let waves = self.waves.iter().zip(slow_waves(commanded));
-        near + waves.map(|(amplitude, wave)| amplitude * wave).sum::<f64>()
-    }
-
-    /// The largest at a knot.
-    pub fn largest(&self) -> f64 {
-        let knots = self.process.knots.iter();
-        knots.map(|&knot| self.at(knot).abs()).fold(0.0, f64::max)
+        each.map(|(knot, weight)| weight * self.values[knot]).sum()
     }
 
     /// The logarithm of the factor by which squares of errors of positions (0) or rotations (1) are larger there.
@@ -97,8 +82,7 @@ pub struct DiscrepancyModel {
     pub joints: Vec<JointError>,
     /// By how much the parameters (p, in their units) are off together with these.
     pub shift: DVector<f64>,
-    /// The covariance of the parameters, of the amplitudes of the joints' waves and of the joints' values at their knots, one joint after
-    /// the other.
+    /// The covariance of the parameters and of the joints' values at their knots, one joint after the other.
     pub covariance: DMatrix<f64>,
     /// What joints do not explain.
     pub rest: Discrepancy,
@@ -148,10 +132,9 @@ impl DiscrepancyModel {
         }
     }
 
-    /// Parameters, waves and knots before the knots of each joint, and all.
+    /// Parameters and knots before those of each joint, and all.
     pub(super) fn offsets(&self) -> Vec<usize> {
-        let waves: usize = self.joints.iter().map(|each| each.waves.len()).sum();
-        let mut offsets = vec![self.shift.len() + waves];
+        let mut offsets = vec![self.shift.len()];
         for joint in &self.joints {
             offsets.push(offsets[offsets.len() - 1] + joint.values.len());
         }
@@ -162,8 +145,7 @@ impl DiscrepancyModel {
     pub(super) fn local(&self, rows: &LinearReading, places: &[usize], q: &[f64]) -> LocalRows {
         let offsets = self.offsets();
         let mut index = places.to_vec();
-        let columns = offsets[0] - self.shift.len() + places.len() + 2 * self.joints.len();
-        let mut waves = self.shift.len()..offsets[0];
+        let columns = places.len() + 2 * self.joints.len();
         let mut matrix = rows.columns.clone().resize_horizontally(columns, 0.0);
         let mut left = rows.residual.clone();
         let mut new = rows.own.clone();
@@ -172,14 +154,9 @@ impl DiscrepancyModel {
         }
         for (number, joint) in self.joints.iter().enumerate() {
             let moved = rows.joints.column(number);
-            left.axpy(-joint.at(q[joint.joint]), &moved, 1.0);
-            let slow = slow_waves(q[joint.joint]).zip(&joint.waves);
-            for ((wave, _), place) in slow.zip(waves.by_ref()) {
-                matrix.column_mut(index.len()).copy_from(&(moved * wave));
-                index.push(place);
-            }
             let between = joint.process.between(q[joint.joint]);
             for (knot, weight) in between.knots.into_iter().zip(between.weights) {
+                left.axpy(-weight * joint.values[knot], &moved, 1.0);
                 matrix.column_mut(index.len()).copy_from(&(moved * weight));
                 index.push(offsets[number] + knot);
             }

@@ -62,11 +62,11 @@ impl AbsoluteCase<'_> {
         left_out: &Self,
     ) -> Option<Unexplained> {
         let (rows, mixed) = self.mixed(set, fit, discrepancy)?;
-        let mixed = mixed.with_waves(&self.commanded_turns());
         let values = &fit.posterior.mean;
         let others = left_out.rows_at(&self.arm, set, values, &self.commanded_joints());
         let found = mixed.fit(&mixed.visits_of(left_out, &others.ok()?))?;
-        let (covariance, degrees) = mixed.for_parameters().of_parameters()?;
+        let turns = self.commanded_turns();
+        let (covariance, degrees) = mixed.with_waves(&turns).of_parameters()?;
         let places: Vec<usize> = (0..set.len()).collect();
         let prognoses = (rows.iter().zip(&self.observations)).map(|(rows, each)| {
             let q = each.setup.commanded_rad.as_slice();

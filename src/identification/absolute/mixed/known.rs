@@ -68,7 +68,6 @@ impl VarianceComponents {
             JointError {
                 joint: function.joint,
                 values: vec![0.0; knots.len()],
-                waves: Vec::new(),
                 process: OrnsteinUhlenbeck {
                     knots,
                     length: function.correlation_rad,

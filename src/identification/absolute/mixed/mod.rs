@@ -215,7 +215,6 @@ impl MixedModel {
                 let first = visit.first().map(|&index| &case.observations[index].setup);
                 let angle = |&joint: &usize| first.map_or(0.0, |each| each.commanded_rad[joint]);
                 all.angles = joints.iter().map(angle).collect();
-                all.wave(&self.waving);
                 if let Some(setup) = first {
                     all.commanded_rad.clone_from(&setup.commanded_rad);
                     all.approach.clone_from(&setup.approach);
@@ -246,25 +245,32 @@ impl MixedModel {
 
     /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.
     pub fn with_waves(mut self, turns: &[bool]) -> Self {
-        self.waving = (0..turns.len()).filter(|&joint| turns[joint]).collect();
+        let turning: Vec<usize> = (0..turns.len()).filter(|&joint| turns[joint]).collect();
         for visit in &mut self.visits {
-            visit.wave(&self.waving);
+            let waves = turning.iter().flat_map(|&joint| {
+                let (moved, angle) = (visit.joints.column(joint), visit.angles[joint]);
+                (1..=HIDDEN_WAVES).flat_map(move |order| {
+                    let (sine, cosine) = (order as f64 * angle).sin_cos();
+                    [moved * sine, moved * cosine]
+                })
+            });
+            visit.waves = DMatrix::from_iterator(
+                visit.residual.len(),
+                2 * HIDDEN_WAVES * turning.len(),
+                waves.flat_map(|column| column.data.as_vec().clone()),
+            );
         }
-        self
-    }
-
-    /// The same with fewer knots: enough for variances of parameters.
-    pub fn for_parameters(mut self) -> Self {
-        self.most_knots = self.most_knots.min(MOST_BESIDE_WAVES);
+        self.most_knots = MOST_BESIDE_WAVES;
+        self.waving = turning;
         self
     }
 
     fn without_waves(&self) -> Self {
         let mut model = self.clone();
-        model.waving.clear();
         for visit in &mut model.visits {
-            visit.wave(&[]);
+            visit.waves = DMatrix::zeros(visit.residual.len(), 0);
         }
+        model.waving.clear();
         model
     }
 
@@ -313,22 +319,6 @@ impl MixedModel {
             most_knots: self.most_knots.min(other.most_knots),
             waving: self.waving.clone(),
         }
-    }
-
-    /// The likeliest variances of what shows, with what the model says then. Slow waves do not show at the angles that were read: they are
-    /// as large as they may be.
-    fn likeliest_shown(&self) -> Option<(MixedVariances, MixedSolution)> {
-        if self.waving.is_empty() {
-            return self.likeliest();
-        }
-        let (mut variances, _) = self.without_waves().likeliest()?;
-        let of_joint = |&joint: &usize| variances.all[2 + joint] * LARGEST_WAVES;
-        let waves: Vec<f64> = self.waving.iter().map(of_joint).collect();
-        let at = 2 + self.joints.len();
-        variances.of_poses = variances.of_poses.map(|first| first + waves.len());
-        variances.all.splice(at..at, waves);
-        let solved = self.solved(&variances)?;
-        Some((variances, solved))
     }
 
     /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in

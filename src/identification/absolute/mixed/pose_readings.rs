@@ -2,8 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion};
 
-use super::super::joint_errors::slow_waves;
-use super::{HIDDEN_WAVES, MixedSolution, MixedVariances, PoseReadings};
+use super::{MixedSolution, MixedVariances, PoseReadings};
 use crate::experiment::{is_one_configuration, together};
 use crate::numeric::ornstein_uhlenbeck::Between;
 
@@ -21,19 +20,6 @@ impl PoseReadings {
             by[(row, column)] += self.assumed[row];
         }
         Some(Cholesky::new(by)?.solve(&self.fixed))
-    }
-
-    /// Gives the errors of these joints slow waves.
-    pub(super) fn wave(&mut self, joints: &[usize]) {
-        let count = 2 * HIDDEN_WAVES;
-        self.waves = DMatrix::zeros(self.residual.len(), count * joints.len());
-        for (number, &joint) in joints.iter().enumerate() {
-            let waves = slow_waves(self.angles[joint]).take(count).enumerate();
-            for (place, wave) in waves {
-                let mut column = self.waves.column_mut(number * count + place);
-                column.axpy(wave, &self.joints.column(joint), 0.0);
-            }
-        }
     }
 
     /// Rows of one coordinate in pairs, and whether they are of one visit.

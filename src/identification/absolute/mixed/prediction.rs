@@ -8,7 +8,7 @@ use super::super::super::spread::ErrorSpread;
 use super::super::super::tails::shares_of_tail;
 use super::super::Discrepancy;
 use super::super::joint_errors::{DiscrepancyModel, JointError, SQUARE_95, region_square};
-use super::{HIDDEN_WAVES, MixedFit, MixedModel, MixedSolution, MixedVariances, PoseReadings};
+use super::{MixedFit, MixedModel, MixedSolution, MixedVariances, PoseReadings};
 
 /// From so many readings on, regions are scaled by what was seen.
 const SCALED_FROM: usize = 40;
@@ -24,7 +24,7 @@ const SELDOM: f64 = 0.1;
 impl MixedModel {
     /// The likeliest variances with what follows from them; of some readings that were left out, too. None where the numbers have no factorisation.
     pub fn fit(&self, left_out: &[PoseReadings]) -> Option<MixedFit> {
-        let (variances, solved) = self.likeliest_shown()?;
+        let (variances, solved) = self.likeliest()?;
         let mut model = self.model(&variances, &solved);
         let kept = self.squares_by_others();
         let left_out: Vec<PredictedSquares<'_>> = (left_out.iter())
@@ -58,7 +58,6 @@ impl MixedModel {
         DiscrepancyModel {
             joints: joints
                 .map(|(joint, process)| JointError {
-                    waves: self.waves_of(joint, solved),
                     joint: self.joints[joint],
                     values: (solved.mean.rows_range(offsets[joint]..offsets[joint + 1]))
                         .iter()
@@ -79,23 +78,13 @@ impl MixedModel {
         }
     }
 
-    /// The amplitudes of the waves of a joint, by its place.
-    fn waves_of(&self, joint: usize, solved: &MixedSolution) -> Vec<f64> {
-        let count = 2 * HIDDEN_WAVES;
-        let number = self.waving.iter().position(|&each| each == joint);
-        number.map_or_else(Vec::new, |number| {
-            let waves = solved.mean.rows(self.units.ncols() + number * count, count);
-            waves.iter().copied().collect()
-        })
-    }
-
     /// The squares of position and rotation of each reading over their covariance, predicted by visits that its own was not among, variances
     /// and knots, too: those are chosen so that they suit what was fitted, at the angles where that stood.
     fn squares_by_others(&self) -> Vec<PredictedSquares<'_>> {
         let parts = (VISITS_OF_PARTS / self.visits.len().max(1)).clamp(2, PARTS);
         let each = (0..parts).into_par_iter().map(|part| {
             let others = self.of_visits(|number| number % parts != part);
-            let (variances, solved) = others.likeliest_shown()?;
+            let (variances, solved) = others.likeliest()?;
             let own = self.visits.iter().skip(part).step_by(parts);
             let squares = own.flat_map(|visit| others.squares_at(visit, &variances, &solved));
             Some(squares.collect::<Vec<_>>())
