@@ -7,6 +7,9 @@ use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::stand_at;
 use crate::robot::Load;
 
+/// How far joints are moved to see what follows them (rad, m).
+const SHIFT: f64 = 1e-5;
+
 /// Planned readings in the unknowns that a search is about, in units that make the observation matrix dimensionless:
 /// compliances relative to typical ones, deflections and rotations relative to sigma.
 ///
@@ -92,6 +95,27 @@ impl<'a> MatrixEvaluator<'a> {
         match &self.basis {
             None => told,
             Some(basis) => basis.tr_mul(&told) * basis,
+        }
+    }
+
+    /// Adds the derivatives of a cost with respect to the joint angles of a configuration in which several experiments share
+    /// errors, by differences; the cost's with respect to the information are -G (p x p). Leaves the configuration.
+    pub fn gradient_together(
+        &mut self,
+        q: &[f64],
+        experiments: &[(Load, u32)],
+        directions: &DMatrix<f64>,
+        gradient: &mut [f64],
+    ) {
+        let mut moved = q.to_vec();
+        for (joint, slope) in gradient.iter_mut().enumerate() {
+            let mut at = |shift: f64| {
+                moved[joint] = q[joint] + shift;
+                self.readings.move_to(&moved);
+                self.told_together(experiments).dot(directions)
+            };
+            *slope -= (at(SHIFT) - at(-SHIFT)) / (2.0 * SHIFT);
+            moved[joint] = q[joint];
         }
     }
 

@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::candidate_error::CandidateError;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
-use super::point::add_information;
+use super::point::{add_information, in_directions};
 use super::relevance::relevant;
 use crate::compensation::{test_pose_matrix, weighted_rows};
 use crate::experiment::Loads;
@@ -503,6 +503,35 @@ impl<'a> Problem<'a> {
     /// What experiments tell together, p x p; those of one configuration may share errors.
     pub(super) fn told_by(&self, experiments: Vec<Experiment>) -> DMatrix<f64> {
         self.information(&Plan { experiments }) - &self.prior
+    }
+
+    /// A plan's cost, and its derivatives with respect to the joint angles of each of its experiments. Those of one configuration
+    /// that share errors turn together: each has the derivatives of all of them.
+    pub fn cost_and_gradient(&self, plan: &Plan) -> (f64, Vec<Vec<f64>>) {
+        let size = self.parameters();
+        let mut directions = DMatrix::zeros(size, size);
+        let cost = self.cost().cost(&self.information(plan), &mut directions);
+        let mut evaluator = self.evaluator();
+        let (mut matrix, mut factor) = (evaluator.matrix(), evaluator.matrix());
+        let joints = self.task.belief.joints();
+        let groups = sharing_groups(plan, self.is_shared_by_configuration());
+        let gradient = plan.experiments.iter().map(|experiment| {
+            let mut gradient = vec![0.0; joints];
+            let is_own =
+                |group: &&Vec<&Experiment>| group.len() > 1 && group[0].stands_as(experiment);
+            if let Some(group) = groups.iter().find(is_own) {
+                stand_at(&mut evaluator.readings, experiment);
+                let q = experiment.configuration_rad.as_slice();
+                evaluator.gradient_together(q, &hung(group), &directions, &mut gradient);
+                return gradient;
+            }
+            evaluator.observe_experiment(experiment, experiment.repeats, &mut matrix);
+            let weight = -2.0 * f64::from(experiment.repeats);
+            in_directions(&mut factor, weight, &matrix, &directions);
+            evaluator.pull_back(&experiment.load, &factor, &mut gradient);
+            gradient
+        });
+        (cost, gradient.collect())
     }
 }
 
