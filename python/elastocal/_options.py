@@ -98,6 +98,7 @@ class ExplainGiven(TypedDict, total=False):
 
 
 class ExportGiven(Common, total=False):
+    pass
 
 
 class ExportOptions(ExportGiven, total=False):
