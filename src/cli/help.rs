@@ -23,12 +23,7 @@ pub fn program(words: &[OsString]) -> Command {
         return program;
     };
     let is_whole = words.get(at + 1).is_some_and(|word| word == "all");
-    let names: Vec<String> = (program.get_subcommands())
-        .map(|command| command.get_name().to_owned())
-        .collect();
-    names.iter().fold(program, |program, name| {
-        program.mut_subcommand(name, |command| grouped(&command, is_whole))
-    })
+    program.mut_subcommands(|command| grouped(&command, is_whole))
 }
 
 /// A command that shows its options in groups, its own first, and does nothing else.

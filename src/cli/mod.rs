@@ -232,8 +232,7 @@ enum Command {
 fn without_effect(options: &[&str]) -> impl Fn(Arg) -> Arg {
     move |argument| {
         let is_one = options.contains(&argument.get_id().as_str());
-        let is_hidden = argument.is_hide_set();
-        argument.hide(is_one || is_hidden)
+        argument.hide(is_one)
     }
 }
 

@@ -7,6 +7,7 @@ use crate::codes::Condition;
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, DistanceStatistics, LeftOut, RejectedReading, Unexplained,
 };
+use crate::numeric::tolerance::ends;
 use crate::parameter::{Axis, ParameterKind};
 
 /// A parameter that was fitted.
@@ -226,9 +227,7 @@ fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
                 (kept.iter()).map(|&index| case.observations[index].setup.commanded_rad[joint]);
             ReadRange {
                 joint: each.name.clone(),
-                range: angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], angle| {
-                    [low.min(angle), high.max(angle)]
-                }),
+                range: ends(angles),
             }
         })
         .collect()

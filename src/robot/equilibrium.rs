@@ -127,16 +127,12 @@ impl EquilibriumSolver {
         for (joint, torque) in near.iter().enumerate() {
             self.q[joint] = commanded_rad[joint] + compliance_rad_per_nm[joint] * torque;
         }
-        let begun = (!near.is_empty())
-            .then(|| {
-                self.solve_from_here(arm, compliance_rad_per_nm, commanded_rad, load)
-                    .ok()
-            })
-            .flatten();
-        let found = match begun {
-            Some(found) => found,
-            None => self.solve(arm, compliance_rad_per_nm, commanded_rad, load)?,
-        };
+        let found = if near.is_empty() {
+            self.solve(arm, compliance_rad_per_nm, commanded_rad, load)
+        } else {
+            self.solve_from_here(arm, compliance_rad_per_nm, commanded_rad, load)
+                .or_else(|_| self.solve(arm, compliance_rad_per_nm, commanded_rad, load))
+        }?;
         near.clear();
         near.extend_from_slice(self.torque.as_slice());
         Ok(found)

@@ -51,33 +51,29 @@ impl ReadRanges {
         what: &str,
         configurations: impl IntoIterator<Item = &'a DVector<f64>>,
     ) -> Option<Condition> {
-        let joints = arm
-            .chain
-            .joints
-            .iter()
-            .enumerate()
-            .filter_map(|(place, joint)| {
-                let [low, high] = self.0.iter().find(|each| each.joint == joint.name)?.range;
-                Some((place, joint, low, high))
-            });
-        let joints: Vec<_> = joints.collect();
+        let joints = &arm.chain.joints;
         let mut furthest = vec![0.0; joints.len()];
         let (mut outside, mut all) = (0_usize, 0_usize);
         for q in configurations {
-            let before = outside;
-            for (far, &(place, _, low, high)) in furthest.iter_mut().zip(&joints) {
+            let mut is_outside = false;
+            for (place, joint) in joints.iter().enumerate() {
+                let Some(read) = self.0.iter().find(|each| each.joint == joint.name) else {
+                    continue;
+                };
+                let [low, high] = read.range;
                 let beyond = f64::max(low - q[place], q[place] - high);
                 if beyond > (BEYOND * (high - low)).max(LEAST_BEYOND) {
-                    outside = before + 1;
-                    *far = f64::max(*far, beyond);
+                    is_outside = true;
+                    furthest[place] = f64::max(furthest[place], beyond);
                 }
             }
+            outside += usize::from(is_outside);
             all += 1;
         }
-        let named = joints.iter().zip(&furthest).filter(|(_, far)| **far > 0.0);
+        let named = joints.iter().zip(furthest).filter(|(_, far)| *far > 0.0);
         let named: Vec<String> = named
-            .map(|((_, joint, ..), far)| {
-                let (far, unit) = joint.drive.shown(*far);
+            .map(|(joint, far)| {
+                let (far, unit) = joint.drive.shown(far);
                 format!("{} by {far:.1} {unit}", joint.name)
             })
             .collect();

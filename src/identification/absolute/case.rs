@@ -10,10 +10,12 @@ use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
 use super::visits::visits;
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Observation, Reading, Setup, SharedErrors, Whitener};
-use crate::parameter::ElasticArm;
+use crate::observation::{
+    BareArm, Observation, Reading, ReadingErrors, ReadingKind, Setup, SharedErrors, Whitener,
+};
+use crate::parameter::{ElasticArm, ReadingSource};
 use crate::robot::{KinematicState, Kinematics, Load, SerialChain, Tool};
-use crate::task::Belief;
+use crate::task::{Belief, station_named};
 
 /// Readings spread by more, or by less, than this many times what the robot does are in another unit.
 const OTHER_UNIT: f64 = 8.0;
@@ -161,6 +163,35 @@ impl<'a> AbsoluteCase<'a> {
         self
     }
 
+    /// What some sources disturb a reading by, by its place, besides the instrument, where the calibration tool carries a load; of a
+    /// distance what is along it.
+    pub fn disturbed<'s>(
+        &self,
+        place: usize,
+        load: &Load,
+        sources: impl IntoIterator<Item = &'s ReadingSource>,
+    ) -> ReadingErrors {
+        let Observation { setup, reading, .. } = &self.observations[place];
+        let belief = self.belief;
+        let arm = BareArm {
+            chain: &belief.nominal.chain,
+            compliance_rad_per_nm: &belief.nominal.compliance_rad_per_nm,
+            tool: &self.arm.tools[setup.target],
+        };
+        let name = self.stations[setup.station].as_deref();
+        let station_m = station_named(&belief.stations, name).map(|station| &station.position_m);
+        let q = setup.commanded_rad.as_slice();
+        let carried = (&belief.calibration_tool, load);
+        let errors = ReadingErrors::new(arm, q, carried, station_m, sources);
+        match station_m.filter(|_| reading.kind() == ReadingKind::Distance) {
+            Some(station_m) => {
+                let apart_m = arm.chain.at(arm.tool).state(q).tool_position - station_m;
+                errors.along(&apart_m.try_normalize(0.0).unwrap_or_default())
+            }
+            None => errors,
+        }
+    }
+
     fn station(&mut self, name: Option<&str>) -> usize {
         let known = self
             .stations
@@ -302,7 +333,13 @@ pub(super) const fn rotation_of(reading: &Reading) -> Option<Matrix3<f64>> {
 
 /// The wrench at a target that stands for a load at another tool further out, at the commanded angles: for all joints that move
 /// the target it is the same load.
-fn transferred(chain: &SerialChain, acts_at: &Tool, target: &Tool, q: &[f64], load: &Load) -> Load {
+pub(super) fn transferred(
+    chain: &SerialChain,
+    acts_at: &Tool,
+    target: &Tool,
+    q: &[f64],
+    load: &Load,
+) -> Load {
     if *load == Load::NONE || acts_at == target {
         return *load;
     }

@@ -2,9 +2,9 @@
 
 use nalgebra::{Isometry3, Translation3};
 
-use super::case::whitener;
+use super::case::{transferred, whitener};
 use super::{AbsoluteCase, AbsoluteError};
-use crate::observation::{BareArm, ReadingErrors, ReadingKind};
+use crate::observation::ReadingKind;
 use crate::task::station_named;
 
 impl AbsoluteCase<'_> {
@@ -54,23 +54,18 @@ impl AbsoluteCase<'_> {
         let Some(extended) = belief.uncertain.as_ref().filter(|_| self.reads_distances()) else {
             return self;
         };
-        let frames = &self.arm.instrument_from_base;
-        for (each, covariance) in self.observations.iter_mut().zip(&mut self.covariances) {
-            let tool = &self.arm.tools[each.setup.target];
-            let arm = BareArm {
-                chain: &belief.nominal.chain,
-                compliance_rad_per_nm: &belief.nominal.compliance_rad_per_nm,
-                tool,
-            };
-            let q = each.setup.commanded_rad.as_slice();
-            let point_m = -frames[each.setup.station].translation.vector;
+        let chain = &belief.nominal.chain;
+        for place in 0..self.observations.len() {
+            let setup = &self.observations[place].setup;
+            let (q, tool) = (
+                setup.commanded_rad.as_slice(),
+                &self.arm.tools[setup.target],
+            );
+            let load = transferred(chain, tool, &belief.calibration_tool, q, &setup.load);
             let sources = extended.sources().map(|(_, source)| source);
-            let errors =
-                ReadingErrors::new(arm, q, (tool, &each.setup.load), Some(&point_m), sources);
-            let apart_m = arm.chain.at(tool).state(q).tool_position - point_m;
-            let along = apart_m.try_normalize(0.0).unwrap_or_default();
-            *covariance += errors.along(&along).covariance();
-            each.whitener = whitener(covariance);
+            let more = self.disturbed(place, &load, sources).covariance();
+            self.covariances[place] += more;
+            self.observations[place].whitener = whitener(&self.covariances[place]);
         }
         self
     }

@@ -188,58 +188,52 @@ fn averaged(
     };
     let mut at = 0;
     for own in targets.values() {
-        let count = rows[own[0]].residual.len();
-        let share = (own.len() as f64).recip();
-        let sum = own.iter().fold(DVector::zeros(count), |sum, &index| {
-            sum + &rows[index].residual
-        });
-        let covariance = own
+        let parts = own
             .iter()
-            .fold(DMatrix::zeros(count, count), |sum, &index| {
-                sum + &rows[index].own
-            });
-        let mean = sum * share;
-        if own.len() > 1 {
-            let scatter = own.iter().map(|&index| &rows[index].residual - &mean);
-            contrasts.push(Contrasts {
-                scatter: scatter.fold(DMatrix::zeros(count, count), |sum, off| {
-                    sum + &off * off.transpose()
-                }),
-                count: own.len() as f64 - 1.0,
-                own: &covariance * share,
-                joints: DMatrix::zeros(count, joints),
-            });
-        }
+            .map(|&index| (&rows[index].residual, &rows[index].own));
+        let within = DMatrix::zeros(rows[own[0]].residual.len(), joints);
+        let (mean, of_target) = about_mean(&parts.collect::<Vec<_>>(), within);
+        let count = mean.len();
         all.residual.rows_mut(at, count).copy_from(&mean);
-        (all.own.view_mut((at, at), (count, count))).copy_from(&(covariance * (share * share)));
+        (all.own.view_mut((at, at), (count, count)))
+            .copy_from(&(&of_target.own / own.len() as f64));
         all.joints
             .rows_mut(at, count)
             .copy_from(&rows[own[0]].joints);
         at += count;
+        contrasts.extend((own.len() > 1).then_some(of_target));
     }
     all
 }
 
 /// The contrasts of visits of one pose.
 fn between(visits: &[&AveragedVisit]) -> Contrasts {
-    let share = (visits.len() as f64).recip();
-    let size = visits[0].residual.len();
-    let mean = visits
+    let parts = visits.iter().map(|each| (&each.residual, &each.own));
+    about_mean(&parts.collect::<Vec<_>>(), visits[0].joints.clone()).1
+}
+
+/// The mean of residuals of one size, each with its own covariance, and what they are about it, which joints move like this.
+fn about_mean(
+    parts: &[(&DVector<f64>, &DMatrix<f64>)],
+    joints: DMatrix<f64>,
+) -> (DVector<f64>, Contrasts) {
+    let (size, count) = (parts[0].0.len(), parts.len() as f64);
+    let mean = parts
         .iter()
-        .fold(DVector::zeros(size), |sum, each| sum + &each.residual)
-        * share;
-    let off = visits.iter().map(|each| &each.residual - &mean);
-    Contrasts {
-        scatter: off.fold(DMatrix::zeros(size, size), |sum, off| {
-            sum + &off * off.transpose()
-        }),
-        count: visits.len() as f64 - 1.0,
-        own: visits
-            .iter()
-            .fold(DMatrix::zeros(size, size), |sum, each| sum + &each.own)
-            * share,
-        joints: visits[0].joints.clone(),
+        .fold(DVector::zeros(size), |sum, (residual, _)| sum + *residual)
+        / count;
+    let mut of = Contrasts {
+        scatter: DMatrix::zeros(size, size),
+        count: count - 1.0,
+        own: DMatrix::zeros(size, size),
+        joints,
+    };
+    for (residual, own) in parts {
+        let off = *residual - &mean;
+        of.scatter += &off * off.transpose();
+        of.own += *own / count;
     }
+    (mean, of)
 }
 
 /// All variances, and which joints have one in common.

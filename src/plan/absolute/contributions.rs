@@ -6,7 +6,6 @@
 
 use nalgebra::{Cholesky, DMatrix, Matrix6, Matrix6xX, MatrixXx6};
 
-use super::readable::disturbed;
 use super::{
     AbsolutePlanning, PlaceRows, PredictedAccuracy, RepeatedReading, in_units, place_rows, stacked,
 };
@@ -14,6 +13,7 @@ use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_rows};
 use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, Source, Uncertainty};
 use crate::plan::uncertainty_budget::{Input, Squares, common};
 use crate::plan::{CommonSources, UncertaintyBudget};
+use crate::robot::Load;
 use crate::task::{Extended, Task};
 
 /// Less than this share of the square of the whole is rounding.
@@ -138,8 +138,8 @@ impl AbsolutePlanning<'_> {
     /// What a source of errors leaves (m^2).
     fn left_by_source(&self, weighed: &WeighedReadings, source: &ReadingSource) -> f64 {
         weighed.left_by(|place| {
-            let (candidate, setup) = (&self.candidates[place], self.setup(place).0);
-            disturbed(&self.case, self.stations, candidate, setup, [source])
+            let load = self.candidates[place].load.unwrap_or(Load::NONE);
+            self.case.disturbed(place, &load, [source])
         })
     }
 

@@ -19,7 +19,7 @@ use crate::numeric::random::streams::{RANDOM_READINGS, drawn_candidates};
 use crate::plan::Criterion;
 use crate::plan::search::{BoundKind, CandidatePlan, Problem, RandomPlans, Watch};
 use crate::quantities::limits::MOST_EXPERIMENTS;
-use crate::robot::{Load, Tool};
+use crate::robot::Load;
 use crate::task::{Station, Task, station_named};
 
 /// After the first search, so many more, each nearer to the plan that was best: the standard deviation of each joint's step, as a share
@@ -235,12 +235,12 @@ fn near(task: &Task, best: &[Candidate], step: f64, [seed, round]: [u64; 2]) -> 
             let moved = DVector::from_vec(moved);
             let belief = &task.belief;
             let station = station_named(&belief.stations, row.station.as_deref());
-            let calibration = &belief.calibration_tool;
-            let is_it = |tool: &&Tool| row.target.as_ref() == Some(&tool.name);
-            let target = [&belief.machining_tool]
-                .into_iter()
-                .find(is_it)
-                .unwrap_or(calibration);
+            let is_machining = row.target.as_ref() == Some(&belief.machining_tool.name);
+            let target = if is_machining {
+                &belief.machining_tool
+            } else {
+                &belief.calibration_tool
+            };
             all.push(Candidate {
                 configuration_rad: in_range(task, target, station, moved),
                 ..row.clone()

@@ -33,7 +33,7 @@ use crate::observation::{PlannedReading, ReadingErrors, ReadingKind, Setup, plan
 use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, relative_precision};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
-use crate::task::{Extended, Station, Task};
+use crate::task::{Extended, Task};
 
 pub use drawn::DrawnWanted;
 pub use error::AbsolutePlanError;
@@ -43,7 +43,7 @@ use contributions::is_of_task;
 use error::some_of;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
-use readable::{check_stations, disturbed, from_stations, possible, reading_of};
+use readable::{check_stations, from_stations, possible, reading_of};
 use together::Neighbours;
 pub use together::RepeatedReading;
 
@@ -68,8 +68,6 @@ pub struct AbsolutePlanning<'a> {
     errors: Vec<ReadingErrors>,
     /// and with which they are shared.
     neighbours: Neighbours,
-    /// The stations that the task describes.
-    stations: &'a [Station],
     /// The machining tool, by its place among the arm's.
     target: usize,
     poses: Vec<PlaceRows>,
@@ -126,14 +124,10 @@ impl<'a> AbsolutePlanning<'a> {
         let mut case = AbsoluteCase::placed(&task.belief, &readings).map_err(of_lines)?;
         let sources = task.belief.uncertain.iter().flat_map(Extended::sources);
         let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();
-        let setups = case
-            .observations
-            .iter()
-            .map(|observation| &observation.setup);
-        let errors = (candidates.iter().zip(setups))
-            .map(|(candidate, setup)| {
-                let sources = sources.iter().copied();
-                disturbed(&case, &task.belief.stations, candidate, setup, sources)
+        let errors = (candidates.iter().enumerate())
+            .map(|(place, candidate)| {
+                let load = candidate.load.unwrap_or(Load::NONE);
+                case.disturbed(place, &load, sources.iter().copied())
             })
             .collect();
         let machining = &task.belief.machining_tool;
@@ -157,7 +151,6 @@ impl<'a> AbsolutePlanning<'a> {
         let set = case.unknowns_beside(groups, &asked).map_err(of_lines)?;
         Ok(Self {
             poses: place_rows(task, &case, &set, target),
-            stations: &task.belief.stations,
             target,
             before: relative_precision(&set),
             offer,

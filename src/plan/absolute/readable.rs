@@ -1,4 +1,4 @@
-//! What may be read: candidates from each station, those that are possible, and what disturbs a reading of each.
+//! What may be read: candidates from each station, and those that are possible.
 
 use std::collections::BTreeMap;
 
@@ -6,15 +6,12 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::error::{AbsolutePlanError, some_of};
 use crate::experiment::{Candidate, Experiment};
-use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
-use crate::observation::{BareArm, ReadingErrors, Setup};
-use crate::parameter::ReadingSource;
 use crate::plan::search::{CandidateError, OfferedCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::robot::{Load, SerialChain, Tool};
-use crate::task::{Belief, Instrument, Station, Task, station_named};
+use crate::task::{Belief, Instrument, Task, station_named};
 use crate::text::nearest;
 
 /// Rows as readings from stations: where a task says what stations there are, a row that names none is one from each.
@@ -149,39 +146,5 @@ pub(super) fn reading_of(candidate: &Candidate, instrument: &Instrument) -> Abso
         approach: candidate.approach.clone(),
         time_s: None,
         temperature_c: None,
-    }
-}
-
-/// What some sources disturb a reading of a candidate by, besides the instrument, which stands at one of the stations where there
-/// are some.
-pub(super) fn disturbed<'s>(
-    case: &AbsoluteCase<'_>,
-    stations: &[Station],
-    candidate: &Candidate,
-    setup: &Setup,
-    sources: impl IntoIterator<Item = &'s ReadingSource>,
-) -> ReadingErrors {
-    let nominal = &case.belief.nominal;
-    let arm = BareArm {
-        chain: &nominal.chain,
-        compliance_rad_per_nm: &nominal.compliance_rad_per_nm,
-        tool: &case.arm.tools[setup.target],
-    };
-    let load = candidate.load.unwrap_or(Load::NONE);
-    let station = station_named(stations, candidate.station.as_deref());
-    let q = candidate.configuration_rad.as_slice();
-    let errors = ReadingErrors::new(
-        arm,
-        q,
-        (&case.belief.calibration_tool, &load),
-        station.map(|station| &station.position_m),
-        sources,
-    );
-    match station.filter(|_| case.belief.instrument.distance.is_some()) {
-        Some(station) => {
-            let apart = arm.chain.at(arm.tool).state(q).tool_position - station.position_m;
-            errors.along(&apart.try_normalize(0.0).unwrap_or_default())
-        }
-        None => errors,
     }
 }
