@@ -18,8 +18,8 @@ pub(super) struct Judgement {
     pub halve: usize,
 }
 
-/// Rounds over the margins.
-const ROUNDS: usize = 2;
+/// How many margins are added at most, one of them twice perhaps.
+const ROUNDS: usize = 4;
 /// Boxes wider than this (rad, half of the width) are halved first of all.
 const WIDE: f64 = 1.0;
 /// How much the remainder weighs against the linear part where it is chosen what to halve.
@@ -79,8 +79,8 @@ fn judge_one(
     judgement.largest = alone;
     if judgement.largest > threshold && judgement.largest.is_finite() {
         for _ in 0..ROUNDS {
-            add_margins(&mut judgement, &mut sum, &margins, variables, &bound);
-            if judgement.largest <= threshold {
+            let is_lower = add_margin(&mut judgement, &mut sum, &margins, variables, &bound);
+            if !is_lower || judgement.largest <= threshold {
                 break;
             }
         }
@@ -117,15 +117,16 @@ fn choose_for_margin(task: &ProofTask<'_>, margin: &Polynomial, cell: &Cell) -> 
         .unwrap_or(0)
 }
 
-/// Adds each margin so many times as lowers the bound most, by the linear parts: there the bound
-/// has its kinks where a slope vanishes.
-fn add_margins(
+/// Adds the one margin that lowers the bound most, and so many times: one after another would let the first take away the slopes
+/// by which a better one shows. By the linear parts the bound has its kinks where a slope vanishes. Whether there is one.
+fn add_margin(
     judgement: &mut Judgement,
     sum: &mut Polynomial,
     margins: &[Polynomial],
     variables: usize,
     bound: &dyn Fn(&Polynomial) -> f64,
-) {
+) -> bool {
+    let mut best = None;
     for (index, margin) in margins.iter().enumerate() {
         let slopes: f64 = (0..variables).map(|j| margin.slope(j).abs()).sum();
         if margin.constant() > slopes {
@@ -137,22 +138,25 @@ fn add_margins(
             .map(short)
             .collect();
         kinks.sort_by(f64::total_cmp);
-        let mut best = None;
+        let mut last = f64::INFINITY;
         for kink in kinks {
             let trial = sum.plus(kink, margin);
             let largest = bound(&trial);
             if largest < judgement.largest {
                 judgement.largest = largest;
-                best = Some((kink, trial));
-            } else if best.is_some() {
+                best = Some((index, kink, trial));
+            } else if largest > last {
                 break;
             }
-        }
-        if let Some((multiplier, trial)) = best {
-            *sum = trial;
-            judgement.multipliers.push((index, multiplier));
+            last = largest;
         }
     }
+    let Some((index, multiplier, trial)) = best else {
+        return false;
+    };
+    *sum = trial;
+    judgement.multipliers.push((index, multiplier));
+    true
 }
 
 /// A multiplier is written down in six hexadecimal digits: twelve bits behind the point.
