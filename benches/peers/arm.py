@@ -55,8 +55,8 @@ class Arm:
         return axis, columns, position, cross(axis, distal - self.distal_mass[:, None] * anchor)
 
     def rest(self, commanded: np.ndarray, force: np.ndarray, compliance: np.ndarray):
-        """Static equilibria by Newton's method: positions (B, 3), and their derivatives by the
-        compliances (B, 3, n)."""
+        """Static equilibria by Newton's method, with compliances (n) or of each (B, n): positions (B, 3), and their derivatives
+        by the compliances (B, 3, n)."""
         q, last = commanded, False
         while True:
             axis, columns, position, moment = self.geometry(q, masses=True)
@@ -65,7 +65,7 @@ class Arm:
             pulled = cross(columns, force[:, None]) + cross(moment, self.gravity)
             upper = np.triu(axis @ pulled.transpose(0, 2, 1))
             gradient = upper + np.triu(upper, 1).transpose(0, 2, 1)
-            system = np.eye(q.shape[1]) - compliance[:, None] * gradient
+            system = np.eye(q.shape[1]) - compliance[..., None] * gradient
             if last:
                 moved = np.linalg.solve(system, torque[:, :, None] * np.eye(q.shape[1]))
                 return position, columns.transpose(0, 2, 1) @ moved

@@ -1,4 +1,4 @@
-"""Monte Carlo runs: of the linear model in NumPy, and of the robot with MuJoCo's Python and SciPy."""
+"""Monte Carlo runs: of the linear model in NumPy, and of the robot with MuJoCo's Python and NumPy."""
 
 import numpy as np
 
@@ -42,50 +42,67 @@ class ModelRuns:
 
 
 class RobotRuns:
-    """Measure three experiments, identify, compensate, and see what distance is left, 64 times."""
+    """Measure three experiments, identify, compensate, and see what distance is left, 64 runs at a time: MuJoCo measures, NumPy
+    identifies all runs together with the gain of the nominal robot, taken once."""
 
     def __init__(self, problem: dict):
         from arm import Arm
         from equilibrium_mujoco import Robot
-        from identify_scipy import Identification
 
         plan, pose = problem["plans"]["3"], problem["test_pose"]
         self.q, self.force = np.array(plan["q_rad"]), np.array(plan["wrench"])[:, :3]
         self.pose_q, self.pose_force = np.array(pose["q_rad"]), np.array(pose["wrench"][:3])
         self.measuring, self.machining = (Robot(problem, f"{tool}_tool") for tool in ["calibration", "machining"])
-        self.arm = Arm(problem, "machining_tool")
-        self.identification = Identification(problem)
+        self.modelled, self.arm = (Arm(problem, f"{tool}_tool") for tool in ["calibration", "machining"])
+        self.nominal, self.parameters = np.array(problem["compliance_rad_per_nm"]), problem["parameters"]
         self.sigma = problem["sigma_m"]
         self.random = np.random.Generator(np.random.SFC64(1))
+        _, moved = self.deflections(self.nominal[None])
+        jacobian = (moved[0] * self.nominal)[..., self.parameters].reshape(-1, len(self.parameters)) / self.sigma
+        self.information = jacobian.T @ jacobian
+        self.gain = np.linalg.solve(self.information, jacobian.T)
+
+    def deflections(self, compliance: np.ndarray):
+        """What the model deflects with compliances (R, n), (R, m, 3), and the derivatives (R, m, 3, n)."""
+        runs, count = len(compliance), len(self.q)
+        q = np.tile(np.concatenate([self.q, self.q]), (runs, 1))
+        force = np.tile(np.concatenate([0 * self.force, self.force]), (runs, 1))
+        position, moved = self.modelled.rest(q, force, np.repeat(compliance, 2 * count, axis=0))
+        position, moved = (each.reshape(runs, 2, count, *each.shape[1:]) for each in [position, moved])
+        return position[:, 1] - position[:, 0], moved[:, 1] - moved[:, 0]
 
     def run(self, normals: np.ndarray):
         rest, none = self.measuring.rest, np.zeros(3)
-        measured = [rest(q, force) - rest(q, none) for q, force in zip(self.q, self.force)]
-        measured = np.array(measured) + self.sigma * normals.reshape(-1, 3)
-        relative, covariance = self.identification.nonlinear(self.q, self.force, measured)
-        compliance = self.identification.nominal.copy()
-        compliance[self.identification.parameters] *= relative
-        # The truth is nominal: 1 in relative units.
-        nees = (relative - 1) @ np.linalg.solve(covariance, relative - 1)
+        measured = [[rest(q, force) - rest(q, none) for q, force in zip(self.q, self.force)] for _ in normals]
+        measured = np.array(measured) + self.sigma * normals.reshape(len(normals), -1, 3)
+        compliance = np.tile(self.nominal, (len(normals), 1))
+        step = 1.0
+        while np.abs(step).max() > 1e-9:
+            residual = measured - self.deflections(compliance)[0]
+            step = residual.reshape(len(normals), -1) @ self.gain.T / self.sigma
+            compliance[:, self.parameters] += step * self.nominal[self.parameters]
+        # The truth is nominal.
+        error = (compliance / self.nominal - 1)[:, self.parameters]
+        nees = np.einsum("ri,ij,rj->r", error, self.information, error)
         commanded = self.pose_q - compliance * self.load_torque(compliance)
         rest = self.machining.rest
         # As elastocal does, the pose without compensation is looked at too.
-        wanted, _ = rest(self.pose_q, none), rest(self.pose_q, self.pose_force)
-        residual = rest(commanded, self.pose_force) - wanted
-        return residual @ residual / self.sigma**2, nees
+        wanted = [(rest(self.pose_q, none), rest(self.pose_q, self.pose_force))[0] for _ in normals]
+        residual = np.array([rest(q, self.pose_force) for q in commanded]) - wanted
+        return np.einsum("ri,ri->r", residual, residual) / self.sigma**2, nees
 
     def load_torque(self, compliance: np.ndarray) -> np.ndarray:
-        """The task load's torques at the unloaded equilibrium, by fixed-point iteration."""
-        q = self.pose_q
+        """The task load's torques at the unloaded equilibria, by fixed-point iteration."""
+        q = np.broadcast_to(self.pose_q, compliance.shape)
         while True:
-            _, columns, _, moment = self.arm.geometry(q[None], masses=True)
-            sagging = self.pose_q + compliance * (moment[0] @ self.arm.gravity)
+            _, columns, _, moment = self.arm.geometry(q, masses=True)
+            sagging = self.pose_q + compliance * (moment @ self.arm.gravity)
             if np.abs(sagging - q).max() <= 1e-12:
-                return columns[0] @ self.pose_force
+                return columns @ self.pose_force
             q = sagging
 
     def blocks(self, count: int):
-        return [self.run(self.random.standard_normal(9)) for _ in range(64 * count)]
+        return [self.run(self.random.standard_normal((64, 9))) for _ in range(count)]
 
 
 def rows(problem: dict) -> list[Row]:
@@ -101,8 +118,9 @@ def rows(problem: dict) -> list[Row]:
 def robot_rows(problem: dict) -> list[Row]:
     study = problem["study"]
     robot = RobotRuns(problem)
-    found = np.array([robot.run(run[:9]) for run in np.array(study["normals"]).T])
-    check("robot level", found[:, 0], study["robot"]["square"], 1e-5)
-    check("robot level", found[:, 1], study["robot"]["nees"], 1e-5)
-    peer = "MuJoCo's Python, SciPy"
+    square, nees = robot.run(np.array(study["normals"])[:9].T)
+    # The gain of the nominal robot weighs the measurements a little differently from that of each estimate.
+    check("robot level", square, study["robot"]["square"], 1e-2)
+    check("robot level", nees, study["robot"]["nees"], 1e-2)
+    peer = "MuJoCo's Python, fixed gain"
     return [Row("Monte Carlo, robot level, m = 3", "study_robot", peer, robot.blocks)]

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
-use mujoco_rs::prelude::MjSpec;
+use mujoco_rs::prelude::{MjModel, MjSpec};
 
 use super::error::refused;
+use super::kept::{Kept, LONG};
 use super::messages::{self, refusal};
 use super::rehearsal::rehearse;
 use super::{Additions, Model, beside, obstacle, unsuited, urdf};
@@ -27,9 +29,23 @@ impl Model {
     /// The file cannot be read, or MuJoCo refuses it with the additions, as where the model has a
     /// body or a geometry of the same name.
     pub fn load_with(path: &Path, additions: &Additions) -> Result<Self, FileError> {
+        prepare(path)?;
+        let kept = Kept::of(path, additions);
+        let found = || kept.as_ref().and_then(Kept::read);
+        let found_or_rehearsed = match found() {
+            None if additions.is_empty() => {
+                rehearse(path)?;
+                found()
+            }
+            there => there,
+        };
+        if let Some((inner, left_out)) = found_or_rehearsed {
+            return Self::left_without(inner, path, left_out);
+        }
         let plain = (!additions.is_empty())
             .then(|| Self::load(path))
             .transpose()?;
+        let (began, warnings) = (Instant::now(), messages::warnings());
         let (mut spec, left_out) = specification(path)?;
         for obstacle in &additions.obstacles {
             obstacle::add(&mut spec, obstacle).map_err(|message| refused(path, message))?;
@@ -43,6 +59,15 @@ impl Model {
             let message = is_of_file.then(|| refusal(path, &shortened));
             refused(path, message.unwrap_or(shortened))
         })?;
+        // A warning is to be heard by every command.
+        let is_silent = messages::warnings() == warnings;
+        if let Some(kept) = kept.filter(|_| is_silent && began.elapsed() > LONG) {
+            kept.write(&inner, &left_out);
+        }
+        Self::left_without(inner, path, left_out)
+    }
+
+    fn left_without(inner: MjModel, path: &Path, left_out: Vec<String>) -> Result<Self, FileError> {
         Ok(Self {
             left_out: Arc::new(left_out),
             ..Self::new(inner, path)?
@@ -52,7 +77,9 @@ impl Model {
 
 /// What a file says, to be edited, and what is left out of it, in words.
 pub(super) fn specification(path: &Path) -> Result<(MjSpec, Vec<String>), FileError> {
-    if let Some(text) = prepare(path)? {
+    let text = prepare(path)?;
+    rehearse(path)?;
+    if urdf::is_one(&text) {
         return urdf::specification(path, &text);
     }
     let mut spec =
@@ -62,14 +89,13 @@ pub(super) fn specification(path: &Path) -> Result<(MjSpec, Vec<String>), FileEr
     Ok((spec, left_out))
 }
 
-/// Looks at a file before MuJoCo does; MuJoCo's messages are taken over, and the text of a URDF comes back.
-pub(super) fn prepare(path: &Path) -> Result<Option<String>, FileError> {
+/// Looks at a file before MuJoCo does, whose messages are taken over; its text.
+fn prepare(path: &Path) -> Result<String, FileError> {
     if path.to_str().is_none_or(|path| path.contains('\0')) {
         return Err(refused(path, "its path is not UTF-8 text"));
     }
     let text = String::from_utf8_lossy(&read_bytes(path)?).into_owned();
     unsuited::refuse(path, &text)?;
-    rehearse(path)?;
     messages::take_over();
-    Ok(urdf::is_one(&text).then_some(text))
+    Ok(text)
 }

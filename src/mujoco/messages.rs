@@ -5,7 +5,7 @@ use std::ffi::{CStr, CString, c_char, c_int};
 use std::path::Path;
 use std::ptr::null;
 use std::sync::Once;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use mujoco_rs::logging::set_log_handler;
 use mujoco_rs::mujoco_c::{mj_deleteModel, mj_loadXML};
@@ -14,6 +14,7 @@ use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
 use crate::text::diagnostics::say;
 
 static WARNINGS: AtomicBool = AtomicBool::new(true);
+static COUNT: AtomicUsize = AtomicUsize::new(0);
 
 /// Whether MuJoCo's warnings are printed on stderr; they are if this is never called. Its errors
 /// always are: they end the program.
@@ -29,8 +30,16 @@ pub(super) fn take_over() {
     ONCE.call_once(|| unsafe { set_log_handler(print) });
 }
 
+/// How many warnings there were, whether they were printed or not.
+pub(super) fn warnings() -> usize {
+    COUNT.load(Ordering::Relaxed)
+}
+
 fn print(message: &MjLogMessage) {
     let level = message.level();
+    if level == MjtLogLevel::mjLOG_WARNING {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+    }
     let word = match level {
         MjtLogLevel::mjLOG_ERROR => "error",
         MjtLogLevel::mjLOG_WARNING if WARNINGS.load(Ordering::Relaxed) => "warning",

@@ -10,6 +10,7 @@ mod error;
 mod geometry;
 mod holding;
 mod joints;
+mod kept;
 mod loading;
 mod locked;
 mod messages;

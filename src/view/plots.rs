@@ -4,6 +4,10 @@ use super::charts::{
     COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, whole_ticks,
 };
 use crate::plan::search::{BudgetPoint, repeated_configurations};
+use crate::text::wording::counted;
+
+/// How far lines stand beside each other, in measurements.
+const ASIDE: f64 = 0.07;
 
 /// `rho_0` against the number of measurements: a line for each number of configurations, and the
 /// bound that no plan can beat. Returns the SVG text.
@@ -27,7 +31,7 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
     };
     let mut lines: Vec<(String, Vec<(f64, f64)>)> = (repeated_configurations(points).into_iter())
         .map(|count| {
-            let name = format!("{count} configurations");
+            let name = counted(count.into(), "configuration");
             (name, line(&|point| point.configurations == count))
         })
         .collect();
@@ -54,13 +58,14 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
     ];
     plot(SIZE, title, |area| {
         let mut chart = chart_of(area, axes, names, &series)?;
-        let lines = lines.into_iter().map(|(_, line)| line).chain([bound]);
-        for (each, line) in series.iter().zip(lines) {
-            if each.mark == Mark::Line {
-                Series::new("", each.colour, Mark::Dot).draw(&mut chart, &line)?;
-            }
-            each.draw(&mut chart, &line)?;
+        let middle = (lines.len() as f64 - 1.0) / 2.0;
+        for (index, (each, (_, line))) in series.iter().zip(&lines).enumerate() {
+            // Beside each other, since many of them nearly agree.
+            let aside = (index as f64 - middle) * ASIDE;
+            let beside: Vec<(f64, f64)> = line.iter().map(|&(m, rho0)| (m + aside, rho0)).collect();
+            Series::new("", each.colour, Mark::Dot).draw(&mut chart, &beside)?;
+            each.draw(&mut chart, &beside)?;
         }
-        Ok(())
+        series[lines.len()].draw(&mut chart, &bound)
     })
 }

@@ -158,6 +158,7 @@ mod interruptions;
 mod joint_errors;
 mod judge;
 mod judges;
+mod kept_models;
 mod known_optima;
 mod laboratory;
 mod left_out;
