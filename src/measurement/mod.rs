@@ -23,8 +23,8 @@ pub use read::{
     MeasuredArm, MeasuredFile, read_measured, read_measurements, read_measurements_so_far,
 };
 pub use write::{
-    RowToFillIn, absolute_table, deflection_table, table_to_fill_in, write_measurements,
-    write_measurements_under,
+    RowToFillIn, absolute_table, deflection_table, readings_to_fill_in, table_to_fill_in,
+    write_measurements, write_measurements_under,
 };
 
 /// One calibration experiment's outcome (A2).

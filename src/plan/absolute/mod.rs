@@ -193,6 +193,19 @@ impl<'a> AbsolutePlanning<'a> {
             .collect()
     }
 
+    /// The site that a candidate reads.
+    pub fn target(&self, place: usize) -> &str {
+        &self.case.targets[self.case.observations[place].setup.target]
+    }
+
+    /// A reading of a candidate in which nothing is filled in.
+    pub fn blank_reading(&self, place: usize) -> AbsoluteReading {
+        AbsoluteReading {
+            target: Some(self.target(place).to_owned()),
+            ..reading_of(&self.candidates[place], &self.case.belief.instrument)
+        }
+    }
+
     /// What is unknown.
     pub const fn set(&self) -> &ParameterSet {
         &self.set
