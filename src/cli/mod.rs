@@ -33,6 +33,7 @@ pub mod printed_error;
 pub mod process;
 pub mod progress;
 mod proof;
+mod readings_args;
 mod repeats;
 mod replay;
 mod reproduce;
@@ -136,7 +137,9 @@ enum Command {
     )]
     Plan(plan::PlanCommand),
     /// How many measurements, and in how many configurations, for a wanted accuracy
-    #[command(after_help = "Example:\n  elastocal budget --accuracy-um 5 --plot-out budget.svg")]
+    #[command(
+        after_help = "Examples:\n  elastocal budget --accuracy-um 5 --plot-out budget.svg\n  elastocal budget absolute.toml --candidates stops.csv --parameters zeros --up-to 16 --accuracy-um 60"
+    )]
     Budget(budget::Budget),
     /// Assess a plan: accuracy at the test pose, standard errors, criteria, violations
     #[command(

@@ -27,6 +27,9 @@ use crate::task::Task;
 /// What a move that is not straight costs more than one that is, and how many times as much.
 const DETOUR: (f64, f64) = (1.0, 2.0);
 
+/// What it costs to come again to where the robot stands: it is to leave in between.
+const AGAIN: f64 = 100.0;
+
 /// Why a plan cannot be carried out.
 #[derive(Debug, Clone, Error, PartialEq, Eq)]
 pub enum CampaignError {
@@ -361,9 +364,15 @@ impl Planner<'_> {
         let at = |member: usize| group.members[member].0[0];
         let q = |member: usize| &self.plan.experiments[at(member)].configuration_rad;
         let start = last.map(|stop| &stop.configuration).or(self.home.as_ref());
+        let is_alike =
+            last.is_some_and(|last| (last.load, &last.station) == (group.load, &group.station));
         shortest(
             group.members.len(),
-            &|first| start.map_or(0.0, |start| apart(start, q(first))),
+            &|first| match start {
+                Some(start) if is_alike && start == q(first) => AGAIN,
+                Some(start) => apart(start, q(first)),
+                None => 0.0,
+            },
             &|one, other| {
                 let straight = apart(q(one), q(other));
                 if self.blocked[at(one)][at(other)] {

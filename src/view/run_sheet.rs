@@ -195,6 +195,12 @@ fn configurations(
     let commands = scenario.task.belief.commands();
     let of_place = |(index, place): (usize, &Vec<usize>)| {
         let stop = &campaign.stops[place[0]];
+        let experiments = place
+            .iter()
+            .flat_map(|&each| &campaign.stops[each].experiments);
+        let picture = experiments
+            .min()
+            .map_or("", |&first| &pictures[first].unloaded);
         let numbers: Vec<String> = place.iter().map(|each| (each + 1).to_string()).collect();
         let shown = |q: &DVector<f64>| commands.shown(q.as_slice());
         let (from, at) = (
@@ -220,7 +226,7 @@ fn configurations(
              <p>Approached with {}.</p>\n{}</article>\n",
             index + 1,
             numbers.join(", "),
-            pictures[stop.experiments[0]].unloaded,
+            picture,
             escaped(&stop.side.to_string()),
             table_of(&header, rows)
         )
@@ -237,7 +243,7 @@ fn stops(
     pictures: &[Pictures],
 ) -> String {
     let columns = columns(&scenario.task);
-    let width = 54 / columns.len();
+    let width = 60 / columns.len();
     let filled = columns
         .iter()
         .map(|column| format!("<th style=\"width: {width}%\">{column}</th>"));

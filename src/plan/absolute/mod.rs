@@ -7,6 +7,7 @@
 //! The place counts in the frame of a station. Of several, it is that where least is left: each station has a frame of its own,
 //! which only readings from there tell, so that where the instrument stands is chosen with the readings.
 
+mod budget;
 mod contributions;
 mod distances;
 mod drawn;
@@ -35,7 +36,7 @@ use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::{Extended, Task};
 
-pub use drawn::DrawnWanted;
+pub use drawn::{DrawnWanted, sampled_candidates};
 pub use error::AbsolutePlanError;
 pub use predicted_accuracy::PredictedAccuracy;
 
