@@ -139,7 +139,7 @@ impl Budget {
     fn readings(&self, scenario: &Scenario) -> anyhow::Result<Searched> {
         let (common, task, laboratory) = (&self.common, &scenario.task, &scenario.laboratory);
         let (rows, drawn) = self.readings.rows(scenario)?;
-        let wrong = |error| self.readings.wrong(scenario, error);
+        let wrong = |error| self.readings.wrong(scenario, &error);
         let planning =
             AbsolutePlanning::new(task, &self.readings.parameters, &rows).map_err(wrong)?;
         common.say(&format!(
@@ -198,7 +198,11 @@ impl Budget {
         };
         let is_cut_short = STOP.load(Ordering::Relaxed);
         let points = &found.points;
-        let mut text = describe(points) + &common_to(points) + &stops_helping(points) + &found.text;
+        let mut text = describe(points) + &common_to(points);
+        text += &match accuracy {
+            AccuracyKind::Relative => stops_helping(points) + &found.text,
+            AccuracyKind::Absolute => format!("\n{}", found.text),
+        };
         let mut conditions = self.conditions(&found, is_cut_short);
         if let Some((point, minutes)) = &found.needed {
             text += &self.tell(point, *minutes, accuracy);

@@ -178,7 +178,7 @@ enum Command {
     Lab(lab::Lab),
     /// Plan what to measure next, after some of a plan is measured
     #[command(
-        after_help = "Example:\n  elastocal next --measurements so_far.csv --plan plan.csv --plan-out rest.csv"
+        after_help = "Examples:\n  elastocal next --measurements so_far.csv --plan plan.csv --plan-out rest.csv\n  elastocal next absolute.toml --measurements so_far.csv --candidates stops.csv --plan-out rest.csv"
     )]
     Next(next::Next),
     /// Validate an identification by other measurements
@@ -404,7 +404,7 @@ impl Common {
             let problem = "is \"absolute\", and this command is about deflections";
             let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
             let wrong = wrong.code(ErrorCode::OtherAccuracy);
-            let hint = "absolute accuracy is for `plan`, `evaluate` and `study`; leave the key out for this command";
+            let hint = "absolute accuracy goes by `plan`, `measure`, `identify` and `compensate`; leave the key out for this command";
             return Err(wrong.hint(hint).into());
         }
         rests(&scenario)?;

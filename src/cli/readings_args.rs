@@ -50,12 +50,13 @@ impl ReadingsArgs {
             configurations: self.draw.unwrap_or(DRAWN),
             seed: scenario.seed,
         };
-        let rows = sampled_candidates(task, wanted).map_err(|error| self.wrong(scenario, error))?;
+        let rows =
+            sampled_candidates(task, wanted).map_err(|error| self.wrong(scenario, &error))?;
         Ok((rows, Some(wanted)))
     }
 
     /// What is wrong with them, in the file that has them.
-    pub fn wrong(&self, scenario: &Scenario, error: AbsolutePlanError) -> FileError {
+    pub fn wrong(&self, scenario: &Scenario, error: &AbsolutePlanError) -> FileError {
         let path: &Path = self.candidates.as_deref().unwrap_or(&scenario.path);
         error.in_file(path)
     }

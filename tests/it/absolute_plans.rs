@@ -292,17 +292,23 @@ fn budgets_are_of_the_plans() {
     for (one, other) in points.iter().zip(&points[1..]) {
         assert!(number(one, "rho0_mm") > number(other, "rho0_mm"));
         assert!(number(one, "rho0_mm") >= number(one, "lower_bound_rho0_mm"));
+        assert!(number(one, "lower_bound_rho0_mm") >= number(other, "lower_bound_rho0_mm"));
     }
     let last = &points[points.len() - 1];
     let plan = "plan s.toml --parameters zeros --candidates c.csv --plan-out p.csv --experiments";
     let planned = place.json(&format!("{plan} 10"));
-    for key in ["rho0_mm", "lower_bound_rho0_mm", "bound_kind"] {
-        assert_eq!(planned[key], last[key], "{key}");
-    }
+    // It goes on from the plan of one reading less, too.
+    assert!(number(last, "rho0_mm") <= number(&planned, "rho0_mm") * (1.0 + 1e-9));
+    assert!(number(last, "rho0_mm") >= number(&planned, "lower_bound_rho0_mm"));
+    assert_eq!(last["bound_kind"], "proved");
     let needed = budget(1e3 * number(last, "rho0_mm") * (1.0 + 1e-9), "--by-minutes");
     assert_eq!(needed["needed"], *last);
-    let minutes = number(&place.json("lab s.toml --plan p.csv"), "minutes");
-    assert!((number(&needed, "needed_minutes") - minutes).abs() < 1e-9);
+    // A set-up, ten visits at most, ten readings, and the time that joints turn.
+    let minutes = number(&needed, "needed_minutes");
+    assert!(
+        (20.0 + 5.0..20.0 + 10.0 + 5.0 + 10.0).contains(&minutes),
+        "{minutes}"
+    );
     // Sampled configurations are no proof.
     let sampled =
         place.json("budget s.toml --draw 6 --parameters frames --up-to 6 --accuracy-um 1000");

@@ -118,7 +118,7 @@ impl<'a> AbsolutePlanning<'a> {
                     (watch.progress)(round * all + done, rounds * all, cost);
                 },
             };
-            let found = planning.design_by(SEARCHES, sizes, wanted.seed, here)?;
+            let found = planning.design_by((SEARCHES, &[]), sizes, wanted.seed, here)?;
             let chosen = found
                 .plan
                 .iter()
@@ -151,7 +151,7 @@ impl<'a> AbsolutePlanning<'a> {
             *place = chosen + index;
         }
         // All that were drawn were looked at, and there are others.
-        found.bound = all.bound(&found.plan)?.map(PlanBound::as_evidence);
+        found.bound = all.bound(&found.plan)?.map(PlanBound::into_evidence);
         Ok((all, found))
     }
 }

@@ -82,7 +82,7 @@ pub struct PlanBound {
 
 impl PlanBound {
     /// The same where others than those may be chosen.
-    pub(in crate::plan) fn as_evidence(self) -> Self {
+    pub(in crate::plan) fn into_evidence(self) -> Self {
         Self {
             kind: BoundKind::Evidence,
             proof: None,
