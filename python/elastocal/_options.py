@@ -24,7 +24,10 @@ class Common(TypedDict, total=False):
 
 class BudgetGiven(Common, total=False):
     by_minutes: bool | None
+    candidates: FilePath | None
+    draw: int | None
     no_proof: bool | None
+    parameters: Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"] | Sequence[Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"]] | None
     plot_out: FilePath | None
     proof_out: FilePath | None
     prove: float | str | None
@@ -168,7 +171,10 @@ class MergeGiven(TypedDict, total=False):
 
 class NextGiven(Common, total=False):
     accuracy_um: float | None
+    candidates: FilePath | None
+    draw: int | None
     experiments: int | None
+    parameters: Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"] | Sequence[Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"]] | None
     plan_out: FilePath | None
     skip: int | Sequence[int] | None
     skip_within_deg: float | None

@@ -264,7 +264,7 @@ class Scenario:
             return self.command("export", **files, model_out=model_out, **given)
 
     @takes("next")
-    def next(self, measurements: Measurements | FilePath, plan: Plan | FilePath, **given: Unpack[options.NextGiven]) -> Results:
+    def next(self, measurements: Measurements | FilePath, plan: Plan | FilePath | None = None, **given: Unpack[options.NextGiven]) -> Results:
         """What to measure next, after some of a plan is measured."""
         with self._files(measurements=measurements, plan=plan) as files:
             return self.command("next", **files, **given)

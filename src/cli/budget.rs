@@ -4,23 +4,30 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
-use elastocal::codes::ConditionCode;
-use elastocal::laboratory::{Campaign, time::quickest};
-use elastocal::plan::search::{BudgetPoint, budget, cheapest, repeated_configurations};
+use elastocal::codes::{Condition, ConditionCode};
+use elastocal::laboratory::Campaign;
+use elastocal::laboratory::time::{least_minutes, quickest};
+use elastocal::plan::absolute::AbsolutePlanning;
+use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest, repeated_configurations};
 use elastocal::quantities::plausible::ACCURACY;
+use elastocal::record::json::merge;
 use elastocal::record::messages::{CommonSourcesMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
+use elastocal::task::AccuracyKind;
 use elastocal::text::wording::counted;
 use elastocal::view::plots::budget_plot;
 use serde_json::{Value, json};
 
-use super::interruption::ask_search;
+use super::interruption::{STOP, ask_search, searched};
+use super::plan::drawn_words;
+use super::plan_args::{left_out, refuse_others};
 use super::progress::{bar, show};
 use super::proof::{ProofArgs, proof_json};
+use super::readings_args::ReadingsArgs;
 use super::table::{number, table_of};
 use super::uncertainty_budget::common_sources;
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
 
 /// Arguments of `budget`.
 #[derive(Debug, Args)]
@@ -30,6 +37,8 @@ pub struct Budget {
     pub common: Common,
     #[command(flatten)]
     proof: ProofArgs,
+    #[command(flatten)]
+    readings: ReadingsArgs,
     /// The largest number of measurements.
     #[arg(long, value_name = "M", default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..=100))]
     up_to: u32,
@@ -44,115 +53,202 @@ pub struct Budget {
     plot_out: Option<PathBuf>,
 }
 
+/// What was searched.
+struct Searched {
+    points: Vec<BudgetPoint>,
+    /// The cheapest way to the accuracy that is wanted, with the minutes that it takes; these are none where no way between its
+    /// experiments is found.
+    needed: Option<(BudgetPoint, Option<f64>)>,
+    /// What is said of the bound and of candidates,
+    text: String,
+    /// and in the record.
+    json: Value,
+}
+
 impl Budget {
-    /// The cheapest way to the accuracy that is wanted, with the minutes that it takes; these are none where no way
-    /// between its experiments is found.
+    /// The cheapest way to the accuracy that is wanted, by the minutes that plans take at least and, where a way is found, in all.
     fn needed(
         &self,
-        scenario: &Scenario,
         points: &[BudgetPoint],
+        at_least: impl Fn(&BudgetPoint) -> f64,
+        minutes: impl Fn(&BudgetPoint) -> Option<f64>,
     ) -> Option<(BudgetPoint, Option<f64>)> {
-        let (task, laboratory) = (&scenario.task, &scenario.laboratory);
         let accuracy_m = self.accuracy_um * 1e-6;
         let enough = points.iter().filter(|point| point.rho0_m <= accuracy_m);
-        let quickest = || quickest(task, laboratory, enough.map(|point| (&point.plan, point)));
+        let enough = enough.map(|point| (at_least(point), point));
         if self.by_minutes
-            && let Some((minutes, point)) = quickest()
+            && let Some((minutes, point)) = quickest(enough, |point| minutes(point))
         {
             return Some((point.clone(), Some(minutes)));
         }
         let point = cheapest(points, accuracy_m)?;
-        let campaign = Campaign::new(task, laboratory, &point.plan, false);
-        Some((point, campaign.ok().map(|campaign| campaign.minutes)))
+        let minutes = minutes(&point);
+        Some((point, minutes))
     }
 
     /// The cheapest way for a person.
-    fn tell(&self, point: &BudgetPoint, minutes: Option<f64>) -> String {
+    fn tell(&self, point: &BudgetPoint, minutes: Option<f64>, accuracy: AccuracyKind) -> String {
         let time = minutes.filter(|_| self.by_minutes);
         let time = time.map_or_else(String::new, |minutes| format!(": {minutes:.0} minutes"));
-        format!(
-            "\nFor {} um at the test pose you need {} in {}{time}.\n",
-            self.accuracy_um,
-            counted(point.experiments.into(), "measurement"),
-            counted(point.configurations.into(), "configuration"),
-        )
+        let needed = match accuracy {
+            AccuracyKind::Absolute => counted(point.experiments.into(), "absolute reading"),
+            AccuracyKind::Relative => format!(
+                "{} in {}",
+                counted(point.experiments.into(), "measurement"),
+                counted(point.configurations.into(), "configuration")
+            ),
+        };
+        let accuracy_um = self.accuracy_um;
+        format!("\nFor {accuracy_um} um at the test pose you need {needed}{time}.\n")
     }
 
-    pub fn execute(&self) -> anyhow::Result<Report> {
-        let (common, largest) = (&self.common, self.up_to);
-        let scenario = common.load_relative()?;
-        let outputs = [
-            ("--plot-out", self.plot_out.as_deref()),
-            ("--proof-out", self.proof.out()),
-        ];
-        check_outputs(&mut inputs(&scenario), &outputs)?;
+    /// Of deflections.
+    fn deflections(&self, scenario: &Scenario, written: &mut Written) -> anyhow::Result<Searched> {
+        let (common, task, laboratory) = (&self.common, &scenario.task, &scenario.laboratory);
         let stop = ask_search();
-        let up_to = counted(largest.into(), "measurement");
+        let up_to = counted(self.up_to.into(), "measurement");
         common.say(&format!("searching the best plans of up to {up_to}"));
         let bar = bar(common.quiet, "searching plans");
         let progress = |done: usize, all: usize| show(&bar, done, all);
         let (points, bound) = self.proof.with_effort(common, stop, |proof| {
-            budget(
-                &scenario.task,
-                largest,
-                scenario.seed,
-                proof,
-                stop,
-                &progress,
-            )
+            budget(task, self.up_to, scenario.seed, proof, stop, &progress)
         })?;
-        let is_cut_short = stop.load(Ordering::Relaxed);
         bar.finish_and_clear();
-        super::interruption::searched();
-        let Some(last) = points.last() else {
-            let compliances = scenario.task.belief.parameters.len() as u64;
+        searched();
+        if points.is_empty() {
+            let compliances = task.belief.parameters.len() as u64;
             anyhow::bail!(
                 "no plan of up to {up_to} determines {}; give a larger --up-to",
                 counted(compliances, "compliance")
             );
+        }
+        let minutes = |point: &BudgetPoint| {
+            let campaign = Campaign::new(task, laboratory, &point.plan, false);
+            campaign.ok().map(|campaign| campaign.minutes)
         };
+        let at_least = |point: &BudgetPoint| least_minutes(laboratory, &point.plan);
+        Ok(Searched {
+            needed: self.needed(&points, at_least, minutes),
+            text: (self.proof).tell(&bound, &ProvenanceMessage::new(scenario), written)?,
+            json: json!({ "proof": proof_json(&bound) }),
+            points,
+        })
+    }
+
+    /// Of absolute readings.
+    fn readings(&self, scenario: &Scenario) -> anyhow::Result<Searched> {
+        let (common, task, laboratory) = (&self.common, &scenario.task, &scenario.laboratory);
+        let (rows, drawn) = self.readings.rows(scenario)?;
+        let wrong = |error| self.readings.wrong(scenario, &error);
+        let planning =
+            AbsolutePlanning::new(task, &self.readings.parameters, &rows).map_err(wrong)?;
+        common.say(&format!(
+            "searching the best plans of up to {} among {}",
+            counted(self.up_to.into(), "absolute reading"),
+            counted(planning.candidates.len() as u64, "candidate")
+        ));
+        let bar = bar(common.quiet, "searching plans");
+        let watch = Watch {
+            stop: ask_search(),
+            progress: &|done, all, _| show(&bar, done, all),
+        };
+        let found =
+            (planning.budget(self.up_to, drawn.is_some(), scenario.seed, watch)).map_err(wrong)?;
+        bar.finish_and_clear();
+        searched();
+        let minutes = |point: &BudgetPoint| {
+            let is_it = |(each, _): &&(BudgetPoint, _)| each.experiments == point.experiments;
+            let (_, plan) = found.iter().find(is_it)?;
+            let campaign = Campaign::of_readings(task, laboratory, (&planning, plan), false);
+            campaign.ok().map(|campaign| campaign.minutes)
+        };
+        // From one station, in one stop.
+        let at_least =
+            |point: &BudgetPoint| laboratory.costs.work_min([1, 1, 0], point.experiments);
+        let points: Vec<BudgetPoint> = found.iter().map(|(point, _)| point.clone()).collect();
+        let offer = &planning.offer;
+        let offered = counted(offer.offered as u64, "candidate");
+        Ok(Searched {
+            needed: self.needed(&points, at_least, minutes),
+            text: match drawn {
+                Some(drawn) => drawn_words(drawn, offer),
+                None => left_out(&offered, self.readings.candidates.as_deref(), offer),
+            },
+            json: json!({ "proof": null, "candidates": offer, "drawn": drawn }),
+            points,
+        })
+    }
+
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let scenario = self.common.load()?;
+        refuse_others(&scenario, &self.proof.given(), &self.readings.given())?;
+        rests(&scenario)?;
+        let outputs = [
+            ("--plot-out", self.plot_out.as_deref()),
+            ("--proof-out", self.proof.out()),
+        ];
+        let mut roles = inputs(&scenario);
+        roles.may_read("the candidates", self.readings.candidates.as_deref());
+        check_outputs(&mut roles, &outputs)?;
+        let mut written = Written::default();
+        let accuracy = scenario.task.design.accuracy;
+        let found = match accuracy {
+            AccuracyKind::Relative => self.deflections(&scenario, &mut written)?,
+            AccuracyKind::Absolute => self.readings(&scenario)?,
+        };
+        let is_cut_short = STOP.load(Ordering::Relaxed);
+        let points = &found.points;
+        let mut text = describe(points) + &common_to(points);
+        text += &match accuracy {
+            AccuracyKind::Relative => stops_helping(points) + &found.text,
+            AccuracyKind::Absolute => format!("\n{}", found.text),
+        };
+        let mut conditions = self.conditions(&found, is_cut_short);
+        if let Some((point, minutes)) = &found.needed {
+            text += &self.tell(point, *minutes, accuracy);
+        }
+        if let Some(path) = &self.plot_out {
+            let title = format!("{}: accuracy against measurements", scenario.name);
+            text += &written.save(path, &budget_plot(&title, points)?);
+        }
+        conditions.extend(written.conditions());
+        let needed = found.needed.as_ref();
+        let json = json!({
+            "accuracy_um": self.accuracy_um,
+            "needed": needed.map(|(point, _)| record(point)),
+            "needed_minutes": needed.and_then(|(_, minutes)| *minutes),
+            "budget": points.iter().map(record).collect::<Vec<_>>(),
+        });
+        let provenance = ProvenanceMessage::new(&scenario)
+            .with_optional("candidates", self.readings.candidates.as_deref())?;
+        let mut json = results("budget", &provenance, json);
+        merge(&mut json, found.json);
+        Ok(Report::new(json, text, conditions))
+    }
+
+    fn conditions(&self, found: &Searched, is_cut_short: bool) -> Vec<Condition> {
         let mut conditions = Vec::new();
         if is_cut_short {
             let words = "the search was stopped: better plans may exist, and plans of more measurements were not searched";
             conditions.push(ConditionCode::SearchStopped.with(words));
         }
-        let needed = self.needed(&scenario, &points);
-        let mut text = describe(&points) + &common_to(&points) + &stops_helping(&points);
-        let mut written = Written::default();
-        let provenance = ProvenanceMessage::new(&scenario);
-        text += &self.proof.tell(&bound, &provenance, &mut written)?;
-        if let Some((point, minutes)) = &needed {
-            text += &self.tell(point, *minutes);
-            if minutes.is_none() {
+        match &found.needed {
+            Some((_, Some(_))) => {}
+            Some((_, None)) => {
                 let words = "no way is found between its experiments";
                 conditions.push(ConditionCode::NoWay.with(words));
             }
-        } else {
-            let searched = if is_cut_short {
-                last.experiments
-            } else {
-                largest
-            };
-            conditions.push(ConditionCode::OutOfReach.with(format!(
-                "no plan of up to {} reaches {} um",
-                counted(searched.into(), "measurement"),
-                self.accuracy_um
-            )));
+            None => {
+                let last = found.points.last().map(|last| last.experiments);
+                let most = last.filter(|_| is_cut_short).unwrap_or(self.up_to);
+                conditions.push(ConditionCode::OutOfReach.with(format!(
+                    "no plan of up to {} reaches {} um",
+                    counted(most.into(), "measurement"),
+                    self.accuracy_um
+                )));
+            }
         }
-        if let Some(path) = &self.plot_out {
-            let title = format!("{}: accuracy against measurements", scenario.name);
-            text += &written.save(path, &budget_plot(&title, &points)?);
-        }
-        conditions.extend(written.conditions());
-        let json = json!({
-            "accuracy_um": self.accuracy_um,
-            "needed": needed.as_ref().map(|(point, _)| record(point)),
-            "needed_minutes": needed.as_ref().and_then(|(_, minutes)| *minutes),
-            "proof": proof_json(&bound),
-            "budget": points.iter().map(record).collect::<Vec<_>>(),
-        });
-        let json = results("budget", &provenance, json);
-        Ok(Report::new(json, text, conditions))
+        conditions
     }
 }
 

@@ -4,22 +4,27 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
+use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, make_folder};
 use elastocal::laboratory::{Campaign, CampaignError, Program, ProgramFile, program};
-use elastocal::measurement::{CONTROLLER_COMPENSATES, RowToFillIn, table_to_fill_in};
+use elastocal::measurement::{
+    AbsoluteReading, CONTROLLER_COMPENSATES, RowToFillIn, readings_to_fill_in, table_to_fill_in,
+};
 use elastocal::parameter::Unloaded;
+use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::{Feasibility, Plan, read_plan};
 use elastocal::record::{campaign::campaign_json, messages::ProvenanceMessage};
 use elastocal::scenario::Scenario;
-use elastocal::task::Extended;
+use elastocal::task::{AccuracyKind, Extended};
 use elastocal::text::wording::counted;
 use elastocal::view::run_sheet::run_sheet;
+use elastocal::view::stills::Stills;
 
 use super::dialect::dialect;
 use super::table::table;
 use super::views::RUN_SHEET;
 use super::written::{Written, record_text};
-use super::{Common, Report, inputs, results, without_effect};
+use super::{Common, Report, inputs, rests, results, without_effect};
 
 /// The table to fill in, and the record.
 const FILES: [&str; 2] = ["measurements.csv", "campaign.json"];
@@ -41,11 +46,21 @@ pub struct Lab {
     dialect: Option<String>,
 }
 
+/// A plan as it is carried out, with what is taken along.
+struct Work {
+    plan: Plan,
+    campaign: Campaign,
+    sheet: String,
+    /// The table to fill in.
+    table: String,
+    conditions: Vec<Condition>,
+}
+
 impl Lab {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load_relative()?;
+        let scenario = self.common.load()?;
+        rests(&scenario)?;
         let commands = scenario.task.belief.commands();
-        let plan = read_plan(&self.plan, commands.clone())?;
         let dialect = dialect(self.dialect.as_deref(), &scenario)?;
         let name = &scenario.name;
         let folder = self.common.folder(&scenario).join("lab");
@@ -63,15 +78,17 @@ impl Lab {
         let program_names: Vec<&str> = program_names.iter().map(String::as_str).collect();
         roles.writes_to(&folder, &program_names).check()?;
 
-        self.common.say(&format!(
-            "looking for ways and an order for {}",
-            counted(plan.experiments.len() as u64, "experiment")
-        ));
-        let campaign = Campaign::new(&scenario.task, &scenario.laboratory, &plan, self.keep_order)
-            .map_err(|error| {
-                let wrong = FileError::new(&self.plan, error.to_string());
-                wrong.code(ErrorCode::Campaign).hint(CampaignError::HINT)
-            })?;
+        let work = match scenario.task.design.accuracy {
+            AccuracyKind::Relative => self.deflections(&scenario)?,
+            AccuracyKind::Absolute => self.readings(&scenario)?,
+        };
+        let Work {
+            plan,
+            campaign,
+            sheet,
+            table,
+            mut conditions,
+        } = work;
         make_folder(&folder)?;
         let title = format!("elastocal: {name}, {}", self.plan.display());
         let gravity = &scenario.task.belief.nominal.chain.gravity_m_s2;
@@ -79,7 +96,6 @@ impl Lab {
         let mut written = Written::default();
         let mut text = describe(&plan, &campaign);
         let path = folder.join(RUN_SHEET);
-        let sheet = run_sheet(&scenario, &plan, &campaign);
         text += &written.save(&path, &sheet);
         for file in &files {
             let path = folder.join(&file.name);
@@ -90,50 +106,140 @@ impl Lab {
         let record = campaign_json(&commands, costs, &campaign);
         let mut json = results("lab", &provenance, record);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
-        let empty = to_fill_in(&scenario, &plan, &campaign);
-        text += &written.save(&to_fill, &empty);
-        let mut conditions = self.conditions(&scenario, &plan, &campaign);
+        text += &written.save(&to_fill, &table);
+        conditions.extend(doubts(&scenario, &campaign));
         let record_text = record_text(&mut json, &conditions)?;
         text += &written.save(&record, &record_text);
         conditions.extend(written.conditions());
         Ok(Report::new(json, text, conditions))
     }
 
-    fn conditions(&self, scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> Vec<Condition> {
-        let mut conditions = Vec::new();
-        let violations = Feasibility::new(&scenario.task).violations(plan);
-        if let Some(first) = violations.first() {
-            let count = counted(violations.len() as u64, "violation");
-            conditions.push(ConditionCode::Violation.with(format!(
-                "{}: the plan has {count}: {first}",
-                self.plan.display()
-            )));
-        }
-        let without = (campaign.stops.iter())
-            .filter(|stop| stop.approach.is_none() && !stop.is_in_place())
-            .flat_map(|stop| &stop.experiments)
-            .map(|index| (index + 1).to_string())
-            .collect::<std::collections::BTreeSet<_>>();
-        if !without.is_empty() && scenario.laboratory.approach > 0.0 {
-            let without: Vec<String> = without.into_iter().collect();
-            conditions.push(ConditionCode::OneSidedApproach.with(format!(
-                "there is no room to approach experiment {} from one side",
-                without.join(", ")
-            )));
-        }
-        if campaign.home.is_some() && campaign.return_way.is_none() {
-            let words = "no way is found back to the first safe pose";
-            conditions.push(ConditionCode::NoWay.with(words));
-        }
-        conditions
+    fn say_looking(&self, count: usize, what: &str) {
+        let count = counted(count as u64, what);
+        (self.common).say(&format!("looking for ways and an order for {count}"));
     }
+
+    fn wrong(&self, error: &CampaignError) -> FileError {
+        let wrong = FileError::new(&self.plan, error.to_string());
+        wrong.code(ErrorCode::Campaign).hint(CampaignError::HINT)
+    }
+
+    /// A plan of deflections.
+    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Work> {
+        let (task, laboratory) = (&scenario.task, &scenario.laboratory);
+        let plan = read_plan(&self.plan, task.belief.commands())?;
+        self.say_looking(plan.experiments.len(), "experiment");
+        let campaign = Campaign::new(task, laboratory, &plan, self.keep_order)
+            .map_err(|error| self.wrong(&error))?;
+        let violations = Feasibility::new(task).violations(&plan);
+        let conditions = violations.first().map(|first| {
+            let count = counted(violations.len() as u64, "violation");
+            let plan = self.plan.display();
+            ConditionCode::Violation.with(format!("{plan}: the plan has {count}: {first}"))
+        });
+        let stills = Stills::of_plan(scenario, &plan);
+        Ok(Work {
+            sheet: run_sheet(scenario, stills, &plan, &campaign),
+            table: to_fill_in(scenario, &plan, &campaign),
+            conditions: conditions.into_iter().collect(),
+            plan,
+            campaign,
+        })
+    }
+
+    /// A plan of absolute readings.
+    fn readings(&self, scenario: &Scenario) -> anyhow::Result<Work> {
+        let (task, laboratory) = (&scenario.task, &scenario.laboratory);
+        let rows = read_candidates(&self.plan, task.belief.commands())?;
+        let planning = AbsolutePlanning::of_plan(task, &[], &rows)
+            .map_err(|error| error.in_file(&self.plan))?;
+        let whole = planning.whole();
+        self.say_looking(whole.len(), "absolute reading");
+        let campaign =
+            Campaign::of_readings(task, laboratory, (&planning, &whole), self.keep_order)
+                .map_err(|error| self.wrong(&error))?;
+        let rows = planning.readings(&whole);
+        let experiments = rows.iter().map(|(row, repeats)| row.experiment(*repeats));
+        let plan = Plan {
+            experiments: experiments.collect(),
+        };
+        let stills = Stills::of_readings(scenario, &rows);
+        Ok(Work {
+            sheet: run_sheet(scenario, stills, &plan, &campaign),
+            table: readings_table(scenario, &planning, &campaign),
+            conditions: Vec::new(),
+            plan,
+            campaign,
+        })
+    }
+}
+
+/// What must be looked at of a plan as it is carried out.
+fn doubts(scenario: &Scenario, campaign: &Campaign) -> Vec<Condition> {
+    let mut conditions = Vec::new();
+    let without = (campaign.stops.iter())
+        .filter(|stop| stop.approach.is_none() && !stop.is_in_place())
+        .flat_map(|stop| &stop.experiments)
+        .map(|index| (index + 1).to_string())
+        .collect::<std::collections::BTreeSet<_>>();
+    if !without.is_empty() && scenario.laboratory.approach > 0.0 {
+        let without: Vec<String> = without.into_iter().collect();
+        conditions.push(ConditionCode::OneSidedApproach.with(format!(
+            "there is no room to approach experiment {} from one side",
+            without.join(", ")
+        )));
+    }
+    if campaign.home.is_some() && campaign.return_way.is_none() {
+        let words = "no way is found back to the first safe pose";
+        conditions.push(ConditionCode::NoWay.with(words));
+    }
+    conditions
+}
+
+/// Whether a table says from which side configurations are approached.
+fn says_sides(scenario: &Scenario, plan_says: bool) -> bool {
+    let uncertain = scenario.task.belief.uncertain.as_ref();
+    plan_says || uncertain.is_some_and(Extended::has_backlash)
+}
+
+/// A file of absolute readings that are to be filled in, in the order of work.
+fn readings_table(
+    scenario: &Scenario,
+    planning: &AbsolutePlanning<'_>,
+    campaign: &Campaign,
+) -> String {
+    let plan_says = (planning.candidates.iter()).any(|each| each.approach.is_some());
+    let says_sides = says_sides(scenario, plan_says);
+    let stops = campaign.stops.iter().enumerate();
+    let readings = stops.flat_map(|(place, stop)| {
+        // All candidates are the plan, in its order.
+        (stop.experiments.iter()).map(move |&index| AbsoluteReading {
+            configuration_rad: stop.configuration.clone(),
+            visit: Some((place + 1).to_string()),
+            approach: stop.side.as_approach().filter(|_| says_sides),
+            ..planning.blank_reading(index)
+        })
+    });
+    let readings: Vec<AbsoluteReading> = readings.collect();
+    head(
+        scenario,
+        "# what the instrument shows at each stop, in a frame of its own; visit is the number of the stop\n",
+    ) + &readings_to_fill_in(&scenario.task.belief.commands(), &readings)
+}
+
+/// What stands over a table to fill in.
+fn head(scenario: &Scenario, what: &str) -> String {
+    scenario.origin().comments()
+        + &format!("# {CONTROLLER_COMPENSATES}no\n")
+        + "# does the controller compensate deflections by itself (KUKA: $ABS_ACCUR)? Write yes or no there.\n"
+        + what
 }
 
 /// A measurement CSV whose positions are to be filled in: a row for each measurement, in the order of work.
 fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
     let belief = &scenario.task.belief;
-    let says_sides = plan.experiments.iter().any(|each| each.approach.is_some())
-        || (belief.uncertain.as_ref()).is_some_and(Extended::has_backlash);
+    let plan_says = (plan.experiments.iter()).any(|each| each.approach.is_some());
+    let says_sides = says_sides(scenario, plan_says);
     let stops = || campaign.stops.iter().enumerate();
     let rows = stops().filter_map(|(place, stop)| Some((place + 1, stop, stop.load.as_ref()?)));
     let rows = rows.flat_map(|(place, stop, load)| {
@@ -163,15 +269,13 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
         "# positions of the reflector without and with the load as the sheet has them, world frame; where the \
          instrument shows\n# their difference: dx_mm,dy_mm,dz_mm in place of the six columns\n"
     };
-    scenario.origin().comments()
-        + &format!("# {CONTROLLER_COMPENSATES}no\n")
-        + "# does the controller compensate deflections by itself (KUKA: $ABS_ACCUR)? Write yes or no there.\n"
-        + what
-        + &table
+    head(scenario, what) + &table
 }
 
 /// The stops for a person.
 fn describe(plan: &Plan, campaign: &Campaign) -> String {
+    let is_absolute = campaign.stops.iter().any(|stop| !stop.targets.is_empty());
+    let has_stations = campaign.stops.iter().any(|stop| stop.station.is_some());
     let rows = (campaign.stops.iter().enumerate()).map(|(index, stop)| {
         let experiments: Vec<String> = (stop.experiments.iter())
             .map(|index| (index + 1).to_string())
@@ -181,26 +285,41 @@ fn describe(plan: &Plan, campaign: &Campaign) -> String {
             (Some(load), true) => format!("hang {}", elastocal::experiment::in_words(load)),
             (Some(_), false) => "the same".to_owned(),
         };
-        vec![
-            (index + 1).to_string(),
-            experiments.join(", "),
-            load,
-            stop.readings.to_string(),
-            stop.side.to_string(),
-            stop.way.via.len().to_string(),
-        ]
+        let mut row = vec![(index + 1).to_string()];
+        row.extend(has_stations.then(|| stop.station.clone().unwrap_or_default()));
+        row.extend([experiments.join(", "), load]);
+        row.push(if is_absolute {
+            stop.targets.join(", ")
+        } else {
+            stop.readings.to_string()
+        });
+        row.extend([stop.side.to_string(), stop.way.via.len().to_string()]);
+        row
     });
-    let header = "stop | experiment | load | readings | approached with | over safe poses";
+    let (experiment, reads, measurement) = if is_absolute {
+        ("reading", "reads", "absolute reading")
+    } else {
+        ("experiment", "readings", "measurement")
+    };
+    let station = if has_stations { "station | " } else { "" };
+    let header = format!(
+        "stop | {station}{experiment} | load | {reads} | approached with | over safe poses"
+    );
     let (hours, minutes) = ((campaign.minutes / 60.0).floor(), campaign.minutes % 60.0);
     let looked = if campaign.is_checked {
         "Every move keeps the clearance."
     } else {
         "Moves were not looked at for collisions: the scenario names no region.collision_clearance_mm."
     };
+    let from = if has_stations {
+        format!(" from {}", counted(campaign.set_ups() as u64, "station"))
+    } else {
+        String::new()
+    };
     format!(
-        "{}\n{} in {}, {} of load: {hours:.0} h {minutes:.0} min. {looked}\n",
-        table(header, rows),
-        counted(plan.measurements().into(), "measurement"),
+        "{}\n{} in {}{from}, {} of load: {hours:.0} h {minutes:.0} min. {looked}\n",
+        table(&header, rows),
+        counted(plan.measurements().into(), measurement),
         counted(campaign.stops.len() as u64, "stop"),
         counted(campaign.load_changes() as u64, "change"),
     )

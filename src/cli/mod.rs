@@ -33,6 +33,7 @@ pub mod printed_error;
 pub mod process;
 pub mod progress;
 mod proof;
+mod readings_args;
 mod repeats;
 mod replay;
 mod reproduce;
@@ -136,7 +137,9 @@ enum Command {
     )]
     Plan(plan::PlanCommand),
     /// How many measurements, and in how many configurations, for a wanted accuracy
-    #[command(after_help = "Example:\n  elastocal budget --accuracy-um 5 --plot-out budget.svg")]
+    #[command(
+        after_help = "Examples:\n  elastocal budget --accuracy-um 5 --plot-out budget.svg\n  elastocal budget absolute.toml --candidates stops.csv --parameters zeros --up-to 16 --accuracy-um 60"
+    )]
     Budget(budget::Budget),
     /// Assess a plan: accuracy at the test pose, standard errors, criteria, violations
     #[command(
@@ -175,7 +178,7 @@ enum Command {
     Lab(lab::Lab),
     /// Plan what to measure next, after some of a plan is measured
     #[command(
-        after_help = "Example:\n  elastocal next --measurements so_far.csv --plan plan.csv --plan-out rest.csv"
+        after_help = "Examples:\n  elastocal next --measurements so_far.csv --plan plan.csv --plan-out rest.csv\n  elastocal next absolute.toml --measurements so_far.csv --candidates stops.csv --plan-out rest.csv"
     )]
     Next(next::Next),
     /// Validate an identification by other measurements
@@ -401,7 +404,7 @@ impl Common {
             let problem = "is \"absolute\", and this command is about deflections";
             let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
             let wrong = wrong.code(ErrorCode::OtherAccuracy);
-            let hint = "absolute accuracy is for `plan`, `evaluate` and `study`; leave the key out for this command";
+            let hint = "absolute accuracy goes by `plan`, `measure`, `identify` and `compensate`; leave the key out for this command";
             return Err(wrong.hint(hint).into());
         }
         rests(&scenario)?;

@@ -381,7 +381,7 @@ impl PlanCommand {
 }
 
 /// How candidates were drawn, and what is not said of others.
-fn drawn_words(drawn: DrawnWanted, offer: &OfferedCandidates) -> String {
+pub fn drawn_words(drawn: DrawnWanted, offer: &OfferedCandidates) -> String {
     format!(
         "The candidates are {} at random (seed {}), without and with a load: {} of {} are possible; and others near those that \
          were chosen. The region has more: the bound is evidence, no proof.\n",

@@ -127,17 +127,7 @@ impl PlanArgs {
 
     /// How many of the candidates, in words, are left out, and why; nothing where none is.
     pub fn left_out(&self, candidates: &str, offer: &OfferedCandidates) -> String {
-        if offer.left_out.is_empty() {
-            return String::new();
-        }
-        let file = self.candidates.as_ref();
-        let file = file.map_or_else(String::new, |path| format!(" in {}", path.display()));
-        let left = offer.offered - offer.possible;
-        let mut text = format!("Of {candidates}{file}, {left} are left out:\n");
-        for reason in &offer.left_out {
-            text += &format!("  {reason}\n");
-        }
-        text
+        left_out(candidates, self.candidates.as_deref(), offer)
     }
 
     /// What the bound is about, and which candidates of the file are not possible.
@@ -196,6 +186,20 @@ impl PlanArgs {
         task.test_poses = poses;
         Ok(())
     }
+}
+
+/// How many of the candidates of a file, in words, are left out, and why; nothing where none is.
+pub fn left_out(candidates: &str, file: Option<&Path>, offer: &OfferedCandidates) -> String {
+    if offer.left_out.is_empty() {
+        return String::new();
+    }
+    let file = file.map_or_else(String::new, |path| format!(" in {}", path.display()));
+    let left = offer.offered - offer.possible;
+    let mut text = format!("Of {candidates}{file}, {left} are left out:\n");
+    for reason in &offer.left_out {
+        text += &format!("  {reason}\n");
+    }
+    text
 }
 
 /// Refuses options that are about the accuracy that a scenario has not: of deflections, and of absolute readings with what there

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::compensation::KnownArm;
-use elastocal::experiment::{Candidate, write_candidates};
+use elastocal::experiment::write_candidates;
 use elastocal::files::FileError;
 use elastocal::parameter::ParameterKind;
 use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
@@ -119,12 +119,8 @@ impl<'a> PlannedAccuracy<'a> {
         match self {
             Self::Deflections(plan, _) => write_plan(path, task.belief.commands(), plan),
             Self::Readings(studied, ..) => {
-                let rows = studied.planning.readings(&studied.plan).into_iter();
-                let rows = rows.map(|(candidate, repeats)| Candidate {
-                    most: Some(repeats),
-                    ..candidate.clone()
-                });
-                write_candidates(path, task.belief.commands(), &rows.collect::<Vec<_>>())
+                let rows = studied.planning.rows(&studied.plan);
+                write_candidates(path, task.belief.commands(), &rows)
             }
         }
     }

@@ -40,6 +40,19 @@ pub struct Candidate {
     pub approach: Option<Approach>,
 }
 
+impl Candidate {
+    /// Its configuration and load as an experiment that is made so often.
+    pub fn experiment(&self, repeats: u32) -> Experiment {
+        Experiment {
+            configuration_rad: self.configuration_rad.clone(),
+            load: self.load.unwrap_or(Load::NONE),
+            repeats,
+            approach: self.approach.clone(),
+            direction: None,
+        }
+    }
+}
+
 /// Reads candidates for an arm.
 ///
 /// # Errors

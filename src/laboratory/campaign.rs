@@ -6,21 +6,29 @@
 //! side every time, so that backlash and friction are the same in both positions.
 //!
 //! A gauge on its stand loses its zero when the robot leaves: for each measurement it is set, and the load hung in place.
+//!
+//! Of absolute readings a stop is one visit, in which all its targets are read. The instrument is set up at each station once, since
+//! its frame is another afterwards; there, one load hangs after the other, beginning with the one that hangs already. The k-th visits
+//! of all configurations are one round, so that the robot leaves a configuration before it comes there again.
 
 use nalgebra::{DVector, Vector3};
 use thiserror::Error;
 
+use super::groups::{Group, groups_of_loads, groups_of_visits, stand_alike};
 use super::order::shortest;
 use super::side::{Side, wanted_side};
 use super::ways::{Way, Ways, apart};
 use super::{Costs, Laboratory};
-use crate::experiment::{Experiment, Plan, in_words};
-use crate::parameter::Unloaded;
+use crate::experiment::{Plan, in_words};
+use crate::plan::absolute::AbsolutePlanning;
 use crate::robot::Load;
 use crate::task::Task;
 
 /// What a move that is not straight costs more than one that is, and how many times as much.
 const DETOUR: (f64, f64) = (1.0, 2.0);
+
+/// What it costs to come again to where the robot stands: it is to leave in between.
+const AGAIN: f64 = 100.0;
 
 /// Why a plan cannot be carried out.
 #[derive(Debug, Clone, Error, PartialEq, Eq)]
@@ -68,6 +76,12 @@ pub struct Stop {
     pub changes_load: bool,
     /// The direction that a gauge reads along, which is set here where nothing hangs yet.
     pub direction: Option<Vector3<f64>>,
+    /// Where the instrument stands, where absolute readings say it.
+    pub station: Option<String>,
+    /// Whether it is set up there just before.
+    pub changes_station: bool,
+    /// What is read, once each, of absolute readings: as many as experiments.
+    pub targets: Vec<String>,
     /// How often the instrument is read.
     pub readings: u32,
     /// The side from which it is approached.
@@ -104,6 +118,48 @@ impl Campaign {
         plan: &Plan,
         keep_order: bool,
     ) -> Result<Self, CampaignError> {
+        let unloaded = task.belief.instrument.unloaded;
+        let groups = |planner: &Planner<'_>| {
+            if task.reads_along() {
+                planner.in_place(keep_order)
+            } else {
+                groups_of_loads(plan, unloaded, keep_order)
+            }
+        };
+        Self::in_groups((task, laboratory), plan, groups, keep_order)
+    }
+
+    /// Plans the work of a plan of absolute readings, as [`new`](Self::new) does: candidates by their places, and how often each is
+    /// read.
+    ///
+    /// # Errors
+    /// No way is found to a reading.
+    pub fn of_readings(
+        task: &Task,
+        laboratory: &Laboratory,
+        (planning, plan): (&AbsolutePlanning<'_>, &[(usize, u32)]),
+        keep_order: bool,
+    ) -> Result<Self, CampaignError> {
+        let rows = planning.readings(plan);
+        let experiments = rows.iter().map(|(row, times)| row.experiment(*times));
+        let made = Plan {
+            experiments: experiments.collect(),
+        };
+        let groups = |_: &Planner<'_>| groups_of_visits(planning, plan, keep_order);
+        let mut campaign = Self::in_groups((task, laboratory), &made, groups, keep_order)?;
+        for stop in &mut campaign.stops {
+            let target = |&index: &usize| planning.target(plan[index].0).to_owned();
+            stop.targets = stop.experiments.iter().map(target).collect();
+        }
+        Ok(campaign)
+    }
+
+    fn in_groups(
+        (task, laboratory): (&Task, &Laboratory),
+        plan: &Plan,
+        groups: impl FnOnce(&Planner<'_>) -> Vec<Group>,
+        keep_order: bool,
+    ) -> Result<Self, CampaignError> {
         let configurations: Vec<DVector<f64>> = (plan.experiments.iter())
             .map(|each| each.configuration_rad.clone())
             .collect();
@@ -117,24 +173,18 @@ impl Campaign {
             home: laboratory.safe_poses.first().cloned(),
         };
         let mut stops = Vec::new();
-        let unloaded = task.belief.instrument.unloaded;
         let sides: Vec<(Side, Option<DVector<f64>>)> = (0..plan.experiments.len())
             .map(|index| planner.side(index))
             .collect();
-        let groups = if task.reads_along() {
-            planner.in_place(keep_order)
-        } else {
-            groups(plan, unloaded, keep_order)
-        };
-        for (number, group) in groups.into_iter().enumerate() {
+        for group in groups(&planner) {
             let order = if keep_order {
                 (0..group.members.len()).collect()
             } else {
                 planner.order(stops.last(), &group)
             };
-            for (place, &member) in order.iter().enumerate() {
-                let mut stop = group.stop(plan, member, place == 0, &sides);
-                stop.way = planner.way(stops.last(), &stop, number)?;
+            for member in order {
+                let mut stop = group.stop(plan, member, stops.last(), &sides);
+                stop.way = planner.way(stops.last(), &stop)?;
                 stops.push(stop);
             }
         }
@@ -156,9 +206,10 @@ impl Campaign {
         Ok(campaign)
     }
 
-    /// How many times the instrument is set up: once, or a gauge for each measurement.
-    fn set_ups(&self) -> usize {
-        let is_set = |stop: &&Stop| stop.direction.is_some() && stop.load.is_none();
+    /// How many times the instrument is set up: once, or at each station, or a gauge for each measurement.
+    pub fn set_ups(&self) -> usize {
+        let is_gauge_set = |stop: &Stop| stop.direction.is_some() && stop.load.is_none();
+        let is_set = |stop: &&Stop| stop.changes_station || is_gauge_set(stop);
         self.stops.iter().filter(is_set).count().max(1)
     }
 
@@ -216,95 +267,19 @@ impl Costs {
     }
 }
 
-/// Stops under one load.
-struct Group {
-    load: Option<Load>,
-    /// The experiments that are measured together, with the number of readings.
-    members: Vec<(Vec<usize>, u32)>,
-}
-
-impl Group {
-    fn stop(
-        &self,
-        plan: &Plan,
-        member: usize,
-        is_first: bool,
-        sides: &[(Side, Option<DVector<f64>>)],
-    ) -> Stop {
-        let (experiments, readings) = &self.members[member];
-        let (side, approach) = &sides[experiments[0]];
-        Stop {
-            configuration: plan.experiments[experiments[0]].configuration_rad.clone(),
-            experiments: experiments.clone(),
-            load: self.load,
-            changes_load: is_first && self.load.is_some(),
-            direction: plan.experiments[experiments[0]].direction,
-            readings: *readings,
-            side: side.clone(),
-            approach: approach.clone(),
-            way: Way::default(),
-        }
-        .kept_in_place()
-    }
-}
-
 impl Stop {
     /// Whether the robot stands there already, and the load is hung beside a gauge.
     pub const fn is_in_place(&self) -> bool {
         self.direction.is_some() && self.load.is_some()
     }
 
-    fn kept_in_place(mut self) -> Self {
+    /// The same where the robot stands there already.
+    pub(super) fn kept_in_place(mut self) -> Self {
         if self.is_in_place() {
             self.approach = None;
         }
         self
     }
-}
-
-/// Whether the robot is approached alike for two experiments before a load is hung: to the bit, since a deflection is a
-/// difference at the same commanded angles. Plans that are designed have one configuration's angles alike.
-fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
-    one.configuration_rad == other.configuration_rad && one.approach == other.approach
-}
-
-/// All configurations without a load, then those of each load.
-fn groups(plan: &Plan, unloaded_reading: Unloaded, keep_order: bool) -> Vec<Group> {
-    let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
-    let mut loaded: Vec<Group> = Vec::new();
-    for (index, experiment) in plan.experiments.iter().enumerate() {
-        let same = (unloaded.iter_mut())
-            .find(|(members, _)| stand_alike(&plan.experiments[members[0]], experiment));
-        let needed = match unloaded_reading {
-            // Each measurement has a reading without a load of its own: deflections share no error.
-            Unloaded::Own => experiment.repeats,
-            Unloaded::Shared => u32::from(same.is_none()),
-        };
-        match same {
-            Some((members, readings)) => {
-                members.push(index);
-                *readings += needed;
-            }
-            None => unloaded.push((vec![index], needed)),
-        }
-        let member = (vec![index], experiment.repeats);
-        let known = (loaded.iter().enumerate())
-            .filter(|(place, _)| !keep_order || place + 1 == loaded.len())
-            .find(|(_, group)| group.load == Some(experiment.load))
-            .map(|(place, _)| place);
-        match known {
-            Some(place) => loaded[place].members.push(member),
-            None => loaded.push(Group {
-                load: Some(experiment.load),
-                members: vec![member],
-            }),
-        }
-    }
-    let first = Group {
-        load: None,
-        members: unloaded,
-    };
-    [first].into_iter().chain(loaded).collect()
 }
 
 /// Between which configurations there is something in the straight way of the unloaded robot.
@@ -338,11 +313,12 @@ impl Planner<'_> {
     fn side(&mut self, index: usize) -> (Side, Option<DVector<f64>>) {
         let own = &self.plan.experiments[index];
         let q = &own.configuration_rad;
-        let here = (self.plan.experiments.iter()).filter(|each| stand_alike(each, own));
-        let loads: Vec<Load> = [Load::NONE]
-            .into_iter()
-            .chain(here.map(|each| each.load))
-            .collect();
+        let mut loads = vec![Load::NONE];
+        for each in (self.plan.experiments.iter()).filter(|each| stand_alike(each, own)) {
+            if !loads.contains(&each.load) {
+                loads.push(each.load);
+            }
+        }
         let wanted = wanted_side(self.task, own.approach.as_ref());
         let judge = self.ways.judge();
         Side::free(
@@ -360,10 +336,12 @@ impl Planner<'_> {
         let experiments = &self.plan.experiments;
         let group = |load, index: usize| Group {
             load,
+            station: None,
             members: vec![(vec![index], 1)],
         };
         let all = Group {
             load: None,
+            station: None,
             members: (0..experiments.len())
                 .map(|index| (vec![index], 1))
                 .collect(),
@@ -386,9 +364,15 @@ impl Planner<'_> {
         let at = |member: usize| group.members[member].0[0];
         let q = |member: usize| &self.plan.experiments[at(member)].configuration_rad;
         let start = last.map(|stop| &stop.configuration).or(self.home.as_ref());
+        let is_alike =
+            last.is_some_and(|last| (last.load, &last.station) == (group.load, &group.station));
         shortest(
             group.members.len(),
-            &|first| start.map_or(0.0, |start| apart(start, q(first))),
+            &|first| match start {
+                Some(start) if is_alike && start == q(first) => AGAIN,
+                Some(start) => apart(start, q(first)),
+                None => 0.0,
+            },
             &|one, other| {
                 let straight = apart(q(one), q(other));
                 if self.blocked[at(one)][at(other)] {
@@ -401,12 +385,7 @@ impl Planner<'_> {
     }
 
     /// The way to where the approach of a stop begins. A load is hung there.
-    fn way(
-        &mut self,
-        last: Option<&Stop>,
-        stop: &Stop,
-        group: usize,
-    ) -> Result<Way, CampaignError> {
+    fn way(&mut self, last: Option<&Stop>, stop: &Stop) -> Result<Way, CampaignError> {
         let start = last.map(|stop| &stop.configuration).or(self.home.as_ref());
         let Some(start) = start.cloned() else {
             // The robot is brought there by hand.
@@ -415,15 +394,13 @@ impl Planner<'_> {
         if stop.is_in_place() {
             return Ok(Way::default());
         }
-        let (hanging, number) = if stop.changes_load {
-            (last.and_then(|last| last.load), group - 1)
+        let hanging = if stop.changes_load {
+            last.and_then(|last| last.load)
         } else {
-            (stop.load, group)
+            stop.load
         };
-        let loads: Vec<Load> = [Load::NONE].into_iter().chain(hanging).collect();
         let to = stop.approach.as_ref().unwrap_or(&stop.configuration);
-        self.ways
-            .find(&start, to, &loads, number)
+        self.find(&start, to, hanging)
             .ok_or_else(|| CampaignError::NoWay {
                 from: last.map_or_else(
                     || "from the first safe pose".to_owned(),
@@ -435,8 +412,20 @@ impl Planner<'_> {
     }
 
     fn home_from(&mut self, last: &Stop, home: &DVector<f64>) -> Option<Way> {
-        let loads: Vec<Load> = [Load::NONE].into_iter().chain(last.load).collect();
-        self.ways
-            .find(&last.configuration, home, &loads, usize::MAX)
+        self.find(&last.configuration, home, last.load)
+    }
+
+    /// The way between two configurations without a load and with what hangs.
+    fn find(
+        &mut self,
+        from: &DVector<f64>,
+        to: &DVector<f64>,
+        hanging: Option<Load>,
+    ) -> Option<Way> {
+        let loads: Vec<Load> = [Load::NONE].into_iter().chain(hanging).collect();
+        let mut experiments = self.plan.experiments.iter();
+        let number = hanging.and_then(|load| experiments.position(|each| each.load == load));
+        let number = number.map_or(0, |index| index + 1);
+        self.ways.find(from, to, &loads, number)
     }
 }

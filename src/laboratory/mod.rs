@@ -13,6 +13,7 @@
 mod campaign;
 mod clearance;
 mod dialect;
+mod groups;
 pub mod next;
 mod order;
 mod program;
@@ -26,7 +27,9 @@ mod ways;
 pub use campaign::{Campaign, CampaignError, Stop};
 pub use clearance::PathJudge;
 pub use dialect::{Dialect, DialectError};
-pub use program::{Program, ProgramFile, ProgramStep, TAKE_OFF, hung_kg, program, set_gauge};
+pub use program::{
+    Program, ProgramFile, ProgramStep, hung_kg, program, set_gauge, set_up, take_off,
+};
 pub use settings::{Costs, Laboratory};
 pub use side::Side;
 pub use targets::{ProgramTarget, program_to};

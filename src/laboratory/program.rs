@@ -13,8 +13,19 @@ const LONGEST_TEXT: usize = 100;
 /// The cosine of the largest angle between a hung load and gravity.
 const PLUMB: f64 = 0.999;
 
-/// What is done after a gauge is read.
-pub const TAKE_OFF: &str = "Take the load off and the gauge away";
+/// What is done before a stop without a load where one hangs.
+pub const fn take_off(stop: &Stop) -> &'static str {
+    if stop.direction.is_some() {
+        "Take the load off and the gauge away"
+    } else {
+        "Take the load off"
+    }
+}
+
+/// What is done before the readings from a station.
+pub fn set_up(station: &str) -> String {
+    format!("Set up the instrument at station {station}")
+}
 
 /// How a gauge is set along a direction (unit vector, world frame).
 pub fn set_gauge(direction: &Vector3<f64>) -> String {
@@ -74,9 +85,11 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
     for (index, stop) in campaign.stops.iter().enumerate() {
         let is_loaded = index > 0 && campaign.stops[index - 1].load.is_some();
         if is_loaded && stop.load.is_none() {
-            steps.push(ProgramStep::Halt(TAKE_OFF.to_owned()));
+            steps.push(ProgramStep::Halt(take_off(stop).to_owned()));
             steps.extend(payload.take().map(|_: f64| ProgramStep::Payload(None)));
         }
+        let station = stop.station.as_ref().filter(|_| stop.changes_station);
+        steps.extend(station.map(|station| ProgramStep::Halt(set_up(station))));
         steps.push(ProgramStep::Remark(remark(index + 1, stop)));
         steps.extend(stop.way.via.iter().cloned().map(ProgramStep::Move));
         steps.extend(stop.approach.iter().cloned().map(ProgramStep::Move));
@@ -95,6 +108,7 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
         steps.push(ProgramStep::Move(stop.configuration.clone()));
         let what = match (&stop.direction, &stop.load) {
             (Some(direction), None) => set_gauge(direction),
+            _ if !stop.targets.is_empty() => format!("read {}", stop.targets.join(", ")),
             _ => counted(stop.readings.into(), "reading"),
         };
         steps.push(ProgramStep::Halt(format!("Stop {}: {what}", index + 1)));

@@ -55,32 +55,29 @@ pub fn work_minutes(
     (laboratory.costs).work_min([1, stops, changes], 2 * experiments)
 }
 
-/// Of some plans the one that takes the least time with all its ways, and the minutes; those between whose experiments
-/// no way is found are left out.
-pub fn quickest<'a, T>(
-    task: &Task,
-    laboratory: &Laboratory,
-    plans: impl Iterator<Item = (&'a Plan, T)>,
+/// The minutes that a plan of deflections takes at least: under one load, with nothing in the way and nowhere to turn. Experiments
+/// under two loads may share their configuration.
+pub fn least_minutes(laboratory: &Laboratory, plan: &Plan) -> f64 {
+    let stops = plan.experiments.len() + 1;
+    (laboratory.costs).work_min([1, stops, 1], 2 * plan.measurements())
+}
+
+/// Of some plans, each with the minutes that it takes at least, the one that takes the least time with all its ways, and the minutes;
+/// those between whose experiments no way is found are left out.
+pub fn quickest<T>(
+    plans: impl Iterator<Item = (f64, T)>,
+    minutes: impl Fn(&T) -> Option<f64>,
 ) -> Option<(f64, T)> {
-    // At least: under one load, with nothing in the way and nowhere to turn. Experiments under two loads may share their
-    // configuration.
-    let work = |plan: &Plan| {
-        let stops = plan.experiments.len() + 1;
-        (laboratory.costs).work_min([1, stops, 1], 2 * plan.measurements())
-    };
-    let mut plans: Vec<(f64, &Plan, T)> =
-        plans.map(|(plan, with)| (work(plan), plan, with)).collect();
+    let mut plans: Vec<(f64, T)> = plans.collect();
     plans.sort_by(|one, other| one.0.total_cmp(&other.0));
     let mut best: Option<(f64, T)> = None;
-    for (at_least, plan, with) in plans {
-        if (best.as_ref()).is_some_and(|(minutes, _)| *minutes <= at_least) {
+    for (at_least, plan) in plans {
+        let is_below = |minutes: f64| best.as_ref().is_none_or(|(least, _)| minutes < *least);
+        if !is_below(at_least) {
             break;
         }
-        let Ok(campaign) = Campaign::new(task, laboratory, plan, false) else {
-            continue;
-        };
-        if (best.as_ref()).is_none_or(|(minutes, _)| campaign.minutes < *minutes) {
-            best = Some((campaign.minutes, with));
+        if let Some(minutes) = minutes(&plan).filter(|minutes| is_below(*minutes)) {
+            best = Some((minutes, plan));
         }
     }
     best

@@ -115,6 +115,17 @@ pub fn read_measurements_so_far(
     deflections_of(path, read(path, &of.into(), true)?)
 }
 
+/// The same of a file of either kind.
+///
+/// # Errors
+/// As [`read_measured`]; and no row is filled in.
+pub fn read_measured_so_far(
+    path: &Path,
+    of: impl Into<MeasuredArm>,
+) -> Result<MeasuredFile, FileError> {
+    read(path, &of.into(), true)
+}
+
 fn read(
     path: &Path,
     MeasuredArm { commands, unloaded }: &MeasuredArm,
@@ -125,9 +136,9 @@ fn read(
         if commands.reads_along {
             displacement_columns(commands, may_be_unfinished)
         } else if is_absolute(DISTANCE) {
-            distance_columns(commands)
+            distance_columns(commands, may_be_unfinished)
         } else if POSITION.into_iter().any(is_absolute) {
-            absolute_columns(commands)
+            absolute_columns(commands, may_be_unfinished)
         } else {
             deflection_columns(commands, may_be_unfinished)
         }

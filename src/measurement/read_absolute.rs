@@ -20,7 +20,7 @@ use crate::robot::{Commands, Load};
 const LEAST_EIGENVALUE: f64 = 1e-9;
 
 /// The columns that a file of absolute readings may have.
-pub(super) fn absolute_columns(commands: &Commands) -> Columns {
+pub(super) fn absolute_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
     let numbers = [
         &LOAD[..],
         &QUATERNION,
@@ -31,15 +31,22 @@ pub(super) fn absolute_columns(commands: &Commands) -> Columns {
     let mut columns = Columns::of(commands.columns(), &numbers.concat(), &WORDS);
     columns.one_of = vec![owned(&POSITION)];
     columns.optional.extend(covariance_columns(6));
+    if may_be_unfinished {
+        columns.may_be_empty = vec![owned(&POSITION)];
+    }
     columns
 }
 
 /// The columns that a file of distances may have.
-pub(super) fn distance_columns(commands: &Commands) -> Columns {
+pub(super) fn distance_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
     let mut required = commands.columns();
     required.push(DISTANCE.to_owned());
     let numbers = [&LOAD[..], &[DISPLACEMENT_SIGMA, TIME, TEMPERATURE]].concat();
-    Columns::of(required, &numbers, &WORDS)
+    let mut columns = Columns::of(required, &numbers, &WORDS);
+    if may_be_unfinished {
+        columns.may_be_empty = vec![owned(&[DISTANCE])];
+    }
+    columns
 }
 
 /// The readings of a table with these columns.

@@ -166,6 +166,21 @@ pub fn deflection_table(
 /// The text of a measurement file that holds these readings, all of the same kind. A column that some of them do not
 /// have is left out, but for the approach, which may be known of some.
 pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> String {
+    table_of_readings(commands, readings, true)
+}
+
+/// The same with nothing filled in of what is read.
+pub fn readings_to_fill_in(commands: &Commands, readings: &[AbsoluteReading]) -> String {
+    table_of_readings(commands, readings, false)
+}
+
+fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_filled: bool) -> String {
+    let if_filled = |mut fields: Vec<String>| {
+        if !is_filled {
+            fields.iter_mut().for_each(String::clear);
+        }
+        fields
+    };
     let all = |has: &dyn Fn(&AbsoluteReading) -> bool| readings.iter().all(has);
     let is_pose = all(&|each| each.rotation.is_some());
     let is_distance = all(&|each| each.distance_m.is_some());
@@ -200,17 +215,22 @@ pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> Stri
     if is_distance {
         sheet.add(&[DISTANCE], |each| {
             let distance_m = each.distance_m.into_iter();
-            distance_m
-                .map(|value| thousandths(value).to_string())
-                .collect()
+            if_filled(
+                distance_m
+                    .map(|value| thousandths(value).to_string())
+                    .collect(),
+            )
         });
     } else {
-        sheet.add(&POSITION, |each| in_thousandths(&each.position_m));
+        sheet.add(&POSITION, |each| {
+            if_filled(in_thousandths(&each.position_m))
+        });
     }
     if is_pose {
         sheet.add(&QUATERNION, |each| {
             let parts = each.rotation.map(|rotation| rotation.coords.into());
-            parts.map_or_else(Vec::new, |[x, y, z, w]: [f64; 4]| shown(&[w, x, y, z]))
+            let of = |[x, y, z, w]: [f64; 4]| if_filled(shown(&[w, x, y, z]));
+            parts.map_or_else(Vec::new, of)
         });
     }
     if all(&|each| each.covariance.is_some()) {

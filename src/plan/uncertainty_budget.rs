@@ -91,6 +91,15 @@ pub struct UncertaintyBudget {
     pub sources: Vec<BudgetSource>,
 }
 
+impl UncertaintyBudget {
+    /// What sources contribute that the whole plan shares (m), however often is measured.
+    pub fn shared_m(&self) -> f64 {
+        let shared = (self.sources.iter()).filter(|each| each.level.is_shared_by_plan());
+        let square_um2: f64 = shared.map(|each| each.contribution_um.powi(2)).sum();
+        square_um2.sqrt() * 1e-6
+    }
+}
+
 /// A standard uncertainty in SI units, and its unit.
 pub(crate) type Input = (f64, &'static str);
 

@@ -115,7 +115,7 @@ impl PlannedReadingMessage {
 }
 
 /// What is read in a plan: candidates by their places, and how often each.
-fn planned(
+pub fn planned_readings(
     task: &Task,
     planning: &AbsolutePlanning<'_>,
     plan: &[(usize, u32)],
@@ -164,7 +164,7 @@ pub fn readings_run_json(
     });
     Ok(json!({
         "name": name,
-        "plan": planned(task, &readings.planning, &readings.plan),
+        "plan": planned_readings(task, &readings.planning, &readings.plan),
         "measurements": measured.collect::<Vec<_>>(),
         "truth": TruthMessage::new(task.belief.parameters.iter().copied(), truth),
         "identification": AbsoluteMessage::new(&case, &run.fit),
@@ -215,7 +215,7 @@ impl AbsolutePlanMessage {
                     standard_error: prediction.posterior.standard_error(index),
                 })
                 .collect(),
-            plan: planned(task, planning, plan),
+            plan: planned_readings(task, planning, plan),
             candidates: planning.offer.clone(),
             drawn: None,
             assumed_exact: planning.assumed_exact(),

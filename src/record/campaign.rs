@@ -22,6 +22,10 @@ pub fn campaign_json(commands: &Commands, costs: &Costs, campaign: &Campaign) ->
             "approach_deg": stop.approach.as_ref().map(written),
             "via_deg": stop.way.via.iter().map(written).collect::<Vec<_>>(),
         });
+        if !stop.targets.is_empty() {
+            record["targets"] = json!(stop.targets);
+            record["station"] = json!(stop.station);
+        }
         if let Some(direction) = stop.direction {
             record["direction"] = json!(<[f64; 3]>::from(direction));
         }
@@ -30,6 +34,7 @@ pub fn campaign_json(commands: &Commands, costs: &Costs, campaign: &Campaign) ->
     json!({
         "minutes": campaign.minutes,
         "costs": costs,
+        "set_ups": campaign.set_ups(),
         "load_changes": campaign.load_changes(),
         "readings": campaign.readings(),
         "travel_deg": campaign.travel().to_degrees(),

@@ -99,7 +99,7 @@ impl<'a> ReadingRuns<'a> {
         studied: &'a StudiedReadings<'a>,
     ) -> Result<Self, StudyError> {
         let (task, planning) = (&setting.task, &studied.planning);
-        let read = ReadPlan::new(task, planning, &studied.plan);
+        let read = ReadPlan::new(planning, &studied.plan);
         let machining = &task.belief.machining_tool.name;
         if !read.targets().any(|target| target == machining) {
             return Err(StudyError::Unread(machining.clone()));

@@ -10,7 +10,7 @@ use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use thiserror::Error;
 
-use crate::experiment::{Candidate, Experiment};
+use crate::experiment::Candidate;
 use crate::files::FileError;
 use crate::measurement::AbsoluteReading;
 use crate::numeric::random::generator;
@@ -53,8 +53,6 @@ pub struct ReadPlan<'a> {
     pub groups: Vec<Vec<RepeatedReading>>,
     /// What is sampled for each of them, visit by visit.
     numbers: Vec<Vec<ReadingNumbers>>,
-    /// The calibration tool, which is read where a row names no target.
-    own_target: &'a str,
 }
 
 /// What an instrument shows of a target once, in its own frame.
@@ -70,18 +68,13 @@ pub struct TargetReading {
 
 impl<'a> ReadPlan<'a> {
     /// A plan: candidates by their places, and how often each is read.
-    pub fn new(
-        task: &'a Task,
-        planning: &'a AbsolutePlanning<'a>,
-        plan: &'a [(usize, u32)],
-    ) -> Self {
+    pub fn new(planning: &'a AbsolutePlanning<'a>, plan: &'a [(usize, u32)]) -> Self {
         let groups = planning.by_configuration(plan);
         Self {
             planning,
             plan,
             numbers: numbers(plan, &groups),
             groups,
-            own_target: &task.belief.calibration_tool.name,
         }
     }
 
@@ -101,7 +94,7 @@ impl<'a> ReadPlan<'a> {
 
     /// What a candidate reads.
     pub fn target(&self, place: usize) -> &str {
-        self.row(place).target.as_deref().unwrap_or(self.own_target)
+        self.planning.target(place)
     }
 
     /// What the rows of the plan read.
@@ -144,13 +137,7 @@ impl<'a> ReadPlan<'a> {
         let mut all = Vec::with_capacity(self.numbers.len());
         for (each, visits) in self.groups.iter().flatten().zip(&self.numbers) {
             let row = self.row(each.place);
-            let experiment = Experiment {
-                configuration_rad: row.configuration_rad.clone(),
-                load: row.load.unwrap_or(Load::NONE),
-                repeats: 1,
-                approach: row.approach.clone(),
-                direction: None,
-            };
+            let experiment = row.experiment(1);
             let station = station_named(&task.belief.stations, row.station.as_deref());
             let seen = SeenFrom {
                 target: self.target(each.place),
@@ -256,7 +243,7 @@ pub fn virtual_readings(
     [seed, run]: [u64; 2],
 ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
     let whole = planning.whole();
-    let plan = ReadPlan::new(task, planning, &whole);
+    let plan = ReadPlan::new(planning, &whole);
     let mut robots = TrueRobots::of_readings(&task.belief, truth, plan.targets())?;
     robots.become_run_of(truth, plan.len(), seed, run)?;
     let frames = plan.frames([seed, run]);

@@ -7,10 +7,11 @@ use nalgebra::DVector;
 use super::markup::{escaped, page, paragraph, section, table_of};
 use super::stills::{Pictures, Stills};
 use crate::experiment::{Plan, in_words};
-use crate::laboratory::{Campaign, Stop, TAKE_OFF, hung_kg, set_gauge};
+use crate::laboratory::{Campaign, Stop, hung_kg, set_gauge, set_up, take_off};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
+use crate::task::{AccuracyKind, Task, station_named};
 use crate::text::wording::{counted, number, significant};
 
 const STYLE: &str = include_str!("run_sheet.css");
@@ -31,8 +32,13 @@ const FIELDS: [&str; 10] = [
 ];
 
 /// The sheet as a page for print, which loads nothing.
-pub fn run_sheet(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
-    let pictures = Stills::of_plan(scenario, plan).pictures();
+pub fn run_sheet(
+    scenario: &Scenario,
+    stills: Stills<'_>,
+    plan: &Plan,
+    campaign: &Campaign,
+) -> String {
+    let pictures = stills.pictures();
     let places = places(campaign);
     let title = format!("{}: run sheet", scenario.name);
     let fields = FIELDS.map(|field| format!("<p class=\"blank\">{}</p>\n", escaped(field)));
@@ -77,18 +83,49 @@ fn places(campaign: &Campaign) -> Vec<Vec<usize>> {
     places
 }
 
+/// What is written down of a reading, with units.
+fn columns(task: &Task) -> &'static [&'static str] {
+    let instrument = &task.belief.instrument;
+    let is_absolute = task.design.accuracy == AccuracyKind::Absolute;
+    if task.reads_along() {
+        &["displacement [mm]"]
+    } else if instrument.distance.is_some() {
+        &["distance [mm]"]
+    } else if is_absolute && instrument.rotation_sigma_rad.is_some() {
+        &["x [mm]", "y [mm]", "z [mm]", "qw", "qx", "qy", "qz"]
+    } else {
+        &["x [mm]", "y [mm]", "z [mm]"]
+    }
+}
+
 fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
-    let what = format!(
-        "{} of {} in {}: {} with {} of load and {}. It takes about {}.",
-        counted(plan.measurements().into(), "measurement"),
-        counted(plan.experiments.len() as u64, "experiment"),
+    let is_absolute = scenario.task.design.accuracy == AccuracyKind::Absolute;
+    let counts = [
         counted(campaign.stops.len() as u64, "stop"),
         counted(u64::from(campaign.readings()), "reading"),
         counted(campaign.load_changes() as u64, "change"),
-        counted(campaign.stops.len() as u64, "move"),
-        duration(campaign.minutes)
-    );
-    let how = if scenario.task.reads_along() {
+    ];
+    let [stops, readings, changes] = counts;
+    let takes = format!("It takes about {}.", duration(campaign.minutes));
+    let what = if is_absolute {
+        let set_ups = counted(campaign.set_ups() as u64, "set-up");
+        format!(
+            "{readings} in {stops}, with {set_ups} of the instrument and {changes} of load. {takes}"
+        )
+    } else {
+        format!(
+            "{} of {} in {stops}: {readings} with {changes} of load and {}. {takes}",
+            counted(plan.measurements().into(), "measurement"),
+            counted(plan.experiments.len() as u64, "experiment"),
+            counted(campaign.stops.len() as u64, "move"),
+        )
+    };
+    let how = if is_absolute {
+        "The robot halts at each stop: wait until it has come to rest, read each target of the stop, write down what the \
+         instrument shows in a frame of its own, tick the stop, and let the program go on. A configuration that comes again is \
+         another visit of the robot, always from the same side. The instrument stays where it is until the sheet asks for \
+         another station."
+    } else if scenario.task.reads_along() {
         "For each measurement in turn, without moving the robot in between: set the gauge against the tool along the \
          direction that is given (world frame) and to zero, hang the load, and write down what the gauge shows, positive \
          along its direction (mm). Then take the load off and the gauge away, and let the program go on."
@@ -123,7 +160,9 @@ fn before(scenario: &Scenario, campaign: &Campaign) -> String {
     };
     let todo = [
         "The robot and the instrument are warm: all axes were moved until readings no longer drift. From, to:".to_owned(),
-        if scenario.task.reads_along() {
+        if scenario.task.design.accuracy == AccuracyKind::Absolute {
+            "What is read from stands firm: its place is found with the rest, as long as it does not move.".to_owned()
+        } else if scenario.task.reads_along() {
             "The gauge's stand does not stand on what the load bends; its tip meets a flat face across its direction.".to_owned()
         } else {
             "The instrument is aligned to the robot's base (world frame). Residual of the alignment [mm]:".to_owned()
@@ -156,6 +195,12 @@ fn configurations(
     let commands = scenario.task.belief.commands();
     let of_place = |(index, place): (usize, &Vec<usize>)| {
         let stop = &campaign.stops[place[0]];
+        let experiments = place
+            .iter()
+            .flat_map(|&each| &campaign.stops[each].experiments);
+        let picture = experiments
+            .min()
+            .map_or("", |&first| &pictures[first].unloaded);
         let numbers: Vec<String> = place.iter().map(|each| (each + 1).to_string()).collect();
         let shown = |q: &DVector<f64>| commands.shown(q.as_slice());
         let (from, at) = (
@@ -181,7 +226,7 @@ fn configurations(
              <p>Approached with {}.</p>\n{}</article>\n",
             index + 1,
             numbers.join(", "),
-            pictures[stop.experiments[0]].unloaded,
+            picture,
             escaped(&stop.side.to_string()),
             table_of(&header, rows)
         )
@@ -197,18 +242,27 @@ fn stops(
     places: &[Vec<usize>],
     pictures: &[Pictures],
 ) -> String {
+    let columns = columns(&scenario.task);
+    let width = 60 / columns.len();
+    let filled = columns
+        .iter()
+        .map(|column| format!("<th style=\"width: {width}%\">{column}</th>"));
+    let experiment = match scenario.task.design.accuracy {
+        AccuracyKind::Absolute => "<th>reading</th><th>target</th>",
+        AccuracyKind::Relative => "<th>experiment</th><th>reading</th>",
+    };
     let head = format!(
-        "<thead><tr><th></th><th>stop</th><th>configuration</th><th>experiment</th><th>reading</th>{}</tr></thead>",
-        if scenario.task.reads_along() {
-            "<th colspan=\"3\">displacement [mm]</th>"
-        } else {
-            "<th>x [mm]</th><th>y [mm]</th><th>z [mm]</th>"
-        }
+        "<thead><tr><th></th><th>stop</th><th>configuration</th>{experiment}{}</tr></thead>",
+        filled.collect::<String>()
     );
     let commands = scenario.task.belief.commands();
     let (mut text, mut index) = (String::new(), 0);
-    for group in campaign.stops.chunk_by(|_, next| !next.changes_load) {
+    let is_on = |_: &Stop, next: &Stop| !next.changes_load && !next.changes_station;
+    for group in campaign.stops.chunk_by(is_on) {
         let first = &group[0];
+        if let (Some(station), true) = (&first.station, first.changes_station) {
+            text += &station_words(&scenario.task, index + 1, station);
+        }
         if let (Some(load), true) = (&first.load, first.changes_load) {
             let picture = &pictures[first.experiments[0]].load;
             text += &hang(scenario, index + 1, load, picture);
@@ -216,12 +270,34 @@ fn stops(
         let _ = writeln!(text, "<div class=\"wide\"><table class=\"stops\">\n{head}");
         for stop in group {
             let place = places.iter().position(|place| place.contains(&index));
+            let last = index.checked_sub(1).map(|last| &campaign.stops[last]);
             index += 1;
-            text += &of_stop(&commands, (index, place.unwrap_or(0) + 1), stop);
+            let numbers = (index, place.unwrap_or(0) + 1);
+            text += &of_stop(&commands, numbers, (last, stop), columns.len());
         }
         text += "</table></div>\n";
     }
     text
+}
+
+/// Where the instrument is set up.
+fn station_words(task: &Task, stop: usize, name: &str) -> String {
+    let known = station_named(&task.belief.stations, Some(name));
+    let near = known.map_or_else(String::new, |station| {
+        let [x, y, z] = [0, 1, 2].map(|axis| station.position_m[axis] * 1e3);
+        format!(" It is near ({x:.0}, {y:.0}, {z:.0}) mm in the world frame.")
+    });
+    format!(
+        "<p class=\"station\"><strong>The robot halts before stop {stop}: {}.</strong>{near}</p>\n",
+        escaped(&lowered(&set_up(name)))
+    )
+}
+
+/// A sentence within another.
+fn lowered(sentence: &str) -> String {
+    let mut letters = sentence.chars();
+    let first = letters.next().map(|letter| letter.to_ascii_lowercase());
+    first.into_iter().chain(letters).collect()
 }
 
 /// Which load is hung where, and what the controller is told.
@@ -252,45 +328,72 @@ fn hang(scenario: &Scenario, stop: usize, load: &Load, picture: &str) -> String 
     format!("<div class=\"hang\">{picture}<div>{text}</div></div>\n")
 }
 
-fn of_stop(commands: &Commands, (index, place): (usize, usize), stop: &Stop) -> String {
+/// A stop after another, with so many fields for each reading.
+fn of_stop(
+    commands: &Commands,
+    (index, place): (usize, usize),
+    (last, stop): (Option<&Stop>, &Stop),
+    fields: usize,
+) -> String {
     let experiments: Vec<String> = (stop.experiments.iter())
         .map(|index| (index + 1).to_string())
         .collect();
-    let line = |text: &str| format!("<tr><td></td><td colspan=\"7\">{text}</td></tr>\n");
-    let mut over: Vec<String> = (stop.way.via.iter())
-        .map(|via| line(&format!("over {}", angles(commands, via))))
-        .collect();
-    if let (Some(direction), None) = (&stop.direction, &stop.load) {
-        if index > 1 {
-            over.insert(0, line(TAKE_OFF));
-        }
-        over.push(line(&set_gauge(direction)));
+    let columns = fields + 4;
+    let line = |text: &str| format!("<tr><td></td><td colspan=\"{columns}\">{text}</td></tr>\n");
+    let mut over = String::new();
+    if last.is_some_and(|last| last.load.is_some()) && stop.load.is_none() {
+        over += &line(take_off(stop));
     }
-    let lines = stop.readings.clamp(1, LINES);
-    let blank = match &stop.direction {
-        Some(_) => "<td colspan=\"3\"></td>",
-        None => "<td></td><td></td><td></td>",
+    for via in &stop.way.via {
+        over += &line(&format!("over {}", angles(commands, via)));
+    }
+    if let (Some(direction), None) = (&stop.direction, &stop.load) {
+        over += &line(&set_gauge(direction));
+    }
+    // What each line is: of absolute readings each its own, of deflections the readings of all experiments here.
+    let lines: Vec<[String; 2]> = if stop.targets.is_empty() {
+        let lines = 1..=stop.readings.clamp(1, LINES);
+        let all = |line: u32| {
+            if line == 1 {
+                experiments.join(", ")
+            } else {
+                String::new()
+            }
+        };
+        lines.map(|line| [all(line), line.to_string()]).collect()
+    } else {
+        let targets = stop.targets.iter().map(|target| escaped(target));
+        experiments
+            .into_iter()
+            .zip(targets)
+            .map(Into::into)
+            .collect()
     };
-    let mut more = String::new();
-    for line in 2..=lines {
+    let blank = "<td class=\"fill\"></td>".repeat(fields);
+    let tick = format!(
+        "<td><span class=\"tick\" title=\"done\"></span></td><td><strong>{index}</strong></td><td>{place}</td>"
+    );
+    let mut rows = String::new();
+    for (number, [experiment, reading]) in lines.iter().enumerate() {
+        let first = if number == 0 {
+            &tick
+        } else {
+            "<td colspan=\"3\"></td>"
+        };
         let _ = writeln!(
-            more,
-            "<tr class=\"line\"><td colspan=\"4\"></td><td>{line}</td>{blank}</tr>"
+            rows,
+            "<tr class=\"line\">{first}<td>{experiment}</td><td>{reading}</td>{blank}</tr>"
         );
     }
-    let rest = match stop.readings.saturating_sub(lines) {
-        0 => String::new(),
-        rest => format!(
-            "<tr><td colspan=\"5\"></td><td colspan=\"3\">and {}, into the file</td></tr>\n",
-            counted(rest.into(), "more reading")
-        ),
-    };
-    format!(
-        "<tbody class=\"stop\">\n{}<tr class=\"line\"><td><span class=\"tick\" title=\"done\"></span></td><td><strong>{index}</strong></td>\
-         <td>{place}</td><td>{}</td><td>1</td>{blank}</tr>\n{more}{rest}</tbody>\n",
-        over.concat(),
-        experiments.join(", "),
-    )
+    let rest = (stop.readings as usize).saturating_sub(lines.len());
+    if rest > 0 {
+        let more = counted(rest as u64, "more reading");
+        let _ = writeln!(
+            rows,
+            "<tr><td colspan=\"5\"></td><td colspan=\"{fields}\">and {more}, into the file</td></tr>"
+        );
+    }
+    format!("<tbody class=\"stop\">\n{over}{rows}</tbody>\n")
 }
 
 fn provenance(scenario: &Scenario) -> String {

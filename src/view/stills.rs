@@ -58,13 +58,9 @@ impl<'a> Stills<'a> {
 
     /// Of a plan of absolute readings, each so often: with what is read, and from where.
     pub fn of_readings(scenario: &'a Scenario, readings: &[(&'a Candidate, u32)]) -> Self {
-        let experiments = readings.iter().map(|(row, repeats)| Experiment {
-            configuration_rad: row.configuration_rad.clone(),
-            load: row.load.unwrap_or(Load::NONE),
-            repeats: *repeats,
-            approach: row.approach.clone(),
-            direction: None,
-        });
+        let experiments = readings
+            .iter()
+            .map(|(row, repeats)| row.experiment(*repeats));
         let plan = Plan {
             experiments: experiments.collect(),
         };

@@ -273,6 +273,51 @@ fn table(rows: &[Candidate], station: &str) -> String {
     text
 }
 
+/// The budget's points are the plans of as many readings, with their bounds; its minutes are the laboratory's.
+#[test]
+fn budgets_are_of_the_plans() {
+    let place = Workplace::new();
+    place.write("s.toml", absolute_scenario_text("ur10"));
+    place.write("c.csv", table(&rows(&scenario("ur10"), 30), "door"));
+    let budget = |accuracy_um: f64, options: &str| {
+        place.json(&format!(
+            "budget s.toml --parameters zeros --candidates c.csv --up-to 10 --accuracy-um {accuracy_um} {options}"
+        ))
+    };
+    let json = budget(1000.0, "");
+    let points = json["budget"].as_array().expect("points");
+    let number = |json: &serde_json::Value, key: &str| json[key].as_f64().expect("a number");
+    assert_eq!(json["needed"], points[0]);
+    assert!(points.len() > 3, "{points:?}");
+    for (one, other) in points.iter().zip(&points[1..]) {
+        assert!(number(one, "rho0_mm") > number(other, "rho0_mm"));
+        assert!(number(one, "rho0_mm") >= number(one, "lower_bound_rho0_mm"));
+        assert!(number(one, "lower_bound_rho0_mm") >= number(other, "lower_bound_rho0_mm"));
+    }
+    let last = &points[points.len() - 1];
+    let plan = "plan s.toml --parameters zeros --candidates c.csv --plan-out p.csv --experiments";
+    let planned = place.json(&format!("{plan} 10"));
+    // It goes on from the plan of one reading less, too.
+    assert!(number(last, "rho0_mm") <= number(&planned, "rho0_mm") * (1.0 + 1e-9));
+    assert!(number(last, "rho0_mm") >= number(&planned, "lower_bound_rho0_mm"));
+    assert_eq!(last["bound_kind"], "proved");
+    let needed = budget(1e3 * number(last, "rho0_mm") * (1.0 + 1e-9), "--by-minutes");
+    assert_eq!(needed["needed"], *last);
+    // A set-up, ten visits at most, ten readings, and the time that joints turn.
+    let minutes = number(&needed, "needed_minutes");
+    assert!(
+        (20.0 + 5.0..20.0 + 10.0 + 5.0 + 10.0).contains(&minutes),
+        "{minutes}"
+    );
+    // Sampled configurations are no proof.
+    let sampled =
+        place.json("budget s.toml --draw 6 --parameters frames --up-to 6 --accuracy-um 1000");
+    for point in sampled["budget"].as_array().expect("points") {
+        assert_eq!(point["bound_kind"], "evidence");
+        assert!(point["proved_lower_bound_rho0_mm"].is_null());
+    }
+}
+
 /// The commands: targets and stations are chosen, paths are judged pose by pose, and the plan's file says the same.
 #[test]
 fn commands_plan_absolute_readings() {
@@ -337,7 +382,10 @@ fn commands_plan_absolute_readings() {
             "--criterion is for plans of deflections",
         ),
         ("run s.toml", "this command is about deflections"),
-        ("budget s.toml", "this command is about deflections"),
+        (
+            "budget s.toml --candidates c.csv --no-proof",
+            "--no-proof is for plans of deflections",
+        ),
         (
             "plan s.toml --experiments 1000 --candidates p.csv",
             "are wanted",

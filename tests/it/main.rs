@@ -23,6 +23,8 @@
 //! - `calibrated_robots`: a robot from absolute readings as a model, and compensated with.
 //! - `init`: a first scenario for models of all kinds, and URDF.
 //! - `absolute_studies`: studies of absolute plans, and their pages.
+//! - `next_readings`: which absolute readings to take next.
+//! - `absolute_campaigns`: plans of absolute readings in the laboratory, and their tables to fill in.
 //! - `absolute_targets`: compensated angles for absolute poses.
 //! - `exported_models`: the calibrated robot as MJCF, read again.
 //! - `foreign_tables`: tables of other programs become measurement files.
@@ -106,6 +108,7 @@
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
+mod absolute_campaigns;
 mod absolute_plans;
 mod absolute_predictions;
 mod absolute_readings;
@@ -170,6 +173,7 @@ mod model_messages;
 mod model_selection;
 mod mutations;
 mod next;
+mod next_readings;
 mod nonlinear_gap;
 mod obstacles;
 mod old_files;

@@ -17,7 +17,7 @@ use crate::identification::ParameterGroup;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::{RANDOM_READINGS, drawn_candidates};
 use crate::plan::Criterion;
-use crate::plan::search::{BoundKind, CandidatePlan, Problem, RandomPlans, Watch};
+use crate::plan::search::{CandidatePlan, PlanBound, Problem, RandomPlans, Watch};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::{Station, Task, station_named};
@@ -52,7 +52,7 @@ impl<'a> AbsolutePlanning<'a> {
         groups: &[ParameterGroup],
         wanted: DrawnWanted,
     ) -> Result<Self, AbsolutePlanError> {
-        Self::new(task, groups, &drawn(task, wanted)?)
+        Self::new(task, groups, &sampled_candidates(task, wanted)?)
     }
 
     /// A plan of so many readings as nobody thought of it: all from one station, which is drawn as the readings are, among them one of
@@ -108,7 +108,7 @@ impl<'a> AbsolutePlanning<'a> {
         sizes: [u32; 2],
         watch: Watch<'_>,
     ) -> Result<(Self, AbsolutePlan), AbsolutePlanError> {
-        let mut rows = drawn(task, wanted)?;
+        let mut rows = sampled_candidates(task, wanted)?;
         let planning = Self::new(task, groups, &rows)?;
         let rounds = STEPS.len() + 1;
         let search = |planning: &Self, round: usize| {
@@ -118,7 +118,7 @@ impl<'a> AbsolutePlanning<'a> {
                     (watch.progress)(round * all + done, rounds * all, cost);
                 },
             };
-            let found = planning.design_by(SEARCHES, sizes, wanted.seed, here)?;
+            let found = planning.design_by((SEARCHES, &[]), sizes, wanted.seed, here)?;
             let chosen = found
                 .plan
                 .iter()
@@ -150,18 +150,20 @@ impl<'a> AbsolutePlanning<'a> {
         for (index, (place, _)) in found.plan.iter_mut().enumerate() {
             *place = chosen + index;
         }
-        found.bound = all.bound(&found.plan)?.map(|mut bound| {
-            // All that were drawn were looked at, and there are others.
-            bound.kind = BoundKind::Evidence;
-            bound.proof = None;
-            bound
-        });
+        // All that were drawn were looked at, and there are others.
+        found.bound = all.bound(&found.plan)?.map(PlanBound::into_evidence);
         Ok((all, found))
     }
 }
 
-/// Each of some configurations without and with a load, of each of the two tools.
-fn drawn(task: &Task, wanted: DrawnWanted) -> Result<Vec<Candidate>, AbsolutePlanError> {
+/// What may be read at sampled configurations: each without and with a load, of each of the two tools.
+///
+/// # Errors
+/// No configuration is possible.
+pub fn sampled_candidates(
+    task: &Task,
+    wanted: DrawnWanted,
+) -> Result<Vec<Candidate>, AbsolutePlanError> {
     // Stations have a sight of their own, which candidates are held to.
     let mut anywhere = task.clone();
     anywhere.region.line_of_sight &= task.belief.stations.is_empty();

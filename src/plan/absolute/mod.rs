@@ -7,10 +7,12 @@
 //! The place counts in the frame of a station. Of several, it is that where least is left: each station has a frame of its own,
 //! which only readings from there tell, so that where the instrument stands is chosen with the readings.
 
+mod budget;
 mod contributions;
 mod distances;
 mod drawn;
 mod error;
+mod from_rows;
 mod predicted_accuracy;
 mod readable;
 mod together;
@@ -25,17 +27,18 @@ use super::search::{
 };
 use crate::compensation::KnownArm;
 use crate::experiment::Candidate;
-use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup};
+use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
-use crate::observation::{PlannedReading, ReadingErrors, ReadingKind, Setup, planned_positions};
-use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, relative_precision};
+use crate::observation::{ReadingErrors, Setup, planned_positions};
+use crate::parameter::{ParameterKind, ParameterSet};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
-use crate::task::{Extended, Task};
+use crate::task::Task;
 
-pub use drawn::DrawnWanted;
+pub use budget::RestOfReadings;
+pub use drawn::{DrawnWanted, sampled_candidates};
 pub use error::AbsolutePlanError;
 pub use predicted_accuracy::PredictedAccuracy;
 
@@ -43,7 +46,7 @@ use contributions::is_of_task;
 use error::some_of;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
-use readable::{check_stations, from_stations, possible, reading_of};
+use readable::reading_of;
 use together::Neighbours;
 pub use together::RepeatedReading;
 
@@ -72,6 +75,8 @@ pub struct AbsolutePlanning<'a> {
     target: usize,
     poses: Vec<PlaceRows>,
     before: DMatrix<f64>,
+    /// What is measured already: the last candidates, which are in `before` and not to be chosen.
+    measured: CandidatePlan,
 }
 
 /// A plan of absolute readings.
@@ -99,91 +104,15 @@ struct Shown {
     test_poses: Vec<(usize, DMatrix<f64>)>,
 }
 
-impl<'a> AbsolutePlanning<'a> {
-    /// For a task, the unknowns that groups name besides those of the belief, and candidates.
-    pub fn new(
-        task: &'a Task,
-        groups: &[ParameterGroup],
-        rows: &[Candidate],
-    ) -> Result<Self, AbsolutePlanError> {
-        if !task.design.mandatory.experiments.is_empty() {
-            let problem =
-                "design.mandatory: plans of absolute readings have no mandatory experiments";
-            let hint = "leave it out, and name readings that there are to be among the candidates of `evaluate`";
-            return Err(AbsolutePlanError::other(problem, Some(hint)));
-        }
-        let rows = from_stations(task, rows)?;
-        let (candidates, offer) = possible(task, &rows)?;
-        let instrument = &task.belief.instrument;
-        let readings = candidates
-            .iter()
-            .map(|candidate| reading_of(candidate, instrument));
-        let readings: Vec<AbsoluteReading> = readings.collect();
-        let lines: Vec<usize> = candidates.iter().map(|candidate| candidate.line).collect();
-        let of_lines = |error: AbsoluteError| AbsolutePlanError::of_lines(error, &lines);
-        let mut case = AbsoluteCase::placed(&task.belief, &readings).map_err(of_lines)?;
-        let sources = task.belief.uncertain.iter().flat_map(Extended::sources);
-        let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();
-        let errors = (candidates.iter().enumerate())
-            .map(|(place, candidate)| {
-                let load = candidate.load.unwrap_or(Load::NONE);
-                case.disturbed(place, &load, sources.iter().copied())
-            })
-            .collect();
-        let machining = &task.belief.machining_tool;
-        let known = (case.targets.iter()).position(|target| *target == machining.name);
-        let target = known.unwrap_or_else(|| {
-            // It is where the model has it on its link.
-            case.arm.tools.push(machining.clone());
-            case.arm.tools.len() - 1
-        });
-        let first = &case.observations[0];
-        let asked = (0..case.stations.len()).map(|station| PlannedReading {
-            setup: setup_of(&first.setup.commanded_rad, Load::NONE, [target, station]),
-            // Where only lengths are read, the tool's place counts along axes that they do not show: the robot's own.
-            kind: match first.reading.kind() {
-                ReadingKind::Distance => ReadingKind::Distance,
-                _ => ReadingKind::Position,
-            },
-            whitener: first.whitener,
-        });
-        let asked: Vec<PlannedReading> = asked.collect();
-        let set = case.unknowns_beside(groups, &asked).map_err(of_lines)?;
-        Ok(Self {
-            poses: place_rows(task, &case, &set, target),
-            target,
-            before: relative_precision(&set),
-            offer,
-            neighbours: Neighbours::of(&candidates),
-            candidates,
-            case,
-            set,
-            errors,
+impl AbsolutePlanning<'_> {
+    /// The rows of a file of a plan, each with how often it is read.
+    pub fn rows(&self, plan: &[(usize, u32)]) -> Vec<Candidate> {
+        let rows = self.readings(plan).into_iter();
+        rows.map(|(candidate, times)| Candidate {
+            most: Some(times),
+            ..candidate.clone()
         })
-    }
-
-    /// The same of the readings of one plan, each of which says from which of several stations it is, and is possible.
-    pub fn of_plan(
-        task: &'a Task,
-        groups: &[ParameterGroup],
-        rows: &[Candidate],
-    ) -> Result<Self, AbsolutePlanError> {
-        check_stations(task, rows)?;
-        let planning = Self::new(task, groups, rows)?;
-        if planning.offer.left_out.is_empty() {
-            return Ok(planning);
-        }
-        let reasons = planning.offer.left_out.iter().map(ToString::to_string);
-        let reasons = reasons.collect::<Vec<String>>().join("; ");
-        let problem = format!("readings that are not possible: {reasons}");
-        Err(AbsolutePlanError::other(problem, None))
-    }
-
-    /// All candidates as one plan, each as often as its file says, or once.
-    pub fn whole(&self) -> CandidatePlan {
-        (self.candidates.iter().enumerate())
-            .map(|(place, each)| (place, each.most.unwrap_or(1)))
-            .collect()
+        .collect()
     }
 
     /// What a plan reads, and how often.
@@ -191,6 +120,19 @@ impl<'a> AbsolutePlanning<'a> {
         (plan.iter())
             .map(|&(place, times)| (&self.candidates[place], times))
             .collect()
+    }
+
+    /// The site that a candidate reads.
+    pub fn target(&self, place: usize) -> &str {
+        &self.case.targets[self.case.observations[place].setup.target]
+    }
+
+    /// A reading of a candidate in which nothing is filled in.
+    pub fn blank_reading(&self, place: usize) -> AbsoluteReading {
+        AbsoluteReading {
+            target: Some(self.target(place).to_owned()),
+            ..reading_of(&self.candidates[place], &self.case.belief.instrument)
+        }
     }
 
     /// What is unknown.
@@ -358,9 +300,9 @@ impl<'a> AbsolutePlanning<'a> {
         })
     }
 
-    /// All candidates.
+    /// All candidates that may be chosen.
     fn places(&self) -> Vec<usize> {
-        (0..self.candidates.len()).collect()
+        (0..self.candidates.len() - self.measured.len()).collect()
     }
 
     /// The best plan of so many readings, of so many different candidates.
@@ -373,13 +315,13 @@ impl<'a> AbsolutePlanning<'a> {
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        self.design_by(SEARCHES, sizes, seed, watch)
+        self.design_by((SEARCHES, &[]), sizes, seed, watch)
     }
 
-    /// The same by so many searches.
+    /// The same by so many searches, and from plans that are known.
     fn design_by(
         &self,
-        searches: usize,
+        (searches, known): (usize, &[CandidatePlan]),
         [measurements, configurations]: [u32; 2],
         seed: u64,
         watch: Watch<'_>,
@@ -402,7 +344,7 @@ impl<'a> AbsolutePlanning<'a> {
                 },
             };
             let (found, bound) = self.with_problem(&shown, test_poses, measurements, |problem| {
-                let found = self.search(problem, *station, effort, here);
+                let found = self.search(problem, (*station, known), effort, here);
                 // Where no plan was found, others have a bound there none the less.
                 let bound = match &found {
                     Ok(design) => Some(design.bound.clone()),
@@ -434,22 +376,27 @@ impl<'a> AbsolutePlanning<'a> {
     }
 
     /// Searches among all candidates and, where there are several stations, among those of the one in whose frame the place counts:
-    /// few readings from elsewhere tell of themselves alone, and exchanges of one at a time hardly leave them.
+    /// few readings from elsewhere tell of themselves alone, and exchanges of one at a time hardly leave them. Goes on from plans that
+    /// are known, too.
     fn search(
         &self,
         problem: &FiniteProblem<'_>,
-        station: usize,
+        (station, known): (usize, &[CandidatePlan]),
         effort: FiniteEffort,
         watch: Watch<'_>,
     ) -> Result<FiniteDesign, CandidateError> {
         let found = problem.search(effort, watch);
         let mut from_there = self.places();
         from_there.retain(|&place| self.station_of(place) == station);
-        if from_there.len() == self.candidates.len() {
+        let is_one = from_there.len() == self.places().len();
+        if is_one && known.is_empty() {
             return found;
         }
         let measurements = effort.measurements;
         let search_there = || {
+            if is_one {
+                return None;
+            }
             let shown = self.shown(from_there, measurements).ok()?;
             let mut frames = shown.test_poses.iter();
             let (_, test_poses) = frames.find(|frame| frame.0 == station)?;
@@ -461,19 +408,23 @@ impl<'a> AbsolutePlanning<'a> {
             }
             Some(found)
         };
-        let Some(from_one) = search_there() else {
+        let from_one = search_there();
+        let plans = from_one.iter().map(|design| &design.plan).chain(known);
+        let plans: Vec<CandidatePlan> = plans.cloned().collect();
+        let another = found.as_ref().map_or(f64::INFINITY, |found| found.cost);
+        let Some((plan, cost)) = problem.bettered(&plans, effort, another) else {
             return found;
         };
-        let another = found.as_ref().map_or(f64::INFINITY, |found| found.cost);
-        match problem.bettered(std::slice::from_ref(&from_one.plan), effort, another) {
-            None => found,
-            Some((plan, cost)) => Ok(FiniteDesign {
-                bound: problem.bound_of(&plan)?,
-                plan,
-                cost,
-                ..from_one
-            }),
-        }
+        let searched = from_one.as_ref().or(found.as_ref().ok());
+        let (searches, agreeing) =
+            searched.map_or((0, 0), |design| (design.searches, design.agreeing));
+        Ok(FiniteDesign {
+            bound: problem.bound_of(&plan)?,
+            plan,
+            cost,
+            searches,
+            agreeing,
+        })
     }
 
     /// What no plan of as many readings of the candidates is below, as a plan of them tells it.
@@ -494,10 +445,13 @@ impl<'a> AbsolutePlanning<'a> {
 
     /// The lowest of the bounds in all frames; none unless there is one in each.
     fn bound_of(&self, bounds: &[Option<FiniteBound>], measurements: u32) -> Option<PlanBound> {
+        if self.shares_with_measured() {
+            return None;
+        }
         let each = (bounds.iter()).map(|bound| bound.as_ref()?.least_cost(measurements));
         let least = each.reduce(|one, other| Some(one?.min(other?)))??;
         let best = (least + stacked_task(&self.poses).norm_squared()).sqrt();
-        Some(PlanBound::of_all(best, self.candidates.len(), Vec::new()))
+        Some(PlanBound::of_all(best, self.places().len(), Vec::new()))
     }
 
     /// The predicted accuracy of a plan: candidates by their places, and how often each is read.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::error::{AbsolutePlanError, some_of};
-use crate::experiment::{Candidate, Experiment};
+use crate::experiment::Candidate;
 use crate::measurement::AbsoluteReading;
 use crate::plan::search::{CandidateError, OfferedCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
@@ -94,13 +94,7 @@ pub(super) fn possible(
             target: known.unwrap_or(&task.belief.calibration_tool),
             station: station_named(&task.belief.stations, row.station.as_deref()),
         };
-        let experiment = Experiment {
-            configuration_rad: row.configuration_rad.clone(),
-            load: row.load.unwrap_or(Load::NONE),
-            repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
-            approach: row.approach.clone(),
-            direction: None,
-        };
+        let experiment = row.experiment(row.most.unwrap_or(MOST_EXPERIMENTS));
         let violations = feasibility.violations_of_reading(1, &experiment, looking);
         // Without a load there is none that is not allowed.
         let is_fine = |what: &str| what == "load" && experiment.load == Load::NONE;

@@ -45,6 +45,14 @@ impl Neighbours {
         }
     }
 
+    /// Has candidates from a place on in visits of their own.
+    pub fn begin_visits(&mut self, first: usize) {
+        let known = self.visits.len();
+        for visit in &mut self.visits[first..] {
+            *visit += known;
+        }
+    }
+
     /// Readings that share a configuration, in the order of the first.
     pub fn groups(&self, plan: &[(usize, u32)]) -> Vec<CandidatePlan> {
         let mut groups: Vec<CandidatePlan> = Vec::new();
@@ -150,8 +158,38 @@ impl AbsolutePlanning<'_> {
             .collect()
     }
 
-    /// The same of one configuration.
+    /// The same of one configuration, beside what is measured there already.
     pub(super) fn told_by(
+        &self,
+        equations: &mut ConfigurationEquations<'_>,
+        group: &[(usize, u32)],
+    ) -> DMatrix<f64> {
+        let is_here = |&(place, _): &(usize, u32)| {
+            let here = |other: &(usize, u32)| {
+                self.neighbours.configurations[other.0] == self.neighbours.configurations[place]
+            };
+            group.first().is_some_and(here)
+        };
+        let mut all: CandidatePlan = self.measured.iter().copied().filter(is_here).collect();
+        if all.is_empty() {
+            return self.told_together(equations, group);
+        }
+        let known = self.told_together(equations, &all);
+        all.extend(group);
+        self.told_together(equations, &all) - known
+    }
+
+    /// Whether readings that may be chosen share errors with such as are measured already: what they tell is then not bounded.
+    pub(super) fn shares_with_measured(&self) -> bool {
+        let configurations = &self.neighbours.configurations;
+        let here = |place: usize| {
+            let is_here = |&(each, _): &(usize, u32)| configurations[each] == configurations[place];
+            self.errors[place].are_shared() && self.measured.iter().any(is_here)
+        };
+        self.places().into_iter().any(here)
+    }
+
+    fn told_together(
         &self,
         equations: &mut ConfigurationEquations<'_>,
         group: &[(usize, u32)],

@@ -132,9 +132,7 @@ impl BudgetPoint {
             && let Some(budget) = UncertaintyBudget::of_deflections(task, &plan, &posterior)
         {
             rho0_m = budget.combined_standard_uncertainty_um * 1e-6;
-            let shared = (budget.sources.iter()).filter(|each| each.level.is_shared_by_plan());
-            let square_um2: f64 = shared.map(|each| each.contribution_um.powi(2)).sum();
-            shared_m = Some(square_um2.sqrt() * 1e-6);
+            shared_m = Some(budget.shared_m());
             common_sources = CommonSources::of_deflections(task, &posterior, rho0_m);
         }
         Self {

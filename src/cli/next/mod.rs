@@ -1,5 +1,7 @@
 //! `next`: what to measure next, after some of a plan is measured.
 
+mod readings;
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -15,7 +17,7 @@ use elastocal::plan::{
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
-use elastocal::task::Task;
+use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
 use elastocal::workflow::identify::{HowIdentified, identify_measurements};
 use serde_json::json;
@@ -23,7 +25,9 @@ use serde_json::json;
 use super::conditions::search_stopped;
 use super::identify::deflections::{self, explained};
 use super::interruption::ask_search;
+use super::plan_args::refuse_others;
 use super::progress::{bar, show};
+use super::readings_args::ReadingsArgs;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
@@ -52,6 +56,8 @@ pub struct Next {
     /// The number of measurements in all; that of the plan or the scenario if not given. With --accuracy-um at most so many.
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     experiments: Option<u32>,
+    #[command(flatten)]
+    readings: ReadingsArgs,
     /// Where to write what is to be measured next.
     #[arg(long, value_name = "FILE")]
     plan_out: Option<PathBuf>,
@@ -72,11 +78,21 @@ impl Next {
         let origin = Origin::read(&self.measurements)?;
         let input = ["next", "--measurements"];
         let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
+        let of_deflections = [("--plan", self.plan.is_some())];
+        refuse_others(&scenario, &of_deflections, &self.readings.given())?;
+        match scenario.task.design.accuracy {
+            AccuracyKind::Absolute => self.absolute(&scenario),
+            AccuracyKind::Relative => self.deflections(&scenario),
+        }
+    }
+
+    /// Of deflections.
+    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Report> {
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
         let measurements = read_measurements_so_far(&self.measurements, &task.belief)?;
         let given = (self.plan.as_ref()).map(|path| read_plan(path, commands.clone()));
         let given = given.transpose()?;
-        self.check(&scenario)?;
+        self.check(scenario)?;
 
         let belief = &task.belief;
         self.common.say(&format!(
@@ -132,7 +148,8 @@ impl Next {
         let old_m = (given.as_ref()).and_then(|plan| self.old(&left.task, plan, &so_far, next));
         if let Some(found) = &found {
             text += &tell(found, old_m);
-            conditions.extend(self.unreached(found, measured));
+            let all = measured + found.plan.measurements();
+            conditions.extend(self.unreached(all, found.is_reached));
             let violations = Feasibility::new(&left.task).violations(&found.plan);
             let of_experiments = violations.iter().filter(|each| each.experiment.is_some());
             let violation = |each: &Violation| ConditionCode::Violation.with(each.to_string());
@@ -143,7 +160,7 @@ impl Next {
             text += &written.noted(path, write_plan(path, commands.clone(), next));
         }
         conditions.extend(written.conditions());
-        let provenance = ProvenanceMessage::new(&scenario)
+        let provenance = ProvenanceMessage::new(scenario)
             .with_input("measurements", &self.measurements)?
             .with_optional("plan", self.plan.as_deref())?;
         let found = found.as_ref();
@@ -171,6 +188,7 @@ impl Next {
         let mut roles = inputs(scenario);
         roles.reads("the measurements", &self.measurements);
         roles.may_read("the plan", self.plan.as_deref());
+        roles.may_read("the candidates", self.readings.candidates.as_deref());
         check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])
     }
 
@@ -210,10 +228,9 @@ impl Next {
     }
 
     /// That the goal is not reached, where it is not.
-    fn unreached(&self, found: &Rest, measured: u32) -> Option<Condition> {
-        let all = measured + found.plan.measurements();
+    fn unreached(&self, all: u32, is_reached: bool) -> Option<Condition> {
         let count = counted(all.into(), "measurement");
-        let wanted = self.accuracy_um.filter(|_| !found.is_reached)?;
+        let wanted = self.accuracy_um.filter(|_| !is_reached)?;
         Some(ConditionCode::OutOfReach.with(format!("{count} do not reach {wanted} um")))
     }
 

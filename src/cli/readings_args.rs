@@ -1,0 +1,63 @@
+//! Which absolute readings may be planned: of a file of candidates, or at sampled configurations.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use elastocal::experiment::{Candidate, read_candidates};
+use elastocal::files::FileError;
+use elastocal::identification::ParameterGroup;
+use elastocal::plan::absolute::{AbsolutePlanError, DrawnWanted, sampled_candidates};
+use elastocal::scenario::Scenario;
+
+use super::plan::DRAWN;
+use super::plan_args::{ANYWHERE, UNKNOWN};
+
+/// What absolute readings are planned from.
+#[derive(Debug, Args)]
+pub struct ReadingsArgs {
+    /// Choose absolute readings from these rows (CSV), with design.accuracy = "absolute".
+    #[arg(long, value_name = "FILE")]
+    pub candidates: Option<PathBuf>,
+    /// Without --candidates, sample so many configurations in the region, with design.accuracy = "absolute".
+    #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    draw: Option<u32>,
+    /// What is unknown, with design.accuracy = "absolute": frames of stations and targets always; what the scenario's
+    /// robot.parameters name if not given.
+    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
+    pub parameters: Vec<ParameterGroup>,
+}
+
+impl ReadingsArgs {
+    /// What is given of these, and what there is in its place for deflections.
+    pub fn given(&self) -> [(&'static str, bool, &'static str); 3] {
+        [
+            ("--candidates", self.candidates.is_some(), ANYWHERE),
+            ("--draw", self.draw.is_some(), ANYWHERE),
+            ("--parameters", !self.parameters.is_empty(), UNKNOWN),
+        ]
+    }
+
+    /// The candidates, and how they were sampled where no file has them.
+    pub fn rows(
+        &self,
+        scenario: &Scenario,
+    ) -> Result<(Vec<Candidate>, Option<DrawnWanted>), FileError> {
+        let task = &scenario.task;
+        if let Some(path) = &self.candidates {
+            return Ok((read_candidates(path, task.belief.commands())?, None));
+        }
+        let wanted = DrawnWanted {
+            configurations: self.draw.unwrap_or(DRAWN),
+            seed: scenario.seed,
+        };
+        let rows =
+            sampled_candidates(task, wanted).map_err(|error| self.wrong(scenario, &error))?;
+        Ok((rows, Some(wanted)))
+    }
+
+    /// What is wrong with them, in the file that has them.
+    pub fn wrong(&self, scenario: &Scenario, error: &AbsolutePlanError) -> FileError {
+        let path: &Path = self.candidates.as_deref().unwrap_or(&scenario.path);
+        error.in_file(path)
+    }
+}

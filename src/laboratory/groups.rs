@@ -1,0 +1,192 @@
+//! What is measured together: stops under one load, with the instrument at one station.
+
+use nalgebra::DVector;
+
+use super::Stop;
+use super::side::Side;
+use super::ways::Way;
+use crate::experiment::{Experiment, Plan};
+use crate::parameter::Unloaded;
+use crate::plan::absolute::AbsolutePlanning;
+use crate::robot::Load;
+
+/// Stops under one load, with the instrument at one station.
+pub(super) struct Group {
+    pub load: Option<Load>,
+    pub station: Option<String>,
+    /// The experiments that are measured together, with the number of readings.
+    pub members: Vec<(Vec<usize>, u32)>,
+}
+
+impl Group {
+    /// The stop of a member after another.
+    pub fn stop(
+        &self,
+        plan: &Plan,
+        member: usize,
+        last: Option<&Stop>,
+        sides: &[(Side, Option<DVector<f64>>)],
+    ) -> Stop {
+        let (experiments, readings) = &self.members[member];
+        let (side, approach) = &sides[experiments[0]];
+        Stop {
+            configuration: plan.experiments[experiments[0]].configuration_rad.clone(),
+            experiments: experiments.clone(),
+            load: self.load,
+            changes_load: self.load.is_some() && last.is_none_or(|last| last.load != self.load),
+            direction: plan.experiments[experiments[0]].direction,
+            station: self.station.clone(),
+            changes_station: self.station.is_some()
+                && last.is_none_or(|last| last.station != self.station),
+            targets: Vec::new(),
+            readings: *readings,
+            side: side.clone(),
+            approach: approach.clone(),
+            way: Way::default(),
+        }
+        .kept_in_place()
+    }
+}
+
+/// Whether the robot is approached alike for two experiments before a load is hung: to the bit, since a deflection is a
+/// difference at the same commanded angles. Plans that are designed have one configuration's angles alike.
+pub(super) fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
+    one.configuration_rad == other.configuration_rad && one.approach == other.approach
+}
+
+/// The groups of a plan of deflections: all configurations without a load, then those of each load.
+pub(super) fn groups_of_loads(
+    plan: &Plan,
+    unloaded_reading: Unloaded,
+    keep_order: bool,
+) -> Vec<Group> {
+    let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
+    let mut loaded: Vec<Group> = Vec::new();
+    for (index, experiment) in plan.experiments.iter().enumerate() {
+        let same = (unloaded.iter_mut())
+            .find(|(members, _)| stand_alike(&plan.experiments[members[0]], experiment));
+        let needed = match unloaded_reading {
+            // Each measurement has a reading without a load of its own: deflections share no error.
+            Unloaded::Own => experiment.repeats,
+            Unloaded::Shared => u32::from(same.is_none()),
+        };
+        match same {
+            Some((members, readings)) => {
+                members.push(index);
+                *readings += needed;
+            }
+            None => unloaded.push((vec![index], needed)),
+        }
+        let member = (vec![index], experiment.repeats);
+        let known = (loaded.iter().enumerate())
+            .filter(|(place, _)| !keep_order || place + 1 == loaded.len())
+            .find(|(_, group)| group.load == Some(experiment.load))
+            .map(|(place, _)| place);
+        match known {
+            Some(place) => loaded[place].members.push(member),
+            None => loaded.push(Group {
+                load: Some(experiment.load),
+                station: None,
+                members: vec![member],
+            }),
+        }
+    }
+    let first = Group {
+        load: None,
+        station: None,
+        members: unloaded,
+    };
+    [first].into_iter().chain(loaded).collect()
+}
+
+/// A visit of a plan of absolute readings.
+struct PlannedVisit {
+    station: usize,
+    load: Option<Load>,
+    /// How many visits alike there are before.
+    round: u32,
+    /// What is read, by its place in the plan.
+    rows: Vec<usize>,
+}
+
+/// The visits of a plan of absolute readings, in the order of its configurations.
+fn visits(planning: &AbsolutePlanning<'_>, plan: &[(usize, u32)]) -> Vec<PlannedVisit> {
+    let row = |place: usize| {
+        plan.iter()
+            .position(|(each, _)| *each == place)
+            .unwrap_or(0)
+    };
+    let mut all: Vec<PlannedVisit> = Vec::new();
+    for group in planning.by_configuration(plan) {
+        let first = all.len();
+        for alike in group.chunk_by(|one, other| one.visits == other.visits) {
+            let candidate = &planning.candidates[alike[0].place];
+            let station = planning.station_of(alike[0].place);
+            let load = candidate.load.filter(|load| *load != Load::NONE);
+            for _ in 0..alike[0].times {
+                let before = all[first..].iter();
+                let before = before.filter(|each| (each.station, each.load) == (station, load));
+                all.push(PlannedVisit {
+                    round: u32::try_from(before.count()).unwrap_or(u32::MAX),
+                    rows: alike.iter().map(|each| row(each.place)).collect(),
+                    station,
+                    load,
+                });
+            }
+        }
+    }
+    all
+}
+
+/// The visits of each station, one load after the other, in rounds; in the plan's own order of stations and, within a round, of loads
+/// if that is to be kept.
+pub(super) fn groups_of_visits(
+    planning: &AbsolutePlanning<'_>,
+    plan: &[(usize, u32)],
+    keep_order: bool,
+) -> Vec<Group> {
+    let mut all = visits(planning, plan);
+    let (mut stations, mut loads) = (Vec::new(), vec![None]);
+    all.sort_by_key(|visit| visit.rows[0]);
+    for visit in &all {
+        if !stations.contains(&visit.station) {
+            stations.push(visit.station);
+        }
+        if !loads.contains(&visit.load) {
+            loads.push(visit.load);
+        }
+    }
+    let mut groups: Vec<Group> = Vec::new();
+    for station in stations {
+        let hanging = groups.last().and_then(|group| group.load);
+        let rank = |visit: &PlannedVisit| {
+            let place = loads.iter().position(|load| *load == visit.load);
+            (visit.load != hanging, place)
+        };
+        let here = all.iter().filter(|visit| visit.station == station);
+        let mut here: Vec<&PlannedVisit> = here.collect();
+        if keep_order {
+            here.sort_by_key(|visit| visit.round);
+        } else {
+            here.sort_by_key(|visit| (rank(visit), visit.round));
+        }
+        let is_one = |one: &&PlannedVisit, other: &&PlannedVisit| {
+            (one.load, one.round) == (other.load, other.round)
+        };
+        groups.extend(here.chunk_by(is_one).map(|group| {
+            Group {
+                load: group[0].load,
+                station: planning.stations()[station].clone(),
+                members: (group.iter())
+                    .map(|visit| {
+                        (
+                            visit.rows.clone(),
+                            u32::try_from(visit.rows.len()).unwrap_or(1),
+                        )
+                    })
+                    .collect(),
+            }
+        }));
+    }
+    groups
+}

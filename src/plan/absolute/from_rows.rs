@@ -1,0 +1,165 @@
+//! What may be planned: rows of a file of candidates, the readings of one plan, and what else is measured already.
+
+use super::readable::{check_stations, from_stations, possible, reading_of};
+use super::together::Neighbours;
+use super::{AbsolutePlanError, AbsolutePlanning, place_rows, setup_of};
+use crate::experiment::{Candidate, is_one_configuration, together};
+use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup};
+use crate::measurement::AbsoluteReading;
+use crate::observation::{PlannedReading, ReadingKind};
+use crate::parameter::{ReadingSource, relative_precision};
+use crate::plan::search::CandidatePlan;
+use crate::robot::Load;
+use crate::task::{Extended, Task};
+
+impl<'a> AbsolutePlanning<'a> {
+    /// For a task, the unknowns that groups name besides those of the belief, and candidates.
+    pub fn new(
+        task: &'a Task,
+        groups: &[ParameterGroup],
+        rows: &[Candidate],
+    ) -> Result<Self, AbsolutePlanError> {
+        Self::beside(task, groups, &[], rows)
+    }
+
+    /// The same beside readings that are taken already: what they tell is known before, and new ones in their configurations share
+    /// errors with them.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn beside(
+        task: &'a Task,
+        groups: &[ParameterGroup],
+        measured: &[AbsoluteReading],
+        rows: &[Candidate],
+    ) -> Result<Self, AbsolutePlanError> {
+        if !task.design.mandatory.experiments.is_empty() {
+            let problem =
+                "design.mandatory: plans of absolute readings have no mandatory experiments";
+            let hint = "leave it out, and name readings that there are to be among the candidates of `evaluate`";
+            return Err(AbsolutePlanError::other(problem, Some(hint)));
+        }
+        let rows = from_stations(task, rows)?;
+        let (possible, offer) = possible(task, &rows)?;
+        let (taken, times) = alike(measured);
+        let instrument = &task.belief.instrument;
+        let blank = possible.iter().map(|row| reading_of(row, instrument));
+        let readings: Vec<AbsoluteReading> = blank.chain(taken.iter().cloned()).collect();
+        let mut candidates = possible;
+        let offered = candidates.len();
+        candidates.extend(taken.iter().map(row_of));
+        let lines: Vec<usize> = candidates.iter().map(|candidate| candidate.line).collect();
+        let of_lines = |error: AbsoluteError| AbsolutePlanError::of_lines(error, &lines);
+        let mut case = AbsoluteCase::placed(&task.belief, &readings).map_err(of_lines)?;
+        let sources = task.belief.uncertain.iter().flat_map(Extended::sources);
+        let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();
+        let errors = (candidates.iter().enumerate())
+            .map(|(place, candidate)| {
+                let load = candidate.load.unwrap_or(Load::NONE);
+                case.disturbed(place, &load, sources.iter().copied())
+            })
+            .collect();
+        let machining = &task.belief.machining_tool;
+        let known = (case.targets.iter()).position(|target| *target == machining.name);
+        let target = known.unwrap_or_else(|| {
+            // It is where the model has it on its link.
+            case.arm.tools.push(machining.clone());
+            case.arm.tools.len() - 1
+        });
+        let first = &case.observations[0];
+        let asked = (0..case.stations.len()).map(|station| PlannedReading {
+            setup: setup_of(&first.setup.commanded_rad, Load::NONE, [target, station]),
+            // Where only lengths are read, the tool's place counts along axes that they do not show: the robot's own.
+            kind: match first.reading.kind() {
+                ReadingKind::Distance => ReadingKind::Distance,
+                _ => ReadingKind::Position,
+            },
+            whitener: first.whitener,
+        });
+        let asked: Vec<PlannedReading> = asked.collect();
+        let set = case.unknowns_beside(groups, &asked).map_err(of_lines)?;
+        let planning = Self {
+            poses: place_rows(task, &case, &set, target),
+            target,
+            before: relative_precision(&set),
+            offer,
+            neighbours: Neighbours::of(&candidates),
+            candidates,
+            case,
+            set,
+            errors,
+            measured: CandidatePlan::new(),
+        };
+        Ok(planning.knowing((offered..).zip(times).collect()))
+    }
+
+    /// With the last candidates, read so often, as known before.
+    fn knowing(mut self, measured: CandidatePlan) -> Self {
+        for told in self.told_of(&self.neighbours.groups(&measured)) {
+            self.before += told;
+        }
+        if let Some(&(first, _)) = measured.first() {
+            self.neighbours.begin_visits(first);
+        }
+        self.measured = measured;
+        self
+    }
+
+    /// The same of the readings of one plan, each of which says from which of several stations it is, and is possible.
+    pub fn of_plan(
+        task: &'a Task,
+        groups: &[ParameterGroup],
+        rows: &[Candidate],
+    ) -> Result<Self, AbsolutePlanError> {
+        check_stations(task, rows)?;
+        let planning = Self::new(task, groups, rows)?;
+        if planning.offer.left_out.is_empty() {
+            return Ok(planning);
+        }
+        let reasons = planning.offer.left_out.iter().map(ToString::to_string);
+        let reasons = reasons.collect::<Vec<String>>().join("; ");
+        let problem = format!("readings that are not possible: {reasons}");
+        Err(AbsolutePlanError::other(problem, None))
+    }
+
+    /// All candidates as one plan, each as often as its file says, or once.
+    pub fn whole(&self) -> CandidatePlan {
+        let places = self.places().into_iter();
+        places
+            .map(|place| (place, self.candidates[place].most.unwrap_or(1)))
+            .collect()
+    }
+}
+
+/// Readings of one target, under one load, from one station and in one configuration as one, with how often it is taken.
+fn alike(measured: &[AbsoluteReading]) -> (Vec<AbsoluteReading>, Vec<u32>) {
+    let q = |place: usize| &measured[place].configuration_rad;
+    let is_same = |one: usize, other: usize| {
+        let [one, other] = [&measured[one], &measured[other]];
+        let pose =
+            |each: &'_ AbsoluteReading| (each.load, each.target.clone(), each.station.clone());
+        pose(one) == pose(other)
+            && is_one_configuration(
+                (&one.configuration_rad, one.approach.as_ref()),
+                (&other.configuration_rad, other.approach.as_ref()),
+            )
+    };
+    let groups = together(measured.len(), q, is_same).into_iter();
+    let times = |group: &[usize]| u32::try_from(group.len()).unwrap_or(u32::MAX);
+    groups
+        .map(|group| (measured[group[0]].clone(), times(&group)))
+        .unzip()
+}
+
+/// What a reading read, as a row of a file.
+fn row_of(reading: &AbsoluteReading) -> Candidate {
+    Candidate {
+        line: 0,
+        configuration_rad: reading.configuration_rad.clone(),
+        load: Some(reading.load),
+        most: None,
+        target: reading.target.clone(),
+        station: reading.station.clone(),
+        approach: reading.approach.clone(),
+    }
+}
