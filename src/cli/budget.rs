@@ -209,7 +209,8 @@ impl Budget {
         }
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
-            text += &written.save(path, &budget_plot(&title, points)?);
+            let plot = budget_plot(&title, points, self.accuracy_um * 1e-6)?;
+            text += &written.save(path, &plot);
         }
         conditions.extend(written.conditions());
         let needed = found.needed.as_ref();

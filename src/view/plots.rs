@@ -1,7 +1,7 @@
 //! Plots of budgets of measurements as SVG.
 
 use super::charts::{
-    COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, whole_ticks,
+    COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, SOFT, Series, chart_of, plot, whole_ticks,
 };
 use crate::plan::search::{BudgetPoint, repeated_configurations};
 use crate::text::wording::counted;
@@ -9,12 +9,16 @@ use crate::text::wording::counted;
 /// How far lines stand beside each other, in measurements.
 const ASIDE: f64 = 0.07;
 
-/// `rho_0` against the number of measurements: a line for each number of configurations, and the
-/// bound that no plan can beat. Returns the SVG text.
+/// `rho_0` against the number of measurements: a line for each number of configurations, the bound that no plan can beat, and the
+/// accuracy that is wanted (m). Returns the SVG text.
 ///
 /// # Errors
 /// There are no points, or the drawing fails.
-pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotError> {
+pub fn budget_plot(
+    title: &str,
+    points: &[BudgetPoint],
+    wanted_m: f64,
+) -> Result<String, PlotError> {
     let counts = || points.iter().map(|point| f64::from(point.experiments));
     let [fewest, most] = [
         counts().fold(f64::MAX, f64::min),
@@ -47,7 +51,13 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
         .map(|(index, (name, _))| Series::new(name, COLOURS[index % COLOURS.len()], Mark::Line))
         .collect();
     series.push(Series::new("no plan is below", INK, Mark::Dashed));
+    let is_near = wanted_m < 2.0 * top;
+    if is_near {
+        series.push(Series::new("wanted", SOFT, Mark::Line));
+    }
     let (low, high) = (fewest - 0.3, most.max(fewest + 1.0) + 0.3);
+    let wanted = [low, high].map(|at| (at, wanted_m * 1e6));
+    let top = if is_near { top.max(wanted_m) } else { top };
     let axes = [
         ChartAxis::new(low..high, whole_ticks(low, high)),
         ChartAxis::linear(0.0..top * 1.05e6, 8),
@@ -66,6 +76,8 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
             Series::new("", each.colour, Mark::Dot).draw(&mut chart, &beside)?;
             each.draw(&mut chart, &beside)?;
         }
-        series[lines.len()].draw(&mut chart, &bound)
+        let levels = [bound.as_slice(), &wanted];
+        (series[lines.len()..].iter().zip(levels))
+            .try_for_each(|(each, line)| each.draw(&mut chart, line))
     })
 }
