@@ -6,7 +6,7 @@ use crate::codes::Condition;
 use crate::identification::input_errors::{
     LikelyInputError, conditions_of_table, suspected_input_errors,
 };
-use crate::identification::patterns::{BLOCKS, looked_at};
+use crate::identification::patterns::{BLOCKS, Patterns, looked_at};
 use crate::identification::{
     Case, Identification, IdentificationError, MeasurementResidual, RejectedReading, Repeats,
     Robustness, Sigma, Told, joint_space_blocks, left_out, residuals, with_rejected,
@@ -15,7 +15,6 @@ use crate::measurement::Measurement;
 use crate::record::absolute::RejectedMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
-use crate::record::patterns::PatternsMessage;
 use crate::record::residuals::residuals_json;
 use crate::scenario::Scenario;
 use crate::task::{Belief, Method};
@@ -60,7 +59,7 @@ pub struct Identified {
     /// Likely input errors.
     pub input_errors: Vec<LikelyInputError>,
     /// What the residuals go with.
-    pub patterns: PatternsMessage,
+    pub patterns: Patterns,
     /// What repeated measurements show, where there are some.
     pub repeats: Option<Repeats>,
 }
@@ -117,14 +116,12 @@ pub fn identify_measurements(
     let configurations: Vec<_> = kept.iter().map(|each| &each.configuration_rad).collect();
     let blocks = joint_space_blocks(&configurations, BLOCKS.min(configurations.len() / 2));
     let left_m: Vec<[f64; 3]> = robust.of_kept(identification.residuals_m.as_chunks().0);
-    let patterns = looked_at(&case.with(&kept), identification, &left_m, &blocks).patterns();
-    let joints = belief.nominal.chain.joints.iter();
-    let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
+    let looked = looked_at(&case.with(&kept), identification, &left_m, &blocks);
     let all: Vec<usize> = (0..measurements.len()).collect();
     let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
     Ok(Identified {
         repeats,
-        patterns: PatternsMessage::new(&patterns, &joints, true).without(&robust.rejected),
+        patterns: looked.patterns(&robust.rejected),
         identification: robust.identification,
         rejected: robust.rejected,
         residuals,

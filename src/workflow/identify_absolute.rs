@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use crate::codes::Condition;
+use crate::identification::patterns::Patterns;
 use crate::identification::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, ModelSelection, ParameterGroup,
     ReadingWeights, RepeatComponents, Repeats,
@@ -14,7 +15,6 @@ use crate::record::absolute::AbsoluteMessage;
 use crate::record::inconsistencies::InconsistenciesMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::ProvenanceMessage;
-use crate::record::patterns::PatternsMessage;
 use crate::record::uncertainties::RepeatComponentsMessage;
 use crate::scenario::Scenario;
 use crate::task::Belief;
@@ -27,7 +27,7 @@ pub struct IdentifiedRobot<'a> {
     /// The fit.
     pub fit: AbsoluteFit,
     /// What its residuals go with.
-    pub patterns: PatternsMessage,
+    pub patterns: Patterns,
     /// What repeated visits show, where there are some.
     pub repeats: Option<Repeats>,
     /// Variance components of these.
@@ -65,7 +65,7 @@ pub fn identify_absolute<'a>(
     let likely = likely.filter(|_| !fit.explains_all());
     // What lies far out is no pattern, and no inconsistency.
     let mut kept = case.kept(&fit);
-    let patterns = (kept.looked_at(&fit, &fit.of_kept(readings))?).patterns();
+    let looked = kept.looked_at(&fit, &fit.of_kept(readings))?;
     let joints = case.arm.chain.joints.iter();
     let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
     let halves = halves(&mut kept, &fit, &joints);
@@ -78,7 +78,7 @@ pub fn identify_absolute<'a>(
     Ok(IdentifiedRobot {
         repeat_components: case.repeat_components(&fit),
         repeats,
-        patterns: PatternsMessage::new(&patterns, &joints, false).without(&fit.rejected),
+        patterns: looked.patterns(&fit.rejected),
         inconsistencies: halves.into_iter().collect(),
         likely,
         case,

@@ -27,7 +27,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::candidates::Against;
+use super::against::Against;
 use super::rows::{LookedAt, Projected, orthonormal};
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
