@@ -32,15 +32,8 @@ pub(super) fn written<S: Serializer>(
 
 /// What `identify` says of residuals and input errors.
 pub fn residuals_json(residuals: &[MeasurementResidual], likely: &[LikelyInputError]) -> Value {
-    let likely = likely.iter().map(|each| {
-        json!({
-            "kind": each.error.kind(),
-            "text": each.text,
-            "log_evidence_ratio": each.log_evidence_ratio,
-        })
-    });
     json!({
         "residuals": numbered(residuals).collect::<Vec<_>>(),
-        "diagnoses": likely.collect::<Vec<_>>(),
+        "diagnoses": likely,
     })
 }
