@@ -307,6 +307,14 @@ impl ParameterKind {
         }
     }
 
+    /// The unit of the quantity itself, logarithms undone.
+    pub const fn quantity_unit(self) -> &'static str {
+        match self {
+            Self::LinkMass { .. } | Self::PayloadMass => "kg",
+            kind => kind.unit(false),
+        }
+    }
+
     /// Where it takes a new value.
     pub const fn level(self) -> SourceLevel {
         match self {

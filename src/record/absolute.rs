@@ -307,19 +307,11 @@ fn unknown(fit: &AbsoluteFit, index: usize) -> UnknownMessage {
     UnknownMessage {
         name: parameter.name.clone(),
         what: parameter.kind.words(&fit.reference),
-        unit: quantity_unit(parameter.kind).to_owned(),
+        unit: parameter.kind.quantity_unit().to_owned(),
         nominal: parameter.quantity(&fit.reference, parameter.nominal),
         value,
         standard_error: error,
         interval95,
-    }
-}
-
-/// The unit of the quantity itself, logarithms undone.
-pub(super) fn quantity_unit(kind: ParameterKind) -> &'static str {
-    match kind {
-        ParameterKind::LinkMass { .. } | ParameterKind::PayloadMass => "kg",
-        kind => kind.unit(false),
     }
 }
 

@@ -4,7 +4,6 @@
 //!   results.json and the MCAP file share them.
 //! - [`platform`]: what results may depend on beyond the program, the scenario and the seed.
 //! - [`residuals`]: what `identify` says of residuals and likely mistakes.
-//! - [`inconsistencies`]: two series of readings that cannot both be right.
 //! - [`model_selection`]: models with more and more parameters, compared.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
@@ -18,7 +17,6 @@ pub mod absolute;
 pub mod absolute_plan;
 pub mod campaign;
 pub mod evidence;
-pub mod inconsistencies;
 pub mod json;
 pub mod messages;
 pub mod model_selection;

@@ -6,13 +6,12 @@ use serde_json::{Value, json};
 use crate::codes::Condition;
 use crate::identification::patterns::Patterns;
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, ModelSelection, ParameterGroup,
-    ReadingWeights, RepeatComponents, Repeats,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, Inconsistencies, ModelSelection,
+    ParameterGroup, ReadingWeights, RepeatComponents, Repeats,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::tolerance::ends;
 use crate::record::absolute::AbsoluteMessage;
-use crate::record::inconsistencies::InconsistenciesMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::ProvenanceMessage;
 use crate::record::uncertainties::RepeatComponentsMessage;
@@ -35,7 +34,7 @@ pub struct IdentifiedRobot<'a> {
     /// The input error that explains what frames alone leave.
     pub likely: Option<Condition>,
     /// The halves of joint space beside each other, where each has enough readings; and other series.
-    pub inconsistencies: Vec<InconsistenciesMessage>,
+    pub inconsistencies: Vec<Inconsistencies>,
 }
 
 /// Fits what a belief leaves open, or groups of parameters, with all frames. Readings are weighed so; those that lie far out are
@@ -91,7 +90,7 @@ fn halves(
     case: &mut AbsoluteCase<'_>,
     fit: &AbsoluteFit,
     joints: &[String],
-) -> Option<InconsistenciesMessage> {
+) -> Option<Inconsistencies> {
     let (half_of, [one, other]) = case.halves(fit)?;
     let reach = |joint: usize, half: usize| {
         let all = case.observations.iter().zip(&half_of);
@@ -107,8 +106,10 @@ fn halves(
         let [low, high] = reach(joint, half).map(|angle| shown_angle(case, joint, angle));
         format!("where {} is {low} to {high}", joints[joint])
     };
-    let between = [of_half(0), of_half(1)];
-    Some(InconsistenciesMessage::new(&one.beside(&other), between))
+    Some(Inconsistencies {
+        between: [of_half(0), of_half(1)],
+        ..one.beside(&other)
+    })
 }
 
 /// An angle in degrees; of a joint that slides, a length.
@@ -165,9 +166,10 @@ impl<'a> IdentifiedRobot<'a> {
             let needed = 2 * FEWEST_BLOCKS;
             return Err(AbsoluteError::TooFewConfigurations { different, needed });
         };
-        let inconsistencies = own.beside(&second);
-        let message = InconsistenciesMessage::new(&inconsistencies, between);
-        self.inconsistencies.push(message);
+        self.inconsistencies.push(Inconsistencies {
+            between,
+            ..own.beside(&second)
+        });
         Ok(())
     }
 
@@ -184,7 +186,7 @@ impl<'a> IdentifiedRobot<'a> {
         let mut conditions: Vec<Condition> = self.likely.iter().cloned().collect();
         conditions.extend(self.fit.conditions());
         let inconsistencies = self.inconsistencies.iter();
-        conditions.extend(inconsistencies.flat_map(InconsistenciesMessage::conditions));
+        conditions.extend(inconsistencies.flat_map(Inconsistencies::conditions));
         conditions
     }
 

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::{
-    AbsoluteError, DistanceStatistics, ModelSelection, ReadingWeights,
+    AbsoluteError, DistanceStatistics, Inconsistencies, ModelSelection, ReadingWeights,
 };
 use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
 use elastocal::quantities::units::shown_unit;
 use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
+use elastocal::record::json::merge;
 use elastocal::record::uncertainties::uncertainty_tables;
-use elastocal::record::{inconsistencies::InconsistenciesMessage, json::merge};
 use elastocal::record::{messages::ProvenanceMessage, model_selection::model_selection_json};
 use elastocal::scenario::Scenario;
 use elastocal::task::{Belief, Method};
@@ -137,34 +137,21 @@ fn other_readings(file: &Path, belief: &Belief) -> Result<Vec<AbsoluteReading>, 
 }
 
 /// How many parameters of two series agree; the others are conditions.
-fn compared(message: &InconsistenciesMessage) -> String {
-    let InconsistenciesMessage {
-        between: [one, other],
-        compared,
-        not_comparable,
-        found,
-    } = message;
-    let unresolved = match not_comparable.as_slice() {
-        [] => String::new(),
-        names => format!(
-            "    not comparable, from the same prior in both: {}\n",
-            names.join(", ")
-        ),
+fn compared(beside: &Inconsistencies) -> String {
+    let [one, other] = &beside.between;
+    let parameters = counted(beside.compared as u64, "parameter");
+    let found = match (beside.compared, beside.found.len()) {
+        (0, _) => "no parameter is determined by both".to_owned(),
+        (_, 0) => format!("of {parameters} none are inconsistent with each other"),
+        (_, 1) => format!("of {parameters} one is inconsistent with each other"),
+        (_, count) => format!("of {parameters} {count} are inconsistent with each other"),
     };
-    if *compared == 0 {
-        return format!(
-            "  Fitted apart {one} and {other}: no parameter is determined by both.\n{unresolved}"
-        );
+    let mut text = format!("  Fitted apart {one} and {other}: {found}.\n");
+    if !beside.not_comparable.is_empty() {
+        let names = beside.not_comparable.join(", ");
+        text += &format!("    not comparable, from the same prior in both: {names}\n");
     }
-    format!(
-        "  Fitted apart {one} and {other}: of {} {} with each other.\n{unresolved}",
-        counted(*compared as u64, "parameter"),
-        match found.len() {
-            0 => "none are inconsistent".to_owned(),
-            1 => "one is inconsistent".to_owned(),
-            count => format!("{count} are inconsistent"),
-        }
-    )
+    text
 }
 
 /// Why there is no fit, with what to do about it.
