@@ -92,7 +92,7 @@ pub(super) struct JointMapping {
 impl JointMapping {
     /// Whether it is given as a length.
     pub fn slides(&self) -> bool {
-        LENGTH.units.iter().any(|unit| unit.0 == self.unit)
+        LENGTH.in_si(&self.unit).is_some()
     }
 }
 
