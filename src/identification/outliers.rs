@@ -89,7 +89,7 @@ pub(super) struct LookedOver<'a> {
     /// The covariances of what is predicted for them; nothing where that is little.
     pub known: Vec<Matrix6<f64>>,
     /// Which were rejected.
-    pub rejected: &'a [RejectedReading],
+    pub rejected: Vec<RejectedReading>,
     /// The commanded angles of each.
     pub angles: Vec<&'a [f64]>,
     /// As in [`Discrepancy::of`](super::Discrepancy::of).
