@@ -14,7 +14,6 @@ use crate::numeric::tolerance::ends;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::ProvenanceMessage;
-use crate::record::uncertainties::RepeatComponentsMessage;
 use crate::scenario::Scenario;
 use crate::task::Belief;
 
@@ -173,14 +172,6 @@ impl<'a> IdentifiedRobot<'a> {
         Ok(())
     }
 
-    /// Variance components of repeats as a record.
-    pub fn repeat_components(&self) -> Option<RepeatComponentsMessage> {
-        let all: Vec<usize> = (0..self.fit.left.len()).collect();
-        let (joints, rows) = (&self.case.arm.chain.joints, self.fit.of_kept(&all));
-        let found = self.repeat_components.as_ref();
-        found.map(|found| RepeatComponentsMessage::new(found, joints, &rows))
-    }
-
     /// What must be looked at.
     pub fn conditions(&self) -> Vec<Condition> {
         let mut conditions: Vec<Condition> = self.likely.iter().cloned().collect();
@@ -214,7 +205,7 @@ impl<'a> IdentifiedRobot<'a> {
         let more = json!({
             "patterns": self.patterns,
             "repeats": self.repeats,
-            "repeat_components": self.repeat_components(),
+            "repeat_components": self.repeat_components,
             "inconsistencies": self.inconsistencies,
             "not_counted": uncounted(&scenario.task.belief),
             "conditions": self.conditions(),

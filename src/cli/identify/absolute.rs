@@ -89,7 +89,7 @@ impl Identify {
         }
         text += &patterns::describe(&identified.patterns);
         text += &repeats::describe(identified.repeats.as_ref(), "positions");
-        text += &repeats::components(identified.repeat_components().as_ref());
+        text += &repeats::components(identified.repeat_components.as_ref());
         for each in &identified.inconsistencies {
             text += &compared(each);
         }
