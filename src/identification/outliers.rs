@@ -5,6 +5,7 @@
 //! standard deviations count fully, those beyond not at all.
 
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
+use serde_json::{Value, json};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::discrepancy::ReadingResidual;
@@ -55,12 +56,14 @@ pub struct RejectedReading {
 }
 
 impl RejectedReading {
-    /// Why it was left out, in words.
-    pub fn reason(&self) -> String {
-        format!(
-            "outlier: {:.1} standard deviations given the other readings, limit {FAR_OUT}",
-            self.deviations
-        )
+    /// Its record, with its number from 1, and in words why it was left out.
+    pub fn json(&self) -> Value {
+        let deviations = self.deviations;
+        json!({
+            "reading": self.reading + 1,
+            "deviations": deviations,
+            "reason": format!("outlier: {deviations:.1} standard deviations given the other readings, limit {FAR_OUT}"),
+        })
     }
 
     /// The outliers among so many readings, each with how far out it lies; none where there are none.

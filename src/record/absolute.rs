@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::codes::Condition;
 use crate::identification::{
@@ -93,7 +94,7 @@ pub struct AbsoluteMessage {
     pub ranges_read: Vec<ReadRange>,
     /// Readings that were left out, since they lie far out.
     #[serde(default)]
-    pub rejected: Vec<RejectedMessage>,
+    pub rejected: Vec<Value>,
     /// What must be looked at.
     pub conditions: Vec<Condition>,
 }
@@ -157,27 +158,6 @@ pub struct UnexplainedMessage {
     pub angle_mrad: Option<DistanceStatistics>,
 }
 
-/// A reading that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct RejectedMessage {
-    /// Its number, from 1.
-    pub reading: usize,
-    /// How many standard deviations out it lies.
-    pub deviations: f64,
-    /// Why it was left out, in words.
-    pub reason: String,
-}
-
-impl From<&RejectedReading> for RejectedMessage {
-    fn from(rejected: &RejectedReading) -> Self {
-        Self {
-            reading: rejected.reading + 1,
-            deviations: rejected.deviations,
-            reason: rejected.reason(),
-        }
-    }
-}
-
 impl AbsoluteMessage {
     /// The record of a fit.
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
@@ -211,7 +191,7 @@ impl AbsoluteMessage {
             discrepancy_model: (fit.discrepancy_model.as_ref())
                 .map(|each| discrepancy_model(case, fit, each)),
             ranges_read: ranges_read(case, fit),
-            rejected: fit.rejected.iter().map(RejectedMessage::from).collect(),
+            rejected: fit.rejected.iter().map(RejectedReading::json).collect(),
             conditions: fit.conditions(),
         }
     }

@@ -12,7 +12,6 @@ use crate::identification::{
     Robustness, Sigma, Told, joint_space_blocks, left_out, residuals, with_rejected,
 };
 use crate::measurement::Measurement;
-use crate::record::absolute::RejectedMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
 use crate::record::residuals::residuals_json;
@@ -169,7 +168,7 @@ impl Identified {
         message.conditions.extend(self.further_doubts());
         let discrepancy = self.identification.discrepancy;
         let has_rotations = (self.residuals.iter()).any(|each| each.standardised.len() > 3);
-        let rejected: Vec<RejectedMessage> = self.rejected.iter().map(Into::into).collect();
+        let rejected: Vec<Value> = self.rejected.iter().map(RejectedReading::json).collect();
         let keys = json!({
             "sigma_from_residuals": sigma_from_residuals,
             "identified_with": scenario.task.belief.fingerprint(),

@@ -63,28 +63,29 @@ pub fn conditions_of_table(case: &Case<'_>) -> Vec<Condition> {
 
 fn outside_limits(case: &Case<'_>) -> Option<Condition> {
     let chain = &case.nominal.chain;
-    let beyond = |measurement: usize, joint: usize| {
-        let [from, to] = chain.joints[joint].range_rad;
-        let angle = case.measurements[measurement].configuration_rad[joint];
-        (from - angle).max(angle - to)
-    };
-    let places = 0..case.measurements.len();
-    let all = places.flat_map(|place| (0..chain.len()).map(move |joint| (place, joint)));
-    let outside: Vec<(usize, usize)> = all
-        .filter(|&(place, joint)| beyond(place, joint) > RANGE_SLACK_RAD)
-        .collect();
-    let &(place, joint) = (outside.iter())
-        .max_by(|one, other| beyond(one.0, one.1).total_cmp(&beyond(other.0, other.1)))?;
-    let mut measurements: Vec<usize> = outside.iter().map(|each| each.0).collect();
-    measurements.dedup();
-    let [from, to] = chain.joints[joint].range_rad;
-    let angle = case.measurements[place].configuration_rad[joint];
-    let [(angle, unit), (from, _), (to, _)] =
-        [angle, from, to].map(|value| chain.joints[joint].drive.shown(value));
-    Some(ConditionCode::AnglesOutsideLimits.with(format!(
-        "{} of {} measurements have commanded angles outside the joint limits: {} of measurement {} is {angle:.1} {unit}, allowed \
+    let mut farthest = (0.0, 0, 0);
+    let mut count = 0;
+    for (place, each) in case.measurements.iter().enumerate() {
+        let beyond = |joint: usize| {
+            let [from, to] = chain.joints[joint].range_rad;
+            let angle = each.configuration_rad[joint];
+            ((from - angle).max(angle - to), place, joint)
+        };
+        let most = (0..chain.len())
+            .map(beyond)
+            .reduce(|one, other| if other.0 >= one.0 { other } else { one })?;
+        count += usize::from(most.0 > RANGE_SLACK_RAD);
+        farthest = if most.0 >= farthest.0 { most } else { farthest };
+    }
+    let (_, place, joint) = farthest;
+    let each = &chain.joints[joint];
+    let angle = case.measurements.get(place)?.configuration_rad[joint];
+    let [angle, from, to] =
+        [angle, each.range_rad[0], each.range_rad[1]].map(|value| each.drive.shown(value).0);
+    let unit = each.drive.shown(0.0).1;
+    (count > 0).then(|| ConditionCode::AnglesOutsideLimits.with(format!(
+        "{count} of {} measurements have commanded angles outside the joint limits: {} of measurement {} is {angle:.1} {unit}, allowed \
          are {from:.1} to {to:.1} {unit}",
-        measurements.len(),
         case.measurements.len(),
         catalogue::named(chain, joint),
         place + 1,
@@ -93,28 +94,21 @@ fn outside_limits(case: &Case<'_>) -> Option<Condition> {
 
 /// Loaded measurements with the same deflection in every digit. Displacements along a direction are often alike by chance.
 fn copied(case: &Case<'_>) -> CopiedReadings {
-    let loaded: Vec<usize> = (0..case.measurements.len())
-        .filter(|&index| {
-            let each = &case.measurements[index];
-            each.load != Load::NONE && each.direction.is_none()
-        })
-        .collect();
-    let bits: Vec<ReadBits> = (loaded.iter())
-        .map(|&index| {
-            let each = &case.measurements[index];
-            let wrench = each.load.wrench();
-            let setup = each.configuration_rad.iter().chain(wrench.iter());
-            let setup = setup.map(|value| value.to_bits()).collect();
-            let unknown = Vector3::repeat(case.sigma.weight_m());
-            ReadBits::new(
-                setup,
-                &[],
-                each.deflection_m,
-                each.sigma_m.unwrap_or(unknown),
-            )
-        })
-        .collect();
-    CopiedReadings::of(&bits).at(&loaded)
+    let loaded = case.measurements.iter().enumerate();
+    let loaded = loaded.filter(|(_, each)| each.load != Load::NONE && each.direction.is_none());
+    let bits = loaded.map(|(place, each)| {
+        let wrench = each.load.wrench();
+        let setup = each.configuration_rad.iter().chain(wrench.iter());
+        let unknown = Vector3::repeat(case.sigma.weight_m());
+        ReadBits {
+            place,
+            setup: setup.map(|value| value.to_bits()).collect(),
+            more: Vec::new(),
+            position_m: each.deflection_m,
+            sigma_m: each.sigma_m.unwrap_or(unknown),
+        }
+    });
+    CopiedReadings::of(&bits.collect::<Vec<_>>())
 }
 
 /// The likely input errors where an identification (`None` if it failed) is suspicious: residuals are too large or too small, or a
