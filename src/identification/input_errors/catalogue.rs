@@ -242,7 +242,9 @@ pub(super) fn in_frame(matrix: Matrix3<f64>) -> InputError {
     } else {
         (matrix, "a frame ")
     };
-    let axis_angle = Rotation3::from_matrix_unchecked(proper).axis_angle();
+    let rotation = Rotation3::from_matrix_unchecked(proper);
+    // Half turns have an axis, too.
+    let axis_angle = UnitQuaternion::from_rotation_matrix(&rotation).axis_angle();
     let turned = axis_angle.map_or_else(String::new, |(axis, angle)| {
         let mut letters = ["x", "y", "z"].into_iter().zip(axis.iter());
         let (sign, about) = match letters.find(|(_, share)| share.abs() > 0.999) {
