@@ -54,7 +54,7 @@ pub enum ParameterKind {
         /// The joint.
         joint: usize,
     },
-    /// By what share of what its spring gives at a torque a joint gives less there, see [`super::Stiffening`].
+    /// By what share of what its spring gives at a torque a joint gives less there, see [`crate::mujoco::TorqueLaw`].
     JointStiffening {
         /// The joint.
         joint: usize,
