@@ -69,13 +69,16 @@ impl<'a> Case<'a> {
         let mut held = self.held.to_vec();
         let mut stays_nominal = Vec::new();
         let mut found = self.robustly(robustness);
-        while robustness.holds_nominal {
+        if !robustness.holds_nominal {
+            return found;
+        }
+        loop {
             let linear;
             let now = if let Ok(found) = &found {
                 &found.identification
             } else {
                 // Noise may drive weak compliances to where no robot stands: to first order it is seen which these are.
-                linear = self.to_first_order().identify()?;
+                linear = self.linearised().identify()?;
                 &linear
             };
             let more = self.places_to_hold(now);
@@ -120,10 +123,10 @@ impl<'a> Case<'a> {
         found
     }
 
-    fn to_first_order(&self) -> Self {
+    fn linearised(self) -> Self {
         Self {
             method: Method::Linear,
-            ..*self
+            ..self
         }
     }
 
@@ -214,7 +217,7 @@ impl<'a> Case<'a> {
     where
         'a: 'b,
     {
-        let linear = self.to_first_order();
+        let linear = self.linearised();
         let of_all = linear.identify().ok()?;
         let first = linear.looked_at_all(of_all.clone(), self.measurements, &[], own);
         let first = linear.without_far_out(&first.ok()?)?;

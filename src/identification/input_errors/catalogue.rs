@@ -26,13 +26,14 @@ pub(super) struct InputError {
 }
 
 type Changes<T> = Box<dyn Fn(&mut T) + Send + Sync>;
+type DeflectionChange = Box<dyn Fn(&mut Measurement, &Matrix3<f64>) + Send + Sync>;
 
 /// How a table is read without an error.
 pub(super) enum Change {
     /// The commanded angles (rad; m).
     Commands(Changes<DVector<f64>>),
     /// A deflection, with the tool's axes in the world.
-    Deflection(Box<dyn Fn(&mut Measurement, &Matrix3<f64>) + Send + Sync>),
+    Deflection(DeflectionChange),
     /// What was seen.
     Sight(Changes<Sight>),
     /// The instrument was moved before this reading (from 0).
@@ -301,6 +302,14 @@ pub(super) fn right_angles() -> Vec<Matrix3<f64>> {
     all
 }
 
+/// By quaternions whose w, x, y and z stand in these places.
+fn reordered(rotation: Rotation3<f64>, places: [usize; 4]) -> Rotation3<f64> {
+    let read = UnitQuaternion::from_rotation_matrix(&rotation);
+    let read = [read.w, read.i, read.j, read.k];
+    let [w, x, y, z] = places.map(|place| read[place]);
+    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()
+}
+
 /// Errors of what instruments show; some of orientations, where there are any.
 pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
     let left_handed = "are the axes of the instrument left-handed? \
@@ -319,13 +328,6 @@ pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
             sight.rotation = rotation.map(|each| change(each).into_inner());
         })
     };
-    /// By quaternions whose w, x, y and z stand in these places.
-    fn reordered(rotation: Rotation3<f64>, places: [usize; 4]) -> Rotation3<f64> {
-        let read = UnitQuaternion::from_rotation_matrix(&rotation);
-        let read = [read.w, read.i, read.j, read.k];
-        let [w, x, y, z] = places.map(|place| read[place]);
-        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()
-    }
     let inverted = "are the orientations inverted, from the instrument to the target? Invert them";
     let quaternion = "are the quaternions in another order (x, y, z, w for w, x, y, z)? Put the columns qw to qz in theirs";
     let euler = "are the Euler angles in the other order (z y x for x y z, or about fixed axes)? Change axes or about in the mapping";
