@@ -130,7 +130,8 @@ impl AbsoluteCase<'_> {
         for group in groups.iter().filter(|group| group.len() > 1) {
             let all: Vec<&AveragedVisit> = group.iter().map(|&visit| &visits[visit]).collect();
             poses.push((all[0].first, contrasts.len()));
-            contrasts.push(between(&all));
+            let parts: Vec<_> = all.iter().map(|each| (&each.residual, &each.own)).collect();
+            contrasts.push(about_mean(&parts, all[0].joints.clone()).1);
         }
         if poses.is_empty() {
             return None;
@@ -254,12 +255,6 @@ fn averaged(
         contrasts.extend((own.len() > 1).then_some(of_target));
     }
     all
-}
-
-/// The contrasts of visits of one pose.
-fn between(visits: &[&AveragedVisit]) -> Contrasts {
-    let parts = visits.iter().map(|each| (&each.residual, &each.own));
-    about_mean(&parts.collect::<Vec<_>>(), visits[0].joints.clone()).1
 }
 
 /// The mean of residuals of one size, each with its own covariance, and what they are about it, which joints move like this.
