@@ -138,7 +138,7 @@ impl Identified {
 
     /// Those besides the identification's own.
     fn further_doubts(&self) -> impl Iterator<Item = Condition> {
-        let left_out = self.left_out().and_then(Told::condition).into_iter();
+        let left_out = self.left_out().and_then(Result::ok).into_iter();
         let input_errors = self.input_errors.iter().map(LikelyInputError::condition);
         (left_out.chain(self.of_table.iter().cloned())).chain(input_errors)
     }
@@ -146,7 +146,7 @@ impl Identified {
     /// What holds since the fit counts it, and nobody need act on.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = self.identification.notes();
-        notes.extend(self.left_out().and_then(Told::note));
+        notes.extend(self.left_out().and_then(Result::err));
         notes
     }
 
