@@ -190,7 +190,7 @@ impl LookedOver<'_> {
     }
 }
 
-/// By how much larger squares are where each reading is than they are on the whole, at least one: as those say that do not lie far out there.
+/// By how much larger squares are where each reading is than on the whole, at least one: as those say that do not lie far out there.
 fn local_factors(squares: &[f64], angles: &[&[f64]], far: f64) -> Vec<f64> {
     let mut factors = vec![1.0; squares.len()];
     let commands = angles.first().map_or(0, |each| each.len());

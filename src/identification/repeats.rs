@@ -92,8 +92,8 @@ impl Repeats {
         Self::new(poses, false, "row")
     }
 
-    /// Of absolute readings, some of which are kept, by what they are less their predictions (m). Rows of one visit are together; each row is
-    /// one where no column says it.
+    /// Of absolute readings, some of which are kept, by what they are less their predictions (m). Rows of one visit are together; each
+    /// row is one where no column says it.
     pub fn of_readings(
         readings: &[AbsoluteReading],
         residuals_m: &[Vector3<f64>],

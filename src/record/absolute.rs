@@ -218,9 +218,11 @@ fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
 fn factors(fit: &AbsoluteFit) -> Vec<f64> {
     let parameters = fit.set.parameters().iter().enumerate();
     let factor = |(index, each): (usize, &Parameter)| {
-        each.is_logarithmic
-            .then(|| fit.quantity(index))
-            .unwrap_or(1.0)
+        if each.is_logarithmic {
+            fit.quantity(index)
+        } else {
+            1.0
+        }
     };
     parameters.map(factor).collect()
 }

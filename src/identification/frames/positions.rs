@@ -25,9 +25,9 @@ pub(super) fn solved(
     stations: usize,
     tools: &[Isometry3<f64>],
 ) -> Vec<MountedFrames> {
-    let alone = sights.iter().cloned().map(|sight| Sight {
+    let alone = sights.iter().map(|sight| Sight {
         rotation: None,
-        ..sight
+        ..sight.clone()
     });
     let sights = &*alone.collect::<Vec<_>>();
     let start = |link_from_tool| MountedFrames {

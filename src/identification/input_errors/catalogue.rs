@@ -22,26 +22,26 @@ pub(super) struct InputError {
     /// Joints (indices) that turn the other way.
     pub reversed: Vec<usize>,
     /// How the table is read without it.
-    pub change: Change,
+    pub change: Correction,
 }
 
-type Changes<T> = Box<dyn Fn(&mut T) + Send + Sync>;
-type DeflectionChange = Box<dyn Fn(&mut Measurement, &Matrix3<f64>) + Send + Sync>;
+type Corrections<T> = Box<dyn Fn(&mut T) + Send + Sync>;
+type DeflectionCorrection = Box<dyn Fn(&mut Measurement, &Matrix3<f64>) + Send + Sync>;
 
 /// How a table is read without an error.
-pub(super) enum Change {
+pub(super) enum Correction {
     /// The commanded angles (rad; m).
-    Commands(Changes<DVector<f64>>),
+    Commands(Corrections<DVector<f64>>),
     /// A deflection, with the tool's axes in the world.
-    Deflection(DeflectionChange),
+    Deflection(DeflectionCorrection),
     /// What was seen.
-    Sight(Changes<Sight>),
+    Sight(Corrections<Sight>),
     /// The instrument was moved before this reading (from 0).
     StationMoved(usize),
 }
 
 impl InputError {
-    fn new(kind: &'static str, words: impl Into<String>, change: Change) -> Self {
+    fn new(kind: &'static str, words: impl Into<String>, change: Correction) -> Self {
         let (words, reversed) = (words.into(), Vec::new());
         Self {
             kind,
@@ -56,7 +56,7 @@ impl InputError {
         words: String,
         change: impl Fn(&mut DVector<f64>) + Send + Sync + 'static,
     ) -> Self {
-        Self::new(kind, words, Change::Commands(Box::new(change)))
+        Self::new(kind, words, Correction::Commands(Box::new(change)))
     }
 
     fn of_deflection(
@@ -64,7 +64,7 @@ impl InputError {
         words: impl Into<String>,
         change: impl Fn(&mut Measurement, &Matrix3<f64>) + Send + Sync + 'static,
     ) -> Self {
-        Self::new(kind, words, Change::Deflection(Box::new(change)))
+        Self::new(kind, words, Correction::Deflection(Box::new(change)))
     }
 
     fn of_sight(
@@ -72,7 +72,7 @@ impl InputError {
         words: impl Into<String>,
         change: impl Fn(&mut Sight) + Send + Sync + 'static,
     ) -> Self {
-        Self::new(kind, words, Change::Sight(Box::new(change)))
+        Self::new(kind, words, Correction::Sight(Box::new(change)))
     }
 
     /// What may be wrong.
@@ -82,7 +82,7 @@ impl InputError {
 
     /// Commanded angles without it.
     pub fn correct_commands(&self, q: &mut DVector<f64>) {
-        if let Change::Commands(change) = &self.change {
+        if let Correction::Commands(change) = &self.change {
             change(q);
         }
     }
@@ -367,7 +367,7 @@ pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
 pub(super) fn station_moved(reading: usize) -> InputError {
     let question = format!("was the instrument moved near reading {}", reading + 1);
     let words = format!("{question}? Give the readings from there on a station of their own");
-    InputError::new("station_moved", words, Change::StationMoved(reading))
+    InputError::new("station_moved", words, Correction::StationMoved(reading))
 }
 
 /// How columns follow from those of the file.

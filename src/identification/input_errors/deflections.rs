@@ -25,7 +25,7 @@ use super::super::copies::{CopiedReadings, ReadBits};
 use super::super::frames::nearest;
 use super::super::{Case, Identification};
 use super::LikelyInputError;
-use super::catalogue::{self, Change, InputError, right_angles};
+use super::catalogue::{self, Correction, InputError, right_angles};
 use super::evidence::{ReadingEvidence, most_probable};
 use crate::codes::{Condition, ConditionCode};
 use crate::measurement::Measurement;
@@ -197,7 +197,7 @@ fn corrected(
     let mut all = measurements.to_vec();
     for each in &mut all {
         error.correct_commands(&mut each.configuration_rad);
-        if let Change::Deflection(change) = &error.change {
+        if let Correction::Deflection(change) = &error.change {
             let q = each.configuration_rad.as_slice();
             let axes = case.nominal.chain.at(case.tool).state(q).tool_rotation;
             change(each, &axes);

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::super::absolute::AbsoluteCase;
 use super::super::frames::{MountedFrames, RobustFrames, Sight, median_or_zero, reach};
-use super::catalogue::{self, Change, InputError};
+use super::catalogue::{self, Correction, InputError};
 use super::condition;
 use crate::codes::Condition;
 
@@ -82,8 +82,8 @@ impl AbsoluteCase<'_> {
         let mut sights = case.sights();
         for (place, sight) in sights.iter_mut().enumerate() {
             match &error.change {
-                Change::Sight(change) => change(sight),
-                Change::StationMoved(first) if place * step >= *first => {
+                Correction::Sight(change) => change(sight),
+                Correction::StationMoved(first) if place * step >= *first => {
                     sight.station += self.stations.len();
                 }
                 _ => {}

@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, Matrix6xX, Vector6};
 
-use super::points::WAVES_TO_SEE;
 use super::rows::{LookedAt, ReadingRows};
 
 /// What numbers of readings a drift goes with.
@@ -57,6 +56,9 @@ pub enum Against {
 const MOST_WAVES: usize = 360;
 /// With few readings fewer: twice their number, but no less than these.
 const FEWEST_WAVES: usize = 12;
+
+/// With more waves than these in a revolution the phase within one is drawn in place of the angle.
+const WAVES_TO_SEE: usize = 8;
 
 /// What a column is a multiple of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -9,8 +9,6 @@ use crate::numeric::tolerance::ends;
 
 /// Readings are put together in so many bins.
 const BINS: usize = 24;
-/// With more waves than these in a revolution the phase within one is drawn in place of the angle.
-pub(super) const WAVES_TO_SEE: usize = 8;
 
 /// The mean of what some readings show.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

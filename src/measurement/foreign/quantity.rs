@@ -46,17 +46,18 @@ impl ForeignQuantity {
     }
 }
 
-type Quantity = ForeignQuantity;
-pub(super) const ANGLE: Quantity =
+pub(super) const ANGLE: ForeignQuantity =
     ForeignQuantity("angle", 1.0, &plausible::ANGLE, 1.0 / DEGREE_RAD);
-pub(super) const LENGTH: Quantity = ForeignQuantity("length", 1e-3, &plausible::POSITION, 1e3);
-pub(super) const DEVIATION: Quantity = ForeignQuantity("length", 1e-3, &plausible::DEVIATION, 1e3);
-pub(super) const ROTATION_DEVIATION: Quantity =
+pub(super) const LENGTH: ForeignQuantity =
+    ForeignQuantity("length", 1e-3, &plausible::POSITION, 1e3);
+pub(super) const DEVIATION: ForeignQuantity =
+    ForeignQuantity("length", 1e-3, &plausible::DEVIATION, 1e3);
+pub(super) const ROTATION_DEVIATION: ForeignQuantity =
     ForeignQuantity("angle", 1.0, &plausible::ROTATION_DEVIATION, 1e3);
-pub(super) const FORCE: Quantity = ForeignQuantity("force", 1.0, &plausible::FORCE, 1.0);
-pub(super) const TORQUE: Quantity = ForeignQuantity("torque", 1.0, &plausible::TORQUE, 1.0);
-pub(super) const TIME: Quantity = ForeignQuantity("time", 1.0, &plausible::COUNT, 1.0);
-pub(super) const TEMPERATURE: Quantity =
+pub(super) const FORCE: ForeignQuantity = ForeignQuantity("force", 1.0, &plausible::FORCE, 1.0);
+pub(super) const TORQUE: ForeignQuantity = ForeignQuantity("torque", 1.0, &plausible::TORQUE, 1.0);
+pub(super) const TIME: ForeignQuantity = ForeignQuantity("time", 1.0, &plausible::COUNT, 1.0);
+pub(super) const TEMPERATURE: ForeignQuantity =
     ForeignQuantity("temperature", 1.0, &plausible::TEMPERATURE, 1.0);
 /// What has no unit, as the numbers of quaternions.
-pub(super) const PURE: Quantity = ForeignQuantity("number", 1.0, &plausible::COUNT, 1.0);
+pub(super) const PURE: ForeignQuantity = ForeignQuantity("number", 1.0, &plausible::COUNT, 1.0);

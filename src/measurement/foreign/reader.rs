@@ -55,23 +55,21 @@ impl<'a> Reader<'a> {
     fn column(&mut self, key: &str, name: &str) -> Result<usize, FileError> {
         let table = self.path.display();
         let is_it = |index: &usize| self.columns[*index] == name.trim();
-        let mut found = (0..self.columns.len()).filter(is_it);
-        match (found.next(), found.next()) {
-            (Some(place), None) => {
+        let places: Vec<usize> = (0..self.columns.len()).filter(is_it).collect();
+        Err(match places[..] {
+            [place] => {
                 self.read.insert(place);
-                Ok(place)
+                return Ok(place);
             }
-            (Some(_), Some(_)) => {
-                Err(self.wrong(key, format!("found {name:?}, which {table} has twice")))
-            }
-            (None, _) => {
+            [] => {
                 let all = self.columns.join(", ");
                 let problem = format!("found {name:?}; {table} has no such column, it has: {all}");
                 let near = nearest(name, self.columns.iter().map(String::as_str));
                 let hint = near.map(|near| format!("did you mean {near:?}?"));
-                Err(self.wrong(key, problem).hinted(hint))
+                self.wrong(key, problem).hinted(hint)
             }
-        }
+            _ => self.wrong(key, format!("found {name:?}, which {table} has twice")),
+        })
     }
 
     /// A number of a quantity in SI units: so many times what the table says, plus an offset in the table's unit.
