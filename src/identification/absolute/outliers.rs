@@ -68,11 +68,7 @@ impl AbsoluteCase<'_> {
         (fit, discrepancy): (&ParameterFit, Option<[f64; 2]>),
         rejected: &[RejectedReading],
     ) -> Option<LookedOver<'a>> {
-        let [position_m, rotation_rad] = discrepancy.unwrap_or_default();
-        let discrepancy = Discrepancy {
-            position_m,
-            rotation_rad,
-        };
+        let discrepancy = Discrepancy::from(discrepancy.unwrap_or_default());
         let own = &self.covariances;
         let mut known = vec![Matrix6::zeros(); own.len()];
         let is_pulled = is_pulled(fit);

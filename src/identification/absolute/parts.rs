@@ -209,7 +209,7 @@ impl PartsOfReadings<'_> {
         let fit = part.fit_near(set, set.prior().mean.as_slice()).ok()?;
         let joints = self.known.joints();
         let model = if joints.is_empty() {
-            DiscrepancyModel::plain(fit.posterior.covariance.clone(), self.known.discrepancy())
+            DiscrepancyModel::plain(fit.posterior.covariance.clone(), self.known.rest.into())
         } else {
             let (_, mixed) = part.mixed_of(set, &fit.posterior, joints.clone(), self.known.rest)?;
             mixed.with_known(&self.known)?

@@ -34,11 +34,7 @@ impl AbsoluteCase<'_> {
         let scales = set.scales();
         let mut model = ObservationModel::new(&set, &fit.reference, values.as_slice());
         let mut rows = Matrix6xX::zeros(set.len());
-        let [position_m, rotation_rad] = fit.discrepancy.unwrap_or_default();
-        let discrepancy = Discrepancy {
-            position_m,
-            rotation_rad,
-        };
+        let discrepancy = Discrepancy::from(fit.discrepancy.unwrap_or_default());
         let blocks = self.blocks(BLOCKS.min(self.different() / 2).max(1));
         let mut all = Vec::new();
         // Patterns are of three coordinates.

@@ -86,7 +86,10 @@ fn reading(
     let mut configuration_rad = DVector::zeros(mapping.joint.len());
     for (index, joint) in mapping.joint.iter().enumerate() {
         let of = (if joint.slides() { LENGTH } else { ANGLE }, &*joint.unit);
-        let (key, turned) = (format!("joint[{index}]"), [joint.sign, joint.offset]);
+        let (key, turned) = (
+            format!("joint[{index}]"),
+            [joint.sign.unwrap_or(1.0), joint.offset],
+        );
         configuration_rad[index] = reader.number(&key, &joint.column, of, turned)?;
     }
     let squared = |sigma: Vector3<f64>| Matrix3::from_diagonal(&sigma.component_mul(&sigma));
