@@ -13,6 +13,7 @@ use super::error::IdentificationError;
 use super::estimate::Identification;
 use super::outliers::RejectedReading;
 use crate::numeric::least_squares::LeastSquares;
+use crate::quantities::written::from_one;
 use crate::task::Method;
 
 /// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes
@@ -22,6 +23,9 @@ const NO_VARIANCE: f64 = 1e-8;
 /// The residual of one measurement against its own uncertainty.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MeasurementResidual {
+    /// Its measurement, from 0; from 1 in records.
+    #[serde(serialize_with = "from_one")]
+    pub measurement: usize,
     /// Its coordinates, those of the deflection before those of the rotation, each over its own
     /// standard deviation: that of the measurement, less what the fit took up (leverage). `None`
     /// where the fit goes through the measurement.
@@ -66,10 +70,12 @@ pub fn residuals(
         judge.others = Some((judge.residuals.norm_squared(), freedom));
     }
     let rows = case.measurements.iter().map(rows_of);
-    Ok(rows
-        .zip(source.first_rows())
-        .map(|(rows, first)| judge.residual(first..first + rows))
-        .collect())
+    let rows = rows.zip(source.first_rows()).enumerate();
+    let residual = |(measurement, (rows, first)): (usize, (usize, usize))| MeasurementResidual {
+        measurement,
+        ..judge.residual(first..first + rows)
+    };
+    Ok(rows.map(residual).collect())
 }
 
 /// Residuals of the measurements that were fitted, and in their places those of the measurements that were not; `case` has all.
@@ -101,6 +107,9 @@ pub fn with_rejected(
                 ..judged
             },
         );
+    }
+    for (measurement, each) in residuals.iter_mut().enumerate() {
+        each.measurement = measurement;
     }
     Ok(residuals)
 }
@@ -177,6 +186,7 @@ impl<'a> Judge<'a> {
             .collect();
         let square: f64 = squares.iter().sum();
         MeasurementResidual {
+            measurement: 0,
             standardised,
             leverage,
             distance: square.sqrt() / scale,

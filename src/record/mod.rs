@@ -3,7 +3,6 @@
 //! - [`messages`]: a calibration, the predicted accuracy of a plan, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
 //! - [`platform`]: what results may depend on beyond the program, the scenario and the seed.
-//! - [`residuals`]: what `identify` says of residuals and likely mistakes.
 //! - [`model_selection`]: models with more and more parameters, compared.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
@@ -21,7 +20,6 @@ pub mod json;
 pub mod messages;
 pub mod model_selection;
 pub mod platform;
-pub mod residuals;
 pub mod robot_trials;
 pub mod selection;
 pub mod study;

@@ -14,7 +14,6 @@ use crate::identification::{
 use crate::measurement::Measurement;
 use crate::record::json::{merge, results};
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
-use crate::record::residuals::residuals_json;
 use crate::scenario::Scenario;
 use crate::task::{Belief, Method};
 
@@ -177,11 +176,9 @@ impl Identified {
         });
         let mut json = results("identify", provenance, keys);
         merge(&mut json, serde_json::to_value(&message)?);
-        merge(
-            &mut json,
-            residuals_json(&self.residuals, &self.input_errors),
-        );
         let more = json!({
+            "residuals": self.residuals,
+            "diagnoses": self.input_errors,
             "discrepancy_mm": discrepancy.map(|discrepancy| discrepancy.position_m * 1e3),
             "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|discrepancy| discrepancy.rotation_rad * 1e3),
             "rejected": rejected,
