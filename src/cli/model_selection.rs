@@ -38,15 +38,14 @@ pub fn describe(model_selection: &ModelSelection) -> String {
         .map(|each| (each.reading + 1).to_string())
         .collect();
     if !numbers.is_empty() {
-        text += &format!(
-            "  outliers of the largest model, left out of all: {} {}\n",
-            if numbers.len() == 1 {
-                "reading"
-            } else {
-                "readings"
-            },
-            numbers.join(", ")
-        );
+        let readings = if numbers.len() == 1 {
+            "reading"
+        } else {
+            "readings"
+        };
+        let numbers = numbers.join(", ");
+        text +=
+            &format!("  outliers of the largest model, left out of all: {readings} {numbers}\n");
     }
     for nested_model in &model_selection.nested_models {
         if let Err(reason) = &nested_model.cross_validation {

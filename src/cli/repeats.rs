@@ -1,7 +1,6 @@
 //! What repeated visits show, for a person.
 
-use elastocal::identification::{RepeatedPose, Repeats};
-use elastocal::record::uncertainties::RepeatComponentsMessage;
+use elastocal::identification::{RepeatComponents, RepeatedPose, Repeats};
 use elastocal::text::wording::counted;
 
 use super::table::{number, table};
@@ -52,7 +51,7 @@ pub fn describe(repeats: Option<&Repeats>, what: &str) -> String {
 }
 
 /// Variance components of repeats.
-pub fn components(found: Option<&RepeatComponentsMessage>) -> String {
+pub fn components(found: Option<&RepeatComponents>) -> String {
     let Some(found) = found else {
         return String::new();
     };
@@ -60,7 +59,7 @@ pub fn components(found: Option<&RepeatComponentsMessage>) -> String {
         let [low, high] = each.interval95;
         vec![
             each.level.to_owned(),
-            each.joints.join(", "),
+            each.names.join(", "),
             number(Some(each.standard_uncertainty), 4),
             format!("{low:.4} to {high:.4}"),
             format!("{:.1}", each.degrees_of_freedom),

@@ -21,36 +21,33 @@ pub fn describe(
     });
     let all = order.len();
     order.truncate(LISTED);
+    let three = |values: &mut dyn Iterator<Item = String>| values.collect::<Vec<_>>().join(" ");
     let rows = order.into_iter().map(|index| {
-        let mut row = row(identification, index, &residuals[index]);
-        if rejected.iter().any(|each| each.reading == index) {
-            row[0] += " (left out)";
-        }
-        row
+        let residual = &residuals[index];
+        let is_rejected = rejected.iter().any(|each| each.reading == index);
+        let residuals_m = &identification.residuals_m[3 * index..3 * index + 3];
+        let standardised = residual.standardised.iter();
+        vec![
+            format!(
+                "{}{}",
+                index + 1,
+                if is_rejected { " (left out)" } else { "" }
+            ),
+            three(
+                &mut residuals_m
+                    .iter()
+                    .map(|value| format!("{:7.4}", value * 1e3)),
+            ),
+            three(&mut standardised.map(|value| format!("{:>5}", number(*value, 1)))),
+            or_dash(residual.probability, probability),
+        ]
     });
-    let mut text = table(
-        "measurement | residual x, y, z [mm] | over its standard deviation | probability",
-        rows,
-    );
+    let header = "measurement | residual x, y, z [mm] | over its standard deviation | probability";
+    let mut text = table(header, rows);
     if all > LISTED {
         text += &format!("  ({} more fit better)\n", all - LISTED);
     }
     text
-}
-
-fn row(
-    identification: &Identification,
-    index: usize,
-    residual: &MeasurementResidual,
-) -> Vec<String> {
-    let three = |values: &mut dyn Iterator<Item = String>| values.collect::<Vec<_>>().join(" ");
-    let residuals_m = &identification.residuals_m[3 * index..3 * index + 3];
-    vec![
-        (index + 1).to_string(),
-        three(&mut (residuals_m.iter()).map(|value| format!("{:7.4}", value * 1e3))),
-        three(&mut (residual.standardised.iter()).map(|value| format!("{:>5}", number(*value, 1)))),
-        or_dash(residual.probability, probability),
-    ]
 }
 
 /// A probability with two digits.

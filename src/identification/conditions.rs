@@ -10,39 +10,14 @@ const MANY_LEFT_OUT: f64 = 0.05;
 /// Joints that are springs leave less than this share of the deflections of robots (rms of a coordinate).
 const SPRINGS_LEAVE: f64 = 0.05;
 
-/// What is told of a fit.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Told {
-    /// What somebody must act on.
-    Condition(Condition),
-    /// What the fit counts.
-    Note(String),
-}
+/// What is told of a fit: a condition where somebody must act, else what the fit counts, in words.
+pub(crate) type Told = Result<Condition, String>;
 
-impl Told {
-    /// A condition where somebody must act, else a note.
-    pub fn new(code: ConditionCode, words: String, must_act: bool) -> Self {
-        if must_act {
-            Self::Condition(code.with(words))
-        } else {
-            Self::Note(words)
-        }
-    }
-
-    /// The condition, if it is one.
-    pub fn condition(self) -> Option<Condition> {
-        match self {
-            Self::Condition(condition) => Some(condition),
-            Self::Note(_) => None,
-        }
-    }
-
-    /// The words of a note.
-    pub fn note(self) -> Option<String> {
-        match self {
-            Self::Note(words) => Some(words),
-            Self::Condition(_) => None,
-        }
+fn told(code: ConditionCode, words: String, must_act: bool) -> Told {
+    if must_act {
+        Ok(code.with(words))
+    } else {
+        Err(words)
     }
 }
 
@@ -50,11 +25,8 @@ impl Told {
 pub(crate) fn left_out(rejected: &[RejectedReading], count: usize, noun: &str) -> Option<Told> {
     let share = rejected.len() as f64 / count.max(1) as f64;
     let words = RejectedReading::words(rejected, count, noun)?;
-    Some(Told::new(
-        ConditionCode::Outliers,
-        words,
-        share > MANY_LEFT_OUT,
-    ))
+    let is_many = share > MANY_LEFT_OUT;
+    Some(told(ConditionCode::Outliers, words, is_many))
 }
 
 /// What is done about residuals that are too large: what the model leaves and how much robots have it leave (m), where it is counted. A
@@ -70,11 +42,8 @@ pub(super) fn too_large(words: &str, left_and_usual_m: Option<[f64; 2]>) -> Told
             usual_m * 1e3
         ),
     };
-    Told::new(
-        ConditionCode::ResidualsTooLarge,
-        format!("{words}; {done}"),
-        !is_usual,
-    )
+    let words = format!("{words}; {done}");
+    told(ConditionCode::ResidualsTooLarge, words, !is_usual)
 }
 
 /// A compliance (rad/(N m)) that no joint has.
@@ -102,35 +71,28 @@ impl Identification {
         let undetermined = undetermined.map(|words| {
             ConditionCode::Unidentifiable.with(format!("the measurements do not determine {words}"))
         });
-        undetermined.chain(self.doubts()).collect()
-    }
-
-    /// Those that put in doubt what is determined.
-    pub fn doubts(&self) -> Vec<Condition> {
-        self.told()
-            .into_iter()
-            .filter_map(Told::condition)
-            .collect()
+        let doubts = self.told().into_iter().filter_map(Result::ok);
+        undetermined.chain(doubts).collect()
     }
 
     /// What holds since the fit counts it, and nobody need act on.
     pub fn notes(&self) -> Vec<String> {
-        self.told().into_iter().filter_map(Told::note).collect()
+        self.told().into_iter().filter_map(Result::err).collect()
     }
 
     fn told(&self) -> Vec<Told> {
         let estimates = (self.parameters.iter()).filter_map(|each| Some((each, each.estimate?)));
         let impossible = estimates.filter_map(|(parameter, estimate)| {
-            impossible_compliance(&parameter.name, estimate.value).map(Told::Condition)
+            impossible_compliance(&parameter.name, estimate.value).map(Ok)
         });
         let nominal = (self.stays_nominal.iter()).map(|each: &NominalCompliance| {
             let code = ConditionCode::NegativeCompliance;
-            Told::new(code, each.words(), each.is_contradicted())
+            told(code, each.words(), each.is_contradicted())
         });
-        let mut told: Vec<Told> = impossible.chain(nominal).collect();
+        let mut all: Vec<Told> = impossible.chain(nominal).collect();
         if self.is_all_weak {
             let words = "all compliances are uncertain by more than their nominal values";
-            told.push(Told::Condition(ConditionCode::AllUncertain.with(words)));
+            all.push(Ok(ConditionCode::AllUncertain.with(words)));
         }
         let sigma_mm = self.sigma_m * 1e3;
         if let Some(probability) = self.consistency
@@ -140,15 +102,15 @@ impl Identification {
                 format!("residuals too large for sigma = {sigma_mm:.4} mm, p = {probability:.1e}");
             let left_and_usual_m = (self.discrepancy)
                 .map(|discrepancy| [discrepancy.position_m, SPRINGS_LEAVE * self.deflection_m]);
-            told.push(too_large(&words, left_and_usual_m));
+            all.push(too_large(&words, left_and_usual_m));
         }
         if let Some(probability) = self.consistency_lower
             && probability < IMPLAUSIBLE
         {
-            told.push(Told::Condition(ConditionCode::ResidualsTooSmall.with(
-                format!("residuals too small for sigma = {sigma_mm:.4} mm, p = {probability:.1e}"),
-            )));
+            let words =
+                format!("residuals too small for sigma = {sigma_mm:.4} mm, p = {probability:.1e}");
+            all.push(Ok(ConditionCode::ResidualsTooSmall.with(words)));
         }
-        told
+        all
     }
 }

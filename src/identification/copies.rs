@@ -23,28 +23,14 @@ pub struct CopiedReadings {
 
 /// A reading to the bit.
 pub(super) struct ReadBits {
-    setup: Vec<u64>,
-    value: Vec<u64>,
-    position_m: Vector3<f64>,
-    sigma_m: Vector3<f64>,
-}
-
-impl ReadBits {
-    /// What was read, `more` of it besides the position (m), where, with the standard deviations of the position (m).
-    pub fn new(
-        setup: Vec<u64>,
-        more: &[f64],
-        position_m: Vector3<f64>,
-        sigma_m: Vector3<f64>,
-    ) -> Self {
-        let value = position_m.iter().chain(more);
-        Self {
-            value: value.map(|value| value.to_bits()).collect(),
-            setup,
-            position_m,
-            sigma_m,
-        }
-    }
+    /// Its place in the table.
+    pub place: usize,
+    /// Where it was read, and what besides its position.
+    pub setup: Vec<u64>,
+    pub more: Vec<f64>,
+    pub position_m: Vector3<f64>,
+    /// Standard deviations of the position.
+    pub sigma_m: Vector3<f64>,
 }
 
 impl CopiedReadings {
@@ -52,23 +38,22 @@ impl CopiedReadings {
     /// with the probability r / (2 sqrt(pi) sigma), for a resolution r; for two readings of different things, sigma is the spread of all
     /// readings.
     pub(super) fn of(all: &[ReadBits]) -> Self {
-        let mut by_reading: BTreeMap<&[u64], Vec<usize>> = BTreeMap::new();
+        let mut by_reading: BTreeMap<Vec<u64>, Vec<&ReadBits>> = BTreeMap::new();
         let mut setups: BTreeMap<&[u64], usize> = BTreeMap::new();
-        for (index, each) in all.iter().enumerate() {
-            by_reading.entry(&each.value).or_default().push(index);
+        for each in all {
+            let value = each.position_m.iter().chain(&each.more);
+            let value = value.map(|value| value.to_bits()).collect();
+            by_reading.entry(value).or_default().push(each);
             *setups.entry(&each.setup).or_default() += 1;
         }
         let mut found = Self::default();
         for equal in by_reading.values() {
-            let mut firsts: Vec<usize> = vec![equal[0]];
-            for &copy in &equal[1..] {
-                let same = firsts
-                    .iter()
-                    .find(|&&first| all[first].setup == all[copy].setup);
-                if let Some(&first) = same {
-                    found.rows.push([first, copy]);
+            let mut firsts = vec![equal[0]];
+            for copy in &equal[1..] {
+                if let Some(first) = firsts.iter().find(|first| first.setup == copy.setup) {
+                    found.rows.push([first.place, copy.place]);
                 } else {
-                    found.readings.push([equal[0], copy]);
+                    found.readings.push([equal[0].place, copy.place]);
                     firsts.push(copy);
                 }
             }
@@ -76,30 +61,16 @@ impl CopiedReadings {
         let pairs = |count: usize| (count * count.saturating_sub(1)) as f64 / 2.0;
         let of_one_setup: f64 = setups.values().map(|&count| pairs(count)).sum();
         let of_others = pairs(all.len()) - of_one_setup;
-        if !is_beyond_chance(found.rows.len(), || {
-            of_one_setup * equal_by_chance(all, |sigma, _| sigma)
-        }) {
+        let is_chance = |found: usize, pairs: f64, deviation: fn(f64, f64) -> f64| {
+            found > 0 && !is_beyond_chance(found, pairs * equal_by_chance(all, deviation))
+        };
+        if is_chance(found.rows.len(), of_one_setup, |sigma, _| sigma) {
             found.rows.clear();
         }
-        if !is_beyond_chance(found.readings.len(), || {
-            of_others * equal_by_chance(all, f64::max)
-        }) {
+        if is_chance(found.readings.len(), of_others, f64::max) {
             found.readings.clear();
         }
         found
-    }
-
-    /// The same of the whole table, of which the readings were at these places.
-    pub(super) fn at(self, places: &[usize]) -> Self {
-        let of = |pairs: Vec<[usize; 2]>| -> Vec<[usize; 2]> {
-            (pairs.into_iter())
-                .map(|pair| pair.map(|place| places[place]))
-                .collect()
-        };
-        Self {
-            rows: of(self.rows),
-            readings: of(self.readings),
-        }
     }
 
     /// The rows that count no more, since others are the same.
@@ -113,34 +84,24 @@ impl CopiedReadings {
 
     /// What is wrong.
     pub fn conditions(&self, noun: &str) -> Vec<Condition> {
-        let list = |pairs: &[[usize; 2]]| {
-            let shown = pairs
-                .iter()
-                .take(SHOWN)
-                .map(|[first, copy]| format!("{} ({})", copy + 1, first + 1));
-            let shown: Vec<String> = shown.collect();
-            let more = pairs.len().saturating_sub(SHOWN);
-            let more = if more > 0 {
-                format!(" and {more} more")
-            } else {
-                String::new()
-            };
-            shown.join(", ") + &more
+        let condition = |code: ConditionCode, pairs: &[[usize; 2]], at: &str| {
+            let pairs = pairs.iter();
+            let mut shown: Vec<String> = pairs
+                .map(|[first, copy]| format!("{} ({})", copy + 1, first + 1))
+                .collect();
+            let more = shown.len().saturating_sub(SHOWN);
+            shown.truncate(SHOWN);
+            let mut text = format!("{noun}s equal to those in brackets to the last digit{at}: ");
+            text += &shown.join(", ");
+            if more > 0 {
+                text += &format!(" and {more} more");
+            }
+            (!shown.is_empty()).then(|| code.with(text))
         };
-        let mut found = Vec::new();
-        if !self.rows.is_empty() {
-            found.push(ConditionCode::CopiedRows.with(format!(
-                "{noun}s equal to those in brackets to the last digit: {}",
-                list(&self.rows)
-            )));
-        }
-        if !self.readings.is_empty() {
-            found.push(ConditionCode::CopiedReadings.with(format!(
-                "{noun}s equal to those in brackets to the last digit, at other angles or loads: {}",
-                list(&self.readings)
-            )));
-        }
-        found
+        let others = ", at other angles or loads";
+        let rows = condition(ConditionCode::CopiedRows, &self.rows, "");
+        let readings = condition(ConditionCode::CopiedReadings, &self.readings, others);
+        rows.into_iter().chain(readings).collect()
     }
 }
 
@@ -177,11 +138,8 @@ fn resolution_m(all: &[ReadBits]) -> f64 {
     1e-3 * 10_f64.powi(-decimals.unwrap_or(MOST_DECIMALS + 6))
 }
 
-fn is_beyond_chance(found: usize, expected: impl Fn() -> f64) -> bool {
-    let Some(fewer) = found.checked_sub(1) else {
-        return false;
-    };
-    let expected = expected();
-    // As many or more with a probability of one less that of fewer.
-    expected <= 0.0 || Poisson::new(expected).is_ok_and(|chance| chance.sf(fewer as u64) < CHANCE)
+/// Whether as many, or more, are less probable than chance makes them where so many are expected.
+fn is_beyond_chance(found: usize, expected: f64) -> bool {
+    let fewer = found as u64 - 1;
+    expected <= 0.0 || Poisson::new(expected).is_ok_and(|chance| chance.sf(fewer) < CHANCE)
 }

@@ -26,6 +26,15 @@ pub struct Discrepancy {
     pub rotation_rad: f64,
 }
 
+impl From<[f64; 2]> for Discrepancy {
+    fn from([position_m, rotation_rad]: [f64; 2]) -> Self {
+        Self {
+            position_m,
+            rotation_rad,
+        }
+    }
+}
+
 impl Discrepancy {
     /// By how much residuals are larger than the readings' own covariances (m^2, m rad, rad^2) make them. `spare` is the
     /// share of the numbers that was not used up by the fit: degrees of freedom over numbers.

@@ -31,9 +31,9 @@ mod whitening;
 
 pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
-    DistanceStatistics, EstimatedDeviation, FEWEST_BLOCKS, Inconsistencies, Inconsistency,
-    JointError, JointReturn, LeftOut, ModelSelection, MovedStation, NestedModel, ParameterGroup,
-    PartsOfReadings, PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation,
+    DistanceStatistics, FEWEST_BLOCKS, Inconsistencies, Inconsistency, JointError, LeftOut,
+    ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn,
+    PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
     RepeatComponents, SQUARE_95, SeriesEstimates, SimulatedReadings, Unexplained,
     VarianceComponents,
 };

@@ -5,6 +5,7 @@
 //! standard deviations count fully, those beyond not at all.
 
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
+use serde_json::{Value, json};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::discrepancy::ReadingResidual;
@@ -55,12 +56,14 @@ pub struct RejectedReading {
 }
 
 impl RejectedReading {
-    /// Why it was left out, in words.
-    pub fn reason(&self) -> String {
-        format!(
-            "outlier: {:.1} standard deviations given the other readings, limit {FAR_OUT}",
-            self.deviations
-        )
+    /// Its record, with its number from 1, and in words why it was left out.
+    pub fn json(&self) -> Value {
+        let deviations = self.deviations;
+        json!({
+            "reading": self.reading + 1,
+            "deviations": deviations,
+            "reason": format!("outlier: {deviations:.1} standard deviations given the other readings, limit {FAR_OUT}"),
+        })
     }
 
     /// The outliers among so many readings, each with how far out it lies; none where there are none.
@@ -89,7 +92,7 @@ pub(super) struct LookedOver<'a> {
     /// The covariances of what is predicted for them; nothing where that is little.
     pub known: Vec<Matrix6<f64>>,
     /// Which were rejected.
-    pub rejected: &'a [RejectedReading],
+    pub rejected: Vec<RejectedReading>,
     /// The commanded angles of each.
     pub angles: Vec<&'a [f64]>,
     /// As in [`Discrepancy::of`](super::Discrepancy::of).
@@ -121,9 +124,9 @@ impl LookedOver<'_> {
             Some(_) => [Matrix3::zeros(); 2],
             None => robust_discrepancy(&self.left, own, self.spare),
         };
+        let counts = discrepancy.map(|part| part != Matrix3::zeros());
         let scale = self.plausible.unwrap_or(1.0);
-        let is_known = scale <= 1.0 && discrepancy.iter().all(|part| *part == Matrix3::zeros());
-        let far = if is_known {
+        let far = if scale <= 1.0 && counts == [false; 2] {
             FAR_SQUARE
         } else {
             far_square(self.freedom)
@@ -132,30 +135,29 @@ impl LookedOver<'_> {
         for (part, discrepancy) in discrepancy.iter().enumerate() {
             (covariance.fixed_view_mut::<3, 3>(3 * part, 3 * part)).copy_from(discrepancy);
         }
-        let mut squares: Vec<[f64; 2]> = (own.iter().enumerate())
-            .map(|(reading, own)| {
-                self.squares(reading, &(own + covariance))
-                    .map(|each| each / scale)
-            })
-            .collect();
-        for (part, discrepancy) in discrepancy.iter().enumerate() {
-            if *discrepancy != Matrix3::zeros() {
-                let own: Vec<f64> = squares.iter().map(|each| each[part]).collect();
-                let factors = local_factors(&own, &self.angles, far);
-                for (each, factor) in squares.iter_mut().zip(factors) {
-                    each[part] /= factor;
-                }
+        let square = |(reading, own): (usize, &Matrix6<f64>)| {
+            self.squares(reading, &(own + covariance))
+                .map(|each| each / scale)
+        };
+        let mut squares: Vec<[f64; 2]> = own.iter().enumerate().map(square).collect();
+        for part in (0..2).filter(|&part| counts[part]) {
+            let own: Vec<f64> = squares.iter().map(|each| each[part]).collect();
+            let factors = local_factors(&own, &self.angles, far);
+            for (each, factor) in squares.iter_mut().zip(factors) {
+                each[part] /= factor;
             }
         }
-        let found: Vec<RejectedReading> = (squares.iter().enumerate())
-            .filter_map(|(reading, [position, rotation])| {
-                let square = position.max(*rotation);
-                (square > far).then(|| RejectedReading {
+        let mut found = Vec::new();
+        for (reading, [position, rotation]) in squares.iter().enumerate() {
+            let square = position.max(*rotation);
+            if square > far {
+                let deviations = FAR_OUT * (square / far).sqrt();
+                found.push(RejectedReading {
                     reading,
-                    deviations: FAR_OUT * (square / far).sqrt(),
-                })
-            })
-            .collect();
+                    deviations,
+                });
+            }
+        }
         (found.len() as f64 <= MOST * own.len() as f64).then_some(found)
     }
 
@@ -188,7 +190,7 @@ impl LookedOver<'_> {
     }
 }
 
-/// By how much larger squares are where each reading is than they are on the whole, at least one: as those say that do not lie far out there.
+/// By how much larger squares are where each reading is than on the whole, at least one: as those say that do not lie far out there.
 fn local_factors(squares: &[f64], angles: &[&[f64]], far: f64) -> Vec<f64> {
     let mut factors = vec![1.0; squares.len()];
     let commands = angles.first().map_or(0, |each| each.len());
@@ -196,25 +198,21 @@ fn local_factors(squares: &[f64], angles: &[&[f64]], far: f64) -> Vec<f64> {
         .map(|joint| ends(angles.iter().map(|each| each[joint])))
         .collect();
     for _ in 0..LOOKS {
-        let kept: Vec<usize> = (0..squares.len())
-            .filter(|&each| squares[each] <= far * factors[each])
-            .collect();
-        if kept.len() < LEAST_SQUARES {
-            break;
-        }
+        let kept = (0..squares.len()).filter(|&each| squares[each] <= far * factors[each]);
+        let kept: Vec<usize> = kept.collect();
         let own: Vec<f64> = kept.iter().map(|&each| squares[each]).collect();
         let places: Vec<&[f64]> = kept.iter().map(|&each| angles[each]).collect();
-        let Some(spread) = ErrorSpread::of_logarithms(&own, &places, &ranges) else {
+        let spread = (kept.len() >= LEAST_SQUARES)
+            .then(|| ErrorSpread::of_logarithms(&own, &places, &ranges));
+        let Some(spread) = spread.flatten() else {
             break;
         };
-        let relative: Vec<f64> = (angles.iter())
-            .map(|angles| spread.logarithm_at(angles, &ranges).exp())
-            .collect();
-        let Some(middle) = median(
-            kept.iter()
-                .map(|&each| squares[each] / relative[each])
-                .collect(),
-        ) else {
+        let relative = angles
+            .iter()
+            .map(|angles| spread.logarithm_at(angles, &ranges).exp());
+        let relative: Vec<f64> = relative.collect();
+        let over = kept.iter().map(|&each| squares[each] / relative[each]);
+        let Some(middle) = median(over.collect()) else {
             break;
         };
         let found = relative

@@ -7,7 +7,7 @@
 //!
 //! All of it has the instrument's noise in it. Readings of one visit are averaged first: they say nothing of how a robot returns.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
@@ -87,13 +87,13 @@ impl Repeats {
             place_m: own[place].deflection_m,
             at: kept[place] as f64,
         };
-        let poses: Vec<(usize, Vec<RepeatedVisit>)> = (by_experiment(&own).into_iter())
-            .map(|group| (kept[group[0]], group.into_iter().map(visit).collect()))
-            .collect();
-        Self::new(&poses, false, false)
+        let poses = by_experiment(&own).into_iter();
+        let poses = poses.map(|group| (kept[group[0]], group.into_iter().map(visit).collect()));
+        Self::new(poses, false, "row")
     }
 
-    /// Of absolute readings, some of which are kept, by what they are less their predictions (m).
+    /// Of absolute readings, some of which are kept, by what they are less their predictions (m). Rows of one visit are together; each
+    /// row is one where no column says it.
     pub fn of_readings(
         readings: &[AbsoluteReading],
         residuals_m: &[Vector3<f64>],
@@ -101,90 +101,69 @@ impl Repeats {
     ) -> Option<Self> {
         let is_same = |one: usize, other: usize| {
             let [one, other] = [one, other].map(|place| &readings[kept[place]]);
-            let command = |each: &'_ AbsoluteReading| {
-                (each.load, &each.target, &each.station) == (one.load, &one.target, &one.station)
-            };
             let sides = [one, other].map(|each| (&each.configuration_rad, each.approach.as_ref()));
-            command(other) && is_one_configuration(sides[0], sides[1])
+            (one.load, &one.target, &one.station) == (other.load, &other.target, &other.station)
+                && is_one_configuration(sides[0], sides[1])
         };
-        let groups = together(
-            kept.len(),
-            |place| &readings[kept[place]].configuration_rad,
-            is_same,
-        );
+        let q = |place: usize| &readings[kept[place]].configuration_rad;
         let is_by_hour = readings.iter().all(|reading| reading.time_s.is_some());
-        let visit = |row: usize| RepeatedVisit {
-            place_m: residuals_m[row],
-            at: match readings[row].time_s.filter(|_| is_by_hour) {
-                Some(time_s) => time_s / 3600.0,
-                None => row as f64,
-            },
+        let pose = |group: Vec<usize>| {
+            let mut visits: Vec<(Option<&str>, Vec<RepeatedVisit>)> = Vec::new();
+            for row in group.iter().map(|&place| kept[place]) {
+                let reading = &readings[row];
+                let row = RepeatedVisit {
+                    place_m: residuals_m[row],
+                    at: match reading.time_s.filter(|_| is_by_hour) {
+                        Some(time_s) => time_s / 3600.0,
+                        None => row as f64,
+                    },
+                };
+                let name = reading.visit.as_deref();
+                let mut known = visits.iter_mut();
+                match known.find(|(other, _)| name.is_some() && *other == name) {
+                    Some((_, rows)) => rows.push(row),
+                    None => visits.push((name, vec![row])),
+                }
+            }
+            let visits = visits.iter().map(|(_, rows)| mean(rows)).collect();
+            (kept[group[0]], visits)
         };
-        let poses: Vec<(usize, Vec<RepeatedVisit>)> = (groups.into_iter())
-            .map(|group| {
-                let rows: Vec<usize> = group.into_iter().map(|place| kept[place]).collect();
-                let visits = by_visit(readings, &rows).into_iter();
-                let mean =
-                    |rows: Vec<usize>| mean(&rows.into_iter().map(visit).collect::<Vec<_>>());
-                (rows[0], visits.map(mean).collect())
-            })
-            .collect();
-        Self::new(&poses, true, is_by_hour)
+        let groups = together(kept.len(), q, is_same).into_iter();
+        let by = if is_by_hour { "hour" } else { "row" };
+        Self::new(groups.map(pose), true, by)
     }
 
     fn new(
-        poses: &[(usize, Vec<RepeatedVisit>)],
+        poses: impl Iterator<Item = (usize, Vec<RepeatedVisit>)>,
         is_absolute: bool,
-        is_by_hour: bool,
+        by: &'static str,
     ) -> Option<Self> {
-        let repeated: Vec<&(usize, Vec<RepeatedVisit>)> = (poses.iter())
-            .filter(|(_, visits)| visits.len() > 1)
-            .collect();
+        let repeated: Vec<_> = poses.filter(|(_, visits)| visits.len() > 1).collect();
         let freedom: usize = repeated.iter().map(|(_, visits)| visits.len() - 1).sum();
         if freedom == 0 {
             return None;
         }
-        let apart: Vec<RepeatedVisit> = (repeated.iter())
-            .flat_map(|(_, visits)| from_mean(visits))
-            .collect();
-        let scatter: Matrix3<f64> = (apart.iter())
-            .map(|each| each.place_m * each.place_m.transpose())
-            .sum();
-        let pooled = scatter / freedom as f64;
+        let visits = repeated.iter().flat_map(|(_, visits)| from_mean(visits));
+        let apart: Vec<RepeatedVisit> = visits.collect();
+        let squares = apart
+            .iter()
+            .map(|each| each.place_m * each.place_m.transpose());
+        let scatter: Matrix3<f64> = squares.sum();
+        let pooled = (scatter / freedom as f64).resize(3, 3, 0.0);
         Some(Self {
-            repeatability_m: pose_repeatability(&DMatrix::from_column_slice(
-                3,
-                3,
-                pooled.as_slice(),
-            ))?,
+            repeatability_m: pose_repeatability(&pooled)?,
             degrees_of_freedom: freedom,
-            drift: drift(&apart, &scatter, freedom, is_by_hour),
+            drift: drift(&apart, &scatter, freedom, by),
             poses: (repeated.into_iter())
                 .map(|(first, visits)| RepeatedPose {
-                    first: *first,
+                    first,
                     visits: visits.len(),
-                    repeatability_m: repeatability_m(visits),
-                    accuracy_m: is_absolute.then(|| mean(visits).place_m.norm()),
+                    repeatability_m: repeatability_m(&visits),
+                    accuracy_m: is_absolute.then(|| mean(&visits).place_m.norm()),
                 })
                 .collect(),
         })
     }
-}
-
-/// Rows of one visit together; each row is one where no column says it.
-fn by_visit(readings: &[AbsoluteReading], rows: &[usize]) -> Vec<Vec<usize>> {
-    let mut visits: Vec<Vec<usize>> = Vec::new();
-    for &row in rows {
-        let own = &readings[row].visit;
-        let known = visits
-            .iter_mut()
-            .find(|visit| own.is_some() && readings[visit[0]].visit == *own);
-        match known {
-            Some(visit) => visit.push(row),
-            None => visits.push(vec![row]),
-        }
-    }
-    visits
 }
 
 fn mean(visits: &[RepeatedVisit]) -> RepeatedVisit {
@@ -219,7 +198,7 @@ fn drift(
     apart: &[RepeatedVisit],
     scatter: &Matrix3<f64>,
     freedom: usize,
-    is_by_hour: bool,
+    by: &'static str,
 ) -> Option<PlaceDrift> {
     let spread: f64 = apart.iter().map(|each| each.at * each.at).sum();
     if spread <= 0.0 || freedom < 2 {
@@ -232,7 +211,7 @@ fn drift(
     let freedom = freedom as f64 - 1.0;
     let covariance = (scatter - slope_m * slope_m.transpose() * spread) / (freedom * spread);
     Some(PlaceDrift {
-        by: if is_by_hour { "hour" } else { "row" },
+        by,
         slope_m,
         standard_error_m: covariance
             .diagonal()

@@ -13,6 +13,7 @@ use super::error::IdentificationError;
 use super::estimate::Identification;
 use super::outliers::RejectedReading;
 use crate::numeric::least_squares::LeastSquares;
+use crate::quantities::written::from_one;
 use crate::task::Method;
 
 /// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes
@@ -22,6 +23,9 @@ const NO_VARIANCE: f64 = 1e-8;
 /// The residual of one measurement against its own uncertainty.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MeasurementResidual {
+    /// Its measurement, from 0; from 1 in records.
+    #[serde(serialize_with = "from_one")]
+    pub measurement: usize,
     /// Its coordinates, those of the deflection before those of the rotation, each over its own
     /// standard deviation: that of the measurement, less what the fit took up (leverage). `None`
     /// where the fit goes through the measurement.
@@ -60,26 +64,18 @@ pub fn residuals(
     let fit = LeastSquares::solve(&matrix, &right_hand_side, estimable);
     // What a combination of compliances does that are not determined one by one is fitted, too.
     let whitened = right_hand_side - &matrix * &fit.solution;
-    let own = OwnUnits::new(&source, &matrix, &whitened);
-    let judge = match case.sigma {
-        Sigma::Known(_) => Judge::KnownVariance,
-        Sigma::FromResiduals(_) => Judge::Residuals {
-            sum_of_squares: whitened.norm_squared(),
-            freedom: whitened.len() - estimable.rank(),
-        },
+    let mut judge = Judge::new(&source, (matrix, whitened), (&fit.covariance, -1.0));
+    if let Sigma::FromResiduals(_) = case.sigma {
+        let freedom = judge.residuals.len() - estimable.rank();
+        judge.others = Some((judge.residuals.norm_squared(), freedom));
+    }
+    let rows = case.measurements.iter().map(rows_of);
+    let rows = rows.zip(source.first_rows()).enumerate();
+    let residual = |(measurement, (rows, first)): (usize, (usize, usize))| MeasurementResidual {
+        measurement,
+        ..judge.residual(first..first + rows)
     };
-    Ok((case.measurements.iter().zip(source.first_rows()))
-        .map(|(measurement, row)| {
-            let rows = rows_of(measurement);
-            let matrix = matrix.rows(row, rows);
-            let residual = whitened.rows(row, rows).into_owned();
-            let taken_up = matrix * &fit.covariance * matrix.transpose();
-            let leverage = taken_up.trace();
-            let coordinates = own.coordinates(row..row + rows, 1.0, (&fit.covariance, -1.0));
-            let covariance = DMatrix::identity(rows, rows) - taken_up;
-            judge.residual(&residual, covariance, &coordinates, leverage)
-        })
-        .collect())
+    Ok(rows.map(residual).collect())
 }
 
 /// Residuals of the measurements that were fitted, and in their places those of the measurements that were not; `case` has all.
@@ -97,111 +93,100 @@ pub fn with_rejected(
         let alone = [case.measurements[each.reading].clone()];
         let alone = case.with(&alone);
         let source = alone.equation_source();
-        let (matrix, residual) = alone.against(&source, &posterior.mean)?;
-        let own = match case.sigma {
-            Sigma::Known(_) => 1.0,
-            Sigma::FromResiduals(_) => (identification.sigma_m / source.typical_sigma_m()).powi(2),
-        };
-        let known = &matrix * &posterior.covariance * matrix.transpose();
-        let coordinates = OwnUnits::new(&source, &matrix, &residual).coordinates(
-            0..residual.len(),
-            own,
-            (&posterior.covariance, 1.0),
+        let equations = alone.against(&source, &posterior.mean)?;
+        let rows = 0..equations.1.len();
+        let mut judge = Judge::new(&source, equations, (&posterior.covariance, 1.0));
+        if let Sigma::FromResiduals(_) = case.sigma {
+            judge.variance = (identification.sigma_m / source.typical_sigma_m()).powi(2);
+        }
+        let judged = judge.residual(rows);
+        residuals.insert(
+            each.reading,
+            MeasurementResidual {
+                leverage: 0.0,
+                ..judged
+            },
         );
-        let covariance = DMatrix::identity(residual.len(), residual.len()) * own + known;
-        let judged = Judge::KnownVariance.residual(&residual, covariance, &coordinates, 0.0);
-        residuals.insert(each.reading, judged);
+    }
+    for (measurement, each) in residuals.iter_mut().enumerate() {
+        each.measurement = measurement;
     }
     Ok(residuals)
 }
 
-/// Residuals and rows without their weights: correlated coordinates of a reading are weighted together, and each has a
-/// standard deviation of its own.
-struct OwnUnits {
+/// What whitened residuals are compared with.
+struct Judge<'a> {
+    /// Whitened rows, of which what was known before stands below, and their residuals.
     matrix: DMatrix<f64>,
-    residuals: DMatrix<f64>,
-    variances: Vec<f64>,
+    residuals: DVector<f64>,
+    /// The same without their weights, and the readings' own variances: correlated coordinates of a reading are weighted together, and
+    /// each has a standard deviation of its own.
+    own_matrix: DMatrix<f64>,
+    own_residuals: DMatrix<f64>,
+    own_variances: Vec<f64>,
+    /// The covariance of the unknowns, and its sign: a fit takes it off the residuals of what it was fitted to.
+    known: &'a DMatrix<f64>,
+    sign: f64,
+    /// The variance of a whitened reading.
+    variance: f64,
+    /// The sum of squares of all residuals, and its degrees of freedom, where the variance is that of the others.
+    others: Option<(f64, usize)>,
 }
 
-/// A residual's coordinate, its variance, and the measurement's.
-type Coordinate = (f64, f64, f64);
-
-impl OwnUnits {
-    /// Those of whitened rows, of which what was known before stands below.
-    fn new(source: &EquationSource<'_>, matrix: &DMatrix<f64>, residuals: &DVector<f64>) -> Self {
+impl<'a> Judge<'a> {
+    fn new(
+        source: &EquationSource<'_>,
+        (matrix, residuals): (DMatrix<f64>, DVector<f64>),
+        (known, sign): (&'a DMatrix<f64>, f64),
+    ) -> Self {
         let rows = source.rows();
-        let mut matrix = matrix.rows(0, rows).into_owned();
-        let mut residuals = DMatrix::from_columns(&[residuals.rows(0, rows)]);
-        source.take_weights_off(&mut matrix);
-        source.take_weights_off(&mut residuals);
+        let mut own_matrix = matrix.rows(0, rows).into_owned();
+        let mut own_residuals = DMatrix::from_columns(&[residuals.rows(0, rows)]);
+        source.take_weights_off(&mut own_matrix);
+        source.take_weights_off(&mut own_residuals);
         let all = source.covariances_of_all();
-        let variances = (source.measurements.iter().zip(&all)).flat_map(|(each, covariance)| {
+        let own = source.measurements.iter().zip(&all);
+        let own_variances = own.flat_map(|(each, covariance)| {
             (0..rows_of(each)).map(move |axis| covariance[(axis, axis)])
         });
         Self {
+            own_variances: own_variances.collect(),
             matrix,
             residuals,
-            variances: variances.collect(),
+            own_matrix,
+            own_residuals,
+            known,
+            sign,
+            variance: 1.0,
+            others: None,
         }
     }
 
-    /// The coordinates in some rows: the variance is so many times the measurement's, and with this sign what the fit knows.
-    fn coordinates(
-        &self,
-        rows: Range<usize>,
-        times: f64,
-        (covariance, sign): (&DMatrix<f64>, f64),
-    ) -> Vec<Coordinate> {
-        rows.map(|row| {
-            let columns = self.matrix.row(row);
-            let known = (columns * covariance).dot(&columns);
-            let own = times * self.variances[row];
-            (self.residuals[row], own + sign * known, own)
-        })
-        .collect()
-    }
-}
-
-/// What whitened residuals are compared with.
-#[derive(Debug, Clone, Copy)]
-enum Judge {
-    /// Their variance is one.
-    KnownVariance,
-    /// Their variance is that of the others.
-    Residuals { sum_of_squares: f64, freedom: usize },
-}
-
-impl Judge {
-    /// Judges the whitened residual of a measurement with its covariance, if the variance is one, and the same coordinate by
-    /// coordinate.
-    fn residual(
-        self,
-        residual: &DVector<f64>,
-        covariance: DMatrix<f64>,
-        coordinates: &[Coordinate],
-        leverage: f64,
-    ) -> MeasurementResidual {
-        let scale = match self {
-            Self::KnownVariance => 1.0,
-            Self::Residuals {
-                sum_of_squares,
-                freedom,
-            } => (sum_of_squares / freedom as f64).sqrt(),
-        };
-        let standardised = (coordinates.iter())
-            .map(|&(value, variance, own)| {
-                (variance > NO_VARIANCE * own && scale > 0.0)
-                    .then(|| value / variance.sqrt() / scale)
-            })
-            .collect();
-        let eigen = SymmetricEigen::new(covariance);
-        let coordinates = eigen.eigenvectors.tr_mul(residual);
-        let squares: Vec<f64> = (eigen.eigenvalues.iter().zip(coordinates.iter()))
-            .filter(|(variance, _)| **variance > NO_VARIANCE)
+    /// The residual of the measurement in some rows.
+    fn residual(&self, rows: Range<usize>) -> MeasurementResidual {
+        let scale = (self.others).map_or(1.0, |(square, freedom)| (square / freedom as f64).sqrt());
+        let standardised = rows.clone().map(|row| {
+            let columns = self.own_matrix.row(row);
+            let own = self.variance * self.own_variances[row];
+            let variance = own + self.sign * (columns * self.known).dot(&columns);
+            let value = self.own_residuals[(row, 0)];
+            (variance > NO_VARIANCE * own && scale > 0.0).then(|| value / variance.sqrt() / scale)
+        });
+        let standardised = standardised.collect();
+        let (first, count) = (rows.start, rows.len());
+        let matrix = self.matrix.rows(first, count);
+        let known = matrix * self.known * matrix.transpose();
+        let leverage = known.trace();
+        let own = DMatrix::identity(count, count) * self.variance;
+        let eigen = SymmetricEigen::new(own + known * self.sign);
+        let coordinates = (eigen.eigenvectors).tr_mul(&self.residuals.rows(first, count));
+        let squares = eigen.eigenvalues.iter().zip(coordinates.iter());
+        let squares: Vec<f64> = (squares.filter(|(variance, _)| **variance > NO_VARIANCE))
             .map(|(variance, coordinate)| coordinate * coordinate / variance)
             .collect();
         let square: f64 = squares.iter().sum();
         MeasurementResidual {
+            measurement: 0,
             standardised,
             leverage,
             distance: square.sqrt() / scale,
@@ -210,28 +195,19 @@ impl Judge {
         }
     }
 
-    /// The probability of a square at least as large: chi-squared, or F against the variance of the
-    /// other residuals.
-    fn probability(self, square: f64, freedom: usize) -> Option<f64> {
-        if freedom == 0 {
-            return None;
-        }
+    /// The probability of a square at least as large: chi-squared, or F against the variance of the other residuals.
+    fn probability(&self, square: f64, freedom: usize) -> Option<f64> {
         let own = freedom as f64;
-        match self {
-            Self::KnownVariance => Some(ChiSquared::new(own).ok()?.sf(square)),
-            Self::Residuals {
-                sum_of_squares,
-                freedom,
-            } => {
-                let others = freedom as f64 - own;
-                let distribution = FisherSnedecor::new(own, others).ok()?;
-                let left = (sum_of_squares - square).max(0.0);
-                Some(if left > 0.0 {
-                    distribution.sf((square / own) / (left / others))
-                } else {
-                    0.0
-                })
-            }
-        }
+        let Some((all, freedom)) = self.others else {
+            return Some(ChiSquared::new(own).ok()?.sf(square));
+        };
+        let others = freedom as f64 - own;
+        let law = FisherSnedecor::new(own, others).ok()?;
+        let left = (all - square).max(0.0);
+        Some(if left > 0.0 {
+            law.sf((square / own) / (left / others))
+        } else {
+            0.0
+        })
     }
 }

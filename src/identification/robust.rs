@@ -16,7 +16,6 @@ use super::nominal::UNKNOWN;
 use super::outliers::IMPLAUSIBLE;
 use super::outliers::{self, LookedOver, RejectedReading, kept};
 use crate::measurement::Measurement;
-use crate::numeric::posterior::Posterior;
 use crate::task::Method;
 
 /// How measurements are fitted.
@@ -52,20 +51,13 @@ impl RobustIdentification {
     }
 }
 
-/// A fit of some measurements.
-struct SomeFitted {
+/// A fit of some measurements, and what it says of all.
+struct SomeFitted<'a> {
     identification: Identification,
-    rejected: Vec<RejectedReading>,
-    /// What is left of all measurements.
-    left: Vec<ReadingResidual>,
-    /// The covariances of what is predicted for them.
-    known: Vec<Matrix6<f64>>,
-    /// The share of the numbers that were fitted which the fit did not use up, and how many it did not.
-    spare: f64,
-    freedom: f64,
+    over: LookedOver<'a>,
 }
 
-impl Case<'_> {
+impl<'a> Case<'a> {
     /// Identifies what is unknown from the measurements that do not lie far out.
     ///
     /// # Errors
@@ -76,65 +68,66 @@ impl Case<'_> {
     ) -> Result<RobustIdentification, IdentificationError> {
         let mut held = self.held.to_vec();
         let mut stays_nominal = Vec::new();
-        let mut hold = |found: &Identification, held: &mut Vec<usize>| {
-            let more = self.places_to_hold(found);
-            held.extend(&more);
-            stays_nominal.extend(more.iter().filter_map(|&place| {
-                Some(NominalCompliance {
-                    name: found.parameters[place].name.clone(),
-                    instead_of: found.parameters[place].estimate?,
-                })
-            }));
-            (more, stays_nominal.clone())
-        };
-        let mut found = match self.robustly(robustness) {
-            Err(error) if robustness.holds_nominal => {
-                // Noise may drive weak compliances to where no robot stands: to first order it is seen which these are.
-                let linear = Case {
-                    method: Method::Linear,
-                    ..*self
-                };
-                let (more, stays_nominal) = hold(&linear.identify()?, &mut held);
-                if more.is_empty() {
-                    return Err(error);
-                }
-                let with_held = Case {
-                    held: &held,
-                    ..*self
-                };
-                let mut found = with_held.robustly(robustness).map_err(|_| error)?;
-                found.identification.stays_nominal = stays_nominal;
-                found
-            }
-            other => other?,
-        };
+        let mut found = self.robustly(robustness);
         if !robustness.holds_nominal {
-            return Ok(found);
+            return found;
         }
         loop {
-            let (more, stays_nominal) = hold(&found.identification, &mut held);
+            let linear;
+            let now = if let Ok(found) = &found {
+                &found.identification
+            } else {
+                // Noise may drive weak compliances to where no robot stands: to first order it is seen which these are.
+                linear = self.linearised().identify()?;
+                &linear
+            };
+            let more = self.places_to_hold(now);
             if more.is_empty() {
                 break;
             }
+            held.extend(&more);
+            stays_nominal.extend(more.iter().filter_map(|&place| {
+                Some(NominalCompliance {
+                    name: now.parameters[place].name.clone(),
+                    instead_of: now.parameters[place].estimate?,
+                })
+            }));
             let with_held = Case {
                 held: &held,
                 ..*self
             };
-            let Ok(mut other) = with_held.robustly(robustness) else {
-                // Where none remain, their values tell more of what is wrong.
-                let identification = &mut found.identification;
-                let sizes = identification.posterior.estimable.typical();
-                identification.is_all_weak = more.iter().any(|&place| {
-                    let estimate = identification.parameters[place].estimate;
-                    estimate.is_some_and(|each| each.standard_error > UNKNOWN * sizes[place])
-                });
-                break;
-            };
-            other.identification.stays_nominal = stays_nominal;
-            other.of_all = found.of_all;
-            found = other;
+            match (with_held.robustly(robustness), &mut found) {
+                (Ok(mut other), before) => {
+                    other
+                        .identification
+                        .stays_nominal
+                        .clone_from(&stays_nominal);
+                    if let Ok(before) = before {
+                        other.of_all = before.of_all.clone();
+                    }
+                    found = Ok(other);
+                }
+                (Err(_), Ok(found)) => {
+                    // Where none remain, their values tell more of what is wrong.
+                    let identification = &mut found.identification;
+                    let sizes = identification.posterior.estimable.typical();
+                    identification.is_all_weak = more.iter().any(|&place| {
+                        let estimate = identification.parameters[place].estimate;
+                        estimate.is_some_and(|each| each.standard_error > UNKNOWN * sizes[place])
+                    });
+                    break;
+                }
+                (Err(_), Err(_)) => break,
+            }
         }
-        Ok(found)
+        found
+    }
+
+    fn linearised(self) -> Self {
+        Self {
+            method: Method::Linear,
+            ..self
+        }
     }
 
     fn robustly(
@@ -162,13 +155,12 @@ impl Case<'_> {
                 let near = of_all.posterior.mean.clone();
                 let fitted = match self.sigma {
                     Sigma::Known(_) => {
-                        known.looked_at_all(of_all.clone(), self.measurements, &[])?
+                        known.looked_at_all(of_all.clone(), self.measurements, &[], &own)?
                     }
-                    Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], &near)?,
+                    Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], &near, &own)?,
                 };
-                let others = (!robustness.keeps_all)
-                    .then(|| known.without_far_out(&fitted, &own))
-                    .flatten();
+                let others = (!robustness.keeps_all).then(|| known.without_far_out(&fitted));
+                let others = others.flatten();
                 (of_all, others.unwrap_or(fitted))
             }
             Err(error) if robustness.keeps_all => return Err(error),
@@ -180,7 +172,7 @@ impl Case<'_> {
                 .consistency
                 .is_some_and(|probability| probability < IMPLAUSIBLE)
         };
-        let rejected = fitted.rejected.clone();
+        let rejected = fitted.over.rejected.clone();
         let mut identification = match self.sigma {
             Sigma::Known(_) => fitted.identification.clone(),
             Sigma::FromResiduals(_) if rejected.is_empty() => of_all.clone(),
@@ -188,16 +180,19 @@ impl Case<'_> {
         };
         if robustness.counts_discrepancy && is_implausible(&identification) {
             let plain = identification;
-            let mut discrepancy = fitted.discrepancy(&own);
+            let own_kept = kept(&own, &rejected);
+            let mut discrepancy = None;
             for _ in 0..WEIGHINGS {
-                discrepancy = fitted.discrepancy(&own);
-                weighed = discrepancy.weighed(self.measurements, self.sigma.weight_m());
+                let left = kept(&fitted.over.left, &rejected);
+                let found = Discrepancy::of(&left, &own_kept, fitted.over.spare);
+                weighed = found.weighed(self.measurements, self.sigma.weight_m());
+                discrepancy = Some(found);
                 let near = &fitted.identification.posterior.mean;
-                fitted = known.fitted(&weighed, &rejected, near)?;
+                fitted = known.fitted(&weighed, &rejected, near, &own)?;
             }
             identification = fitted.identification.clone();
-            identification.discrepancy = Some(discrepancy);
-            identification.widen(fitted.freedom);
+            identification.discrepancy = discrepancy;
+            identification.widen(fitted.over.freedom);
             // How far residuals are from what is believed is told of that.
             identification.sigma_m = plain.sigma_m;
             identification.residual_sigma_m = plain.residual_sigma_m;
@@ -205,7 +200,7 @@ impl Case<'_> {
             identification.consistency_lower = plain.consistency_lower;
         }
         if identification.discrepancy.is_some() || !rejected.is_empty() {
-            let left = fitted.left.iter();
+            let left = fitted.over.left.iter();
             identification.residuals_m = left.flat_map(|each| each.position_m.data.0[0]).collect();
         }
         Ok(RobustIdentification {
@@ -218,36 +213,45 @@ impl Case<'_> {
     }
 
     /// Where there is no fit of all: what all say to first order, and a fit without the measurements that lie far out of that.
-    fn begun_linearly(&self, own: &[Matrix6<f64>]) -> Option<(Identification, SomeFitted)> {
-        let linear = Case {
-            method: Method::Linear,
-            ..*self
-        };
+    fn begun_linearly<'b>(self, own: &'b [Matrix6<f64>]) -> Option<(Identification, SomeFitted<'b>)>
+    where
+        'a: 'b,
+    {
+        let linear = self.linearised();
         let of_all = linear.identify().ok()?;
-        let first = linear.looked_at_all(of_all.clone(), self.measurements, &[]);
-        let first = linear.without_far_out(&first.ok()?, own)?;
-        Some((of_all, self.without(&first, first.rejected.clone(), own)?))
+        let first = linear.looked_at_all(of_all.clone(), self.measurements, &[], own);
+        let first = linear.without_far_out(&first.ok()?)?;
+        let rejected = first.over.rejected.clone();
+        Some((of_all, self.without(&first, rejected)?))
     }
 
     /// Fits those of `weighed` that are not rejected, and looks at what that leaves of all.
-    fn fitted(
-        &self,
+    fn fitted<'b>(
+        self,
         weighed: &[Measurement],
         rejected: &[RejectedReading],
         near: &[f64],
-    ) -> Result<SomeFitted, IdentificationError> {
+        own: &'b [Matrix6<f64>],
+    ) -> Result<SomeFitted<'b>, IdentificationError>
+    where
+        'a: 'b,
+    {
         let of_kept = kept(weighed, rejected);
         let identification = self.with(&of_kept).identify_near(Some(near))?;
-        self.looked_at_all(identification, weighed, rejected)
+        self.looked_at_all(identification, weighed, rejected, own)
     }
 
     /// What was identified from those of `weighed` that are not rejected, with what it leaves of all.
-    fn looked_at_all(
-        &self,
+    fn looked_at_all<'b>(
+        self,
         identification: Identification,
         weighed: &[Measurement],
         rejected: &[RejectedReading],
-    ) -> Result<SomeFitted, IdentificationError> {
+        own: &'b [Matrix6<f64>],
+    ) -> Result<SomeFitted<'b>, IdentificationError>
+    where
+        'a: 'b,
+    {
         let measurements = kept(weighed, rejected);
         let posterior = &identification.posterior;
         let all = self.with(weighed);
@@ -296,83 +300,68 @@ impl Case<'_> {
                 }
             }));
         }
-        Ok(SomeFitted {
+        let ratio = (identification.residual_sigma_m).map(|left| left / identification.sigma_m);
+        let angles = self.measurements.iter();
+        let over = LookedOver {
             left,
+            own,
+            weighed: own.to_vec(),
             known,
+            rejected: rejected.to_vec(),
+            angles: angles
+                .map(|each| each.configuration_rad.as_slice())
+                .collect(),
             spare: freedom / numbers,
             freedom,
-            rejected: rejected.to_vec(),
+            plausible: ratio
+                .and_then(|ratio| outliers::plausible(identification.consistency, ratio * ratio)),
+        };
+        Ok(SomeFitted {
             identification,
+            over,
         })
     }
 
     /// Fits without the measurements that lie far out of a first fit. None where none does, where too many do, or where the
     /// others tell less than all.
-    fn without_far_out(&self, first: &SomeFitted, own: &[Matrix6<f64>]) -> Option<SomeFitted> {
-        let all = first.looked_over(self.measurements, own);
-        let mut rejected = all.far_out().unwrap_or_default();
+    fn without_far_out<'b>(self, first: &SomeFitted<'b>) -> Option<SomeFitted<'b>>
+    where
+        'a: 'b,
+    {
+        let mut rejected = first.over.far_out().unwrap_or_default();
         if rejected.is_empty() {
             // One among few draws the fit to itself, and hides in what that leaves of the others.
-            rejected.push(all.farthest()?);
+            rejected.push(first.over.farthest()?);
         }
-        self.without(first, rejected, own)
+        self.without(first, rejected)
     }
 
     /// Fits without these, until the same lie far out.
-    fn without(
-        &self,
-        first: &SomeFitted,
+    fn without<'b>(
+        self,
+        first: &SomeFitted<'b>,
         rejected: Vec<RejectedReading>,
-        own: &[Matrix6<f64>],
-    ) -> Option<SomeFitted> {
-        let Posterior { mean, .. } = &first.identification.posterior;
+    ) -> Option<SomeFitted<'b>>
+    where
+        'a: 'b,
+    {
+        let SomeFitted {
+            identification,
+            over,
+        } = first;
         let (rejected, mut fitted) = outliers::until_the_same(
             rejected,
-            |fitted: &SomeFitted| fitted.looked_over(self.measurements, own).far_out(),
+            |fitted: &SomeFitted<'_>| fitted.over.far_out(),
             |rejected| {
-                let fitted = self.fitted(self.measurements, rejected, mean).ok()?;
-                (fitted.identification.rank >= first.identification.rank).then_some(fitted)
+                let near = &identification.posterior.mean;
+                let fitted = self
+                    .fitted(self.measurements, rejected, near, over.own)
+                    .ok()?;
+                (fitted.identification.rank >= identification.rank).then_some(fitted)
             },
         )?;
-        fitted.rejected = rejected;
+        fitted.over.rejected = rejected;
         Some(fitted)
-    }
-}
-
-impl SomeFitted {
-    /// What is said of all measurements, whose own covariances these are.
-    fn looked_over<'a>(
-        &'a self,
-        measurements: &'a [Measurement],
-        own: &'a [Matrix6<f64>],
-    ) -> LookedOver<'a> {
-        let angles = measurements
-            .iter()
-            .map(|each| each.configuration_rad.as_slice());
-        LookedOver {
-            left: self.left.clone(),
-            own,
-            weighed: own.to_vec(),
-            known: self.known.clone(),
-            rejected: &self.rejected,
-            angles: angles.collect(),
-            spare: self.spare,
-            freedom: self.freedom,
-            plausible: self.plausible(),
-        }
-    }
-
-    /// By how much variances are larger than believed, where what was fitted is plausible so.
-    fn plausible(&self) -> Option<f64> {
-        let found = &self.identification;
-        let ratio = found.residual_sigma_m? / found.sigma_m;
-        outliers::plausible(found.consistency, ratio * ratio)
-    }
-
-    /// By how much what is left of the measurements that were fitted is larger than it should be.
-    fn discrepancy(&self, own: &[Matrix6<f64>]) -> Discrepancy {
-        let left = kept(&self.left, &self.rejected);
-        Discrepancy::of(&left, &kept(own, &self.rejected), self.spare)
     }
 }
 

@@ -74,20 +74,7 @@ pub(super) fn logarithm(coefficients: &[f64], at: f64, range: [f64; 2]) -> f64 {
         .sum()
 }
 
-/// The numbers of a fit: a column of ones, then those of each joint.
-fn columns_at(angles: &[&[f64]], ranges: &[[f64; 2]]) -> DMatrix<f64> {
-    let mut columns = DMatrix::from_element(angles.len(), 1 + ranges.len() * SPREAD_ORDERS, 1.0);
-    for (row, angles) in angles.iter().enumerate() {
-        for (joint, (&angle, &range)) in angles.iter().zip(ranges).enumerate() {
-            for (order, value) in polynomials(share(angle, range)).into_iter().enumerate() {
-                columns[(row, 1 + joint * SPREAD_ORDERS + order)] = value;
-            }
-        }
-    }
-    columns
-}
-
-/// Columns of a fit, and their products with each other.
+/// Columns of a fit, one of ones before those of each joint, and their products with each other.
 struct SpreadDesign {
     columns: DMatrix<f64>,
     products: DMatrix<f64>,
@@ -101,13 +88,23 @@ impl SpreadDesign {
             columns,
         }
     }
+
+    fn at(angles: &[&[f64]], ranges: &[[f64; 2]]) -> Self {
+        let count = 1 + ranges.len() * SPREAD_ORDERS;
+        let mut columns = DMatrix::from_element(angles.len(), count, 1.0);
+        for (row, angles) in angles.iter().enumerate() {
+            for (joint, (&angle, &range)) in angles.iter().zip(ranges).enumerate() {
+                for (order, value) in polynomials(share(angle, range)).into_iter().enumerate() {
+                    columns[(row, 1 + joint * SPREAD_ORDERS + order)] = value;
+                }
+            }
+        }
+        Self::new(columns)
+    }
 }
 
 fn logarithms(squares: &[f64]) -> DVector<f64> {
-    let each = squares
-        .iter()
-        .map(|square| square.max(f64::MIN_POSITIVE).ln());
-    DVector::from_iterator(squares.len(), each)
+    DVector::from_column_slice(squares).map(|square| square.max(f64::MIN_POSITIVE).ln())
 }
 
 /// Variances of what is left, and of each joint's coefficients.
@@ -173,8 +170,7 @@ impl SpreadVariances {
 /// What a step of Fisher's scoring takes for logarithms of squares that are expected to have these (logarithms of) means.
 fn of_step(squares: &[f64], expected: &DVector<f64>) -> DVector<f64> {
     let each = squares.iter().zip(expected);
-    let each =
-        each.map(|(square, expected)| expected + (square / expected.exp() - 1.0).min(MOST_STEP));
+    let each = each.map(|(square, one)| one + (square / one.exp() - 1.0).min(MOST_STEP));
     DVector::from_iterator(squares.len(), each)
 }
 
@@ -182,14 +178,14 @@ impl ErrorSpread {
     /// Of some squares, each with the angles of the joints there; `ranges` are those of the joints' angles. By logarithms, which wrong
     /// readings hardly move. None where the numbers have no factorisation, or are too few to tell.
     pub fn of_logarithms(squares: &[f64], angles: &[&[f64]], ranges: &[[f64; 2]]) -> Option<Self> {
-        let columns = SpreadDesign::new(columns_at(angles, ranges));
+        let columns = SpreadDesign::at(angles, ranges);
         let (_, mean) = SpreadVariances::first(ranges).likeliest(&columns, &logarithms(squares))?;
         Self::new(&mean, Vec::new())
     }
 
     /// The same by means, as regions that shall hold most of the squares need, and the logarithm at each place as the others have it.
     pub fn of_means(squares: &[f64], angles: &[&[f64]], ranges: &[[f64; 2]]) -> Option<Self> {
-        let columns = SpreadDesign::new(columns_at(angles, ranges));
+        let columns = SpreadDesign::at(angles, ranges);
         let wanted = logarithms(squares);
         let (mut variances, mut mean) =
             SpreadVariances::first(ranges).likeliest(&columns, &wanted)?;

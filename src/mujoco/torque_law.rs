@@ -1,33 +1,44 @@
-//! A joint whose torque does not grow evenly with its deflection: nonlinear joint stiffness.
+//! Nonlinear joint stiffness: a joint whose torque does not grow evenly with its deflection.
 
 use super::servo::Servo;
 
-/// The elastic law of a joint that is no spring. With the stiffness K of the joint's actuator, its deflection x (command minus
-/// coordinate) and the coefficient c,
+/// The elastic law of a joint that is no spring, as gears stiffen whose teeth and bearings come to bear. With the stiffness K = 1/k of the
+/// joint's actuator, its deflection x (command minus coordinate), and a share e of what a spring holds at s,
 ///
 /// ```text
-/// torque = K x (1 + c x^2) where c > 0: it stiffens,   or   K x / (1 - c x^2) where c < 0: it softens
+/// torque = K x (1 + e (x/s)^2) where e > 0: it stiffens,   or   K x / (1 - e (x/s)^2) where e < 0: it softens
 /// ```
 ///
-/// At x = 1/sqrt(|c|) it holds twice as much as a spring would, or half as much. Deflections are in rad, in m of a joint that slides.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+/// The virtual robot's joints hold by it. To first order in e a joint gives k tau (1 - e (tau / `tau_0`)^2) under a torque, with
+/// s = k `tau_0`: so the planner's model has it. Deflections are in rad, in m of a joint that slides.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TorqueLaw {
-    /// The coefficient c (1/rad^2, 1/m^2).
-    pub cubic: f64,
+    /// The share e by which it holds more; negative where it softens.
+    pub share: f64,
+    /// Where that is said: the deflection s; in the planner's model the torque `tau_0` (N m; N where the joint slides).
+    pub at: f64,
 }
 
 impl TorqueLaw {
-    /// The law of a joint that stiffens by this share, to first order, of what its spring holds at a deflection; it softens where the
-    /// share is negative.
-    pub fn of_share(share: f64, deflection: f64) -> Self {
-        Self {
-            cubic: share / deflection.powi(2),
-        }
+    /// A spring.
+    pub const SPRING: Self = Self {
+        share: 0.0,
+        at: f64::INFINITY,
+    };
+
+    fn cubic(&self) -> f64 {
+        self.share / self.at.powi(2)
+    }
+
+    /// How far a joint of this compliance (rad/(N m)) gives under a torque (N m) besides its spring, to first order and for a share of one
+    /// (rad).
+    pub fn gives(&self, compliance_rad_per_nm: f64, torque_nm: f64) -> f64 {
+        -compliance_rad_per_nm * (torque_nm / self.at).powi(2) * torque_nm
     }
 
     /// The torque at a deflection, over the stiffness (rad, m).
     pub fn held(&self, deflection: f64) -> f64 {
-        let share = self.cubic * deflection.powi(2);
+        let share = self.cubic() * deflection.powi(2);
         if share >= 0.0 {
             deflection * (1.0 + share)
         } else {
@@ -37,18 +48,19 @@ impl TorqueLaw {
 
     /// Whether it can hold a torque over the stiffness (rad, m).
     pub fn can_hold(&self, held: f64) -> bool {
-        -4.0 * self.cubic * held.powi(2) < 1.0
+        -4.0 * self.cubic() * held.powi(2) < 1.0
     }
 
     /// The deflection under a torque over the stiffness (rad, m), the nearest to none: the inverse of [`Self::held`]. As far as it
     /// holds under more than it can.
     pub fn deflection(&self, held: f64) -> f64 {
-        let (size, at) = (held.abs(), self.cubic.abs().sqrt().recip());
-        let deflection = if self.cubic > 0.0 {
+        let cubic = self.cubic();
+        let (size, at) = (held.abs(), cubic.abs().sqrt().recip());
+        let deflection = if cubic > 0.0 {
             // x + x^3 / s^2 = y.
             let third = (1.5 * 3.0_f64.sqrt() * size / at).asinh() / 3.0;
             2.0 * at / 3.0_f64.sqrt() * third.sinh()
-        } else if self.cubic < 0.0 {
+        } else if cubic < 0.0 {
             // x = y (1 + x^2 / s^2), the smaller root.
             let root = (1.0 - (2.0 * size / at).powi(2)).max(0.0).sqrt();
             2.0 * size.min(0.5 * at) / (1.0 + root)
@@ -76,8 +88,8 @@ mod tests {
 
     #[test]
     fn deflections_hold_what_they_are_to_hold() {
-        for cubic in [0.0, 1e6, -1e5] {
-            let law = TorqueLaw { cubic };
+        for share in [0.0, 1e6, -1e5] {
+            let law = TorqueLaw { share, at: 1.0 };
             for held in [-1.4e-3, -1e-5, 0.0, 1e-9, 3e-4, 1.2e-3] {
                 assert!(law.can_hold(held));
                 let deflection = law.deflection(held);
@@ -89,9 +101,15 @@ mod tests {
     /// Where it is told to, it holds twice or half of what a spring does.
     #[test]
     fn laws_double_and_halve() {
-        let stiffens = TorqueLaw::of_share(1.0, 2e-3);
+        let stiffens = TorqueLaw {
+            share: 1.0,
+            at: 2e-3,
+        };
         assert!((stiffens.held(-2e-3) + 4e-3).abs() < 1e-15);
-        let softens = TorqueLaw::of_share(-1.0, 2e-3);
+        let softens = TorqueLaw {
+            share: -1.0,
+            ..stiffens
+        };
         assert!((softens.held(2e-3) - 1e-3).abs() < 1e-15);
         // No more than that is ever held.
         assert!(!softens.can_hold(5.0) && (softens.deflection(5.0) - 2e-3).abs() < 1e-15);

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::backlash::Backlash;
 use super::gear::{GearWave, WaveError};
-use super::stiffening::Stiffening;
+use crate::mujoco::TorqueLaw;
 use crate::robot::{Approach, Load, SerialChain, Tool};
 
 /// How often a command is corrected by what the gear is off by there.
@@ -35,7 +35,7 @@ pub struct ElasticArm {
     /// The gap of each joint.
     pub backlash: Vec<Backlash>,
     /// What each joint gives besides its spring.
-    pub stiffening: Vec<Stiffening>,
+    pub stiffening: Vec<TorqueLaw>,
     /// The waves in the joints' gears.
     pub gear_waves: Vec<WaveError>,
     /// The tools that are measured or loaded.
@@ -58,7 +58,7 @@ impl ElasticArm {
         Self {
             zero_rad: vec![0.0; chain.len()],
             backlash: vec![Backlash::NONE; chain.len()],
-            stiffening: vec![Stiffening::NONE; chain.len()],
+            stiffening: vec![TorqueLaw::SPRING; chain.len()],
             gear_waves: Vec::new(),
             chain,
             compliance_rad_per_nm,
@@ -102,7 +102,7 @@ impl ElasticArm {
 pub struct Leaning {
     /// On which side of its gap it stands, -1 to 1: for half a width of one.
     pub side: f64,
-    /// What it gives besides its spring for a share of one (rad; m where it slides), see [`Stiffening`].
+    /// What it gives besides its spring for a share of one (rad; m where it slides), see [`TorqueLaw`].
     pub gives: f64,
 }
 
@@ -119,7 +119,7 @@ impl ElasticArm {
         let came = Approach::of_all(approach, &self.chain);
         let gaps = self.backlash.iter().zip(came);
         let is_weighed = (self.backlash.iter()).any(|gap| gap.turned_over_at_nm.is_some())
-            || (self.stiffening.iter()).any(|each| each.at_nm.is_some());
+            || (self.stiffening.iter()).any(|law| law.at.is_finite());
         let state = is_weighed.then(|| {
             let chain = match &self.payload {
                 Some(_) => Cow::Owned(self.loaded_chain()),

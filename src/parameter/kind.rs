@@ -54,7 +54,7 @@ pub enum ParameterKind {
         /// The joint.
         joint: usize,
     },
-    /// By what share of what its spring gives at a torque a joint gives less there, see [`super::Stiffening`].
+    /// By what share of what its spring gives at a torque a joint gives less there, see [`crate::mujoco::TorqueLaw`].
     JointStiffening {
         /// The joint.
         joint: usize,
@@ -304,6 +304,14 @@ impl ParameterKind {
         match self {
             Self::JointCompliance { .. } | Self::SpringStiffness { .. } if is_logarithmic => "1",
             _ => self.row().unit,
+        }
+    }
+
+    /// The unit of the quantity itself, logarithms undone.
+    pub const fn quantity_unit(self) -> &'static str {
+        match self {
+            Self::LinkMass { .. } | Self::PayloadMass => "kg",
+            kind => kind.unit(false),
         }
     }
 

@@ -22,7 +22,6 @@ mod kind;
 mod level;
 mod prior;
 mod set;
-mod stiffening;
 mod uncertainty;
 mod words;
 
@@ -37,7 +36,6 @@ pub use kind::{Axis, Parameter, ParameterKind};
 pub use level::SourceLevel;
 pub use prior::Prior;
 pub use set::{ParameterError, ParameterSet};
-pub use stiffening::Stiffening;
 pub use uncertainty::{
     ErrorDistribution, JointFunction, RangeNoise, ReadingSource, Source, TransmissionError,
     Uncertainty, Unloaded, counted_times,

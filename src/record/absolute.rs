@@ -2,13 +2,15 @@
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::codes::Condition;
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, DistanceStatistics, LeftOut, RejectedReading, Unexplained,
 };
 use crate::numeric::tolerance::ends;
-use crate::parameter::{Axis, ParameterKind};
+use crate::parameter::{Axis, Parameter, ParameterKind};
+use crate::robot::Tool;
 
 /// A parameter that was fitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -93,7 +95,7 @@ pub struct AbsoluteMessage {
     pub ranges_read: Vec<ReadRange>,
     /// Readings that were left out, since they lie far out.
     #[serde(default)]
-    pub rejected: Vec<RejectedMessage>,
+    pub rejected: Vec<Value>,
     /// What must be looked at.
     pub conditions: Vec<Condition>,
 }
@@ -157,27 +159,6 @@ pub struct UnexplainedMessage {
     pub angle_mrad: Option<DistanceStatistics>,
 }
 
-/// A reading that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct RejectedMessage {
-    /// Its number, from 1.
-    pub reading: usize,
-    /// How many standard deviations out it lies.
-    pub deviations: f64,
-    /// Why it was left out, in words.
-    pub reason: String,
-}
-
-impl From<&RejectedReading> for RejectedMessage {
-    fn from(rejected: &RejectedReading) -> Self {
-        Self {
-            reading: rejected.reading + 1,
-            deviations: rejected.deviations,
-            reason: rejected.reason(),
-        }
-    }
-}
-
 impl AbsoluteMessage {
     /// The record of a fit.
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
@@ -211,7 +192,7 @@ impl AbsoluteMessage {
             discrepancy_model: (fit.discrepancy_model.as_ref())
                 .map(|each| discrepancy_model(case, fit, each)),
             ranges_read: ranges_read(case, fit),
-            rejected: fit.rejected.iter().map(RejectedMessage::from).collect(),
+            rejected: fit.rejected.iter().map(RejectedReading::json).collect(),
             conditions: fit.conditions(),
         }
     }
@@ -235,15 +216,15 @@ fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
 
 /// How the parameters' own values become quantities.
 fn factors(fit: &AbsoluteFit) -> Vec<f64> {
-    (fit.set.parameters().iter().enumerate())
-        .map(|(index, parameter)| {
-            if parameter.is_logarithmic {
-                fit.quantity(index)
-            } else {
-                1.0
-            }
-        })
-        .collect()
+    let parameters = fit.set.parameters().iter().enumerate();
+    let factor = |(index, each): (usize, &Parameter)| {
+        if each.is_logarithmic {
+            fit.quantity(index)
+        } else {
+            1.0
+        }
+    };
+    parameters.map(factor).collect()
 }
 
 fn discrepancy_model(
@@ -307,19 +288,11 @@ fn unknown(fit: &AbsoluteFit, index: usize) -> UnknownMessage {
     UnknownMessage {
         name: parameter.name.clone(),
         what: parameter.kind.words(&fit.reference),
-        unit: quantity_unit(parameter.kind).to_owned(),
+        unit: parameter.kind.quantity_unit().to_owned(),
         nominal: parameter.quantity(&fit.reference, parameter.nominal),
         value,
         standard_error: error,
         interval95,
-    }
-}
-
-/// The unit of the quantity itself, logarithms undone.
-pub(super) fn quantity_unit(kind: ParameterKind) -> &'static str {
-    match kind {
-        ParameterKind::LinkMass { .. } | ParameterKind::PayloadMass => "kg",
-        kind => kind.unit(false),
     }
 }
 
@@ -347,12 +320,11 @@ fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessa
     let base = |(station, (name, frame)): (usize, (&Option<String>, &Isometry3<f64>))| {
         let position = Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis });
         let rotation = Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis });
-        let own = MountedFrameMessage::new(fit, frame, [position, rotation]);
+        let is_turned = !case.is_point(station);
         MountedFrameMessage {
             name: name.clone(),
             unknowns: numbered("base", station),
-            quaternion: own.quaternion.filter(|_| !case.is_point(station)),
-            ..own
+            ..MountedFrameMessage::new(fit, frame, [position, rotation], is_turned)
         }
     };
     bases.enumerate().map(base).collect()
@@ -360,40 +332,41 @@ fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessa
 
 fn targets(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
     let tools = case.targets.iter().zip(&fit.arm.tools);
-    (tools.enumerate())
-        .map(|(tool, (name, place))| {
-            let position = Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis });
-            let rotation = Axis::ALL.map(|axis| ParameterKind::ToolRotation { tool, axis });
-            let is_turned = fit.set.index_of(rotation[0]).is_some();
-            let carrier = place.joints.checked_sub(1);
-            let link = carrier.and_then(|joint| fit.arm.chain.joints.get(joint));
-            let own = MountedFrameMessage::new(fit, &place.link_from_tool, [position, rotation]);
-            MountedFrameMessage {
-                name: Some(name.clone()),
-                unknowns: numbered("tool", tool),
-                link: link.map(|joint| joint.name.clone()),
-                quaternion: own.quaternion.filter(|_| is_turned),
-                ..own
-            }
-        })
-        .collect()
+    let target = |(tool, (name, place)): (usize, (&String, &Tool))| {
+        let position = Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis });
+        let rotation = Axis::ALL.map(|axis| ParameterKind::ToolRotation { tool, axis });
+        let is_turned = fit.set.index_of(rotation[0]).is_some();
+        let carrier = place.joints.checked_sub(1);
+        let link = carrier.and_then(|joint| fit.arm.chain.joints.get(joint));
+        MountedFrameMessage {
+            name: Some(name.clone()),
+            unknowns: numbered("tool", tool),
+            link: link.map(|joint| joint.name.clone()),
+            ..MountedFrameMessage::new(fit, &place.link_from_tool, [position, rotation], is_turned)
+        }
+    };
+    tools.enumerate().map(target).collect()
 }
 
 impl MountedFrameMessage {
     /// A frame with the standard errors of its position and rotation, not yet named.
-    fn new(fit: &AbsoluteFit, frame: &Isometry3<f64>, unknowns: [[ParameterKind; 3]; 2]) -> Self {
+    fn new(
+        fit: &AbsoluteFit,
+        frame: &Isometry3<f64>,
+        unknowns: [[ParameterKind; 3]; 2],
+        is_turned: bool,
+    ) -> Self {
         let [x, y, z, w] = frame.rotation.coords.into();
-        let errors = unknowns.map(|kinds| fit.standard_errors(kinds));
-        let [position_std_mm, rotation_std_mrad] =
-            errors.map(|errors| errors.map(|errors| errors.map(|error| error * 1e3)));
+        let thousandfold = |errors: [f64; 3]| errors.map(|error| error * 1e3);
+        let errors = unknowns.map(|kinds| fit.standard_errors(kinds).map(thousandfold));
         Self {
             name: None,
             unknowns: String::new(),
             link: None,
             position_mm: (frame.translation.vector * 1e3).into(),
-            quaternion: Some([w, x, y, z]),
-            position_std_mm,
-            rotation_std_mrad,
+            quaternion: is_turned.then_some([w, x, y, z]),
+            position_std_mm: errors[0],
+            rotation_std_mrad: errors[1],
         }
     }
 

@@ -17,7 +17,7 @@ use crate::identification::{Identification, MeasurementResidual, UncertainEstima
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
-use crate::record::{platform::platform, residuals};
+use crate::record::platform::platform;
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Method};
@@ -465,7 +465,6 @@ pub struct CalibrationMessage {
     /// What was identified from the measurements.
     pub identification: IdentificationMessage,
     /// Each measurement's residual, standardised.
-    #[serde(serialize_with = "residuals::written")]
     pub residuals: Vec<MeasurementResidual>,
     /// What that achieves at each test pose.
     pub test_poses: Vec<TestPoseMessage>,

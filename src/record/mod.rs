@@ -3,9 +3,7 @@
 //! - [`messages`]: a calibration, the predicted accuracy of a plan, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
 //! - [`platform`]: what results may depend on beyond the program, the scenario and the seed.
-//! - [`inconsistencies`]: two series of readings that cannot both be right.
 //! - [`model_selection`]: models with more and more parameters, compared.
-//! - [`residuals`], [`patterns`]: what `identify` says of residuals and likely mistakes.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
@@ -18,13 +16,10 @@ pub mod absolute;
 pub mod absolute_plan;
 pub mod campaign;
 pub mod evidence;
-pub mod inconsistencies;
 pub mod json;
 pub mod messages;
 pub mod model_selection;
-pub mod patterns;
 pub mod platform;
-pub mod residuals;
 pub mod robot_trials;
 pub mod selection;
 pub mod study;

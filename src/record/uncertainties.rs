@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::identification::{EstimatedDeviation, RepeatComponents, VarianceComponents};
+use crate::identification::{RepeatComponents, VarianceComponents};
 use crate::robot::Joint;
 
 /// A deviation below this (mrad, mm) is none.
@@ -69,7 +69,8 @@ pub fn uncertainty_tables(
             ..ComponentMessage::default()
         });
     }
-    for each in repeats.iter().flat_map(|repeats| &repeats.visit) {
+    let components = repeats.iter().flat_map(|repeats| &repeats.components);
+    for each in components.filter(|each| each.level == "visit") {
         // A source is of joints that turn, or of joints that slide.
         for slides in [false, true] {
             let own = each
@@ -77,7 +78,7 @@ pub fn uncertainty_tables(
                 .iter()
                 .filter(|&&joint| joints[joint].drive.slides == slides);
             let own: Vec<String> = own.map(|&joint| name(joint)).collect();
-            let std = each.deviation.value * 1e3 * OF_A_DIFFERENCE;
+            let std = each.standard_uncertainty * OF_A_DIFFERENCE;
             let std = Some(rounded(std)).filter(|std| *std > LEAST);
             if !own.is_empty() && std.is_some() {
                 uncertainty.push(ComponentMessage {
@@ -95,94 +96,4 @@ pub fn uncertainty_tables(
         return Ok(None);
     }
     toml::to_string(&UncertaintiesMessage { uncertainty }).map(Some)
-}
-
-/// A variance component of repeats.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RepeatComponentMessage {
-    /// Where it is new: `reading` or `visit`.
-    pub level: &'static str,
-    /// The joints that return so; none of readings.
-    pub joints: Vec<String>,
-    /// The unit of the standard deviation: `mrad`, `mm`, or 1 of what is stated for readings.
-    pub unit: &'static str,
-    /// The standard deviation.
-    pub standard_uncertainty: f64,
-    /// Its interval of 95 %.
-    pub interval95: [f64; 2],
-    /// The effective degrees of freedom of its square.
-    pub degrees_of_freedom: f64,
-}
-
-/// The pose repeatability of a pose by variance components.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct PoseRepeatabilityMessage {
-    /// Its first row, from 1.
-    pub first: usize,
-    /// RP without the instrument's noise.
-    pub rp_mm: f64,
-}
-
-/// Variance components of repeats.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RepeatComponentsMessage {
-    /// Each of them.
-    pub components: Vec<RepeatComponentMessage>,
-    /// The poses.
-    pub poses: Vec<PoseRepeatabilityMessage>,
-    /// What is not told apart, and what would tell it.
-    pub not_separated: Vec<String>,
-}
-
-impl RepeatComponentsMessage {
-    /// The record; `rows` are the places of the readings that were fitted, from 0.
-    pub fn new(found: &RepeatComponents, joints: &[Joint], rows: &[usize]) -> Self {
-        let component =
-            |level, names: Vec<String>, unit, factor: f64, deviation: EstimatedDeviation| {
-                RepeatComponentMessage {
-                    level,
-                    joints: names,
-                    unit,
-                    standard_uncertainty: deviation.value * factor,
-                    interval95: deviation.interval95.map(|end| end * factor),
-                    degrees_of_freedom: deviation.degrees_of_freedom,
-                }
-            };
-        let mut not_separated = Vec::new();
-        let reading = found
-            .reading
-            .map(|reading| component("reading", Vec::new(), "1", 1.0, reading));
-        if reading.is_none() {
-            not_separated.push(
-                "reading from visit: standard deviations of readings are taken as exact; two readings of a target in one visit would tell"
-                    .to_owned(),
-            );
-        }
-        let visits = found.visit.iter().map(|each| {
-            let names: Vec<String> = each.joints.iter().map(|&joint| joints[joint].name.clone()).collect();
-            if names.len() > 1 {
-                not_separated.push(format!(
-                    "{} from each other: repeats at poses where they move the target otherwise, or more repeats, would tell",
-                    names.join(", ")
-                ));
-            }
-            let slides = each.joints.iter().all(|&joint| joints[joint].drive.slides);
-            component("visit", names, if slides { "mm" } else { "mrad" }, 1e3, each.deviation)
-        });
-        let components = reading.into_iter().chain(visits).collect();
-        not_separated.extend(found.hidden.iter().map(|&joint| {
-            let name = &joints[joint].name;
-            format!("{name} does not show: a target off its axis, or rotations, would tell")
-        }));
-        Self {
-            components,
-            poses: (found.poses.iter())
-                .map(|&(first, repeatability_m)| PoseRepeatabilityMessage {
-                    first: rows[first] + 1,
-                    rp_mm: repeatability_m * 1e3,
-                })
-                .collect(),
-            not_separated,
-        }
-    }
 }

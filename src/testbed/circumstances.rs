@@ -143,10 +143,9 @@ impl Circumstances {
         let law = |joint: usize| {
             let kind = ParameterKind::JointStiffening { joint };
             let share = self.set.index_of(kind).map(|_| self.difference(kind))?;
-            let at_nm = self.nominal.stiffening[joint].at_nm?;
             // What its spring would give there.
-            let at = compliance_rad_per_nm[joint] * at_nm;
-            Some((joint, TorqueLaw::of_share(share, at)))
+            let at = compliance_rad_per_nm[joint] * self.nominal.stiffening[joint].at;
+            Some((joint, TorqueLaw { share, at }))
         };
         (0..compliance_rad_per_nm.len()).filter_map(law).collect()
     }

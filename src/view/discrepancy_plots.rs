@@ -3,10 +3,9 @@
 use super::charts::{
     Area, COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, text,
 };
-use crate::identification::patterns::PatternPoint;
+use crate::identification::patterns::{Pattern, PatternPoint, Patterns};
 use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
 use crate::numeric::tolerance::ends;
-use crate::record::patterns::{PatternMessage, PatternsMessage};
 
 /// What each nested model of a model selection leaves of the readings that it was fitted to and of blocks that it was not; the recommended one
 /// is marked. Returns the SVG text.
@@ -77,8 +76,8 @@ const MOST_PANELS: usize = 6;
 
 /// The strongest patterns in residuals, a panel each: means over readings with their standard errors, and the pattern. Returns
 /// the SVG text.
-pub fn patterns_plot(title: &str, patterns: &PatternsMessage) -> Result<String, PlotError> {
-    let found: Vec<&PatternMessage> = patterns.found.iter().take(MOST_PANELS).collect();
+pub fn patterns_plot(title: &str, patterns: &Patterns) -> Result<String, PlotError> {
+    let found: Vec<&Pattern> = patterns.found.iter().take(MOST_PANELS).collect();
     let columns = if found.len() > 1 { 2 } else { 1 };
     let rows = found.len().div_ceil(columns).max(1);
     let [wide, high] = [columns, rows].map(|count| u32::try_from(count).unwrap_or(1));
@@ -94,7 +93,7 @@ pub fn patterns_plot(title: &str, patterns: &PatternsMessage) -> Result<String, 
     })
 }
 
-fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotError> {
+fn draw_pattern(pattern: &Pattern, panel: &Area<'_>) -> Result<(), PlotError> {
     let (factor, unit) = match pattern.unit {
         "rad" => (1e3, "mrad"),
         "m" => (1e3, "mm"),
@@ -121,7 +120,7 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
     let x = reach(&mut points.iter().map(|point| point.at));
     let y = reach(&mut ends.map(|value| value * factor));
     let panel = panel.titled(&panel_title(pattern), text(INK))?;
-    let at = pattern.joint.as_deref().unwrap_or(pattern.against);
+    let at = pattern.joint.as_deref().unwrap_or(pattern.kind);
     let names = [
         format!("{at} [{}]", pattern.at_unit),
         format!("residual [{unit}]"),
@@ -143,13 +142,13 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
     Series::new("", COLOURS[1], Mark::Line).draw(&mut chart, &line(|point| point.pattern))
 }
 
-fn panel_title(pattern: &PatternMessage) -> String {
+fn panel_title(pattern: &Pattern) -> String {
     let joint = pattern.joint.as_deref();
-    let share = 100.0 * pattern.pattern.share;
+    let share = 100.0 * pattern.share;
     let what = match (pattern.harmonic, joint) {
         (Some(waves), Some(joint)) => format!("{joint}, harmonic {waves}"),
-        (None, Some(joint)) => format!("{joint}, {}", pattern.against),
-        _ => pattern.against.to_owned(),
+        (None, Some(joint)) => format!("{joint}, {}", pattern.kind),
+        _ => pattern.kind.to_owned(),
     };
     format!("{what}: {share:.1} % of the residuals' variance")
 }

@@ -6,17 +6,14 @@ use crate::codes::Condition;
 use crate::identification::input_errors::{
     LikelyInputError, conditions_of_table, suspected_input_errors,
 };
-use crate::identification::patterns::{BLOCKS, looked_at};
+use crate::identification::patterns::{BLOCKS, Patterns, looked_at};
 use crate::identification::{
     Case, Identification, IdentificationError, MeasurementResidual, RejectedReading, Repeats,
     Robustness, Sigma, Told, joint_space_blocks, left_out, residuals, with_rejected,
 };
 use crate::measurement::Measurement;
-use crate::record::absolute::RejectedMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
-use crate::record::patterns::PatternsMessage;
-use crate::record::residuals::residuals_json;
 use crate::scenario::Scenario;
 use crate::task::{Belief, Method};
 
@@ -60,7 +57,7 @@ pub struct Identified {
     /// Likely input errors.
     pub input_errors: Vec<LikelyInputError>,
     /// What the residuals go with.
-    pub patterns: PatternsMessage,
+    pub patterns: Patterns,
     /// What repeated measurements show, where there are some.
     pub repeats: Option<Repeats>,
 }
@@ -117,14 +114,12 @@ pub fn identify_measurements(
     let configurations: Vec<_> = kept.iter().map(|each| &each.configuration_rad).collect();
     let blocks = joint_space_blocks(&configurations, BLOCKS.min(configurations.len() / 2));
     let left_m: Vec<[f64; 3]> = robust.of_kept(identification.residuals_m.as_chunks().0);
-    let patterns = looked_at(&case.with(&kept), identification, &left_m, &blocks).patterns();
-    let joints = belief.nominal.chain.joints.iter();
-    let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
+    let looked = looked_at(&case.with(&kept), identification, &left_m, &blocks);
     let all: Vec<usize> = (0..measurements.len()).collect();
     let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
     Ok(Identified {
         repeats,
-        patterns: PatternsMessage::new(&patterns, &joints, true).without(&robust.rejected),
+        patterns: looked.patterns(&robust.rejected),
         identification: robust.identification,
         rejected: robust.rejected,
         residuals,
@@ -142,7 +137,7 @@ impl Identified {
 
     /// Those besides the identification's own.
     fn further_doubts(&self) -> impl Iterator<Item = Condition> {
-        let left_out = self.left_out().and_then(Told::condition).into_iter();
+        let left_out = self.left_out().and_then(Result::ok).into_iter();
         let input_errors = self.input_errors.iter().map(LikelyInputError::condition);
         (left_out.chain(self.of_table.iter().cloned())).chain(input_errors)
     }
@@ -150,7 +145,7 @@ impl Identified {
     /// What holds since the fit counts it, and nobody need act on.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = self.identification.notes();
-        notes.extend(self.left_out().and_then(Told::note));
+        notes.extend(self.left_out().and_then(Result::err));
         notes
     }
 
@@ -172,7 +167,7 @@ impl Identified {
         message.conditions.extend(self.further_doubts());
         let discrepancy = self.identification.discrepancy;
         let has_rotations = (self.residuals.iter()).any(|each| each.standardised.len() > 3);
-        let rejected: Vec<RejectedMessage> = self.rejected.iter().map(Into::into).collect();
+        let rejected: Vec<Value> = self.rejected.iter().map(RejectedReading::json).collect();
         let keys = json!({
             "sigma_from_residuals": sigma_from_residuals,
             "identified_with": scenario.task.belief.fingerprint(),
@@ -181,11 +176,9 @@ impl Identified {
         });
         let mut json = results("identify", provenance, keys);
         merge(&mut json, serde_json::to_value(&message)?);
-        merge(
-            &mut json,
-            residuals_json(&self.residuals, &self.input_errors),
-        );
         let more = json!({
+            "residuals": self.residuals,
+            "diagnoses": self.input_errors,
             "discrepancy_mm": discrepancy.map(|discrepancy| discrepancy.position_m * 1e3),
             "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|discrepancy| discrepancy.rotation_rad * 1e3),
             "rejected": rejected,

@@ -4,18 +4,16 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use crate::codes::Condition;
+use crate::identification::patterns::Patterns;
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, ModelSelection, ParameterGroup,
-    ReadingWeights, RepeatComponents, Repeats,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, Inconsistencies, ModelSelection,
+    ParameterGroup, ReadingWeights, RepeatComponents, Repeats,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::tolerance::ends;
 use crate::record::absolute::AbsoluteMessage;
-use crate::record::inconsistencies::InconsistenciesMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::ProvenanceMessage;
-use crate::record::patterns::PatternsMessage;
-use crate::record::uncertainties::RepeatComponentsMessage;
 use crate::scenario::Scenario;
 use crate::task::Belief;
 
@@ -27,7 +25,7 @@ pub struct IdentifiedRobot<'a> {
     /// The fit.
     pub fit: AbsoluteFit,
     /// What its residuals go with.
-    pub patterns: PatternsMessage,
+    pub patterns: Patterns,
     /// What repeated visits show, where there are some.
     pub repeats: Option<Repeats>,
     /// Variance components of these.
@@ -35,7 +33,7 @@ pub struct IdentifiedRobot<'a> {
     /// The input error that explains what frames alone leave.
     pub likely: Option<Condition>,
     /// The halves of joint space beside each other, where each has enough readings; and other series.
-    pub inconsistencies: Vec<InconsistenciesMessage>,
+    pub inconsistencies: Vec<Inconsistencies>,
 }
 
 /// Fits what a belief leaves open, or groups of parameters, with all frames. Readings are weighed so; those that lie far out are
@@ -65,7 +63,7 @@ pub fn identify_absolute<'a>(
     let likely = likely.filter(|_| !fit.explains_all());
     // What lies far out is no pattern, and no inconsistency.
     let mut kept = case.kept(&fit);
-    let patterns = (kept.looked_at(&fit, &fit.of_kept(readings))?).patterns();
+    let looked = kept.looked_at(&fit, &fit.of_kept(readings))?;
     let joints = case.arm.chain.joints.iter();
     let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
     let halves = halves(&mut kept, &fit, &joints);
@@ -78,7 +76,7 @@ pub fn identify_absolute<'a>(
     Ok(IdentifiedRobot {
         repeat_components: case.repeat_components(&fit),
         repeats,
-        patterns: PatternsMessage::new(&patterns, &joints, false).without(&fit.rejected),
+        patterns: looked.patterns(&fit.rejected),
         inconsistencies: halves.into_iter().collect(),
         likely,
         case,
@@ -91,7 +89,7 @@ fn halves(
     case: &mut AbsoluteCase<'_>,
     fit: &AbsoluteFit,
     joints: &[String],
-) -> Option<InconsistenciesMessage> {
+) -> Option<Inconsistencies> {
     let (half_of, [one, other]) = case.halves(fit)?;
     let reach = |joint: usize, half: usize| {
         let all = case.observations.iter().zip(&half_of);
@@ -107,8 +105,10 @@ fn halves(
         let [low, high] = reach(joint, half).map(|angle| shown_angle(case, joint, angle));
         format!("where {} is {low} to {high}", joints[joint])
     };
-    let between = [of_half(0), of_half(1)];
-    Some(InconsistenciesMessage::new(&one.beside(&other), between))
+    Some(Inconsistencies {
+        between: [of_half(0), of_half(1)],
+        ..one.beside(&other)
+    })
 }
 
 /// An angle in degrees; of a joint that slides, a length.
@@ -165,18 +165,11 @@ impl<'a> IdentifiedRobot<'a> {
             let needed = 2 * FEWEST_BLOCKS;
             return Err(AbsoluteError::TooFewConfigurations { different, needed });
         };
-        let inconsistencies = own.beside(&second);
-        let message = InconsistenciesMessage::new(&inconsistencies, between);
-        self.inconsistencies.push(message);
+        self.inconsistencies.push(Inconsistencies {
+            between,
+            ..own.beside(&second)
+        });
         Ok(())
-    }
-
-    /// Variance components of repeats as a record.
-    pub fn repeat_components(&self) -> Option<RepeatComponentsMessage> {
-        let all: Vec<usize> = (0..self.fit.left.len()).collect();
-        let (joints, rows) = (&self.case.arm.chain.joints, self.fit.of_kept(&all));
-        let found = self.repeat_components.as_ref();
-        found.map(|found| RepeatComponentsMessage::new(found, joints, &rows))
     }
 
     /// What must be looked at.
@@ -184,7 +177,7 @@ impl<'a> IdentifiedRobot<'a> {
         let mut conditions: Vec<Condition> = self.likely.iter().cloned().collect();
         conditions.extend(self.fit.conditions());
         let inconsistencies = self.inconsistencies.iter();
-        conditions.extend(inconsistencies.flat_map(InconsistenciesMessage::conditions));
+        conditions.extend(inconsistencies.flat_map(Inconsistencies::conditions));
         conditions
     }
 
@@ -212,7 +205,7 @@ impl<'a> IdentifiedRobot<'a> {
         let more = json!({
             "patterns": self.patterns,
             "repeats": self.repeats,
-            "repeat_components": self.repeat_components(),
+            "repeat_components": self.repeat_components,
             "inconsistencies": self.inconsistencies,
             "not_counted": uncounted(&scenario.task.belief),
             "conditions": self.conditions(),

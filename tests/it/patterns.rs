@@ -17,7 +17,9 @@ const GROUPS: [ParameterGroup; 1] = [ParameterGroup::Geometry];
 fn patterns(belief: &Belief, readings: &[AbsoluteReading]) -> Patterns {
     let mut case = AbsoluteCase::new(belief, readings).expect("readings");
     let fit = case.fit(&GROUPS, ReadingWeights::AsNeeded).expect("a fit");
-    case.looked_at(&fit, readings).expect("stable").patterns()
+    case.looked_at(&fit, readings)
+        .expect("stable")
+        .patterns(&[])
 }
 
 /// Readings with order, time, temperature and approach that mean nothing, and what a change makes of them.

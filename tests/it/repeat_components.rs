@@ -58,11 +58,14 @@ fn joint_returns_lie_in_their_intervals() {
         .into_par_iter()
         .map(|seed| {
             let found = components(&scenario, &visits(seed, 8, 12, 1));
-            assert!(found.reading.is_none());
+            assert!(found.components.iter().all(|each| each.level == "visit"));
             assert_eq!(found.poses.len(), 8);
-            let joints = found.visit.iter().filter(|each| each.joints.len() == 1);
+            let joints = found
+                .components
+                .iter()
+                .filter(|each| each.joints.len() == 1);
             let is_held = joints.map(|each| {
-                let [low, high] = each.deviation.interval95;
+                let [low, high] = each.interval95.map(|end| end * 1e-3);
                 (low..=high).contains(&RETURNS[each.joints[0]])
             });
             let is_held: Vec<bool> = is_held.collect();
@@ -83,9 +86,13 @@ fn readings_of_one_visit_tell_their_noise() {
         reading.covariance = reading.covariance.map(|covariance| covariance * 0.25);
     }
     let found = components(&ur10(), &readings);
-    let reading = found.reading.expect("it is told");
+    let reading = &found.components[0];
+    assert_eq!(reading.level, "reading");
     // 576 numbers within visits alone: known to 3 %.
-    assert!((reading.value / 2.0 - 1.0).abs() < 0.12, "{reading:?}");
+    assert!(
+        (reading.standard_uncertainty / 2.0 - 1.0).abs() < 0.12,
+        "{reading:?}"
+    );
     assert!(reading.degrees_of_freedom > 500.0, "{reading:?}");
 }
 

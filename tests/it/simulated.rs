@@ -59,7 +59,10 @@ fn told(scenario: &Scenario, readings: &[AbsoluteReading]) -> (Patterns, bool) {
     let groups = &groups[..=usize::from(is_loaded)];
     let mut case = AbsoluteCase::new(&scenario.task.belief, readings).expect("readings");
     let fit = case.fit(groups, ReadingWeights::AsNeeded).expect("a fit");
-    let patterns = case.looked_at(&fit, readings).expect("stable").patterns();
+    let patterns = case
+        .looked_at(&fit, readings)
+        .expect("stable")
+        .patterns(&[]);
     let halves = case.kept(&fit).halves(&fit);
     let is_inconsistent =
         halves.is_some_and(|(_, [one, other])| !one.beside(&other).found.is_empty());

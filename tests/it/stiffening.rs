@@ -1,7 +1,6 @@
 //! Joints that stiffen or soften by a share that nobody knows: in truth by their law, in belief as a parameter.
 
 use elastocal::mujoco::TorqueLaw;
-use elastocal::parameter::Stiffening;
 use elastocal::robot::Load;
 use elastocal::testbed::VirtualRobot;
 use serde_json::Value;
@@ -69,8 +68,8 @@ fn one_law() {
     let (q, load) = (&experiment.configuration_rad, &experiment.load);
     let compliance = &plain.compliance_rad_per_nm;
     let law = |joint: usize, share: f64| {
-        let law = TorqueLaw::of_share(share, compliance[joint] * 8000.0);
-        (joint, law)
+        let at = compliance[joint] * 8000.0;
+        (joint, TorqueLaw { share, at })
     };
     let laws = [law(1, 0.06), law(2, -0.04), law(4, 0.02)];
     let mut chain = VirtualRobot::new(plain, tool).expect("the site exists");
@@ -93,7 +92,7 @@ fn one_law() {
         let believed = arm.stiffening[1].gives(compliance[1], torque) * share;
         assert!((given / believed - 1.0).abs() < 1e-3, "{given} {believed}");
     }
-    assert!(Stiffening::NONE.gives(1e-6, 1e4) == 0.0);
+    assert!(TorqueLaw::SPRING.gives(1e-6, 1e4) == 0.0);
     // A load that a softening joint cannot hold.
     chain.set_torque_laws(&[law(1, -0.9)]);
     assert!(chain.rest(q, &Load::force(0.0, 0.0, -9000.0)).is_err());

@@ -3,14 +3,12 @@
 use std::path::Path;
 
 use elastocal::files::{FileError, output::write_whole};
-use elastocal::identification::{
-    AbsoluteError, DistanceStatistics, ModelSelection, ReadingWeights,
-};
+use elastocal::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
 use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
 use elastocal::quantities::units::shown_unit;
 use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
+use elastocal::record::json::merge;
 use elastocal::record::uncertainties::uncertainty_tables;
-use elastocal::record::{inconsistencies::InconsistenciesMessage, json::merge};
 use elastocal::record::{messages::ProvenanceMessage, model_selection::model_selection_json};
 use elastocal::scenario::Scenario;
 use elastocal::task::{Belief, Method};
@@ -89,7 +87,7 @@ impl Identify {
         }
         text += &patterns::describe(&identified.patterns);
         text += &repeats::describe(identified.repeats.as_ref(), "positions");
-        text += &repeats::components(identified.repeat_components().as_ref());
+        text += &repeats::components(identified.repeat_components.as_ref());
         for each in &identified.inconsistencies {
             text += &compared(each);
         }
@@ -106,21 +104,15 @@ fn write_uncertainties(
     file: &Path,
     identified: &IdentifiedRobot<'_>,
 ) -> Result<(), FileError> {
-    let IdentifiedRobot {
-        case,
-        fit,
-        repeat_components,
-        ..
-    } = identified;
-    let components = case.variance_components(fit);
-    let joints = &case.arm.chain.joints;
-    let tables = uncertainty_tables(components.as_ref(), repeat_components.as_ref(), joints)
-        .map_err(|error| FileError::new(path, error.to_string()))?
-        .ok_or_else(|| {
-            let problem =
-                "shows no variance components beyond the readings' own standard deviations";
-            FileError::new(file, problem)
-        })?;
+    let components = identified.case.variance_components(&identified.fit);
+    let repeats = identified.repeat_components.as_ref();
+    let joints = &identified.case.arm.chain.joints;
+    let tables = uncertainty_tables(components.as_ref(), repeats, joints)
+        .map_err(|error| FileError::new(path, error.to_string()))?;
+    let Some(tables) = tables else {
+        let problem = "shows no variance components beyond the readings' own standard deviations";
+        return Err(FileError::new(file, problem));
+    };
     let text = format!("# Variance components of {}.\n\n{tables}", file.display());
     write_whole(path, text.as_bytes())
 }
@@ -137,46 +129,30 @@ fn other_readings(file: &Path, belief: &Belief) -> Result<Vec<AbsoluteReading>, 
 }
 
 /// How many parameters of two series agree; the others are conditions.
-fn compared(message: &InconsistenciesMessage) -> String {
-    let InconsistenciesMessage {
-        between: [one, other],
-        compared,
-        not_comparable,
-        found,
-    } = message;
-    let unresolved = match not_comparable.as_slice() {
-        [] => String::new(),
-        names => format!(
-            "    not comparable, from the same prior in both: {}\n",
-            names.join(", ")
-        ),
+fn compared(beside: &Inconsistencies) -> String {
+    let [one, other] = &beside.between;
+    let parameters = counted(beside.compared as u64, "parameter");
+    let found = match (beside.compared, beside.found.len()) {
+        (0, _) => "no parameter is determined by both".to_owned(),
+        (_, 0) => format!("of {parameters} none are inconsistent with each other"),
+        (_, 1) => format!("of {parameters} one is inconsistent with each other"),
+        (_, count) => format!("of {parameters} {count} are inconsistent with each other"),
     };
-    if *compared == 0 {
-        return format!(
-            "  Fitted apart {one} and {other}: no parameter is determined by both.\n{unresolved}"
-        );
+    let mut text = format!("  Fitted apart {one} and {other}: {found}.\n");
+    if !beside.not_comparable.is_empty() {
+        let names = beside.not_comparable.join(", ");
+        text += &format!("    not comparable, from the same prior in both: {names}\n");
     }
-    format!(
-        "  Fitted apart {one} and {other}: of {} {} with each other.\n{unresolved}",
-        counted(*compared as u64, "parameter"),
-        match found.len() {
-            0 => "none are inconsistent".to_owned(),
-            1 => "one is inconsistent".to_owned(),
-            count => format!("{count} are inconsistent"),
-        }
-    )
+    text
 }
 
 /// Why there is no fit, with what to do about it.
 pub fn explained(file: &Path, error: &AbsoluteError) -> FileError {
     let wrong = FileError::new(file, error.to_string()).code(error.code());
-    if let AbsoluteError::Mistaken { likely, .. } = error {
-        return wrong.hint(likely);
-    }
-    match error.hint() {
-        Some(hint) => wrong.hint(hint),
-        None => wrong,
-    }
+    wrong.hinted(match error {
+        AbsoluteError::Mistaken { likely, .. } => Some(likely.as_str()),
+        _ => error.hint(),
+    })
 }
 
 fn describe(message: &AbsoluteMessage) -> String {
@@ -197,22 +173,14 @@ fn describe(message: &AbsoluteMessage) -> String {
         .map(|each| {
             let (factor, unit) = shown_unit(&each.unit);
             let number = |value: f64| format!("{:.4}", value * factor);
-            let error = or_dash(each.standard_error, number);
-            let interval = or_dash(each.interval95, |[low, high]| {
-                format!("{} to {}", number(low), number(high))
-            });
             let value = match each.standard_error {
                 Some(_) => number(each.value),
                 None => "not determined".to_owned(),
             };
-            vec![
-                each.name.clone(),
-                number(each.nominal),
-                value,
-                error,
-                interval,
-                unit.to_owned(),
-            ]
+            let interval = or_dash(each.interval95, |ends| ends.map(number).join(" to "));
+            let error = or_dash(each.standard_error, number);
+            let (name, nominal) = (each.name.clone(), number(each.nominal));
+            vec![name, nominal, value, error, interval, unit.to_owned()]
         })
         .collect();
     if !rows.is_empty() {
@@ -220,15 +188,13 @@ fn describe(message: &AbsoluteMessage) -> String {
         text += &format!("\n{}", table(header, rows));
     }
     if !message.left_out.is_empty() {
-        let names: Vec<&str> = (message.left_out.iter())
-            .map(|each| each.name.as_str())
-            .collect();
-        text += &format!("\n  Redundant, not fitted: {}\n", names.join(", "));
+        let names = message.left_out.iter().map(|each| &*each.name);
+        let names = names.collect::<Vec<_>>().join(", ");
+        text += &format!("\n  Redundant, not fitted: {names}\n");
     }
-    text += &format!(
-        "\n{}",
-        distances_table(&message.distance_mm, message.angle_mrad.as_ref())
-    );
+    let mut rows = vec![distances("distance [mm]", &message.distance_mm)];
+    rows.extend((message.angle_mrad.as_ref()).map(|angles| distances("angle [mrad]", angles)));
+    text += &format!("\n{}", table(DISTANCES, rows));
     if message.consistency.is_none() && message.numbers <= message.unknowns.len() {
         text +=
             "  As many equations as unknowns: there are no residuals that could show an error.\n";
@@ -250,17 +216,14 @@ fn describe(message: &AbsoluteMessage) -> String {
 
 /// What the discrepancy consists of.
 fn discrepancy_model(found: &UnexplainedMessage) -> String {
-    let rows = (found.joints.iter()).map(|each| {
-        let largest = (each.values.iter())
-            .copied()
-            .map(f64::abs)
-            .fold(0.0, f64::max);
-        vec![
-            each.joint.clone(),
-            format!("{:.4}", each.deviation * 1e3),
-            format!("{:.1}", each.length.to_degrees()),
-            format!("{:.4}", largest * 1e3),
-        ]
+    let rows = found.joints.iter().map(|each| {
+        let largest = each
+            .values
+            .iter()
+            .fold(0.0, |most: f64, value| most.max(value.abs()));
+        let [deviation, largest] = [each.deviation, largest].map(|rad| format!("{:.4}", rad * 1e3));
+        let alike = format!("{:.1}", each.length.to_degrees());
+        vec![each.joint.clone(), deviation, alike, largest]
     });
     let header = "joint | off by [mrad] | alike within [deg] | largest [mrad]";
     let turned = found.angle_mrad.as_ref();
@@ -301,14 +264,4 @@ fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage
     let header =
         "frame | position [mm] | standard error | quaternion w x y z | standard error [mrad]";
     table(header, rows)
-}
-
-/// Distances, and angles where there are any.
-fn distances_table(
-    distance_mm: &DistanceStatistics,
-    angle_mrad: Option<&DistanceStatistics>,
-) -> String {
-    let mut rows = vec![distances("distance [mm]", distance_mm)];
-    rows.extend(angle_mrad.map(|angles| distances("angle [mrad]", angles)));
-    table(DISTANCES, rows)
 }

@@ -62,17 +62,11 @@ impl Identify {
         if self.sigma_from_residuals && scenario.task.belief.knows_before() {
             let problem = "with what is known before, sigma has to be known, too";
             let wrong = FileError::new(&scenario.path, problem).code(ErrorCode::Scenario);
-            let (key, hint) = if scenario.task.belief.uncertain.is_some() {
-                (
-                    "uncertainty",
-                    "leave out --sigma-from-residuals, or give --noise-only",
-                )
-            } else {
-                (
-                    "robot.prior",
-                    "leave out --sigma-from-residuals, or the key",
-                )
+            let (key, or) = match scenario.task.belief.uncertain {
+                Some(_) => ("uncertainty", "give --noise-only"),
+                None => ("robot.prior", "the key"),
             };
+            let hint = format!("leave out --sigma-from-residuals, or {or}");
             return Err(wrong.at(key).hint(hint).into());
         }
         let belief = &scenario.task.belief;
@@ -178,29 +172,25 @@ fn uncertain(identification: &Identification) -> String {
 pub fn describe(identification: &Identification) -> String {
     let micro = |value: f64| number(Some(value * 1e6), 4);
     let rows = identification.parameters.iter().map(|parameter| {
+        let mut row = vec![parameter.name.clone()];
         if let Some(estimate) = parameter.estimate {
-            vec![
-                parameter.name.clone(),
+            let interval = estimate.interval95.map(micro).join(" to ");
+            row.extend([
                 micro(estimate.value),
                 micro(estimate.standard_error),
-                format!(
-                    "{} to {}",
-                    micro(estimate.interval95[0]),
-                    micro(estimate.interval95[1])
-                ),
-            ]
+                interval,
+            ]);
         } else {
-            let mut row = vec![parameter.name.clone()];
-            let stays = &identification.stays_nominal;
-            let is_nominal = stays.iter().any(|each| each.name == parameter.name);
+            let mut stays = identification.stays_nominal.iter();
+            let is_nominal = stays.any(|each| each.name == parameter.name);
             let why = if is_nominal {
                 "nominal"
             } else {
                 "not determined"
             };
             row.extend([why, "-", "-"].map(str::to_owned));
-            row
         }
+        row
     });
     let mut text = table(
         "joint | compliance [1e-6 rad/(N m)] | standard error | 95 % interval",

@@ -8,9 +8,8 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::codes::{ConditionCode, ErrorCode};
 use elastocal::files::{FileError, output::write_whole};
-use elastocal::identification::ParameterGroup;
+use elastocal::identification::{ParameterGroup, patterns::Patterns};
 use elastocal::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
-use elastocal::record::patterns::PatternsMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use elastocal::view::discrepancy_plots::patterns_plot;
@@ -115,7 +114,7 @@ impl Identify {
     fn draw_patterns(
         &self,
         scenario: &Scenario,
-        patterns: &PatternsMessage,
+        patterns: &Patterns,
         written: &mut Written,
     ) -> anyhow::Result<String> {
         let Some(path) = &self.plot_out else {

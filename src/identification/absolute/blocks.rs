@@ -9,6 +9,7 @@ use super::super::outliers;
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, ReadingResidual, RejectedReading, joint_space_blocks,
 };
+use crate::experiment::together;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{
     Form, NormalEquations, ObservationModel, normal_equations, shared_equations,
@@ -99,14 +100,8 @@ impl AbsoluteCase<'_> {
 
     /// How many different configurations were read.
     pub fn different(&self) -> usize {
-        let bits = |each: &DVector<f64>| each.iter().map(|angle| angle.to_bits()).collect();
-        let configurations = self.observations.iter();
-        let mut all: Vec<Vec<u64>> = configurations
-            .map(|each| bits(&each.setup.commanded_rad))
-            .collect();
-        all.sort_unstable();
-        all.dedup();
-        all.len()
+        let q = |reading: usize| &self.observations[reading].setup.commanded_rad;
+        together(self.observations.len(), q, |one, other| q(one) == q(other)).len()
     }
 
     /// What the readings say at values of parameters, as they are weighed.

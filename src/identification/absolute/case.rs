@@ -282,17 +282,20 @@ impl<'a> AbsoluteCase<'a> {
 
     /// What was read, and where, to the bit.
     fn read_bits(&self) -> Vec<ReadBits> {
-        (self.observations.iter().zip(&self.covariances))
-            .map(|(each, covariance)| {
+        (self.observations.iter().zip(&self.covariances).enumerate())
+            .map(|(place, (each, covariance))| {
                 let setup = &each.setup;
                 let mut more = vec![setup.station as f64, setup.target as f64];
                 more.extend(rotation_of(&each.reading).iter().flatten());
-                let of_setup = (setup.commanded_rad.iter())
-                    .chain(setup.load.wrench().iter())
-                    .map(|value| value.to_bits())
-                    .collect();
-                let sigma_m = Vector3::from_fn(|axis, _| covariance[(axis, axis)].sqrt());
-                ReadBits::new(of_setup, &more, each.position_m(), sigma_m)
+                let wrench = setup.load.wrench();
+                let of_setup = setup.commanded_rad.iter().chain(wrench.iter());
+                ReadBits {
+                    place,
+                    setup: of_setup.map(|value| value.to_bits()).collect(),
+                    more,
+                    position_m: each.position_m(),
+                    sigma_m: Vector3::from_fn(|axis, _| covariance[(axis, axis)].sqrt()),
+                }
             })
             .collect()
     }

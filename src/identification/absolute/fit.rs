@@ -395,7 +395,7 @@ impl AbsoluteFit {
         }
         conditions.extend(self.beyond_belief());
         conditions.extend(self.copies.conditions("reading"));
-        conditions.extend(self.handled().filter_map(Told::condition));
+        conditions.extend(self.handled().filter_map(Result::ok));
         conditions
     }
 
@@ -403,7 +403,7 @@ impl AbsoluteFit {
     pub fn notes(&self) -> Vec<String> {
         let nominal = self.stays_nominal.iter().cloned();
         nominal
-            .chain(self.handled().filter_map(Told::note))
+            .chain(self.handled().filter_map(Result::err))
             .collect()
     }
 

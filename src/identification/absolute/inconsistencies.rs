@@ -14,6 +14,7 @@
 //! which makes it more probable.
 
 use nalgebra::DMatrix;
+use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::super::estimate::two_sided_student;
@@ -21,7 +22,9 @@ use super::blocks::{Blocks, FEWEST_BLOCKS};
 use super::mixed::{MixedModel, SumVariances, known_alone};
 use super::unknowns::is_geometry;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
+use crate::codes::{Condition, ConditionCode};
 use crate::parameter::{ElasticArm, Parameter, ParameterKind};
+use crate::quantities::units::shown_unit;
 
 /// Series of one robot are said to contradict each other in one of a hundred comparisons.
 pub const CONTRADICTION: f64 = 0.01;
@@ -61,13 +64,16 @@ pub struct SeriesEstimates {
 }
 
 /// A parameter of which two series say different things.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Inconsistency {
     /// Its name.
     pub name: String,
     /// What it is.
+    #[serde(skip)]
     pub kind: ParameterKind,
-    /// What each says, in its own unit.
+    /// The unit of its values.
+    pub unit: &'static str,
+    /// What each says.
     pub values: [f64; 2],
     /// Their intervals of 95 %.
     pub intervals95: [[f64; 2]; 2],
@@ -76,16 +82,38 @@ pub struct Inconsistency {
 }
 
 /// Two series beside each other.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Inconsistencies {
-    /// How many parameters both determine whose difference is resolved.
+    /// Which series, in words.
+    pub between: [String; 2],
+    /// How many parameters of the robot both determine whose difference is resolved.
     pub compared: usize,
     /// How far each of these lies apart, in standard errors of the difference.
+    #[serde(skip)]
     pub deviations: Vec<f64>,
     /// The names of those whose difference is all rounding: both series have them from the same prior.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub not_comparable: Vec<String>,
     /// Those that contradict each other, the surest first.
     pub found: Vec<Inconsistency>,
+}
+
+impl Inconsistencies {
+    /// What must be looked at: each inconsistency.
+    pub fn conditions(&self) -> impl Iterator<Item = Condition> {
+        self.found.iter().map(|each| {
+            let (factor, unit) = shown_unit(each.unit);
+            let [one, other] = [0, 1].map(|side| {
+                let [low, high] = each.intervals95[side].map(|end| end * factor);
+                let (value, series) = (each.values[side] * factor, &self.between[side]);
+                format!("{value:.4} ({low:.4} to {high:.4}) {unit} {series}")
+            });
+            ConditionCode::Inconsistency.with(format!(
+                "inconsistency between series: {} is {one} and {other}, p = {:.1e}",
+                each.name, each.probability
+            ))
+        })
+    }
 }
 
 impl AbsoluteCase<'_> {
@@ -104,19 +132,14 @@ impl AbsoluteCase<'_> {
             return Ok(None);
         }
         let [own, others] = self.common_blocks(other, count);
-        let of_series = |case: &mut Self, fit: &AbsoluteFit, of_readings| {
+        let series = [(self, fit, own), (other, other_fit, others)];
+        let [own, others] = series.map(|(case, fit, of_readings)| {
             if let Some(discrepancy) = fit.discrepancy {
                 case.weigh(discrepancy);
             }
-            let blocks = Blocks::of_readings(case, of_readings, count);
-            let found = case.by_blocks(fit, &blocks)?;
-            Ok::<_, AbsoluteError>(SeriesEstimates {
-                has_common_blocks: true,
-                ..found
-            })
-        };
-        let own = of_series(self, fit, own)?;
-        Ok(Some([own, of_series(other, other_fit, others)?]))
+            case.by_blocks(fit, &Blocks::of_readings(case, of_readings, count), true)
+        });
+        Ok(Some([own?, others?]))
     }
 
     /// The halves of joint space, across the joint that moves furthest: which half each reading is in, and what each half says.
@@ -132,17 +155,17 @@ impl AbsoluteCase<'_> {
         let half = |number: usize| {
             let case = self.part_of(|index| halves[index] == number);
             let count = BLOCKS.min(case.different() / 2);
-            let is_enough = count >= FEWEST_BLOCKS;
-            is_enough.then(|| case.by_blocks(fit, &Blocks::new(&case, count)).ok())?
+            let blocks = (count >= FEWEST_BLOCKS).then(|| Blocks::new(&case, count))?;
+            case.by_blocks(fit, &blocks, false).ok()
         };
-        let both = [half(0)?, half(1)?];
-        Some((halves, both))
+        Some((halves.clone(), [half(0)?, half(1)?]))
     }
 
     fn by_blocks(
         &self,
         of_all: &AbsoluteFit,
         blocks: &Blocks<'_>,
+        has_common_blocks: bool,
     ) -> Result<SeriesEstimates, AbsoluteError> {
         let set = &of_all.set;
         let fit = self.fit_near(set, &of_all.posterior.mean)?;
@@ -167,7 +190,7 @@ impl AbsoluteCase<'_> {
             known_before: known_alone(set).collect(),
             covariance: fit.posterior.covariance,
             blocks: blocks.len(),
-            has_common_blocks: false,
+            has_common_blocks,
             mixed,
             reference: self.arm.clone(),
         })
@@ -194,75 +217,61 @@ impl SeriesEstimates {
         let twins: Vec<[&SeriesEstimate; 2]> = twins.collect();
         let together = self.together(other, &twins);
         let degrees = self.blocks.min(other.blocks) as f64 - 1.0;
-        // Standard errors with their degrees of freedom: by blocks, and by the model of both together; of differences, then of the one
-        // and of the other.
-        let yardsticks = |error: f64, at: usize, which: usize| {
-            let together = together.as_ref().map(|found| {
-                let place = which * twins.len() + at;
-                [found.variances[place].sqrt(), found.degrees[place]]
-            });
-            [Some([error, degrees]), together].into_iter().flatten()
-        };
-        let mut not_comparable = Vec::new();
-        let mut compared = Vec::new();
+        let mut beside = Inconsistencies::default();
         for (at, both) in twins.iter().enumerate() {
-            // By leaving out blocks, and no less than what the weights say; where what both share is counted, that is not needed.
-            let apart = self.apart(other, *both);
-            let error = if self.has_common_blocks && together.is_some() {
-                apart
-            } else {
-                apart.max(self.weighed(other, *both))
-            };
-            let least = RESOLVED * self.error(both[0]).hypot(other.error(both[1]));
-            let resolved = yardsticks(error, at, 0).filter(|[error, _]| *error > least);
-            let resolved: Vec<[f64; 2]> = resolved.collect();
-            if resolved.is_empty() {
-                not_comparable.push(both[0].parameter.name.clone());
-            } else {
-                compared.push((at, *both, resolved));
-            }
-        }
-        let (mut found, mut deviations) = (Vec::new(), Vec::new());
-        for (at, both, errors) in &compared {
-            let [one, second] = both.map(|each| each.value);
-            let largest = errors.iter().map(|[error, _]| *error).fold(0.0, f64::max);
-            deviations.push((one - second) / largest);
-            let alone = errors
-                .iter()
-                .map(|&[error, degrees]| {
-                    let distance = (one - second).abs() / error;
-                    let student = StudentsT::new(0.0, 1.0, degrees);
-                    student.map_or(1.0, |student| 2.0 * student.sf(distance))
-                })
-                .fold(0.0, f64::max);
-            let probability = (alone * compared.len() as f64).min(1.0);
-            if probability < CONTRADICTION {
-                let parameter = &both[0].parameter;
-                let quantity = |value: f64| parameter.quantity(&self.reference, value);
-                let interval = |side: usize| {
-                    let (series, each) = ([self, other][side], both[side]);
-                    let value = each.value;
-                    let half = yardsticks(series.error(each), *at, 1 + side)
-                        .map(|[error, degrees]| error * two_sided_student(degrees))
-                        .fold(0.0, f64::max);
-                    [value - half, value + half].map(quantity)
-                };
-                found.push(Inconsistency {
-                    name: parameter.name.clone(),
-                    kind: parameter.kind,
-                    values: [one, second].map(quantity),
-                    intervals95: [interval(0), interval(1)],
-                    probability,
+            let ([one, second], parameter) = (*both, &both[0].parameter);
+            // Standard errors with their degrees of freedom, by blocks and by the model of both together: of the difference, the one and
+            // the other.
+            let yardsticks = |error: f64, which: usize| {
+                let together = together.as_ref().map(|found| {
+                    let place = which * twins.len() + at;
+                    [found.variances[place].sqrt(), found.degrees[place]]
                 });
+                [Some([error, degrees]), together].into_iter().flatten()
+            };
+            // By leaving out blocks, and no less than what the weights say; where what both share is counted, that is not needed.
+            let mut apart = self.apart(other, *both);
+            if !(self.has_common_blocks && together.is_some()) {
+                apart = apart.max(self.weighed(other, *both));
             }
+            let own = [self.error(one), other.error(second)];
+            let least = RESOLVED * own[0].hypot(own[1]);
+            let difference = one.value - second.value;
+            let (mut largest, mut probability) = (0.0_f64, 0.0_f64);
+            for [error, degrees] in yardsticks(apart, 0).filter(|[error, _]| *error > least) {
+                largest = largest.max(error);
+                let student = StudentsT::new(0.0, 1.0, degrees);
+                let as_large = |law: StudentsT| 2.0 * law.sf(difference.abs() / error);
+                probability = probability.max(student.map_or(1.0, as_large));
+            }
+            if largest <= 0.0 {
+                beside.not_comparable.push(parameter.name.clone());
+                continue;
+            }
+            beside.deviations.push(difference / largest);
+            let quantity = |value: f64| parameter.quantity(&self.reference, value);
+            let interval = |side: usize| {
+                let halves = yardsticks(own[side], 1 + side);
+                let halves = halves.map(|[error, degrees]| error * two_sided_student(degrees));
+                let (value, half) = (both[side].value, halves.fold(0.0, f64::max));
+                [value - half, value + half].map(quantity)
+            };
+            beside.found.push(Inconsistency {
+                name: parameter.name.clone(),
+                kind: parameter.kind,
+                unit: parameter.kind.quantity_unit(),
+                values: both.map(|each| quantity(each.value)),
+                intervals95: [interval(0), interval(1)],
+                probability,
+            });
         }
-        found.sort_by(|one, other| one.probability.total_cmp(&other.probability));
-        Inconsistencies {
-            compared: compared.len(),
-            deviations,
-            not_comparable,
-            found,
+        beside.compared = beside.deviations.len();
+        for each in &mut beside.found {
+            each.probability = (each.probability * beside.compared as f64).min(1.0);
         }
+        (beside.found).retain(|each| each.probability < CONTRADICTION);
+        (beside.found).sort_by(|one, other| one.probability.total_cmp(&other.probability));
+        beside
     }
 
     /// The standard error of an estimate by leaving out blocks, and no less than what the weights say.

@@ -38,6 +38,6 @@ pub use mixed::VarianceComponents;
 pub use model_selection::{CrossValidation, ModelSelection, NestedModel, Recommendation};
 pub use parts::{PartsOfReadings, PredictedPositions, SimulatedReadings};
 pub use prognoses::MovedStation;
-pub use repeat_components::{EstimatedDeviation, JointReturn, RepeatComponents};
+pub use repeat_components::{PoseReturn, RepeatComponent, RepeatComponents};
 pub use residuals::DistanceStatistics;
 pub use unknowns::{LeftOut, ParameterGroup};

@@ -66,13 +66,9 @@ impl AbsoluteCase<'_> {
         &'a self,
         set: &ParameterSet,
         (fit, discrepancy): (&ParameterFit, Option<[f64; 2]>),
-        rejected: &'a [RejectedReading],
+        rejected: &[RejectedReading],
     ) -> Option<LookedOver<'a>> {
-        let [position_m, rotation_rad] = discrepancy.unwrap_or_default();
-        let discrepancy = Discrepancy {
-            position_m,
-            rotation_rad,
-        };
+        let discrepancy = Discrepancy::from(discrepancy.unwrap_or_default());
         let own = &self.covariances;
         let mut known = vec![Matrix6::zeros(); own.len()];
         let is_pulled = is_pulled(fit);
@@ -97,7 +93,7 @@ impl AbsoluteCase<'_> {
                 .collect(),
             own,
             known,
-            rejected,
+            rejected: rejected.to_vec(),
             angles: angles.collect(),
             spare: fit.spare(),
             // Of readings enough for a fit with frames their number makes next to no difference.

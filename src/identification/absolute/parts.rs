@@ -115,9 +115,8 @@ impl PartsOfReadings<'_> {
 
     /// How far readings are from where all together say (m).
     pub fn distances_m(&self) -> Vec<f64> {
-        let read = self.case.observations.iter().map(Observation::position_m);
-        let both = read.zip(&self.expected_m);
-        both.map(|(read, expected)| (read - expected).norm())
+        let both = self.case.observations.iter().zip(&self.expected_m);
+        both.map(|(read, expected)| (read.position_m() - expected).norm())
             .collect()
     }
 
@@ -125,9 +124,8 @@ impl PartsOfReadings<'_> {
     /// say.
     pub fn told(&self) -> Vec<DMatrix<f64>> {
         let set = self.set();
-        let planned: Vec<_> = (self.case.observations.iter())
-            .map(Observation::planned)
-            .collect();
+        let planned = self.case.observations.iter().map(Observation::planned);
+        let planned: Vec<_> = planned.collect();
         planned_information_of_each(set, &self.case.arm, &set.prior().mean, &planned)
     }
 
@@ -140,9 +138,8 @@ impl PartsOfReadings<'_> {
     /// `rho_0`^2 is the mean square distance over them.
     pub fn positions(&self) -> DMatrix<f64> {
         let set = self.set();
-        let setups: Vec<_> = (self.case.observations.iter())
-            .map(|each| &each.setup)
-            .collect();
+        let setups = self.case.observations.iter().map(|each| &each.setup);
+        let setups: Vec<_> = setups.collect();
         let rows = planned_positions(set, &self.case.arm, &set.prior().mean, &setups);
         rows.transpose() / (setups.len().max(1) as f64).sqrt()
     }
@@ -212,7 +209,7 @@ impl PartsOfReadings<'_> {
         let fit = part.fit_near(set, set.prior().mean.as_slice()).ok()?;
         let joints = self.known.joints();
         let model = if joints.is_empty() {
-            DiscrepancyModel::plain(fit.posterior.covariance.clone(), self.known.discrepancy())
+            DiscrepancyModel::plain(fit.posterior.covariance.clone(), self.known.rest.into())
         } else {
             let (_, mixed) = part.mixed_of(set, &fit.posterior, joints.clone(), self.known.rest)?;
             mixed.with_known(&self.known)?
@@ -261,11 +258,8 @@ impl PartsOfReadings<'_> {
             .collect();
         for function in &self.known.functions {
             let angles = setups.iter().map(|each| each.commanded_rad[function.joint]);
-            let error = sampled(
-                &angles.collect::<Vec<_>>(),
-                function.correlation_rad,
-                random,
-            );
+            let angles: Vec<f64> = angles.collect();
+            let error = sampled(&angles, function.correlation_rad, random);
             for (setup, error) in setups.iter_mut().zip(error) {
                 setup.commanded_rad[function.joint] += function.deviation_rad * error;
             }

@@ -5,7 +5,7 @@ use nalgebra::{Matrix6xX, Vector3, Vector6};
 use super::super::error::IdentificationError;
 use super::super::patterns::{BLOCKS, LookedAt, ReadingRows, unit};
 use super::case::whitener;
-use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
+use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{Form, Observation, ObservationModel};
 use crate::parameter::ParameterKind;
@@ -34,6 +34,7 @@ impl AbsoluteCase<'_> {
         let scales = set.scales();
         let mut model = ObservationModel::new(&set, &fit.reference, values.as_slice());
         let mut rows = Matrix6xX::zeros(set.len());
+        let discrepancy = Discrepancy::from(fit.discrepancy.unwrap_or_default());
         let blocks = self.blocks(BLOCKS.min(self.different() / 2).max(1));
         let mut all = Vec::new();
         // Patterns are of three coordinates.
@@ -43,7 +44,12 @@ impl AbsoluteCase<'_> {
             readings
         };
         for (index, reading) in readings.iter().enumerate() {
-            let each = self.alone(index, fit.discrepancy.unwrap_or_default());
+            // As if it shared no discrepancy with others.
+            let covariance = self.covariances[index] + discrepancy.covariance();
+            let each = Observation {
+                whitener: whitener(&covariance),
+                ..self.observations[index].clone()
+            };
             let kind = each.reading.kind();
             let predicted = model
                 .predict(Form::AtRest, &each.setup, kind, &mut rows)
@@ -67,9 +73,9 @@ impl AbsoluteCase<'_> {
                     if square > 0.0 { shared / square } else { 0.0 }
                 })
                 .collect();
-            let mut fitted = Matrix6xX::zeros(fit.set.len());
-            for place in 0..fit.set.len() {
-                fitted.set_column(place, &(rows.column(place) * scales[place]));
+            let mut fitted = rows.columns(0, fit.set.len()).into_owned();
+            for (mut column, scale) in fitted.column_iter_mut().zip(&scales) {
+                column *= *scale;
             }
             all.push(ReadingRows {
                 residual,
@@ -79,7 +85,9 @@ impl AbsoluteCase<'_> {
                 placed: placed_columns(&each, fit),
                 angles: each.setup.commanded_rad.clone(),
                 torques,
-                approach: self.approach(reading),
+                // Joints that are not commanded have no side, and count as positive.
+                approach: (reading.approach.as_ref())
+                    .map(|approach| Approach::of_all(Some(approach), &self.arm.chain)),
                 range_m: Some(reading.position_m.norm()),
                 time_s: reading.time_s,
                 temperature_c: reading.temperature_c,
@@ -88,25 +96,6 @@ impl AbsoluteCase<'_> {
             });
         }
         Ok(LookedAt::new(&self.arm.chain, all, false))
-    }
-
-    /// A reading as if it shared no discrepancy with others.
-    fn alone(&self, index: usize, [position_m, rotation_rad]: [f64; 2]) -> Observation {
-        let mut covariance = self.covariances[index];
-        for row in 0..6 {
-            let more = if row < 3 { position_m } else { rotation_rad };
-            covariance[(row, row)] += more * more;
-        }
-        Observation {
-            whitener: whitener(&covariance),
-            ..self.observations[index].clone()
-        }
-    }
-
-    /// The sign of approach of every joint; those that are not commanded have none, and count as positive.
-    fn approach(&self, reading: &AbsoluteReading) -> Option<Vec<bool>> {
-        let approach = Some(reading.approach.as_ref()?);
-        Some(Approach::of_all(approach, &self.arm.chain))
     }
 }
 

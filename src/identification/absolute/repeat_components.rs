@@ -14,12 +14,14 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::residuals::LinearReading;
 use super::{AbsoluteCase, AbsoluteFit};
 use crate::experiment::{is_one_configuration, together};
 use crate::numeric::tolerance::pose_repeatability;
+use crate::quantities::written::from_one;
 
 /// Improvements of the variances, and the change of a deviation that ends them.
 const ROUNDS: usize = 500;
@@ -33,37 +35,46 @@ const INFLATED: f64 = 100.0;
 /// With fewer effective degrees of freedom no variance is known to be above zero.
 const FEWEST_DEGREES: f64 = 1.0;
 
-/// A standard deviation that was estimated.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EstimatedDeviation {
-    /// Its value.
-    pub value: f64,
-    /// The interval of 95 %.
+/// A variance component of repeats: how joints return whose variances cannot be told apart, one alone where they can, or readings.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RepeatComponent {
+    /// Where it is new: `reading` or `visit`.
+    pub level: &'static str,
+    /// The joints; none of readings.
+    #[serde(skip)]
+    pub joints: Vec<usize>,
+    /// Their names.
+    #[serde(rename = "joints")]
+    pub names: Vec<String>,
+    /// The unit of the standard deviation: `mrad`, `mm`, or 1 of what is stated for readings.
+    pub unit: &'static str,
+    /// The standard deviation.
+    pub standard_uncertainty: f64,
+    /// Its interval of 95 %.
     pub interval95: [f64; 2],
-    /// The effective degrees of freedom of the variance.
+    /// The effective degrees of freedom of its square.
     pub degrees_of_freedom: f64,
 }
 
-/// How joints return whose variances cannot be told apart: one alone where they can.
-#[derive(Debug, Clone, PartialEq)]
-pub struct JointReturn {
-    /// The joints.
-    pub joints: Vec<usize>,
-    /// The standard deviation of each (rad; m where they slide).
-    pub deviation: EstimatedDeviation,
+/// The pose repeatability of a pose that was visited again.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PoseReturn {
+    /// Its first row, from 0; from 1 in records.
+    #[serde(serialize_with = "from_one")]
+    pub first: usize,
+    /// RP (mm) without the instrument's noise.
+    pub rp_mm: f64,
 }
 
 /// What repeated visits say.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RepeatComponents {
-    /// By how much larger than stated standard deviations of readings are; none where no visit reads a target more than once.
-    pub reading: Option<EstimatedDeviation>,
-    /// What is new at each visit.
-    pub visit: Vec<JointReturn>,
-    /// The joints whose returns do not show.
-    pub hidden: Vec<usize>,
-    /// The pose repeatability RP (m) of each pose that was visited again, without the instrument's noise, and its first reading from 0.
-    pub poses: Vec<(usize, f64)>,
+    /// That of readings, where a visit reads a target more than once, then those of visits.
+    pub components: Vec<RepeatComponent>,
+    /// The poses that were visited again.
+    pub poses: Vec<PoseReturn>,
+    /// What is not told apart, and what would tell it.
+    pub not_separated: Vec<String>,
 }
 
 /// The likeliest variances.
@@ -119,7 +130,8 @@ impl AbsoluteCase<'_> {
         for group in groups.iter().filter(|group| group.len() > 1) {
             let all: Vec<&AveragedVisit> = group.iter().map(|&visit| &visits[visit]).collect();
             poses.push((all[0].first, contrasts.len()));
-            contrasts.push(between(&all));
+            let parts: Vec<_> = all.iter().map(|each| (&each.residual, &each.own)).collect();
+            contrasts.push(about_mean(&parts, all[0].joints.clone()).1);
         }
         if poses.is_empty() {
             return None;
@@ -131,32 +143,71 @@ impl AbsoluteCase<'_> {
         } = components(&contrasts, joints.len(), within > 0)?;
         let first = usize::from(within > 0);
         let errors = Cholesky::new(information)?.inverse();
-        let of = |place: usize| estimated(variances[place], errors[(place, place)]);
-        let repeatability = |&(row, place): &(usize, usize)| {
+        let chain = &self.arm.chain.joints;
+        let component = |level, joints: Vec<usize>, place: usize| {
+            let (unit, factor) = match level {
+                "reading" => ("1", 1.0),
+                _ if joints.iter().all(|&joint| chain[joint].drive.slides) => ("mm", 1e3),
+                _ => ("mrad", 1e3),
+            };
+            let own = joints.iter().map(|&joint| chain[joint].name.clone());
+            let variance = variances[place];
+            let degrees_of_freedom = 2.0 * variance * variance / errors[(place, place)];
+            let interval95 = interval95(variance, errors[(place, place)], degrees_of_freedom);
+            RepeatComponent {
+                level,
+                names: own.collect(),
+                joints,
+                unit,
+                standard_uncertainty: variance.sqrt() * factor,
+                interval95: interval95.map(|end| end * factor),
+                degrees_of_freedom,
+            }
+        };
+        let (mut components, mut not_separated) = (Vec::new(), Vec::new());
+        if within > 0 {
+            components.push(component("reading", Vec::new(), 0));
+        } else {
+            let words = "reading from visit: standard deviations of readings are taken as exact; two readings of a target in one visit \
+                         would tell";
+            not_separated.push(words.to_owned());
+        }
+        for (class, own) in classes.iter().enumerate() {
+            let own = own.iter().map(|&joint| joints[joint]).collect();
+            let found = component("visit", own, first + class);
+            if found.names.len() > 1 {
+                let names = found.names.join(", ");
+                let told = "repeats at poses where they move the target otherwise, or more repeats, would tell";
+                not_separated.push(format!("{names} from each other: {told}"));
+            }
+            components.push(found);
+        }
+        for (place, &joint) in joints.iter().enumerate() {
+            if !classes.iter().any(|class| class.contains(&place)) {
+                let told = "does not show: a target off its axis, or rotations, would tell";
+                not_separated.push(format!("{} {told}", chain[joint].name));
+            }
+        }
+        let all: Vec<usize> = (0..fit.left.len()).collect();
+        let rows = fit.of_kept(&all);
+        let pose = |(reading, place): (usize, usize)| {
             let moved = contrasts[place].joints.rows(0, 3);
-            let covariance = classes
-                .iter()
-                .enumerate()
-                .flat_map(|(class, own)| own.iter().map(move |&joint| (class, joint)));
-            let covariance = covariance.fold(DMatrix::zeros(3, 3), |sum, (class, joint)| {
-                let column = moved.column(joint);
-                sum + column * column.transpose() * variances[first + class]
-            });
-            Some((row, pose_repeatability(&covariance)?))
+            let mut covariance = DMatrix::zeros(3, 3);
+            for (class, own) in classes.iter().enumerate() {
+                for &joint in own {
+                    let column = moved.column(joint);
+                    covariance += column * column.transpose() * variances[first + class];
+                }
+            }
+            Some(PoseReturn {
+                first: rows[reading],
+                rp_mm: pose_repeatability(&covariance)? * 1e3,
+            })
         };
         Some(RepeatComponents {
-            reading: (within > 0).then(|| of(0)),
-            poses: poses.iter().filter_map(repeatability).collect(),
-            hidden: (joints.iter().enumerate())
-                .filter(|(place, _)| !classes.iter().any(|class| class.contains(place)))
-                .map(|(_, &joint)| joint)
-                .collect(),
-            visit: (classes.iter().enumerate())
-                .map(|(class, own)| JointReturn {
-                    joints: own.iter().map(|&joint| joints[joint]).collect(),
-                    deviation: of(first + class),
-                })
-                .collect(),
+            components,
+            poses: poses.into_iter().filter_map(pose).collect(),
+            not_separated,
         })
     }
 }
@@ -204,12 +255,6 @@ fn averaged(
         contrasts.extend((own.len() > 1).then_some(of_target));
     }
     all
-}
-
-/// The contrasts of visits of one pose.
-fn between(visits: &[&AveragedVisit]) -> Contrasts {
-    let parts = visits.iter().map(|each| (&each.residual, &each.own));
-    about_mean(&parts.collect::<Vec<_>>(), visits[0].joints.clone()).1
 }
 
 /// The mean of residuals of one size, each with its own covariance, and what they are about it, which joints move like this.
@@ -382,21 +427,14 @@ impl ReturnModel<'_> {
     }
 }
 
-/// A deviation by its variance and the variance of that.
-fn estimated(variance: f64, spread: f64) -> EstimatedDeviation {
-    let degrees_of_freedom = 2.0 * variance * variance / spread;
-    let quantile = |share: f64| {
-        let distribution = ChiSquared::new(degrees_of_freedom).ok();
-        distribution.map(|each| (variance * degrees_of_freedom / each.inverse_cdf(share)).sqrt())
-    };
-    let interval95 = if degrees_of_freedom >= FEWEST_DEGREES {
-        [quantile(0.975), quantile(0.025)].map(|end| end.unwrap_or(f64::INFINITY))
-    } else {
-        [0.0, (variance + 1.96 * spread.sqrt()).sqrt()]
-    };
-    EstimatedDeviation {
-        value: variance.sqrt(),
-        interval95,
-        degrees_of_freedom,
+/// The interval of 95 % of a standard deviation, by its square, the variance of that, and its degrees of freedom.
+fn interval95(variance: f64, spread: f64, degrees: f64) -> [f64; 2] {
+    if degrees < FEWEST_DEGREES {
+        return [0.0, (variance + 1.96 * spread.sqrt()).sqrt()];
     }
+    let end = |share: f64| {
+        let law = ChiSquared::new(degrees).map(|law| variance * degrees / law.inverse_cdf(share));
+        law.map_or(f64::INFINITY, f64::sqrt)
+    };
+    [0.975, 0.025].map(end)
 }

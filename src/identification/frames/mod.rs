@@ -99,7 +99,7 @@ impl MountedFrames {
 }
 
 /// The rotation that is nearest to a matrix.
-fn nearest(matrix: &Matrix3<f64>) -> Rotation3<f64> {
+pub(super) fn nearest(matrix: &Matrix3<f64>) -> Rotation3<f64> {
     let svd = matrix.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
         return Rotation3::identity();

@@ -25,6 +25,11 @@ pub(super) fn solved(
     stations: usize,
     tools: &[Isometry3<f64>],
 ) -> Vec<MountedFrames> {
+    let alone = sights.iter().map(|sight| Sight {
+        rotation: None,
+        ..sight.clone()
+    });
+    let sights = &*alone.collect::<Vec<_>>();
     let start = |link_from_tool| MountedFrames {
         instrument_from_base: vec![Isometry3::identity(); stations],
         link_from_tool,
@@ -50,23 +55,12 @@ fn settle(frames: &mut MountedFrames, sights: &[Sight], tools: &[Isometry3<f64>]
     for _ in 0..MOST_TURNS {
         translate(frames, sights, tools);
         place_stations(frames, sights);
-        let now = left(frames, sights);
+        let now = frames.cost(sights);
         if now >= cost * (1.0 - SETTLED) {
             break;
         }
         cost = now;
     }
-}
-
-/// The sum of squares of positions alone (m^2).
-fn left(frames: &MountedFrames, sights: &[Sight]) -> f64 {
-    let of_one = |sight: &Sight| {
-        let tool = frames.link_from_tool[sight.target].translation.vector;
-        let there = sight.base_from_link.transform_point(&tool.into());
-        let seen = frames.instrument_from_base[sight.station].transform_point(&there);
-        sight.weight * (sight.position_m - seen.coords).norm_squared()
-    };
-    sights.iter().map(of_one).sum()
 }
 
 /// Where a target is in the robot's base and where it was read (m), and how much that counts.

@@ -71,14 +71,15 @@ fn orient(
             .transpose()
             .kronecker(&link.matrix().transpose())
             * sight.weight;
+        let (station, target) = (9 * station, 9 * target);
         for row in 0..9 {
-            matrix[(9 * station + row, 9 * station + row)] += sight.weight;
-            matrix[(9 * target + row, 9 * target + row)] += sight.weight;
-            for column in 0..9 {
-                matrix[(9 * target + row, 9 * station + column)] -= product[(row, column)];
-                matrix[(9 * station + column, 9 * target + row)] -= product[(row, column)];
-            }
+            matrix[(station + row, station + row)] += sight.weight;
+            matrix[(target + row, target + row)] += sight.weight;
         }
+        let mut beside = matrix.fixed_view_mut::<9, 9>(target, station);
+        beside -= product;
+        let mut beside = matrix.fixed_view_mut::<9, 9>(station, target);
+        beside -= product.transpose();
     }
     if !matrix.iter().all(|value| value.is_finite()) {
         return None;
@@ -91,11 +92,8 @@ fn orient(
     let blocks: Vec<Matrix3<f64>> = (0..part.len())
         .map(|index| Matrix3::from_iterator(vector.rows(9 * index, 9).iter().copied()))
         .collect();
-    let sign: f64 = blocks
-        .iter()
-        .map(Matrix3::determinant)
-        .sum::<f64>()
-        .signum();
+    let determinants = blocks.iter().map(Matrix3::determinant);
+    let sign = determinants.sum::<f64>().signum();
     for (&node, block) in part.iter().zip(&blocks) {
         let rotation = nearest(&(block * sign));
         if let Some(target) = node.checked_sub(stations) {

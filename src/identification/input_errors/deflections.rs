@@ -22,11 +22,11 @@ use std::f64::consts::TAU;
 use nalgebra::{DVector, Matrix3, Vector3};
 
 use super::super::copies::{CopiedReadings, ReadBits};
+use super::super::frames::nearest;
 use super::super::{Case, Identification};
+use super::LikelyInputError;
+use super::catalogue::{self, Correction, InputError, right_angles};
 use super::evidence::{ReadingEvidence, most_probable};
-use super::{
-    GRAVITY, InputError, LikelyInputError, angle_units, sets_of_signs, swapped_joints, words,
-};
 use crate::codes::{Condition, ConditionCode};
 use crate::measurement::Measurement;
 use crate::robot::{Load, ObservationMatrix};
@@ -63,58 +63,52 @@ pub fn conditions_of_table(case: &Case<'_>) -> Vec<Condition> {
 
 fn outside_limits(case: &Case<'_>) -> Option<Condition> {
     let chain = &case.nominal.chain;
-    let beyond = |measurement: usize, joint: usize| {
-        let [from, to] = chain.joints[joint].range_rad;
-        let angle = case.measurements[measurement].configuration_rad[joint];
-        (from - angle).max(angle - to)
-    };
-    let places = 0..case.measurements.len();
-    let all = places.flat_map(|place| (0..chain.len()).map(move |joint| (place, joint)));
-    let outside: Vec<(usize, usize)> = all
-        .filter(|&(place, joint)| beyond(place, joint) > RANGE_SLACK_RAD)
-        .collect();
-    let &(place, joint) = (outside.iter())
-        .max_by(|one, other| beyond(one.0, one.1).total_cmp(&beyond(other.0, other.1)))?;
-    let mut measurements: Vec<usize> = outside.iter().map(|each| each.0).collect();
-    measurements.dedup();
-    let [from, to] = chain.joints[joint].range_rad;
-    let angle = case.measurements[place].configuration_rad[joint];
-    let [(angle, unit), (from, _), (to, _)] =
-        [angle, from, to].map(|value| chain.joints[joint].drive.shown(value));
-    Some(ConditionCode::AnglesOutsideLimits.with(format!(
-        "{} of {} measurements have commanded angles outside the joint limits: {} of measurement {} is {angle:.1} {unit}, allowed \
+    let mut farthest = (0.0, 0, 0);
+    let mut count = 0;
+    for (place, each) in case.measurements.iter().enumerate() {
+        let beyond = |joint: usize| {
+            let [from, to] = chain.joints[joint].range_rad;
+            let angle = each.configuration_rad[joint];
+            ((from - angle).max(angle - to), place, joint)
+        };
+        let most = (0..chain.len())
+            .map(beyond)
+            .reduce(|one, other| if other.0 >= one.0 { other } else { one })?;
+        count += usize::from(most.0 > RANGE_SLACK_RAD);
+        farthest = if most.0 >= farthest.0 { most } else { farthest };
+    }
+    let (_, place, joint) = farthest;
+    let each = &chain.joints[joint];
+    let angle = case.measurements.get(place)?.configuration_rad[joint];
+    let [angle, from, to] =
+        [angle, each.range_rad[0], each.range_rad[1]].map(|value| each.drive.shown(value).0);
+    let unit = each.drive.shown(0.0).1;
+    (count > 0).then(|| ConditionCode::AnglesOutsideLimits.with(format!(
+        "{count} of {} measurements have commanded angles outside the joint limits: {} of measurement {} is {angle:.1} {unit}, allowed \
          are {from:.1} to {to:.1} {unit}",
-        measurements.len(),
         case.measurements.len(),
-        words::column(chain, joint),
+        catalogue::named(chain, joint),
         place + 1,
     )))
 }
 
 /// Loaded measurements with the same deflection in every digit. Displacements along a direction are often alike by chance.
 fn copied(case: &Case<'_>) -> CopiedReadings {
-    let loaded: Vec<usize> = (0..case.measurements.len())
-        .filter(|&index| {
-            let each = &case.measurements[index];
-            each.load != Load::NONE && each.direction.is_none()
-        })
-        .collect();
-    let bits: Vec<ReadBits> = (loaded.iter())
-        .map(|&index| {
-            let each = &case.measurements[index];
-            let wrench = each.load.wrench();
-            let setup = each.configuration_rad.iter().chain(wrench.iter());
-            let setup = setup.map(|value| value.to_bits()).collect();
-            let unknown = Vector3::repeat(case.sigma.weight_m());
-            ReadBits::new(
-                setup,
-                &[],
-                each.deflection_m,
-                each.sigma_m.unwrap_or(unknown),
-            )
-        })
-        .collect();
-    CopiedReadings::of(&bits).at(&loaded)
+    let loaded = case.measurements.iter().enumerate();
+    let loaded = loaded.filter(|(_, each)| each.load != Load::NONE && each.direction.is_none());
+    let bits = loaded.map(|(place, each)| {
+        let wrench = each.load.wrench();
+        let setup = each.configuration_rad.iter().chain(wrench.iter());
+        let unknown = Vector3::repeat(case.sigma.weight_m());
+        ReadBits {
+            place,
+            setup: setup.map(|value| value.to_bits()).collect(),
+            more: Vec::new(),
+            position_m: each.deflection_m,
+            sigma_m: each.sigma_m.unwrap_or(unknown),
+        }
+    });
+    CopiedReadings::of(&bits.collect::<Vec<_>>())
 }
 
 /// The likely input errors where an identification (`None` if it failed) is suspicious: residuals are too large or too small, or a
@@ -145,42 +139,50 @@ pub fn suspected_input_errors(
 /// The input errors that explain the measurements decisively better than reading them as they are, one
 /// on top of the other, whether the measurements are suspicious or not; none of displacements along a direction.
 pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
+    let mut found = Vec::new();
     if case
         .measurements
         .iter()
         .any(|each| each.direction.is_some())
     {
-        return Vec::new();
+        return found;
     }
     let step = case.measurements.len().div_ceil(MOST_MEASUREMENTS).max(1);
     let mut read: Vec<Measurement> = case.measurements.iter().step_by(step).cloned().collect();
-    let mut found = Vec::new();
     for _ in 0..DEPTH {
         let as_it_is = ReadingEvidence::new(case, &read, &read);
-        let best = best(case, &read, &as_it_is);
-        let Some((first, others)) = best.split_first() else {
+        let mut best = best(case, &read, &as_it_is).into_iter();
+        let Some(LikelyError {
+            error,
+            evidence,
+            gain,
+        }) = best.next()
+        else {
             break;
         };
-        let others: Vec<&InputError> = others.iter().map(|each| &each.error).collect();
-        let weighted = [first.evidence, as_it_is].map(ReadingEvidence::rms);
+        let [without, as_read] = [evidence, as_it_is].map(ReadingEvidence::rms);
+        let mut text = format!(
+            "{}. Weighted residuals with nominal compliances as prior: {without:.3} so, {as_read:.3} as read (rms)",
+            error.words
+        );
+        let others: Vec<String> = best
+            .take(2)
+            .map(|other| other.error.question().to_owned())
+            .collect();
+        if !others.is_empty() {
+            text += &format!(". As likely: {}", others.join("; "));
+        }
+        read = corrected(case, &read, &error);
         found.push(LikelyInputError {
-            error: first.error.clone(),
-            log_evidence_ratio: first.gain / 2.0,
-            text: words::of_deflections(&case.nominal.chain, &first.error, &others, weighted),
+            kind: error.kind,
+            text,
+            log_evidence_ratio: gain / 2.0,
         });
-        read = corrected(case, &read, &first.error);
     }
     found
 }
 
-/// An error that is tried, with what it costs: twice the logarithm of the number of errors of its kind, and of what its
-/// parameters cost.
-struct Hypothesis {
-    error: InputError,
-    price: f64,
-}
-
-/// A hypothesis with its evidence, and by how much that is better.
+/// An error with the evidence for it, and by how much that is better.
 struct LikelyError {
     error: InputError,
     evidence: ReadingEvidence,
@@ -194,25 +196,28 @@ fn corrected(
 ) -> Vec<Measurement> {
     let mut all = measurements.to_vec();
     for each in &mut all {
-        error.correct_measurement(case, each);
+        error.correct_commands(&mut each.configuration_rad);
+        if let Correction::Deflection(change) = &error.change {
+            let q = each.configuration_rad.as_slice();
+            let axes = case.nominal.chain.at(case.tool).state(q).tool_rotation;
+            change(each, &axes);
+        }
     }
     all
 }
 
 /// The likeliest error and those that are as good, if one is decisively better than none.
 fn best(case: &Case<'_>, read: &[Measurement], as_it_is: &ReadingEvidence) -> Vec<LikelyError> {
-    let judge = |Hypothesis { error, price }| {
+    let judge = |(error, price): (InputError, f64)| {
         let corrected = corrected(case, read, &error);
         if !is_possible(case, read, &corrected) {
             return None;
         }
         let evidence = ReadingEvidence::new(case, read, &corrected);
         let gain = as_it_is.value - evidence.value - price;
-        let explains = match error {
-            InputError::SignsReversed => evidence.scale > 0.0,
-            InputError::LoadUnit(_) | InputError::DeflectionUnit(_) => {
-                (0.5..=2.0).contains(&evidence.scale.abs())
-            }
+        let explains = match error.kind {
+            "signs_reversed" => evidence.scale > 0.0,
+            "load_unit" | "deflection_unit" => (0.5..=2.0).contains(&evidence.scale.abs()),
             _ => evidence.square <= SHARE_LEFT * as_it_is.square,
         };
         (gain > DECISIVE && explains).then_some(LikelyError {
@@ -227,13 +232,13 @@ fn best(case: &Case<'_>, read: &[Measurement], as_it_is: &ReadingEvidence) -> Ve
     decisive.sort_by(|one, other| other.gain.total_cmp(&one.gain));
     let largest = decisive.first().map_or(0.0, |first| first.gain);
     decisive.retain(|each| largest - each.gain < AS_GOOD);
-    let first = decisive.first().map(|first| first.error.clone());
     // Joints whose signs do not show are no other explanation.
-    decisive.retain(|other| match (&first, &other.error) {
-        (Some(InputError::JointSigns(first)), InputError::JointSigns(joints)) => {
-            first == joints || !first.iter().all(|joint| joints.contains(joint))
-        }
-        _ => true,
+    let first = decisive
+        .first()
+        .map_or_else(Vec::new, |first| first.error.reversed.clone());
+    decisive.retain(|LikelyError { error, .. }| {
+        let is_more = first.iter().all(|joint| error.reversed.contains(joint));
+        first.is_empty() || first == error.reversed || !is_more
     });
     decisive
 }
@@ -251,72 +256,32 @@ fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -
     })
 }
 
-/// All errors that are looked for, the simple ones first.
-fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<Hypothesis> {
-    let joints = case.nominal.chain.len();
-    let kinds = [
-        vec![InputError::SignsReversed],
-        [GRAVITY, GRAVITY.recip(), 1000.0, 0.001]
-            .map(InputError::LoadUnit)
-            .into(),
-        [1000.0, 0.001].map(InputError::DeflectionUnit).into(),
-        angle_units().into(),
-        swapped_joints(joints).collect(),
-        vec![
-            InputError::DeflectionsInToolFrame,
-            InputError::LoadsInToolFrame,
-        ],
-        right_angles().into_iter().map(InputError::Frame).collect(),
-    ];
-    let priced = kinds.into_iter().flat_map(|errors| {
-        let price = 2.0 * (errors.len() as f64).ln();
-        errors
-            .into_iter()
-            .map(move |error| Hypothesis { error, price })
-    });
-    (priced.chain(joint_signs(joints)))
-        .chain(rotation(case, measurements))
-        .collect()
-}
-
-/// Joints that turn the other way: sets of them, priced by the number of sets as large.
-fn joint_signs(joints: usize) -> Vec<Hypothesis> {
-    let sets = sets_of_signs(joints);
-    let as_large = |size: usize| sets.iter().filter(|set| set.len() == size).count() as f64;
-    let prices: Vec<f64> = (0..=joints)
-        .map(|size| 2.0 * (as_large(size).max(1.0) * joints as f64).ln())
-        .collect();
-    let hypothesis = |joints: Vec<usize>| Hypothesis {
-        price: prices[joints.len()],
-        error: InputError::JointSigns(joints),
+/// All errors that are looked for, the simple ones first, with what each costs: twice the logarithm of the number of errors of its kind,
+/// of sets of joints that turn the other way of those as large, and of what its parameters cost.
+fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError, f64)> {
+    let chain = &case.nominal.chain;
+    let [reversed, _, units, swapped, _] = catalogue::of_commands(chain);
+    let kinds = catalogue::of_deflections()
+        .into_iter()
+        .chain([units, swapped]);
+    let price = |count: usize| 2.0 * (count as f64).ln();
+    let mut all: Vec<(InputError, f64)> = Vec::new();
+    for errors in kinds {
+        let price = price(errors.len());
+        all.extend(errors.into_iter().map(|error| (error, price)));
+    }
+    let as_large = |size: usize| {
+        reversed
+            .iter()
+            .filter(|error| error.reversed.len() == size)
+            .count()
     };
-    sets.iter().cloned().map(hypothesis).collect()
-}
-
-/// The ways to put three columns in another order and change their signs, but for those that change
-/// nothing or all signs.
-fn right_angles() -> Vec<Matrix3<f64>> {
-    let orders = [
-        [0, 1, 2],
-        [0, 2, 1],
-        [1, 0, 2],
-        [1, 2, 0],
-        [2, 0, 1],
-        [2, 1, 0],
-    ];
-    let of = |order: [usize; 3], bits: u8| {
-        Matrix3::from_fn(
-            |row, column| match (order[row] == column, bits >> row & 1) {
-                (false, _) => 0.0,
-                (true, 1) => -1.0,
-                _ => 1.0,
-            },
-        )
-    };
-    let mut all: Vec<Matrix3<f64>> = (orders.into_iter())
-        .flat_map(|order| (0..8).map(move |bits| of(order, bits)))
-        .collect();
-    all.retain(|matrix| *matrix != Matrix3::identity() && *matrix != -Matrix3::identity());
+    let sizes: Vec<usize> = (0..=chain.len()).map(as_large).collect();
+    all.extend(reversed.into_iter().map(|error| {
+        let price = price(sizes[error.reversed.len()] * chain.len());
+        (error, price)
+    }));
+    all.extend(rotation(case, measurements));
     all
 }
 
@@ -324,7 +289,7 @@ fn right_angles() -> Vec<Matrix3<f64>> {
 /// Kabsch's singular value decomposition), with the compliances that then fit, in turns. It starts
 /// from the turned frames of right angles that fit best. What its three angles cost is the share of all
 /// rotations that fit as well: (2 pi)^(3/2) det(I)^(-1/2) of 8 pi^2, for their information matrix I.
-fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<Hypothesis> {
+fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<(InputError, f64)> {
     let information: Matrix3<f64> = (measurements.iter())
         .map(|each| {
             let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.amax());
@@ -333,7 +298,7 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<Hypothesis>
         })
         .sum();
     let price = information.determinant().ln() - 3.0 * TAU.ln() + 2.0 * (2.0 * TAU * TAU).ln();
-    let read = |matrix: Matrix3<f64>| corrected(case, measurements, &InputError::Frame(matrix));
+    let read = |matrix| corrected(case, measurements, &catalogue::in_frame(matrix));
     let square =
         |matrix: Matrix3<f64>| ReadingEvidence::new(case, measurements, &read(matrix)).square;
     let refined = |mut matrix: Matrix3<f64>| {
@@ -351,10 +316,7 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<Hypothesis>
     let best = (starts.into_iter().take(STARTS))
         .filter_map(|(_, start)| refined(start))
         .min_by(|one, other| one.0.total_cmp(&other.0))?;
-    Some(Hypothesis {
-        error: InputError::Frame(best.1),
-        price: price.max(0.0),
-    })
+    Some((catalogue::in_frame(best.1), price.max(0.0)))
 }
 
 /// The rotation of the file's deflections nearest to the model's with the compliances that fit the
@@ -376,11 +338,6 @@ fn nearest_rotation(
         let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.norm());
         correlation += predicted * each.deflection_m.transpose() / (sigma * sigma);
     }
-    let svd = correlation.svd(true, true);
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    if svd.singular_values[1] < FLAT * svd.singular_values[0] {
-        return None;
-    }
-    let parity = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant()));
-    Some(u * parity * v_t)
+    let values = correlation.singular_values();
+    (values[1] >= FLAT * values[0]).then(|| nearest(&correlation).into_inner())
 }

@@ -1,6 +1,8 @@
 //! How probable the numbers of a file are, read in one way or another.
 
-use nalgebra::{DMatrix, DVector};
+use std::iter::successors;
+
+use nalgebra::{DMatrix, Vector3};
 
 use super::super::equations::Equations;
 use super::super::{Case, Sigma};
@@ -34,13 +36,40 @@ impl ReadingEvidence {
         } = relative_equations(case, read);
         let predicted = matrix.column_sum();
         let scale = predicted.dot(&right_hand_side) / predicted.norm_squared();
-        let numbers = matrix.nrows();
-        let marginal = Marginal::new(matrix * TRUST, &(right_hand_side - predicted));
+        let values = right_hand_side - predicted;
+        let (numbers, any_sigma) = (values.len(), matches!(case.sigma, Sigma::FromResiduals(_)));
+        // Numbers b ~ N(0, v (1 + B B^T / v)), by the singular values of B, b's coordinates along them and the square of what is left of b.
+        let svd = (matrix * TRUST).svd(true, false);
+        let coordinates = svd
+            .u
+            .as_ref()
+            .map(|u| u.tr_mul(&values))
+            .unwrap_or_default();
+        let fitted = svd.u.as_ref().map(|u| u * &coordinates).unwrap_or_default();
+        let rest = (&values - fitted).norm_squared();
+        let singular = || svd.singular_values.iter().map(|value| value * value);
+        // The weighted sum of squares of noise and compliances for noise of v times its variance.
+        let square = |v: f64| {
+            let terms = coordinates.iter().zip(singular());
+            let terms =
+                terms.map(|(coordinate, value)| coordinate * coordinate / (1.0 + value / v));
+            (rest + terms.sum::<f64>()) / v
+        };
+        let at = |log_v: f64| {
+            let v = log_v.exp();
+            let determinant: f64 = singular().map(|value| (value / v).ln_1p()).sum();
+            (numbers as f64 + 2.0) * log_v + square(v) + determinant
+        };
+        // The smallest value over v >= 1, or over any v where sigma is not known.
+        let largest = (rest + coordinates.norm_squared()).max(1.0).ln() + 1.0;
+        let smallest = if any_sigma { -largest.max(60.0) } else { 0.0 };
+        let steps = successors(Some(smallest), |v| (*v < largest).then_some(v + STEP));
+        let least = steps.map(at).fold(f64::INFINITY, f64::min);
         // What maps the file's numbers to those that are read turns densities into densities.
         let map = 2.0 * (log_sigma(case, read) - log_stretch(file, read));
         Self {
-            value: marginal.minimum(matches!(case.sigma, Sigma::FromResiduals(_))) + map,
-            square: marginal.square(1.0),
+            value: least + map,
+            square: square(1.0),
             numbers,
             scale,
         }
@@ -93,93 +122,26 @@ pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Ve
 
 /// The sum of the logarithms of all standard deviations.
 fn log_sigma(case: &Case<'_>, measurements: &[Measurement]) -> f64 {
-    let default = case.sigma.weight_m();
-    let of = |each: &Measurement| -> f64 {
-        let deflection: f64 = (0..3)
-            .map(|axis| each.sigma_m.map_or(default, |sigma| sigma[axis]).ln())
-            .sum();
-        let rotation = each.rotation.map_or(0.0, |rotation| {
-            rotation.sigma_rad.iter().map(|sigma| sigma.ln()).sum()
-        });
-        deflection + rotation
+    let default = Vector3::repeat(case.sigma.weight_m());
+    let logarithms = |sigma: Vector3<f64>| sigma.map(f64::ln).sum();
+    let of = |each: &Measurement| {
+        let rotation = each.rotation.map_or(0.0, |each| logarithms(each.sigma_rad));
+        logarithms(each.sigma_m.unwrap_or(default)) + rotation
     };
     measurements.iter().map(of).sum()
 }
 
 /// The logarithm of the volume that readings stretch by: only units change it.
 fn log_stretch(file: &[Measurement], read: &[Measurement]) -> f64 {
-    let length = |each: &Measurement| each.deflection_m.norm();
-    let turn = |each: &Measurement| {
-        each.rotation
-            .map_or(0.0, |rotation| rotation.vector_rad.norm())
+    let lengths = |each: &Measurement| {
+        let turn = each.rotation.map_or(0.0, |each| each.vector_rad.norm());
+        [each.deflection_m.norm(), turn]
     };
-    let stretch = |before: f64, after: f64| {
-        if before > 0.0 && after > 0.0 {
-            3.0 * (after / before).ln()
-        } else {
-            0.0
-        }
-    };
-    (file.iter().zip(read))
-        .map(|(file, read)| stretch(length(file), length(read)) + stretch(turn(file), turn(read)))
+    let both = file
+        .iter()
+        .flat_map(lengths)
+        .zip(read.iter().flat_map(lengths));
+    let both = both.filter(|(before, after)| *before > 0.0 && *after > 0.0);
+    both.map(|(before, after)| 3.0 * (after / before).ln())
         .sum()
-}
-
-/// Numbers b ~ N(0, v (1 + B B^T / v)), by the singular values of B.
-struct Marginal {
-    equations: f64,
-    singular_values: DVector<f64>,
-    /// Coordinates of b along the left singular vectors.
-    coordinates: DVector<f64>,
-    /// The square of what is left of b.
-    rest: f64,
-}
-
-impl Marginal {
-    fn new(matrix: DMatrix<f64>, values: &DVector<f64>) -> Self {
-        let svd = matrix.svd(true, false);
-        let Some(u) = &svd.u else {
-            unreachable!("the left factor was asked for");
-        };
-        let coordinates = u.tr_mul(values);
-        let rest = (values - u * &coordinates).norm_squared();
-        Self {
-            equations: values.len() as f64,
-            singular_values: svd.singular_values,
-            coordinates,
-            rest,
-        }
-    }
-
-    /// The weighted sum of squares of noise and compliances for noise of v times its variance.
-    fn square(&self, v: f64) -> f64 {
-        let terms = (self.coordinates.iter().zip(self.singular_values.iter()))
-            .map(|(coordinate, value)| coordinate * coordinate / (1.0 + value * value / v));
-        (self.rest + terms.sum::<f64>()) / v
-    }
-
-    fn at(&self, log_v: f64) -> f64 {
-        let v = log_v.exp();
-        let determinant: f64 = (self.singular_values.iter())
-            .map(|value| (value * value / v).ln_1p())
-            .sum();
-        (self.equations + 2.0) * log_v + self.square(v) + determinant
-    }
-
-    /// The smallest value over v >= 1, or over any v where sigma is not known.
-    fn minimum(&self, any: bool) -> f64 {
-        let all = self.rest + self.coordinates.norm_squared();
-        let largest = all.max(1.0).ln() + 1.0;
-        let smallest = if any { -largest.max(60.0) } else { 0.0 };
-        let mut best = (self.at(smallest), smallest);
-        let mut log_v = smallest;
-        while log_v < largest {
-            log_v += STEP;
-            let value = self.at(log_v);
-            if value < best.0 {
-                best = (value, log_v);
-            }
-        }
-        best.0
-    }
 }

@@ -23,18 +23,13 @@ pub fn looked_at(
         }
     }
     let arm = ElasticArm::new(chain.clone(), compliances, vec![case.tool.clone()]);
-    let joints = 0..chain.len();
-    let of = |kind: &dyn Fn(usize) -> ParameterKind| {
-        ParameterSet::new(&arm, joints.clone().map(|joint| (kind(joint), None)))
-            .unwrap_or_else(|_| ParameterSet::empty())
-    };
-    let compliance = of(&|joint| ParameterKind::JointCompliance { joint });
-    let zero = of(&|joint| ParameterKind::JointZero { joint });
-    let values = [&compliance, &zero].map(|set| set.prior().mean.clone());
-    let mut bends = ObservationModel::new(&compliance, &arm, values[0].as_slice());
-    let mut turns = ObservationModel::new(&zero, &arm, values[1].as_slice());
-    let mut moved = Matrix6xX::zeros(compliance.len());
-    let mut jacobian = Matrix6xX::zeros(zero.len());
+    let joints = chain.len();
+    let compliances = (0..joints).map(|joint| ParameterKind::JointCompliance { joint });
+    let zeros = (0..joints).map(|joint| ParameterKind::JointZero { joint });
+    let all = compliances.chain(zeros).map(|kind| (kind, None));
+    let set = ParameterSet::new(&arm, all).unwrap_or_else(|_| ParameterSet::empty());
+    let mut model = ObservationModel::new(&set, &arm, set.prior().mean.as_slice());
+    let mut rows = Matrix6xX::zeros(set.len());
     let readings = case.measurements.iter().enumerate().map(|(index, each)| {
         let setup = Setup {
             commanded_rad: each.configuration_rad.clone(),
@@ -43,8 +38,9 @@ pub fn looked_at(
             station: 0,
             approach: None,
         };
-        bends.predict_as_planned(&setup, ReadingKind::Deflection, &mut moved);
-        turns.predict_as_planned(&setup, ReadingKind::Pose, &mut jacobian);
+        model.predict_as_planned(&setup, ReadingKind::Deflection, &mut rows);
+        let moved = rows.columns(0, joints).into_owned();
+        model.predict_as_planned(&setup, ReadingKind::Pose, &mut rows);
         let sigma = each
             .sigma_m
             .unwrap_or_else(|| Vector3::repeat(identification.sigma_m));
@@ -61,6 +57,7 @@ pub fn looked_at(
             (placed.fixed_view_mut::<1, 3>(row, 0)).copy_from(&(axis.transpose() / sigma[row]));
             residual[row] = axis.dot(&Vector3::from(left_m[index])) / sigma[row];
         }
+        let jacobian = rows.columns(joints, joints);
         let torques = jacobian.column_iter().map(|column| {
             let (moves, turns) = (column.fixed_rows::<3>(0), column.fixed_rows::<3>(3));
             moves.dot(&each.load.force_n) + turns.dot(&each.load.torque_nm)

@@ -6,26 +6,27 @@
 //! candidates are looked at, the strongest is named if chance would make any of them as strong with a probability below
 //! [`LEVEL`], and taken out of the residuals; then the next is looked for.
 
-mod candidates;
+mod against;
 mod deflections;
 mod points;
 mod rows;
 mod screen;
 #[cfg(test)]
 mod tests;
-mod words;
 
 use std::collections::BTreeSet;
 
 use serde::Serialize;
 
-pub use candidates::{Against, Course, Drifting};
+pub use against::{Against, Course, Drifting};
 pub use deflections::looked_at;
-pub use points::{PatternPoint, WAVES_TO_SEE};
+pub use points::PatternPoint;
 use rows::Projected;
 pub(super) use rows::unit;
 pub use rows::{LookedAt, ReadingRows};
 use screen::{Test, judged, screened};
+
+use super::outliers::RejectedReading;
 
 /// Residuals without any pattern are said to have one in one of a hundred files.
 pub const LEVEL: f64 = 0.01;
@@ -45,11 +46,20 @@ pub struct Pattern {
     /// What.
     #[serde(skip)]
     pub against: Against,
+    /// In a word: `joint angle`, `joint torque`, `approach`, `order`, `time`, `temperature` or `range`.
+    #[serde(rename = "against")]
+    pub kind: &'static str,
+    /// The joint; none where it is none's.
+    pub joint: Option<String>,
+    /// How many waves in a revolution, against a joint's angle.
+    pub harmonic: Option<usize>,
+    /// What drifts, with order, time and temperature: `base`, `size` or `joint`.
+    pub drifting: Option<&'static str>,
     /// What it does, in words.
     pub sentence: String,
     /// What may cause it.
     pub cause: &'static str,
-    /// How large it is: the amplitude of waves, else the whole range over these readings; rad, m, or 1.
+    /// How large it is: the amplitude of waves, else the whole range over these readings.
     pub size: f64,
     /// The share of the weighted squares that it explains.
     pub share: f64,
@@ -62,13 +72,16 @@ pub struct Pattern {
     pub design_effect: f64,
     /// The probability that chance makes any of all that were looked at as strong.
     pub probability: f64,
+    /// The unit of its size: `rad`, `m`, `1` or, of deflections, `rad/(N m)`.
+    pub unit: &'static str,
+    /// The unit of `at` in the points.
+    pub at_unit: &'static str,
     /// Means over the readings, for a picture.
-    #[serde(skip)]
     pub points: Vec<PatternPoint>,
 }
 
 /// What residuals go with.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Patterns {
     /// The strongest first.
     pub found: Vec<Pattern>,
@@ -76,28 +89,30 @@ pub struct Patterns {
     pub looked_at: usize,
     /// Which kinds of them.
     pub kinds: Vec<&'static str>,
+    /// The probability that anything at all is found in residuals without a pattern.
+    pub false_alarm_rate: f64,
     /// The share of the weighted squares that all found explain together.
     pub share: f64,
+    /// The numbers, from 1, of readings that were not looked at, since they lie far out of what the others leave.
+    pub without: Vec<usize>,
 }
 
 impl LookedAt {
-    /// Looks for patterns.
-    pub fn patterns(&self) -> Patterns {
-        let candidates = self.candidates();
+    /// Looks for patterns in what a fit without outliers leaves of the others.
+    pub fn patterns(&self, rejected: &[RejectedReading]) -> Patterns {
         let mut projected = Projected::new(self);
         let square = projected.left.norm_squared();
         // Residuals that are nothing beside the instrument's noise are rounding.
-        let tests = if square > NOTHING * projected.spare as f64 {
-            screened(self, &projected, &candidates)
+        let mut likely = if square > NOTHING * projected.spare as f64 {
+            screened(self, &projected, &self.candidates())
         } else {
             Vec::new()
         };
-        let looked_at = tests.len();
+        let looked_at = likely.len();
         let level = LEVEL / looked_at.max(1) as f64;
-        let mut kinds: Vec<&'static str> = tests.iter().map(|test| test.against.kind()).collect();
+        let mut kinds: Vec<&'static str> = likely.iter().map(|test| test.against.kind()).collect();
         let mut named = BTreeSet::new();
         kinds.retain(|kind| named.insert(*kind));
-        let mut likely = tests;
         let mut found: Vec<Test> = Vec::new();
         while found.len() < MOST {
             likely.retain(|test| test.probability < level);
@@ -120,30 +135,45 @@ impl LookedAt {
             likely = screened(self, &projected, &others);
         }
         let left = projected.left.norm_squared();
-        let mut found: Vec<Pattern> = (found.iter())
-            .map(|test| Pattern {
-                against: test.against,
-                sentence: self.sentence(test.against, &test.coefficients),
-                cause: self.cause(test.against),
-                size: self.size(test.against, &test.coefficients),
+        let pattern = |test: Test| {
+            let against = test.against;
+            let size = self.size(against, &test.coefficients);
+            let (sentence, cause, [unit, at_unit]) = self.words(against, size);
+            Pattern {
+                kind: against.kind(),
+                joint: against.joint().map(|joint| self.joints[joint].0.clone()),
+                harmonic: match against {
+                    Against::Angle { waves, .. } => Some(waves),
+                    _ => None,
+                },
+                drifting: against.drifting(),
                 share: test.explained / square,
                 statistic: test.statistic,
                 degrees_of_freedom: test.degrees,
                 design_effect: test.design_effect,
                 probability: (test.probability * looked_at as f64).min(1.0),
-                points: self.points(test.against, &test.coefficients, &projected.left),
-            })
-            .collect();
+                points: self.points(against, &test.coefficients, &projected.left),
+                against,
+                sentence,
+                cause,
+                size,
+                unit,
+                at_unit,
+            }
+        };
+        let mut found: Vec<Pattern> = found.into_iter().map(pattern).collect();
         found.sort_by(|one, other| other.share.total_cmp(&one.share));
         Patterns {
             found,
             looked_at,
             kinds,
+            false_alarm_rate: LEVEL,
             share: if square > 0.0 {
                 1.0 - left / square
             } else {
                 0.0
             },
+            without: rejected.iter().map(|each| each.reading + 1).collect(),
         }
     }
 }

@@ -1,21 +1,19 @@
-//! Means of what readings show of a pattern, for its picture.
+//! How large a pattern is, and means of what readings show of it, for its picture.
 
 use nalgebra::{DVector, Vector6};
 use serde::Serialize;
 
-use super::candidates::{Against, Base, Course, Drifting};
+use super::against::{Against, Base, Drifting};
 use super::rows::LookedAt;
 use crate::numeric::tolerance::ends;
 
 /// Readings are put together in so many bins.
 const BINS: usize = 24;
-/// With more waves than these in a revolution the phase within one is drawn in place of the angle.
-pub const WAVES_TO_SEE: usize = 8;
 
 /// The mean of what some readings show.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PatternPoint {
-    /// Against which value: angle or phase (rad), torque (N m), sign of approach, place, time (s), temperature (deg C), range (m).
+    /// Where on the pattern's scale: angle or phase (deg), torque (N m), sign of approach, place, time (s), temperature (deg C), range (m).
     pub at: f64,
     /// What is seen there: rad, m or 1.
     #[serde(rename = "observed")]
@@ -26,7 +24,48 @@ pub struct PatternPoint {
     pub pattern: f64,
 }
 
+/// What one reading shows.
+struct Seen {
+    at: f64,
+    value: f64,
+    effect: f64,
+    weight: f64,
+}
+
 impl LookedAt {
+    /// What a pattern makes of each reading: an angle or a growth, or a length.
+    fn effects(&self, against: Against, coefficients: &DVector<f64>) -> Vec<f64> {
+        let columns = self.columns(against);
+        if let Against::Course(_, Drifting::Base) = against {
+            let factors = columns[0].1.iter();
+            return factors.map(|factor| factor * coefficients.norm()).collect();
+        }
+        let effect =
+            |index: usize| {
+                let parts = columns.iter().zip(coefficients.iter()).map(
+                    |((base, factors), coefficient)| {
+                        // A compliance turns the joint by so much for each N m.
+                        let turned = match base {
+                            Base::Bent(joint) => self.readings[index].torques[*joint],
+                            _ => 1.0,
+                        };
+                        coefficient * factors[index] * turned
+                    },
+                );
+                parts.sum()
+            };
+        (0..self.readings.len()).map(effect).collect()
+    }
+
+    /// The amplitude of waves; of all else the whole range over the readings.
+    pub(super) fn size(&self, against: Against, coefficients: &DVector<f64>) -> f64 {
+        if let Against::Angle { .. } = against {
+            return coefficients.norm();
+        }
+        let [lowest, highest] = ends(self.effects(against, coefficients).into_iter());
+        (highest - lowest).max(0.0)
+    }
+
     /// Means of what readings show, all other patterns taken off.
     pub(super) fn points(
         &self,
@@ -35,24 +74,30 @@ impl LookedAt {
         left: &DVector<f64>,
     ) -> Vec<PatternPoint> {
         let columns = self.columns(against);
-        let effects = self.effects(against, coefficients);
+        // What an effect of one is made of.
+        let parts: Vec<(Base, f64)> = if let Against::Course(_, Drifting::Base) = against {
+            let shares = coefficients.iter().map(|each| each / coefficients.norm());
+            columns.iter().map(|(base, _)| *base).zip(shares).collect()
+        } else {
+            let bases = columns.iter().rev().map(|(base, _)| (*base, 1.0));
+            bases
+                .filter(|(base, _)| !matches!(base, Base::Bent(_)))
+                .take(1)
+                .collect()
+        };
         let mut seen: Vec<Seen> = Vec::new();
-        for (index, reading) in self.readings.iter().enumerate() {
-            // What it does to the reading for an effect of one.
-            let base = if let Against::Course(_, Drifting::Base) = against {
-                let length = coefficients.norm();
-                let parts = columns.iter().zip(coefficients.iter());
-                parts
-                    .map(|(column, coefficient)| column.base.of(reading) * (coefficient / length))
-                    .sum()
-            } else {
-                let mut bases = columns.iter().rev().map(|column| column.base);
-                let moved = bases.find(|base| !matches!(base, Base::Bent(_)));
-                moved.map_or_else(Vector6::zeros, |base| base.of(reading))
-            };
+        for (index, (reading, effect)) in self
+            .readings
+            .iter()
+            .zip(self.effects(against, coefficients))
+            .enumerate()
+        {
+            let base: Vector6<f64> = parts
+                .iter()
+                .map(|(base, share)| base.of(reading) * *share)
+                .sum();
             let weight = base.norm_squared();
             if let Some(at) = self.at(against, index).filter(|_| weight > 0.0) {
-                let effect = effects[index];
                 let value = effect + base.dot(&left.fixed_rows::<6>(6 * index)) / weight;
                 seen.push(Seen {
                     at,
@@ -62,43 +107,17 @@ impl LookedAt {
                 });
             }
         }
-        binned(&seen)
-    }
-
-    /// Against which value a reading is drawn.
-    fn at(&self, against: Against, index: usize) -> Option<f64> {
-        let reading = &self.readings[index];
-        match against {
-            Against::Angle { joint, waves } => {
-                let angle = reading.angles[joint];
-                let is_seen = waves <= WAVES_TO_SEE;
-                Some(if is_seen {
-                    angle
-                } else {
-                    (waves as f64 * angle).rem_euclid(std::f64::consts::TAU)
-                })
-            }
-            Against::Torque { joint } => Some(reading.torques[joint]),
-            Against::Approach { joint } => {
-                let sign = *reading.approach.as_ref()?.get(joint)?;
-                Some(if sign { 1.0 } else { -1.0 })
-            }
-            Against::Course(Course::Order, _) => Some(index as f64 + 1.0),
-            Against::Course(Course::Time, _) => reading.time_s,
-            Against::Course(Course::Temperature, _) => reading.temperature_c,
-            Against::Range => reading.range_m,
-        }
+        let shown = if let Against::Angle { .. } = against {
+            1.0_f64.to_degrees()
+        } else {
+            1.0
+        };
+        binned(&seen, shown)
     }
 }
 
-struct Seen {
-    at: f64,
-    value: f64,
-    effect: f64,
-    weight: f64,
-}
-
-fn binned(seen: &[Seen]) -> Vec<PatternPoint> {
+/// Means by bins of the scale, in so many times its unit.
+fn binned(seen: &[Seen], shown: f64) -> Vec<PatternPoint> {
     let [lowest, highest] = ends(seen.iter().map(|each| each.at));
     let width = ((highest - lowest) / BINS as f64).max(f64::MIN_POSITIVE);
     let of = |bin: usize| {
@@ -107,22 +126,18 @@ fn binned(seen: &[Seen]) -> Vec<PatternPoint> {
             |each: &&Seen| (bin == 0 || each.at >= from) && (bin + 1 == BINS || each.at < to);
         let all: Vec<&Seen> = seen.iter().filter(is_in).collect();
         let weight: f64 = all.iter().map(|each| each.weight).sum();
-        let mean = |value: &dyn Fn(&Seen) -> f64| {
-            all.iter()
-                .map(|each| value(each) * each.weight)
-                .sum::<f64>()
-                / weight
+        let mean = |value: fn(&Seen) -> f64| {
+            let values = all.iter().map(|each| value(each) * each.weight);
+            values.sum::<f64>() / weight
         };
-        let value = mean(&|each| each.value);
-        let squares = all.iter().map(|each| {
-            let off = each.value - each.effect;
-            (each.weight * off).powi(2)
-        });
+        let squares = all
+            .iter()
+            .map(|each| (each.weight * (each.value - each.effect)).powi(2));
         (weight > 0.0).then(|| PatternPoint {
-            at: mean(&|each| each.at),
-            seen: value,
+            at: mean(|each| each.at) * shown,
+            seen: mean(|each| each.value),
             standard_error: squares.sum::<f64>().sqrt() / weight,
-            pattern: mean(&|each| each.effect),
+            pattern: mean(|each| each.effect),
         })
     };
     (0..BINS).filter_map(of).collect()

@@ -21,14 +21,13 @@
 //! Groups are readings of one configuration, and blocks where they vary more than that; of both counts by which chance is likelier.
 //! The probability is multiplied by the number of candidates that were looked at (Bonferroni).
 
-use std::collections::BTreeMap;
-
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::candidates::Against;
+use super::against::Against;
 use super::rows::{LookedAt, Projected, orthonormal};
+use crate::experiment::numbered;
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
 const TOLD_APART: f64 = 1e-4;
@@ -149,7 +148,9 @@ pub(super) fn judged(
     let directions = candidate.directions(projected);
     let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
     let effect_of = |groups: &[usize]| design_effect(groups, projected, &directions);
-    let by_visits = effect_of(&visits(looked))?;
+    let q = |reading: usize| &looked.readings[reading].angles;
+    let visits = numbered(blocks.len(), q, |one, other| q(one) == q(other));
+    let by_visits = effect_of(&visits)?;
     let by_blocks = effect_of(&blocks).filter(|(effect, _)| *effect > 1.0);
     let tests = [Some(by_visits), by_blocks].into_iter().flatten();
     let test = tests
@@ -159,17 +160,6 @@ pub(super) fn judged(
                 .then(one.design_effect.total_cmp(&other.design_effect))
         })?;
     Some((test, directions))
-}
-
-/// Which readings are of one configuration.
-fn visits(looked: &LookedAt) -> Vec<usize> {
-    let mut known = BTreeMap::new();
-    let numbers = looked.readings.iter().map(|each| {
-        let angles: Vec<u64> = each.angles.iter().map(|angle| angle.to_bits()).collect();
-        let next = known.len();
-        *known.entry(angles).or_insert(next)
-    });
-    numbers.collect()
 }
 
 /// How many times more a candidate's scores vary from group to group than independent errors that are alike would let them, and

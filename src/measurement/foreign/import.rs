@@ -8,7 +8,7 @@ use super::mapping::{JointMapping, Mapping, NumbersMapping};
 use super::quantity::{
     ANGLE, DEVIATION, FORCE, LENGTH, ROTATION_DEVIATION, TEMPERATURE, TIME, TORQUE,
 };
-use super::reader::{ForeignRow, Reader};
+use super::reader::Reader;
 use crate::codes::ErrorCode;
 use crate::csv::Fields;
 use crate::files::{FileError, read_text, typed::from_toml};
@@ -43,7 +43,8 @@ fn imported(table: &Path, path: &Path) -> Result<ImportedTable, FileError> {
     let mut reader = Reader::new(path, table, &fields);
     let mut readings = Vec::new();
     for row in &fields.rows {
-        readings.push(reading(&mut reader, &mapping, place, row)?);
+        reader.row = row;
+        readings.push(reading(&mut reader, &mapping, place)?);
     }
     reader.decimals.check()?;
     let commands: Commands = mapping.joint.iter().map(JointMapping::slides).collect();
@@ -76,107 +77,90 @@ fn ranges(text: &str) -> Vec<(String, [f64; 2])> {
     named.filter(|(_, [low, high])| low <= high).collect()
 }
 
-/// What a row says; a deflection has its place.
+/// What the row says; a deflection has its place.
 fn reading(
     reader: &mut Reader<'_>,
     mapping: &Mapping,
     (key, place): (&str, &NumbersMapping),
-    row: &ForeignRow,
 ) -> Result<AbsoluteReading, FileError> {
-    let joints = mapping.joint.iter().enumerate().map(|(index, joint)| {
-        let quantity = if joint.slides() { LENGTH } else { ANGLE };
-        let source = (&*joint.column, &*joint.unit);
-        let turned = [joint.sign, joint.offset];
-        reader.number(&format!("joint[{index}]"), source, quantity, turned, row)
-    });
-    let configuration_rad = DVector::from_vec(joints.collect::<Result<_, _>>()?);
-    let (position, sigma) = reader.measured(key, place, 3, [LENGTH, DEVIATION], row)?;
-    let mut covariance = sigma.map(|sigma| {
-        let mut all = Matrix6::identity();
-        set_block(&mut all, 0, &squared(&sigma));
-        all
-    });
+    let mut configuration_rad = DVector::zeros(mapping.joint.len());
+    for (index, joint) in mapping.joint.iter().enumerate() {
+        let of = (if joint.slides() { LENGTH } else { ANGLE }, &*joint.unit);
+        let (key, turned) = (
+            format!("joint[{index}]"),
+            [joint.sign.unwrap_or(1.0), joint.offset],
+        );
+        configuration_rad[index] = reader.number(&key, &joint.column, of, turned)?;
+    }
+    let squared = |sigma: Vector3<f64>| Matrix3::from_diagonal(&sigma.component_mul(&sigma));
+    let (position, sigma) = reader.measured(key, place, 3, [LENGTH, DEVIATION])?;
+    let mut covariance = sigma.map(|sigma| squared(sigma).fixed_resize::<6, 6>(0.0));
     let mut rotation = None;
-    if let Some((numbers, convention)) =
-        (mapping.rotation.as_ref()).and_then(|numbers| Some((numbers, numbers.convention?)))
+    if let Some(numbers) = &mapping.rotation
+        && let Some(convention) = numbers.convention
     {
         let (count, quantity) = convention.numbers();
         let kinds = [quantity, ROTATION_DEVIATION];
-        let (found, sigma) = reader.measured("rotation", numbers, count, kinds, row)?;
+        let (found, sigma) = reader.measured("rotation", numbers, count, kinds)?;
         let (turn, about) = (convention.rotation(&found))
-            .map_err(|problem| reader.wrong_row(row, format!("rotation: {problem}")))?;
+            .map_err(|problem| reader.wrong_row(format!("rotation: {problem}")))?;
         if let (Some(all), Some(sigma)) = (&mut covariance, sigma) {
-            let own = about * squared(&sigma) * about.transpose();
+            let own = about * squared(sigma) * about.transpose();
             // The same to the bit on both sides of the diagonal.
-            set_block(all, 3, &((own + own.transpose()) / 2.0));
+            (all.fixed_view_mut::<3, 3>(3, 3)).copy_from(&((own + own.transpose()) / 2.0));
         }
         rotation = Some(turn);
+    } else if let Some(all) = &mut covariance {
+        all.fixed_view_mut::<3, 3>(3, 3).fill_with_identity();
     }
-    let approach = reader.word("approach", mapping.approach.as_ref(), row)?;
+    let approach = reader.word("approach", mapping.approach.as_ref())?;
     let approach = approach.filter(|side| !side.is_empty()).map(|side| {
         Approach::of_word(&side, mapping.joint.len()).ok_or_else(|| {
             let allowed = "+ or -, or a sign for each joint, is allowed";
-            reader.wrong_row(row, format!("approach: found {side:?}; {allowed}"))
+            reader.wrong_row(format!("approach: found {side:?}; {allowed}"))
         })
     });
     Ok(AbsoluteReading {
         configuration_rad,
-        load: load(reader, mapping, row)?,
         position_m: Vector3::from_row_slice(&position),
         rotation,
         covariance,
         approach: approach.transpose()?,
-        target: reader.name("target", mapping.target.as_ref(), row)?,
-        visit: reader.name("visit", mapping.visit.as_ref(), row)?,
-        station: reader.name("station", mapping.station.as_ref(), row)?,
+        load: load(reader, mapping)?,
+        target: reader.name("target", mapping.target.as_ref())?,
+        visit: reader.name("visit", mapping.visit.as_ref())?,
+        station: reader.name("station", mapping.station.as_ref())?,
         distance_m: None,
-        time_s: reader.scalar("time", mapping.time.as_ref(), TIME, row)?,
-        temperature_c: (reader).scalar(
-            "temperature",
-            mapping.temperature.as_ref(),
-            TEMPERATURE,
-            row,
-        )?,
+        time_s: reader.scalar("time", mapping.time.as_ref(), TIME)?,
+        temperature_c: reader.scalar("temperature", mapping.temperature.as_ref(), TEMPERATURE)?,
     })
 }
 
-fn load(reader: &mut Reader<'_>, mapping: &Mapping, row: &ForeignRow) -> Result<Load, FileError> {
+fn load(reader: &mut Reader<'_>, mapping: &Mapping) -> Result<Load, FileError> {
+    // No load is no minus zero.
     let mut wrench = [0.0; 6];
     for (key, numbers, quantity, first) in [
         ("force", &mapping.force, FORCE, 0),
         ("torque", &mapping.torque, TORQUE, 3),
     ] {
         if let Some(numbers) = numbers {
-            let (values, _) = reader.measured(key, numbers, 3, [quantity; 2], row)?;
-            wrench[first..first + 3].copy_from_slice(&values);
+            let (values, _) = reader.measured(key, numbers, 3, [quantity; 2])?;
+            (wrench[first..].iter_mut().zip(values)).for_each(|(to, value)| *to += value);
         }
     }
-    if let Some(weight) = reader.scalar("weight", mapping.weight.as_ref(), FORCE, row)? {
-        wrench[2] = -weight;
-    }
-    // No load is no minus zero.
-    Ok(Load::from_wrench(wrench.map(|component| 0.0 + component)))
+    wrench[2] -= (reader.scalar("weight", mapping.weight.as_ref(), FORCE)?).unwrap_or(0.0);
+    Ok(Load::from_wrench(wrench))
 }
 
 fn deflection(reading: AbsoluteReading) -> Measurement {
-    let sigma_m = reading
-        .covariance
-        .map(|all| Vector3::from_fn(|row, _| all[(row, row)].sqrt()));
+    let deviations = |all: Matrix6<f64>| Vector3::from_fn(|row, _| all[(row, row)].sqrt());
     Measurement {
         configuration_rad: reading.configuration_rad,
         load: reading.load,
         deflection_m: reading.position_m,
-        sigma_m,
+        sigma_m: reading.covariance.map(deviations),
         rotation: None,
         approach: None,
         direction: None,
     }
-}
-
-fn squared(sigma: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::from_diagonal(&sigma.component_mul(sigma))
-}
-
-fn set_block(covariance: &mut Matrix6<f64>, first: usize, block: &Matrix3<f64>) {
-    (covariance.fixed_view_mut::<3, 3>(first, first)).copy_from(block);
 }

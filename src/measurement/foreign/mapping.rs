@@ -82,8 +82,8 @@ pub(super) enum Word {
 pub(super) struct JointMapping {
     pub column: String,
     pub unit: String,
-    #[serde(default = "one")]
-    pub sign: f64,
+    /// One if not given.
+    pub sign: Option<f64>,
     /// In the same unit.
     #[serde(default)]
     pub offset: f64,
@@ -92,7 +92,7 @@ pub(super) struct JointMapping {
 impl JointMapping {
     /// Whether it is given as a length.
     pub fn slides(&self) -> bool {
-        LENGTH.units.iter().any(|unit| unit.0 == self.unit)
+        LENGTH.in_si(&self.unit).is_some()
     }
 }
 
@@ -107,10 +107,11 @@ impl Mapping {
             let problem = format!("found {}; 1 to {MOST_JOINTS} are allowed", self.joint.len());
             return wrong("joint", &problem);
         }
-        let is_sign = |joint: &JointMapping| [1.0, -1.0].contains(&joint.sign);
-        if let Some(index) = self.joint.iter().position(|joint| !is_sign(joint)) {
-            let problem = format!("found {}; 1 or -1 is allowed", self.joint[index].sign);
-            return wrong(&format!("joint[{index}].sign"), &problem);
+        for (index, joint) in self.joint.iter().enumerate() {
+            if let Some(sign) = joint.sign.filter(|sign| ![1.0, -1.0].contains(sign)) {
+                let problem = format!("found {sign}; 1 or -1 is allowed");
+                return wrong(&format!("joint[{index}].sign"), &problem);
+            }
         }
         let place = match (&self.position, &self.deflection) {
             (Some(place), None) => ("position", place),
@@ -142,10 +143,6 @@ impl Mapping {
         }
         Ok(place)
     }
-}
-
-const fn one() -> f64 {
-    1.0
 }
 
 /// How a table writes rotations, of the target's axes in the instrument's frame.

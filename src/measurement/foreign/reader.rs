@@ -6,14 +6,11 @@ use std::path::Path;
 use ::csv::StringRecord;
 use nalgebra::Vector3;
 
-use super::mapping::{NumbersMapping, Word};
+use super::mapping::{Names, NumbersMapping, Word};
 use super::quantity::ForeignQuantity;
 use crate::csv::{Decimals, Fields};
 use crate::files::FileError;
 use crate::text::{nearest, wrong_name};
-
-/// A row with the number of its line.
-pub(super) type ForeignRow = (usize, StringRecord);
 
 /// A table under its mapping.
 pub(super) struct Reader<'a> {
@@ -23,6 +20,8 @@ pub(super) struct Reader<'a> {
     pub decimals: Decimals<'a>,
     /// The columns that are read.
     read: BTreeSet<usize>,
+    /// The row that is read, with the number of its line.
+    pub row: &'a (usize, StringRecord),
 }
 
 impl<'a> Reader<'a> {
@@ -33,6 +32,7 @@ impl<'a> Reader<'a> {
             columns: &fields.columns,
             decimals: Decimals::new(path, fields.delimiter),
             read: BTreeSet::new(),
+            row: &fields.rows[0],
         }
     }
 
@@ -41,76 +41,74 @@ impl<'a> Reader<'a> {
         FileError::new(self.mapping, problem).at(key)
     }
 
-    /// What is wrong in a row.
-    pub fn wrong_row(&self, row: &ForeignRow, problem: impl Into<String>) -> FileError {
-        FileError::new(self.path, problem).at(format!("line {}", row.0))
+    /// What is wrong in the row.
+    pub fn wrong_row(&self, problem: impl Into<String>) -> FileError {
+        FileError::new(self.path, problem).at(format!("line {}", self.row.0))
     }
 
     /// The columns that nothing asked for.
     pub fn unread(&self) -> Vec<String> {
-        let all = self.columns.iter().enumerate();
-        let unread = all.filter(|(place, _)| !self.read.contains(place));
-        unread.map(|(_, name)| name.clone()).collect()
+        let unread = (0..self.columns.len()).filter(|place| !self.read.contains(place));
+        unread.map(|place| self.columns[place].clone()).collect()
     }
 
     fn column(&mut self, key: &str, name: &str) -> Result<usize, FileError> {
         let table = self.path.display();
         let is_it = |index: &usize| self.columns[*index] == name.trim();
-        let mut found = (0..self.columns.len()).filter(is_it);
-        match (found.next(), found.next()) {
-            (Some(place), None) => {
+        let places: Vec<usize> = (0..self.columns.len()).filter(is_it).collect();
+        Err(match places[..] {
+            [place] => {
                 self.read.insert(place);
-                Ok(place)
+                return Ok(place);
             }
-            (Some(_), Some(_)) => {
-                Err(self.wrong(key, format!("found {name:?}, which {table} has twice")))
-            }
-            (None, _) => {
+            [] => {
                 let all = self.columns.join(", ");
                 let problem = format!("found {name:?}; {table} has no such column, it has: {all}");
                 let near = nearest(name, self.columns.iter().map(String::as_str));
                 let hint = near.map(|near| format!("did you mean {near:?}?"));
-                Err(self.wrong(key, problem).hinted(hint))
+                self.wrong(key, problem).hinted(hint)
             }
-        }
+            _ => self.wrong(key, format!("found {name:?}, which {table} has twice")),
+        })
     }
 
     /// A number of a quantity in SI units: so many times what the table says, plus an offset in the table's unit.
     pub fn number(
         &mut self,
         key: &str,
-        (column, unit): (&str, &str),
-        quantity: ForeignQuantity,
+        column: &str,
+        (quantity, unit): (ForeignQuantity, &str),
         [times, offset]: [f64; 2],
-        row: &ForeignRow,
     ) -> Result<f64, FileError> {
         let column = self.column(key, column)?;
-        let Some(&(_, factor, over)) = quantity.units.iter().find(|each| each.0 == unit.trim())
-        else {
-            let names: Vec<&str> = quantity.units.iter().map(|unit| unit.0).collect();
-            let problem = format!("found {unit:?}; one of {} is allowed", names.join(", "));
-            return Err(self.wrong(&format!("{key}.unit"), problem));
-        };
-        let (name, field) = (&self.columns[column], &row.1[column]);
-        let value = self.decimals.any_number(row.0, name, field)?;
-        let in_si = |value: f64| value * factor / over * quantity.si;
+        let in_si = quantity.in_si(unit).ok_or_else(|| {
+            let problem = format!("found {unit:?}; one of {} is allowed", quantity.units());
+            self.wrong(&format!("{key}.unit"), problem)
+        })?;
+        let (line, fields) = self.row;
+        let value = (self.decimals).any_number(*line, &self.columns[column], &fields[column])?;
         let value = in_si(value) * times + in_si(offset);
-        let checked = quantity.kind.check(value * quantity.shown);
+        let checked = quantity.2.check(value * quantity.3);
         checked.map(|_| value).map_err(|problem| {
-            self.wrong_row(row, format!("{key}: {problem}"))
+            self.wrong_row(format!("{key}: {problem}"))
                 .hint("is the unit in the mapping the right one?")
         })
     }
 
     fn numbers(
         &mut self,
-        key: &str,
-        (names, unit): (&[String], &str),
-        quantity: ForeignQuantity,
-        row: &ForeignRow,
+        [key, names_key]: [&str; 2],
+        names: &Names,
+        count: usize,
+        of: (ForeignQuantity, &str),
     ) -> Result<Vec<f64>, FileError> {
-        (names.iter())
-            .map(|name| self.number(key, (name, unit), quantity, [1.0, 0.0], row))
+        let found = names.all().len();
+        if found != count {
+            return Err(self.wrong(names_key, format!("found {found}; {count} are needed")));
+        }
+        let numbers = names.all().iter();
+        numbers
+            .map(|name| self.number(key, name, of, [1.0, 0.0]))
             .collect()
     }
 
@@ -121,26 +119,16 @@ impl<'a> Reader<'a> {
         numbers: &NumbersMapping,
         count: usize,
         [quantity, deviation]: [ForeignQuantity; 2],
-        row: &ForeignRow,
     ) -> Result<(Vec<f64>, Option<Vector3<f64>>), FileError> {
-        for (names, what, count) in [
-            (Some(&numbers.columns), "columns", count),
-            (numbers.std_columns.as_ref(), "std_columns", count.min(3)),
-        ] {
-            if let Some(found) = names.map(|names| names.all().len()).filter(|&n| n != count) {
-                let problem = format!("found {found}; {count} are needed");
-                return Err(self.wrong(&format!("{key}.{what}"), problem));
-            }
-        }
-        let unit = &*numbers.unit;
-        let values = self.numbers(key, (numbers.columns.all(), unit), quantity, row)?;
-        let std_unit = numbers.std_unit.as_deref().unwrap_or(unit);
-        let key = format!("{key}.std");
-        let sigma = numbers.std_columns.as_ref().map(|names| {
-            let sigma = self.numbers(&key, (names.all(), std_unit), deviation, row)?;
-            Ok(Vector3::from_row_slice(&sigma))
-        });
-        Ok((values, sigma.transpose()?))
+        let keys = [key, &format!("{key}.columns")];
+        let values = self.numbers(keys, &numbers.columns, count, (quantity, &numbers.unit))?;
+        let Some(names) = &numbers.std_columns else {
+            return Ok((values, None));
+        };
+        let unit = numbers.std_unit.as_ref().unwrap_or(&numbers.unit);
+        let keys = [&*format!("{key}.std"), &*format!("{key}.std_columns")];
+        let sigma = self.numbers(keys, names, 3, (deviation, unit))?;
+        Ok((values, Some(Vector3::from_row_slice(&sigma))))
     }
 
     /// A number that need not be there.
@@ -149,36 +137,25 @@ impl<'a> Reader<'a> {
         key: &str,
         numbers: Option<&NumbersMapping>,
         quantity: ForeignQuantity,
-        row: &ForeignRow,
     ) -> Result<Option<f64>, FileError> {
-        let one = numbers.map(|numbers| self.measured(key, numbers, 1, [quantity; 2], row));
+        let one = numbers.map(|numbers| self.measured(key, numbers, 1, [quantity; 2]));
         Ok(one.transpose()?.map(|(values, _)| values[0]))
     }
 
     /// A word of a column, or the same in every row.
-    pub fn word(
-        &mut self,
-        key: &str,
-        word: Option<&Word>,
-        row: &ForeignRow,
-    ) -> Result<Option<String>, FileError> {
+    pub fn word(&mut self, key: &str, word: Option<&Word>) -> Result<Option<String>, FileError> {
         Ok(match word {
-            Some(Word::Column(name)) => Some(row.1[self.column(key, name)?].to_owned()),
+            Some(Word::Column(name)) => Some(self.row.1[self.column(key, name)?].to_owned()),
             Some(Word::Value(word)) => Some(word.clone()),
             None => None,
         })
     }
 
     /// A word that names something.
-    pub fn name(
-        &mut self,
-        key: &str,
-        word: Option<&Word>,
-        row: &ForeignRow,
-    ) -> Result<Option<String>, FileError> {
-        let name = self.word(key, word, row)?;
+    pub fn name(&mut self, key: &str, word: Option<&Word>) -> Result<Option<String>, FileError> {
+        let name = self.word(key, word)?;
         match name.as_deref().and_then(wrong_name) {
-            Some(problem) => Err(self.wrong_row(row, problem)),
+            Some(problem) => Err(self.wrong_row(problem)),
             None => Ok(name),
         }
     }

@@ -5,11 +5,12 @@ use std::num::NonZeroU32;
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::PlannedReadings;
+use crate::mujoco::TorqueLaw;
 use crate::observation::{DeflectionPrecision, ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
 use crate::parameter::{
     Axis, Backlash, ElasticArm, GearWave, ParameterKind, ParameterSet, RangeNoise, ReadingSource,
-    Stiffening, TransmissionError, Unloaded, arms,
+    TransmissionError, Unloaded, arms,
 };
 use crate::robot::{Elements, EquilibriumSolver, Load, Place, Spring};
 
@@ -44,7 +45,7 @@ pub(in crate::observation) fn arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
         arm.zero_rad.fill(0.0);
         // The side of approach alone decides, and joints are springs.
         arm.backlash.fill(Backlash::NONE);
-        arm.stiffening.fill(Stiffening::NONE);
+        arm.stiffening.fill(TorqueLaw::SPRING);
         arm.instrument_from_base = vec![Isometry3::identity()];
         arm.load_scale = 1.0;
         // Long enough lists of compliances above zero for logarithms.

@@ -31,54 +31,45 @@ impl Checker<'_> {
                     return Err(wrong.hint("a joint has one law: put all of it into one table"));
                 }
                 let drive = &chain.joints[joint].drive;
-                let problem = if drive.passive_at.is_some() {
-                    Some("is passive: its spring is the model's")
-                } else if compliance_rad_per_nm[joint] <= 0.0 {
-                    Some("is rigid: it does not give")
-                } else {
-                    None
-                };
-                if let Some(problem) = problem {
-                    return Err(self.wrong(&joints, format!("{name} {problem}")));
+                if drive.passive_at.is_some() {
+                    let problem = format!("{name} is passive: its spring is the model's");
+                    return Err(self.wrong(&joints, problem));
                 }
-                laws.push((joint, self.torque_law(&key, table, (name, drive.slides))?));
+                if compliance_rad_per_nm[joint] <= 0.0 {
+                    let problem = format!("{name} is rigid: it does not give");
+                    return Err(self.wrong(&joints, problem));
+                }
+                let (kind, own) = if drive.slides {
+                    (&DEVIATION, "mm")
+                } else {
+                    (&ROTATION_DEVIATION, "mrad")
+                };
+                let given = [
+                    ("stiffens_at", "mrad", table.stiffens_at_mrad),
+                    ("stiffens_at", "mm", table.stiffens_at_mm),
+                    ("softens_at", "mrad", table.softens_at_mrad),
+                    ("softens_at", "mm", table.softens_at_mm),
+                ];
+                let mut law = None;
+                for (of, unit, value) in given {
+                    let Some(value) = value else { continue };
+                    let key = format!("{key}.{of}_{unit}");
+                    self.check_unit(&key, (name, drive.slides), [unit, "mrad"])?;
+                    if law.is_some() {
+                        return Err(self.wrong(&key, "a joint either stiffens or softens"));
+                    }
+                    let share = if of == "stiffens_at" { 1.0 } else { -1.0 };
+                    let at = self.number(&key, value, kind)? * 1e-3;
+                    law = Some((joint, TorqueLaw { share, at }));
+                }
+                laws.push(law.ok_or_else(|| {
+                    let problem =
+                        format!("says nothing: give stiffens_at_{own} or softens_at_{own}");
+                    self.wrong(&key, problem)
+                })?);
             }
         }
         laws.sort_by_key(|(joint, _)| *joint);
         Ok(laws)
-    }
-
-    /// The law of one joint, with the unit of its coordinate.
-    fn torque_law(
-        &self,
-        key: &str,
-        table: &TorqueLawTable,
-        (name, slides): (&str, bool),
-    ) -> Result<TorqueLaw, FileError> {
-        let (kind, own) = if slides {
-            (&DEVIATION, "mm")
-        } else {
-            (&ROTATION_DEVIATION, "mrad")
-        };
-        let mut law = None;
-        for (of, sign, unit, value) in [
-            ("stiffens_at", 1.0, "mrad", table.stiffens_at_mrad),
-            ("stiffens_at", 1.0, "mm", table.stiffens_at_mm),
-            ("softens_at", -1.0, "mrad", table.softens_at_mrad),
-            ("softens_at", -1.0, "mm", table.softens_at_mm),
-        ] {
-            let Some(value) = value else { continue };
-            let key = format!("{key}.{of}_{unit}");
-            self.check_unit(&key, (name, slides), [unit, "mrad"])?;
-            if law.is_some() {
-                return Err(self.wrong(&key, "a joint either stiffens or softens"));
-            }
-            let at = self.number(&key, value, kind)? * 1e-3;
-            law = Some(TorqueLaw::of_share(sign, at));
-        }
-        law.ok_or_else(|| {
-            let problem = format!("says nothing: give stiffens_at_{own} or softens_at_{own}");
-            self.wrong(key, problem)
-        })
     }
 }

@@ -3,7 +3,6 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::super::Discrepancy;
 use super::super::joint_errors::{DiscrepancyModel, JointError};
 use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS, by_pose};
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
@@ -38,15 +37,6 @@ impl VarianceComponents {
         self.functions.iter().map(|each| each.joint).collect()
     }
 
-    /// What is new at each visit.
-    pub const fn discrepancy(&self) -> Discrepancy {
-        let [position_m, rotation_rad] = self.rest;
-        Discrepancy {
-            position_m,
-            rotation_rad,
-        }
-    }
-
     /// A model before any reading, of so many parameters of which nothing is known: functions at knots half a correlation length apart among
     /// the angles of readings, or further where that would be many.
     pub(in super::super) fn unfitted(
@@ -78,7 +68,7 @@ impl VarianceComponents {
         };
         DiscrepancyModel {
             joints: self.functions.iter().map(of_function).collect(),
-            ..DiscrepancyModel::plain(DMatrix::zeros(parameters, parameters), self.discrepancy())
+            ..DiscrepancyModel::plain(DMatrix::zeros(parameters, parameters), self.rest.into())
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The recommended nested model: the rule of one standard error of cross-validation.
 
-use super::NestedModel;
+use super::{CrossValidation, NestedModel};
 
 /// Losses that differ by less than this share of them are equal: of models whose further unknowns nothing determines.
 const ROUNDING: f64 = 1e-9;
@@ -50,53 +50,49 @@ pub(super) fn recommended(nested_models: &mut [NestedModel]) -> Option<Recommend
     })
 }
 
-/// A nested model as `--parameters` takes it.
-fn named(nested_model: &NestedModel) -> String {
-    let names = nested_model.groups.iter().map(|group| group.word());
-    names.collect::<Vec<_>>().join(",")
-}
-
-fn sentences(nested_models: &[NestedModel], best: usize, nested_model: usize) -> Vec<String> {
-    // Its name, its rms distance in other blocks (mm), and by how many standard errors its loss is larger than the best.
+fn sentences(nested_models: &[NestedModel], best: usize, chosen: usize) -> Vec<String> {
+    // A model as `--parameters` takes it, with its rms distance in other blocks.
     let words = |place: usize| {
+        let groups = nested_models[place].groups.iter();
+        let names: Vec<&str> = groups.map(|group| group.word()).collect();
         let judged = nested_models[place].cross_validation.as_ref().ok();
         let distances = judged.and_then(|each| each.distances.as_ref());
         let rms_mm = distances.map_or(0.0, |each| each.rms * 1e3);
-        let beyond = judged.map(|each| each.beyond_best / each.standard_error);
-        (named(&nested_models[place]), rms_mm, beyond)
+        (names.join(","), format!("{rms_mm:.4} mm"))
     };
-    let (chosen, rms_mm, beyond) = words(nested_model);
+    let judged = |place: usize| nested_models.get(place)?.cross_validation.as_ref().ok();
+    let beyond = |judged: &CrossValidation| judged.beyond_best / judged.standard_error;
+    let (name, rms) = words(chosen);
     let mut sentences = vec![format!(
-        "Use --parameters {chosen}: its cross-validated residual, over blocks of joint space, is {rms_mm:.4} mm (rms)."
+        "Use --parameters {name}: its cross-validated residual, over blocks of joint space, is {rms} (rms)."
     )];
-    if let Some((name, rms_mm, Some(beyond))) = nested_model.checked_sub(1).map(words) {
+    if let Some(less) = chosen.checked_sub(1)
+        && let Some(judged) = judged(less)
+    {
+        let ((name, rms), beyond) = (words(less), beyond(judged));
         sentences.push(format!(
-            "With less, {name} has {rms_mm:.4} mm there: its loss is larger than the best by {beyond:.1} standard errors."
+            "With less, {name} has {rms} there: its loss is larger than the best by {beyond:.1} standard errors."
         ));
     }
-    let (name, rms_mm, _) = words(best);
-    if best != nested_model
-        && let Some(beyond) = beyond
+    if best != chosen
+        && let Some(judged) = judged(chosen)
     {
-        let more =
-            (nested_models[best].unknowns).saturating_sub(nested_models[nested_model].unknowns);
+        let [most, unknowns] = [best, chosen].map(|place| nested_models[place].unknowns);
+        let ((name, rms), beyond) = (words(best), beyond(judged));
+        let more = most.saturating_sub(unknowns);
         sentences.push(format!(
-            "The smallest loss is that of {name}, {rms_mm:.4} mm; that is {beyond:.1} standard errors of the difference, no \
-             reason for {more} unknowns more."
+            "The smallest loss is that of {name}, {rms}; that is {beyond:.1} standard errors of the difference, no reason for \
+             {more} unknowns more."
         ));
     }
-    if let Some(above) = nested_models.get(best + 1)
-        && let Ok(judged) = &above.cross_validation
-    {
-        let verdict = if judged.beyond_best > judged.standard_error {
+    if let Some(more) = judged(best + 1) {
+        let verdict = if more.beyond_best > more.standard_error {
             "predicts worse than it fits: its parameters follow what the model does not explain"
         } else {
             "predicts no better"
         };
-        let (name, rms_mm, _) = words(best + 1);
-        sentences.push(format!(
-            "With more, {name} has {rms_mm:.4} mm there: it {verdict}."
-        ));
+        let (name, rms) = words(best + 1);
+        sentences.push(format!("With more, {name} has {rms} there: it {verdict}."));
     }
     sentences
 }
