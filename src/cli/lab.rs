@@ -47,7 +47,7 @@ pub struct Lab {
 }
 
 /// A plan as it is carried out, with what is taken along.
-struct Work {
+struct LaboratoryWork {
     plan: Plan,
     campaign: Campaign,
     sheet: String,
@@ -82,7 +82,7 @@ impl Lab {
             AccuracyKind::Relative => self.deflections(&scenario)?,
             AccuracyKind::Absolute => self.readings(&scenario)?,
         };
-        let Work {
+        let LaboratoryWork {
             plan,
             campaign,
             sheet,
@@ -125,7 +125,7 @@ impl Lab {
     }
 
     /// A plan of deflections.
-    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Work> {
+    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<LaboratoryWork> {
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
         let plan = read_plan(&self.plan, task.belief.commands())?;
         self.say_looking(plan.experiments.len(), "experiment");
@@ -138,7 +138,7 @@ impl Lab {
             ConditionCode::Violation.with(format!("{plan}: the plan has {count}: {first}"))
         });
         let stills = Stills::of_plan(scenario, &plan);
-        Ok(Work {
+        Ok(LaboratoryWork {
             sheet: run_sheet(scenario, stills, &plan, &campaign),
             table: to_fill_in(scenario, &plan, &campaign),
             conditions: conditions.into_iter().collect(),
@@ -148,7 +148,7 @@ impl Lab {
     }
 
     /// A plan of absolute readings.
-    fn readings(&self, scenario: &Scenario) -> anyhow::Result<Work> {
+    fn readings(&self, scenario: &Scenario) -> anyhow::Result<LaboratoryWork> {
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
         let rows = read_candidates(&self.plan, task.belief.commands())?;
         let planning = AbsolutePlanning::of_plan(task, &[], &rows)
@@ -164,7 +164,7 @@ impl Lab {
             experiments: experiments.collect(),
         };
         let stills = Stills::of_readings(scenario, &rows);
-        Ok(Work {
+        Ok(LaboratoryWork {
             sheet: run_sheet(scenario, stills, &plan, &campaign),
             table: readings_table(scenario, &planning, &campaign),
             conditions: Vec::new(),

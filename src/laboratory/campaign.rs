@@ -11,10 +11,10 @@
 //! its frame is another afterwards; there, one load hangs after the other, beginning with the one that hangs already. The k-th visits
 //! of all configurations are one round, so that the robot leaves a configuration before it comes there again.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::DVector;
 use thiserror::Error;
 
-use super::groups::{Group, groups_of_loads, groups_of_visits, stand_alike};
+use super::groups::{Group, Stop, groups_of_loads, groups_of_visits, stand_alike};
 use super::order::shortest;
 use super::side::{Side, wanted_side};
 use super::ways::{Way, Ways, apart};
@@ -61,35 +61,6 @@ impl CampaignError {
 
 fn with(load: Option<&str>) -> String {
     load.map_or_else(String::new, |load| format!(", under {load}"))
-}
-
-/// One place where the robot stands and is measured.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Stop {
-    /// The experiments of the plan that are measured here, as indices.
-    pub experiments: Vec<usize>,
-    /// The commanded configuration (rad, m).
-    pub configuration: DVector<f64>,
-    /// What hangs on the robot; nothing for the position without a load.
-    pub load: Option<Load>,
-    /// Whether it is hung just before the approach, in place of what hung there.
-    pub changes_load: bool,
-    /// The direction that a gauge reads along, which is set here where nothing hangs yet.
-    pub direction: Option<Vector3<f64>>,
-    /// Where the instrument stands, where absolute readings say it.
-    pub station: Option<String>,
-    /// Whether it is set up there just before.
-    pub changes_station: bool,
-    /// What is read, once each, of absolute readings: as many as experiments.
-    pub targets: Vec<String>,
-    /// How often the instrument is read.
-    pub readings: u32,
-    /// The side from which it is approached.
-    pub side: Side,
-    /// Where the approach begins (rad, m); none where there is no room for one.
-    pub approach: Option<DVector<f64>>,
-    /// The way there from the stop before, or from the first safe pose.
-    pub way: Way,
 }
 
 /// A plan as it is carried out.
@@ -264,21 +235,6 @@ impl Costs {
             + self.move_min * stops as f64
             + self.load_change_min * load_changes as f64
             + self.reading_min * f64::from(readings)
-    }
-}
-
-impl Stop {
-    /// Whether the robot stands there already, and the load is hung beside a gauge.
-    pub const fn is_in_place(&self) -> bool {
-        self.direction.is_some() && self.load.is_some()
-    }
-
-    /// The same where the robot stands there already.
-    pub(super) fn kept_in_place(mut self) -> Self {
-        if self.is_in_place() {
-            self.approach = None;
-        }
-        self
     }
 }
 

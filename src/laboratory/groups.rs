@@ -1,14 +1,57 @@
 //! What is measured together: stops under one load, with the instrument at one station.
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector3};
 
-use super::Stop;
 use super::side::Side;
 use super::ways::Way;
 use crate::experiment::{Experiment, Plan};
 use crate::parameter::Unloaded;
 use crate::plan::absolute::AbsolutePlanning;
 use crate::robot::Load;
+
+/// One place where the robot stands and is measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stop {
+    /// The experiments of the plan that are measured here, as indices.
+    pub experiments: Vec<usize>,
+    /// The commanded configuration (rad, m).
+    pub configuration: DVector<f64>,
+    /// What hangs on the robot; nothing for the position without a load.
+    pub load: Option<Load>,
+    /// Whether it is hung just before the approach, in place of what hung there.
+    pub changes_load: bool,
+    /// The direction that a gauge reads along, which is set here where nothing hangs yet.
+    pub direction: Option<Vector3<f64>>,
+    /// Where the instrument stands, where absolute readings say it.
+    pub station: Option<String>,
+    /// Whether it is set up there just before.
+    pub changes_station: bool,
+    /// What is read, once each, of absolute readings: as many as experiments.
+    pub targets: Vec<String>,
+    /// How often the instrument is read.
+    pub readings: u32,
+    /// The side from which it is approached.
+    pub side: Side,
+    /// Where the approach begins (rad, m); none where there is no room for one.
+    pub approach: Option<DVector<f64>>,
+    /// The way there from the stop before, or from the first safe pose.
+    pub way: Way,
+}
+
+impl Stop {
+    /// Whether the robot stands there already, and the load is hung beside a gauge.
+    pub const fn is_in_place(&self) -> bool {
+        self.direction.is_some() && self.load.is_some()
+    }
+
+    /// The same where the robot stands there already.
+    pub(super) fn kept_in_place(mut self) -> Self {
+        if self.is_in_place() {
+            self.approach = None;
+        }
+        self
+    }
+}
 
 /// Stops under one load, with the instrument at one station.
 pub(super) struct Group {

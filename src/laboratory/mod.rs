@@ -24,9 +24,10 @@ pub mod time;
 pub mod validation;
 mod ways;
 
-pub use campaign::{Campaign, CampaignError, Stop};
+pub use campaign::{Campaign, CampaignError};
 pub use clearance::PathJudge;
 pub use dialect::{Dialect, DialectError};
+pub use groups::Stop;
 pub use program::{
     Program, ProgramFile, ProgramStep, hung_kg, program, set_gauge, set_up, take_off,
 };

@@ -22,7 +22,7 @@ const MOST: u64 = 1 << 30;
 const ENDING: &str = "mjb";
 
 /// Where a compiled model is kept.
-pub(super) struct Kept {
+pub(super) struct KeptModel {
     binary: PathBuf,
     about: PathBuf,
 }
@@ -34,7 +34,7 @@ struct About {
     left_out: Vec<String>,
 }
 
-impl Kept {
+impl KeptModel {
     /// Of a file with additions; `None` where there is no folder, or a file that the model is made of cannot be read.
     pub fn of(path: &Path, additions: &Additions) -> Option<Self> {
         let folder = folder()?;

@@ -7,7 +7,7 @@ use std::time::Instant;
 use mujoco_rs::prelude::{MjModel, MjSpec};
 
 use super::error::refused;
-use super::kept::{Kept, LONG};
+use super::kept::{KeptModel, LONG};
 use super::messages::{self, refusal};
 use super::rehearsal::rehearse;
 use super::{Additions, Model, beside, obstacle, unsuited, urdf};
@@ -30,8 +30,8 @@ impl Model {
     /// body or a geometry of the same name.
     pub fn load_with(path: &Path, additions: &Additions) -> Result<Self, FileError> {
         prepare(path)?;
-        let kept = Kept::of(path, additions);
-        let found = || kept.as_ref().and_then(Kept::read);
+        let kept = KeptModel::of(path, additions);
+        let found = || kept.as_ref().and_then(KeptModel::read);
         let found_or_rehearsed = match found() {
             None if additions.is_empty() => {
                 rehearse(path)?;

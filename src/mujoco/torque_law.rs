@@ -20,10 +20,10 @@ pub struct TorqueLaw {
 }
 
 impl TorqueLaw {
-    /// A spring.
+    /// A spring: where another law would show is beyond all deflections and torques.
     pub const SPRING: Self = Self {
         share: 0.0,
-        at: f64::INFINITY,
+        at: f64::MAX,
     };
 
     fn cubic(&self) -> f64 {
