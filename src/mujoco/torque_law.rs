@@ -15,25 +15,26 @@ use super::servo::Servo;
 pub struct TorqueLaw {
     /// The share e by which it holds more; negative where it softens.
     pub share: f64,
-    /// Where that is said: the deflection s; in the planner's model the torque `tau_0` (N m; N where the joint slides).
-    pub at: f64,
+    /// Where that is said: the deflection s; in the planner's model the torque `tau_0` (N m; N where the joint slides); none of a spring.
+    pub at: Option<f64>,
 }
 
 impl TorqueLaw {
-    /// A spring: where another law would show is beyond all deflections and torques.
+    /// A spring.
     pub const SPRING: Self = Self {
         share: 0.0,
-        at: f64::MAX,
+        at: None,
     };
 
     fn cubic(&self) -> f64 {
-        self.share / self.at.powi(2)
+        self.at.map_or(0.0, |at| self.share / at.powi(2))
     }
 
     /// How far a joint of this compliance (rad/(N m)) gives under a torque (N m) besides its spring, to first order and for a share of one
     /// (rad).
     pub fn gives(&self, compliance_rad_per_nm: f64, torque_nm: f64) -> f64 {
-        -compliance_rad_per_nm * (torque_nm / self.at).powi(2) * torque_nm
+        let share = self.at.map_or(0.0, |at_nm| (torque_nm / at_nm).powi(2));
+        -compliance_rad_per_nm * share * torque_nm
     }
 
     /// The torque at a deflection, over the stiffness (rad, m).
@@ -89,7 +90,8 @@ mod tests {
     #[test]
     fn deflections_hold_what_they_are_to_hold() {
         for share in [0.0, 1e6, -1e5] {
-            let law = TorqueLaw { share, at: 1.0 };
+            let at = Some(1.0);
+            let law = TorqueLaw { share, at };
             for held in [-1.4e-3, -1e-5, 0.0, 1e-9, 3e-4, 1.2e-3] {
                 assert!(law.can_hold(held));
                 let deflection = law.deflection(held);
@@ -103,7 +105,7 @@ mod tests {
     fn laws_double_and_halve() {
         let stiffens = TorqueLaw {
             share: 1.0,
-            at: 2e-3,
+            at: Some(2e-3),
         };
         assert!((stiffens.held(-2e-3) + 4e-3).abs() < 1e-15);
         let softens = TorqueLaw {

@@ -119,7 +119,7 @@ impl ElasticArm {
         let came = Approach::of_all(approach, &self.chain);
         let gaps = self.backlash.iter().zip(came);
         let is_weighed = (self.backlash.iter()).any(|gap| gap.turned_over_at_nm.is_some())
-            || (self.stiffening.iter()).any(|law| law.at.is_finite());
+            || (self.stiffening.iter()).any(|law| law.at.is_some());
         let state = is_weighed.then(|| {
             let chain = match &self.payload {
                 Some(_) => Cow::Owned(self.loaded_chain()),

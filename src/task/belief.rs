@@ -144,8 +144,8 @@ impl Belief {
         for (gap, &torque_nm) in arm.backlash.iter_mut().zip(&self.turned_over_at_nm) {
             gap.turned_over_at_nm = torque_nm;
         }
-        for (law, torque_nm) in arm.stiffening.iter_mut().zip(&self.stiffening_at_nm) {
-            law.at = torque_nm.unwrap_or(f64::INFINITY);
+        for (law, &torque_nm) in arm.stiffening.iter_mut().zip(&self.stiffening_at_nm) {
+            law.at = torque_nm;
         }
         arm
     }

@@ -144,7 +144,8 @@ impl Circumstances {
             let kind = ParameterKind::JointStiffening { joint };
             let share = self.set.index_of(kind).map(|_| self.difference(kind))?;
             // What its spring would give there.
-            let at = compliance_rad_per_nm[joint] * self.nominal.stiffening[joint].at;
+            let torque_nm = self.nominal.stiffening[joint].at;
+            let at = torque_nm.map(|torque_nm| compliance_rad_per_nm[joint] * torque_nm);
             Some((joint, TorqueLaw { share, at }))
         };
         (0..compliance_rad_per_nm.len()).filter_map(law).collect()

@@ -166,7 +166,7 @@ pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> ElasticArm {
         gap.turned_over_at_nm = Some(100.0);
     }
     for each in belief.stiffening.iter_mut().skip(1).step_by(2) {
-        each.at = 1000.0;
+        each.at = Some(1000.0);
     }
     belief.load_scale = numbers.between(0.8, 1.2);
     belief.payload = Some(Payload {

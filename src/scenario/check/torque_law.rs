@@ -60,6 +60,7 @@ impl Checker<'_> {
                     }
                     let share = if of == "stiffens_at" { 1.0 } else { -1.0 };
                     let at = self.number(&key, value, kind)? * 1e-3;
+                    let at = Some(at);
                     law = Some((joint, TorqueLaw { share, at }));
                 }
                 laws.push(law.ok_or_else(|| {
