@@ -33,8 +33,9 @@ impl TorqueLaw {
     /// How far a joint of this compliance (rad/(N m)) gives under a torque (N m) besides its spring, to first order and for a share of one
     /// (rad).
     pub fn gives(&self, compliance_rad_per_nm: f64, torque_nm: f64) -> f64 {
-        let share = self.at.map_or(0.0, |at_nm| (torque_nm / at_nm).powi(2));
-        -compliance_rad_per_nm * share * torque_nm
+        self.at.map_or(0.0, |at_nm| {
+            -compliance_rad_per_nm * (torque_nm / at_nm).powi(2) * torque_nm
+        })
     }
 
     /// The torque at a deflection, over the stiffness (rad, m).
