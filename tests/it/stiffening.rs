@@ -69,7 +69,13 @@ fn one_law() {
     let compliance = &plain.compliance_rad_per_nm;
     let law = |joint: usize, share: f64| {
         let at = compliance[joint] * 8000.0;
-        (joint, TorqueLaw { share, at: Some(at) })
+        (
+            joint,
+            TorqueLaw {
+                share,
+                at: Some(at),
+            },
+        )
     };
     let laws = [law(1, 0.06), law(2, -0.04), law(4, 0.02)];
     let mut chain = VirtualRobot::new(plain, tool).expect("the site exists");
