@@ -1,7 +1,7 @@
 //! Likely input errors of a table: units, signs, frames, columns, an instrument that was moved.
 //!
 //! An error is supposed, the table is read without it, and both readings are judged: deflections by their evidence, absolute
-//! readings by what frames alone leave of them. [`catalogue`] lists the errors.
+//! readings by what frames alone leave of them. The private `catalogue` lists the errors.
 
 mod catalogue;
 mod deflections;
