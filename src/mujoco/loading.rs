@@ -29,7 +29,7 @@ impl Model {
     /// The file cannot be read, or MuJoCo refuses it with the additions, as where the model has a
     /// body or a geometry of the same name.
     pub fn load_with(path: &Path, additions: &Additions) -> Result<Self, FileError> {
-        prepare(path)?;
+        let text = prepare(path)?;
         let kept = KeptModel::of(path, additions);
         let found = || kept.as_ref().and_then(KeptModel::read);
         let found_or_rehearsed = match found() {
@@ -46,7 +46,7 @@ impl Model {
             .then(|| Self::load(path))
             .transpose()?;
         let (began, warnings) = (Instant::now(), messages::warnings());
-        let (mut spec, left_out) = specification(path)?;
+        let (mut spec, left_out) = specification_of(path, &text)?;
         for obstacle in &additions.obstacles {
             obstacle::add(&mut spec, obstacle).map_err(|message| refused(path, message))?;
         }
@@ -77,10 +77,14 @@ impl Model {
 
 /// What a file says, to be edited, and what is left out of it, in words.
 pub(super) fn specification(path: &Path) -> Result<(MjSpec, Vec<String>), FileError> {
-    let text = prepare(path)?;
+    specification_of(path, &prepare(path)?)
+}
+
+/// The same of a file that was looked at, with its text.
+fn specification_of(path: &Path, text: &str) -> Result<(MjSpec, Vec<String>), FileError> {
     rehearse(path)?;
-    if urdf::is_one(&text) {
-        return urdf::specification(path, &text);
+    if urdf::is_one(text) {
+        return urdf::specification(path, text);
     }
     let mut spec =
         MjSpec::from_xml(path).map_err(|error| refused(path, refusal(path, &error.to_string())))?;
