@@ -1,19 +1,19 @@
 //! The mathematics that every stage uses, and that knows of no robot.
 //!
 //! - [`random`]: random numbers as a function of seed and run, one registry of their streams.
+//! - [`correlated`]: rows that follow unknowns and processes, and what some of them tell of all.
 //! - [`factorisation`]: eigenvalues and singular values, of matrices that may hold anything.
 //! - [`estimable`]: what measurements determine, one decision for every stage.
 //! - [`least_squares`]: the fit within it (eqs. 5, 6, 9).
-//! - [`low_rank`]: information that comes in rows of few unknowns.
 //! - [`posterior`]: what is known afterwards, and the variance of anything that follows from it
 //!   (eqs. 11 to 13, 20).
 //! - [`tolerance`]: the length that a share of errors stays below, and medians.
 //! - [`ornstein_uhlenbeck`]: Ornstein-Uhlenbeck processes along a coordinate.
 
+pub mod correlated;
 pub mod estimable;
 pub mod factorisation;
 pub mod least_squares;
-pub mod low_rank;
 pub mod ornstein_uhlenbeck;
 pub mod posterior;
 pub mod random;

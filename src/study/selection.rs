@@ -16,7 +16,7 @@ use crate::identification::{
     SimulatedReadings,
 };
 use crate::measurement::AbsoluteReading;
-use crate::numeric::low_rank::LowRankList;
+use crate::numeric::correlated::CorrelatedList;
 use crate::numeric::random::{generator, streams};
 use crate::plan::search::{CandidateInformation, FiniteEffort, FiniteProblem, Watch, best_choice};
 use crate::plan::{Criterion, CriterionFunction, no_wider_than_high};
@@ -24,6 +24,8 @@ use crate::task::Belief;
 
 /// Searches for one choice, before it is searched for from the others, too.
 const SEARCHES: usize = 4;
+/// Searches for the choice with joint error functions: by greed, and from a random one.
+const SEARCHES_WITH_FUNCTIONS: usize = 2;
 
 /// The ways to choose, each with the criterion that it is best by. O1 chooses as D does, and O3 as E.
 pub const CHOICES: [Criterion; 6] = [
@@ -192,7 +194,7 @@ struct Chooser<'a> {
     read: SimulatedReadings,
     campaigns: Vec<SimulatedReadings>,
     /// With joint error functions, where there are any.
-    list: Option<LowRankList>,
+    list: Option<CorrelatedList>,
     wanted: &'a SelectionWanted,
 }
 
@@ -352,11 +354,17 @@ impl Chooser<'_> {
     /// The best choice for absolute accuracy with joint error functions.
     fn with_functions(
         &self,
-        list: &LowRankList,
+        list: &CorrelatedList,
         size: u32,
         stop: &AtomicBool,
     ) -> Result<Chosen, String> {
-        let found = best_choice(list, size as usize, SEARCHES, self.wanted.seed, stop);
+        let found = best_choice(
+            list,
+            size as usize,
+            SEARCHES_WITH_FUNCTIONS,
+            self.wanted.seed,
+            stop,
+        );
         let found = found.ok_or("the readings determine nothing")?;
         Ok(self.judged(found))
     }

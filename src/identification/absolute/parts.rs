@@ -5,12 +5,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::super::IdentificationError;
-use super::joint_errors::LocalRows;
 use super::mixed::VarianceComponents;
+use super::residuals::LinearReading;
 use super::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, DiscrepancyModel, ParameterGroup, ReadingWeights,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy, DiscrepancyModel, ParameterGroup,
+    ReadingWeights,
 };
-use crate::numeric::low_rank::{LowRankInformation, LowRankList};
+use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::ornstein_uhlenbeck::sampled;
 use crate::observation::{
     Form, Observation, ObservationModel, Reading, planned_information_of_each, planned_positions,
@@ -18,6 +19,9 @@ use crate::observation::{
 use crate::parameter::{JointFunction, ParameterSet, relative_precision};
 use crate::robot::EquilibriumError;
 use crate::task::Extended;
+
+/// What stands for nothing known: this share of what a reading tells in the mean, and of typical sizes where none tells anything.
+const FAINT: f64 = 1e-4;
 
 /// Readings of which any part can be fitted as all were: the same unknowns, what is known of them before, and weights.
 #[derive(Debug, Clone)]
@@ -144,52 +148,42 @@ impl PartsOfReadings<'_> {
         rows.transpose() / (setups.len().max(1) as f64).sqrt()
     }
 
-    /// What each reading tells where joint error functions are unknown beside the unknowns: of the functions their values at knots are, and
-    /// what lies between these is new at each reading.
+    /// What each reading shows where joint error functions are unknown beside the unknowns.
     ///
     /// # Errors
-    /// The robot has no equilibrium there.
-    pub fn with_functions(&self) -> Result<LowRankList, IdentificationError> {
+    /// The robot has no equilibrium there, or the numbers have no factorisation.
+    pub fn with_functions(&self) -> Result<CorrelatedList, IdentificationError> {
         let (set, joints) = (self.set(), self.known.joints());
         let mean = &set.prior().mean;
         let rows = (self.case).rows_at(&self.case.arm, set, mean.as_slice(), &joints)?;
-        let mut sizes: Vec<f64> = set.scales().iter().copied().collect();
-        let model = self.known.unfitted(&self.case.observations, set.len());
-        for joint in &model.joints {
-            sizes.resize(sizes.len() + joint.values.len(), joint.deviation);
-        }
-        let mut before = DMatrix::zeros(sizes.len(), sizes.len());
-        let mut own = before.view_mut((0, 0), (set.len(), set.len()));
-        own.copy_from(&self.known_before());
-        for (joint, &first) in model.joints.iter().zip(&model.offsets()) {
-            joint.process.precision().0.add_to(&mut before, first);
-        }
-        let mut list = LowRankList::new(before);
-        let share = (rows.len().max(1) as f64).recip();
-        let places: Vec<usize> = (0..set.len()).collect();
-        for (each, rows) in self.case.observations.iter().zip(&rows) {
-            let q = each.setup.commanded_rad.as_slice();
-            let LocalRows {
-                index: columns,
-                mut matrix,
-                new,
-                ..
-            } = model.local(rows, &places, q);
-            for (mut column, &place) in matrix.column_iter_mut().zip(&columns) {
-                column *= sizes[place];
+        let size = set.len();
+        let told: DMatrix<f64> = self.told().iter().sum();
+        let mean = told / rows.len().max(1) as f64;
+        let before = self.known_before() + (mean + DMatrix::identity(size, size)) * FAINT;
+        let factor = Cholesky::new(before).ok_or(IdentificationError::NothingObserved)?;
+        let sizes = DMatrix::from_diagonal(&set.scales());
+        let rest = Discrepancy::from(self.known.rest).covariance();
+        let reading = |(each, rows): (&Observation, LinearReading)| {
+            let mut by_unknowns = &sizes * rows.columns.transpose();
+            factor
+                .l_dirty()
+                .solve_lower_triangular_mut(&mut by_unknowns);
+            let (count, q) = (rows.own.nrows(), &each.setup.commanded_rad);
+            CorrelatedReading {
+                by_unknowns,
+                by_processes: rows.joints,
+                places: joints.iter().map(|&joint| q[joint]).collect(),
+                new: rows.own + rest.view((0, 0), (count, count)),
             }
-            let mut information = LowRankInformation {
-                columns,
-                rows: matrix.rows(0, 3).into_owned(),
-            };
-            list.want(&information, share);
-            if let Some(factor) = Cholesky::new(new) {
-                factor.l_dirty().solve_lower_triangular_mut(&mut matrix);
-            }
-            information.rows = matrix;
-            list.candidates.push(information);
-        }
-        Ok(list)
+        };
+        Ok(CorrelatedList {
+            processes: (self.known.functions.iter())
+                .map(|each| [each.deviation_rad, each.correlation_rad])
+                .collect(),
+            readings: (self.case.observations.iter().zip(rows))
+                .map(reading)
+                .collect(),
+        })
     }
 
     /// What a fit of some of these observations, which may be those of the case or others in their places, predicts of all positions; none

@@ -8,7 +8,7 @@
 //!   gradients, or from a rounded approximate design.
 //! - `budget`, `criteria`: the best accuracy against the number of measurements, and the best plans for the criteria of Table 1.
 //! - `candidates`, `finite`, `finite_search`: plans of a finite list, whose bound is proved by looking at all.
-//! - `low_rank_search`: choices from a long list of readings that inform few of many unknowns.
+//! - `correlated_choice`: choices from a long list of readings that follow functions of joints' angles.
 
 mod approximate;
 mod bound;
@@ -16,6 +16,7 @@ mod budget;
 mod candidate_error;
 mod candidate_information;
 mod candidates;
+mod correlated_choice;
 mod criteria;
 mod exact;
 mod exchange;
@@ -23,7 +24,6 @@ mod finite;
 mod finite_search;
 mod joints;
 mod local;
-mod low_rank_search;
 mod observation;
 mod point;
 mod pool;
@@ -46,11 +46,11 @@ pub use candidate_error::{CandidateError, LeftOutCandidates, OfferedCandidates};
 pub use candidate_information::CandidateInformation;
 pub use candidates::Candidates;
 pub(in crate::plan) use candidates::possible_of;
+pub use correlated_choice::best_choice;
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
 pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
-pub use low_rank_search::best_choice;
 pub use observation::MatrixEvaluator;
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofFile, ProvedBound, TIGHT};

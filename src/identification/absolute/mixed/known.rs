@@ -1,21 +1,15 @@
 //! Variance components that are known before, and those that are estimated for plans.
 
-use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::super::joint_errors::{DiscrepancyModel, JointError};
+use super::super::joint_errors::DiscrepancyModel;
 use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS, by_pose};
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
 use crate::numeric::tolerance;
-use crate::numeric::tolerance::ends;
-use crate::observation::Observation;
 use crate::parameter::JointFunction;
 
 /// The knots of no more visits are all their angles: then nothing is lost between knots.
 const EXACT: usize = 120;
-/// Knots in planning are so many correlation lengths apart, unless they would be more than so many a joint.
-const APART: f64 = 0.5;
-const MOST_PLANNED: u32 = 120;
 /// Variance components are estimated from parts of so many visits at most.
 const SPARSE: usize = 100;
 /// Angles that are nearer to each other (rad) are one.
@@ -35,41 +29,6 @@ impl VarianceComponents {
     /// The joints that have functions.
     pub fn joints(&self) -> Vec<usize> {
         self.functions.iter().map(|each| each.joint).collect()
-    }
-
-    /// A model before any reading, of so many parameters of which nothing is known: functions at knots half a correlation length apart among
-    /// the angles of readings, or further where that would be many.
-    pub(in super::super) fn unfitted(
-        &self,
-        observations: &[Observation],
-        parameters: usize,
-    ) -> DiscrepancyModel {
-        let of_function = |function: &JointFunction| {
-            let angles = observations
-                .iter()
-                .map(|each| each.setup.commanded_rad[function.joint]);
-            let angles: Vec<f64> = angles.collect();
-            let [low, high] = ends(angles.iter().copied());
-            let apart = APART * function.correlation_rad;
-            let count = (2..MOST_PLANNED)
-                .find(|count| high - low <= apart * f64::from(count - 1))
-                .unwrap_or(MOST_PLANNED);
-            let knots = knots_among(&angles, count as usize);
-            JointError {
-                joint: function.joint,
-                values: vec![0.0; knots.len()],
-                process: OrnsteinUhlenbeck {
-                    knots,
-                    length: function.correlation_rad,
-                },
-                deviation: function.deviation_rad,
-                spread: [Vec::new(), Vec::new()],
-            }
-        };
-        DiscrepancyModel {
-            joints: self.functions.iter().map(of_function).collect(),
-            ..DiscrepancyModel::plain(DMatrix::zeros(parameters, parameters), self.rest.into())
-        }
     }
 }
 

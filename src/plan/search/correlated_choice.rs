@@ -1,0 +1,124 @@
+//! The best choice from a long list of readings that follow unknowns and functions of joints' angles: the greedy choice and random ones,
+//! bettered by exchanges until none helps.
+//!
+//! What is minimised is the mean square error of the positions that are not chosen; all candidates are tried for every exchange, which
+//! updates of low rank make cheap: see [`KnownOfReadings`].
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rand::seq::index;
+
+use crate::numeric::correlated::{CorrelatedList, KnownOfReadings};
+use crate::numeric::random::{generator, streams};
+
+/// Looks at every reading of a choice, at most.
+const PASSES: usize = 12;
+/// An exchange lowers the cost by more than this share.
+const GAIN: f64 = 1e-4;
+/// So many positions, sampled from all, are predicted at most,
+const MOST_WANTED: usize = 300;
+/// of which so many covariances with rows of readings are kept at most.
+const MOST_NUMBERS: usize = 8_000_000;
+
+/// The best choice of so many different readings, in rising order; a function of the list, the size and the seed alone,
+/// unless it is stopped. None where the list is shorter, or where numbers have no factorisation.
+pub fn best_choice(
+    list: &CorrelatedList,
+    size: usize,
+    searches: usize,
+    seed: u64,
+    stop: &AtomicBool,
+) -> Option<Vec<usize>> {
+    if size > list.readings.len() {
+        return None;
+    }
+    let nothing = KnownOfReadings::before(list, &wanted_of(list, seed), size);
+    let searched = (0..searches.max(1)).filter_map(|search| {
+        let mut start = Vec::new();
+        if search > 0 {
+            let mut random = generator(seed, streams::candidate_search(search as u64));
+            start = index::sample(&mut random, list.readings.len(), size).into_vec();
+        }
+        improved(&nothing, size, start, stop)
+    });
+    let best = searched.min_by(|one, other| one.0.total_cmp(&other.0));
+    best.map(|(_, mut chosen)| {
+        chosen.sort_unstable();
+        chosen
+    })
+}
+
+/// The readings whose positions are predicted, in rising order.
+fn wanted_of(list: &CorrelatedList, seed: u64) -> Vec<usize> {
+    let rows = list.readings.iter().map(|each| each.new.nrows());
+    let most = MOST_NUMBERS / (3 * rows.sum::<usize>()).max(1);
+    let count = list.readings.len().min(most.clamp(1, MOST_WANTED));
+    let mut random = generator(seed, streams::candidate_search(0));
+    let mut wanted = index::sample(&mut random, list.readings.len(), count).into_vec();
+    wanted.sort_unstable();
+    wanted
+}
+
+/// Fills a choice up with what helps most, then exchanges; with its cost.
+fn improved(
+    nothing: &KnownOfReadings<'_>,
+    size: usize,
+    start: Vec<usize>,
+    stop: &AtomicBool,
+) -> Option<(f64, Vec<usize>)> {
+    let filled = start.len();
+    let mut known = nothing.informed(start)?;
+    for place in filled..size {
+        let (best, _) = known.most_helpful()?;
+        known.add(place, best)?;
+    }
+    for _ in 0..PASSES {
+        let before = known.cost();
+        for place in 0..size {
+            if stop.load(Ordering::Relaxed) {
+                break;
+            }
+            let cost = known.cost();
+            let own = known.remove(place)?;
+            let (best, least) = known.most_helpful()?;
+            let is_better = least < cost * (1.0 - GAIN);
+            known.add(place, if is_better { best } else { own })?;
+        }
+        // Updates lose digits.
+        known = nothing.informed(known.chosen())?;
+        if known.cost() >= before * (1.0 - GAIN) {
+            break;
+        }
+    }
+    Some((known.cost(), known.chosen().collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::correlated::tests::list;
+
+    /// No exchange betters what is found.
+    #[test]
+    fn no_exchange_helps() {
+        let list = list();
+        let all: Vec<usize> = (0..list.readings.len()).collect();
+        let nothing = KnownOfReadings::before(&list, &all, 4);
+        let cost = |chosen: &[usize]| {
+            let known = nothing.informed(chosen.iter().copied());
+            known.expect("regular").cost()
+        };
+        let chosen = best_choice(&list, 4, 3, 1, &AtomicBool::new(false)).expect("a choice");
+        let found = cost(&chosen);
+        for place in 0..chosen.len() {
+            for &other in all.iter().filter(|other| !chosen.contains(other)) {
+                let mut exchanged = chosen.clone();
+                exchanged[place] = other;
+                assert!(
+                    cost(&exchanged) >= found * (1.0 - 2.0 * GAIN),
+                    "{exchanged:?}"
+                );
+            }
+        }
+    }
+}
