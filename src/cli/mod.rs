@@ -122,7 +122,7 @@ enum Command {
     Init(init::Init),
     /// The whole loop: design a plan, measure, identify, compensate, and write it all to a folder
     #[command(
-        after_help = "Examples:\n  elastocal run\n  elastocal run scenarios/planar_3r.toml --seed 2 --out results"
+        after_help = "Examples:\n  elastocal run\n  elastocal run scenarios/planar_3r.toml --seed 2 --out results\n  elastocal run absolute.toml --candidates stops.csv --parameters zeros"
     )]
     Run(run::Run),
     /// Validate a scenario, and a plan against it

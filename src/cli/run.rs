@@ -42,7 +42,8 @@ pub struct Run {
     budget: BudgetArgs,
     #[command(flatten)]
     readings: ReadingsArgs,
-    /// Show the recording in a rerun viewer too: start one, connect to one, or write a file. Of deflections.
+    /// Show the recording in a rerun viewer too: start one, connect to one, or write a file. Of deflections: absolute
+    /// readings have no recordings.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
 }

@@ -160,10 +160,10 @@ fn true_values(
     // Of another model than the nominal one a run says compliances alone; and what is left out as redundant is in other unknowns.
     let is_own = scenario.truth.robot.model.path() == belief.nominal.model.path();
     let is_said = is_own && fit.left_out.is_empty();
-    let value = |parameter: &Parameter| {
-        let is_compliance = matches!(parameter.kind, ParameterKind::JointCompliance { .. });
-        (is_compliance || is_said && !parameter.kind.is_mounted())
-            .then(|| parameter.quantity(&fit.reference, robots.value(belief, parameter)))
+    let value = |parameter: &Parameter| match parameter.kind {
+        ParameterKind::JointCompliance { joint } => Some(robots.compliance_rad_per_nm()[joint]),
+        kind if !is_said || kind.is_mounted() => None,
+        _ => Some(parameter.quantity(&fit.reference, robots.value(belief, parameter))),
     };
     fit.set.parameters().iter().map(value).collect()
 }

@@ -26,6 +26,8 @@ pub struct ObservedRun<'a> {
 
 /// Standard errors and values have so many digits.
 const DIGITS: usize = 4;
+/// A smaller discrepancy (mm) is not said.
+const LEAST_MM: f64 = 5e-6;
 
 /// What was observed beside what was predicted, and random plans.
 pub(super) fn cards(shown: &AbsolutePageRecord<'_>, run: &ObservedRun<'_>) -> String {
@@ -81,7 +83,7 @@ pub(super) fn identified(run: &ObservedRun<'_>) -> String {
         micrometres(Some(distances.rms)),
         micrometres(Some(distances.largest))
     );
-    if let Some(discrepancy_mm) = found.discrepancy_mm {
+    if let Some(discrepancy_mm) = found.discrepancy_mm.filter(|mm| *mm > LEAST_MM) {
         about += &format!(
             " Standard errors count a model discrepancy of {} in each coordinate.",
             micrometres(Some(discrepancy_mm))
