@@ -157,9 +157,15 @@ fn true_values(
     identified: &IdentifiedRobot<'_>,
 ) -> Vec<Option<f64>> {
     let (belief, fit) = (&scenario.task.belief, &identified.fit);
-    // Of another model than the nominal one a run says compliances alone; and what is left out as redundant is in other unknowns.
+    // Of another model than the nominal one a run says compliances alone. Zeros that are left out as redundant are in the frames,
+    // and with links in these, too.
     let is_own = scenario.truth.robot.model.path() == belief.nominal.model.path();
-    let is_said = is_own && fit.left_out.is_empty();
+    let is_link = |each: &Parameter| {
+        use ParameterKind::{LinkPosition, LinkRotation};
+        matches!(each.kind, LinkPosition { .. } | LinkRotation { .. })
+    };
+    let has_links = fit.set.parameters().iter().any(is_link);
+    let is_said = is_own && (fit.left_out.is_empty() || !has_links);
     let value = |parameter: &Parameter| match parameter.kind {
         ParameterKind::JointCompliance { joint } => Some(robots.compliance_rad_per_nm()[joint]),
         kind if !is_said || kind.is_mounted() => None,

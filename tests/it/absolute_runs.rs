@@ -99,14 +99,14 @@ fn assert_same_unknowns(one: &Value, other: &Value) {
 /// Plan, readings, identification and compensation are those of the commands, and each takes what the run wrote.
 #[test]
 fn a_run_is_what_its_commands_are() {
-    let (place, run) = run_of(&absolute(&(KNOWN.to_owned() + REPEATABILITY)), "--draw 12");
+    let (place, run) = run_of(&absolute(&(KNOWN.to_owned() + REPEATABILITY)), "--draw 6");
     let mut listing = place.listing();
     listing.retain(|file| file.starts_with("out/s/"));
     assert_eq!(listing, FILES.map(|file| format!("out/s/{file}")));
     let stored: Value = serde_json::from_str(&place.read("out/s/results.json")).expect("JSON");
     assert_eq!(stored, run);
 
-    let planned = place.json("plan s.toml --draw 12 --plan-out plan.csv");
+    let planned = place.json("plan s.toml --draw 6 --plan-out plan.csv");
     assert_same_table(&place, ["out/s/plan.csv", "plan.csv"]);
     for key in [
         "accuracy",
@@ -184,7 +184,11 @@ fn a_run_is_the_first_of_a_study() {
 #[test]
 fn the_truth_is_that_of_the_run() {
     let without = "\n[[station]]\nname = \"door\"\nposition_mm = [2600, 300, 1200]\n";
-    for (more, options) in [(KNOWN, "--draw 12"), (without, "--draw 12 --seed 3")] {
+    for (more, options, expected) in [
+        (KNOWN, "--draw 12", 8),
+        (without, "--draw 12 --seed 3", 4),
+        (without, "--draw 12 --parameters zeros", 4),
+    ] {
         let (place, run) = run_of(&absolute(more), options);
         let identified = unknowns(&run);
         let truth = run["truth"]["unknowns"].as_array().expect("a list");
@@ -217,7 +221,7 @@ fn the_truth_is_that_of_the_run() {
                 "{name}: {truth} {wanted}"
             );
         }
-        assert_eq!(judged, if more == KNOWN { 8 } else { 4 });
+        assert_eq!(judged, expected);
         let page = place.read("out/s/report.html");
         crate::report::assert_self_contained(&page);
         for words in [
@@ -231,8 +235,8 @@ fn the_truth_is_that_of_the_run() {
             assert!(page.contains(words), "{words}");
         }
         let stills = page.matches("class=\"still\"").count();
-        // The figure of test poses, and the view that turns.
-        looks_well(&place.path("out/s/report.html"), 2 + stills);
+        // With the figure of the test poses.
+        looks_well(&place.path("out/s/report.html"), 1 + stills);
     }
 }
 
@@ -247,11 +251,8 @@ fn a_ballbar_is_run() {
     assert_eq!(run["bound_kind"], "proved");
     assert!(number(&run["efficiency"]) <= 1.0);
     assert!(run["drawn"].is_null());
-    let [own, random] = ["rho0_mm", "random_median_rho0_mm"].map(|key| number(&run[key]));
-    assert!(
-        random >= number(&run["lower_bound_rho0_mm"]),
-        "{own} {random}"
-    );
+    // No station has as many rows: there are no random plans, which read from one.
+    assert!(run["random_median_rho0_mm"].is_null());
     assert!(run["measurements"][0]["distance_mm"].is_number());
     let identified = place.json("identify s.toml --measurements out/s/measurements.csv");
     assert_same_unknowns(&run, &identified);

@@ -77,7 +77,7 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
 
 fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &bound_card(shown.plan);
-    cards += &(shown.run).map_or_else(String::new, |run| absolute_run::cards(shown, run));
+    cards += &(shown.run).map_or_else(String::new, |run| absolute_run::cards(shown.plan, run));
     if let Some(trials) = shown.trials {
         let is_kept = trials.prediction == Kept::Holds;
         let about = format!(
@@ -248,11 +248,14 @@ fn test_poses(
     let values: Vec<f64> = (plan.test_poses.iter())
         .map(|pose| pose.rho0_mm.unwrap_or(0.0) * 1e3)
         .collect();
-    let mut caption = format!(
-        "\u{3c1}\u{2080} at each of {}, in their order; over all it is {}.",
-        counted(values.len() as u64, "test pose"),
-        micrometres(plan.rho0_mm)
-    );
+    let mut caption = match values.len() {
+        1 => "\u{3c1}\u{2080} at the test pose.".to_owned(),
+        count => format!(
+            "\u{3c1}\u{2080} at each of {}, in their order; over all it is {}.",
+            counted(count as u64, "test pose"),
+            micrometres(plan.rho0_mm)
+        ),
+    };
     let rows = (plan.test_poses.iter().enumerate()).map(|(index, pose)| {
         let seen = observed.get(index).into_iter();
         let seen = seen.flat_map(|seen| [seen.residual_mm, seen.uncompensated_mm]);

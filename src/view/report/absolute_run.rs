@@ -1,10 +1,10 @@
 //! What a page of absolute readings shows of one run: where the tool was, and what was identified beside the simulated truth of that run.
 
-use super::absolute::AbsolutePageRecord;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute::{AbsoluteMessage, UnknownMessage};
+use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::record::messages::TestPoseMessage;
-use crate::text::wording::{counted, dash, micrometres, number, significant};
+use crate::text::wording::{counted, micrometres, number};
 use crate::view::markup::{card, micro_sign, paragraph, section, table};
 
 /// A run on the virtual robot.
@@ -24,29 +24,29 @@ pub struct ObservedRun<'a> {
     pub random: (u64, Option<f64>),
 }
 
-/// Standard errors and values have so many digits.
-const DIGITS: usize = 4;
 /// A smaller discrepancy (mm) is not said.
 const LEAST_MM: f64 = 5e-6;
 
 /// What was observed beside what was predicted, and random plans.
-pub(super) fn cards(shown: &AbsolutePageRecord<'_>, run: &ObservedRun<'_>) -> String {
+pub(super) fn cards(plan: &AbsolutePlanMessage, run: &ObservedRun<'_>) -> String {
     let [before, after] = run.rms_mm.map(|value| micrometres(Some(value)));
     let about = format!(
-        "Residual error in run {} on the virtual robot: the distance of the loaded tool from where the identified robot predicts it, rms over \
-         the test poses; predicted {} rms. Of the nominal robot, in the frames that suit the same readings best: {before}.",
+        "Residual error in run {} on the virtual robot: the distance of the loaded tool from where the identified robot predicts it, \
+         rms over the test poses; predicted {} rms. Of the nominal robot, in the frames that suit the same readings best: {before}.",
         run.run,
-        micrometres(shown.plan.rho0_mm)
+        micrometres(plan.rho0_mm)
     );
     let observed = card("", "Observed in this run", &after, &about);
     let (count, median_mm) = run.random;
-    let times = (median_mm.zip(shown.plan.rho0_mm)).map(|(median, own)| median / own);
+    let Some((median, own)) = median_mm.zip(plan.rho0_mm) else {
+        return observed;
+    };
     let about = format!(
         "Median predicted accuracy of {count} random plans of {} of the same candidates: {}.",
-        counted(shown.plan.experiments.into(), "reading"),
+        counted(plan.experiments.into(), "reading"),
         micrometres(median_mm)
     );
-    let answer = format!("{} times as accurate", number(times, 1));
+    let answer = format!("{} times as accurate", number(Some(median / own), 1));
     observed + &card("", "Against a random plan", &answer, &about)
 }
 
@@ -73,7 +73,7 @@ pub(super) fn identified(run: &ObservedRun<'_>) -> String {
     if !found.left_out.is_empty() {
         let names: Vec<&str> = found.left_out.iter().map(|each| &*each.name).collect();
         about += &format!(
-            " Redundant, not fitted: {}. Geometry takes their part, and no truth stands beside it.",
+            " Redundant, not fitted: {}. Frames take their part; where links do, too, no truth stands beside geometry.",
             names.join(", ")
         );
     }
@@ -95,13 +95,7 @@ pub(super) fn identified(run: &ObservedRun<'_>) -> String {
 
 fn row(unknown: &UnknownMessage, truth: Option<f64>) -> Vec<String> {
     let (factor, unit) = shown_unit(&unknown.unit);
-    let shown = |value: Option<f64>| {
-        value.map_or_else(dash, |value| match value * factor {
-            // Zero has no digits.
-            0.0 => "0".to_owned(),
-            value => significant(value, DIGITS),
-        })
-    };
+    let shown = |value: Option<f64>| number(value.map(|value| value * factor), 4);
     let error = unknown.standard_error;
     let off = truth.zip(error);
     let off = off.map(|(truth, error)| (unknown.value - truth) / error);
