@@ -19,7 +19,7 @@ pub struct ReadingsArgs {
     /// Choose absolute readings from these rows (CSV), with design.accuracy = "absolute".
     #[arg(long, value_name = "FILE")]
     pub candidates: Option<PathBuf>,
-    /// Without --candidates, sample so many configurations in the region, with design.accuracy = "absolute".
+    /// Sample so many configurations in the region, where there are no --candidates, with design.accuracy = "absolute".
     #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     draw: Option<u32>,
     /// What is unknown, with design.accuracy = "absolute": frames of stations and targets always; what the scenario's
