@@ -228,7 +228,10 @@ class ReproduceOptions(ReproduceGiven, total=False):
 
 class RunGiven(Common, total=False):
     budget_out: FilePath | None
+    candidates: FilePath | None
+    draw: int | None
     no_proof: bool | None
+    parameters: Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"] | Sequence[Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"]] | None
     proof_out: FilePath | None
     prove: float | str | None
     prove_time: float | str | None

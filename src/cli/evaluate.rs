@@ -133,7 +133,7 @@ impl Evaluate {
         }
         let plan = planning.whole();
         let beside = (bound.as_ref(), None);
-        let planned = PlannedAccuracy::of_readings(task, args, planning, plan, beside);
+        let planned = PlannedAccuracy::of_readings(task, &args.parameters, planning, plan, beside);
         let besides = Report::new(json!({ "trials": null }), String::new(), Vec::new());
         Ok((planned, besides))
     }

@@ -61,7 +61,6 @@ use elastocal::files::{FileError, output::check_writable, roles::Roles, shipped}
 use elastocal::measurement::Origin;
 use elastocal::record::{json::results, platform::platform};
 use elastocal::scenario::Scenario;
-use elastocal::task::AccuracyKind;
 use elastocal::text::{diagnostics::say, plain, wording::shell_path};
 use elastocal::understanding::collapse;
 use serde_json::{Value, json};
@@ -123,7 +122,7 @@ enum Command {
     Init(init::Init),
     /// The whole loop: design a plan, measure, identify, compensate, and write it all to a folder
     #[command(
-        after_help = "Examples:\n  elastocal run\n  elastocal run scenarios/planar_3r.toml --seed 2 --out results"
+        after_help = "Examples:\n  elastocal run\n  elastocal run scenarios/planar_3r.toml --seed 2 --out results\n  elastocal run absolute.toml --candidates stops.csv --parameters zeros"
     )]
     Run(run::Run),
     /// Validate a scenario, and a plan against it
@@ -395,20 +394,6 @@ impl Common {
     /// Loads the scenario, with the seed replaced where one is given.
     fn load(&self) -> anyhow::Result<Scenario> {
         self.load_file(self.scenario())
-    }
-
-    /// The same for a command that is about deflections alone.
-    fn load_relative(&self) -> anyhow::Result<Scenario> {
-        let scenario = self.load()?;
-        if scenario.task.design.accuracy == AccuracyKind::Absolute {
-            let problem = "is \"absolute\", and this command is about deflections";
-            let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
-            let wrong = wrong.code(ErrorCode::OtherAccuracy);
-            let hint = "absolute accuracy goes by `plan`, `measure`, `identify` and `compensate`; leave the key out for this command";
-            return Err(wrong.hint(hint).into());
-        }
-        rests(&scenario)?;
-        Ok(scenario)
     }
 
     /// The scenario that was given, or the default.

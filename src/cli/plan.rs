@@ -9,7 +9,7 @@ use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
-use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning, DrawnWanted};
+use elastocal::plan::absolute::DrawnWanted;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, BoundKind, Candidates, Certificate, OfferedCandidates, Problem,
     SearchError, Watch,
@@ -22,6 +22,7 @@ use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
+use elastocal::workflow::study::ReadingsWanted;
 use serde_json::json;
 
 use super::conditions::search_stopped;
@@ -247,26 +248,21 @@ impl PlanCommand {
             let designing = format!("designing a plan of {readings} {place}");
             args.common.say(&designing);
         };
-        let mut drawn = None;
-        let (planning, found) = if let Some(path) = &args.candidates {
-            let rows = read_candidates(path, task.belief.commands())?;
-            let in_file = |error: AbsolutePlanError| error.in_file(path);
-            let planning = AbsolutePlanning::new(task, groups, &rows).map_err(in_file)?;
-            let candidates = planning.candidates.len() as u64;
-            say(&format!("among {}", counted(candidates, "candidate")));
-            let found = planning.design(sizes, seed, watch).map_err(in_file)?;
-            (planning, found)
-        } else {
-            say("at sampled configurations");
-            let configurations = self.draw.unwrap_or(DRAWN);
-            let wanted = DrawnWanted {
-                configurations,
-                seed,
-            };
-            drawn = Some(wanted);
-            AbsolutePlanning::design_anywhere(task, groups, wanted, sizes, watch)
-                .map_err(|error| error.in_file(&scenario.path))?
+        let file = args.candidates.as_deref();
+        let rows = file.map(|path| read_candidates(path, task.belief.commands()));
+        let rows = rows.transpose()?;
+        let chosen = ReadingsWanted {
+            groups,
+            candidates: rows.as_deref(),
+            path: file.unwrap_or(&scenario.path),
+            configurations: self.draw.unwrap_or(DRAWN),
         };
+        let count = |rows: &Vec<_>| counted(rows.len() as u64, "candidate");
+        let among = rows.as_ref().map(|rows| format!("among {}", count(rows)));
+        say(among.as_deref().unwrap_or("at sampled configurations"));
+        let (planning, found) = (chosen.design(task, sizes, seed, watch))
+            .map_err(|error| error.in_file(chosen.path))?;
+        let drawn = chosen.drawn(seed);
         bar.finish_and_clear();
         searched();
         let offered = counted(planning.offer.offered as u64, "candidate");
@@ -280,7 +276,7 @@ impl PlanCommand {
             "{offer}Of {searches} searches for the plan, {agreeing} ended within 0.1 % of it.\n"
         );
         let beside = (found.bound.as_ref(), drawn);
-        let planned = PlannedAccuracy::of_readings(task, args, planning, found.plan, beside);
+        let planned = PlannedAccuracy::of_readings(task, groups, planning, found.plan, beside);
         let conditions = STOP.load(Ordering::Relaxed).then(search_stopped);
         let conditions = conditions.into_iter().collect();
         Ok((planned, Report::new(json, after, conditions)))

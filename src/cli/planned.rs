@@ -7,6 +7,7 @@ use elastocal::codes::{Condition, ConditionCode};
 use elastocal::compensation::KnownArm;
 use elastocal::experiment::write_candidates;
 use elastocal::files::FileError;
+use elastocal::identification::ParameterGroup;
 use elastocal::parameter::ParameterKind;
 use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use elastocal::plan::search::PlanBound;
@@ -52,7 +53,7 @@ impl<'a> PlannedAccuracy<'a> {
     /// What is predicted of a plan of absolute readings, of candidates that may be drawn.
     pub fn of_readings(
         task: &Task,
-        args: &'a PlanArgs,
+        groups: &'a [ParameterGroup],
         planning: AbsolutePlanning<'a>,
         plan: Vec<(usize, u32)>,
         (bound, drawn): (Option<&PlanBound>, Option<DrawnWanted>),
@@ -63,7 +64,7 @@ impl<'a> PlannedAccuracy<'a> {
         let studied = StudiedReadings {
             planning,
             plan,
-            groups: &args.parameters,
+            groups,
             is_random: false,
         };
         Self::Readings(Arc::new(studied), Box::new(prediction), Box::new(record))
@@ -83,7 +84,8 @@ impl<'a> PlannedAccuracy<'a> {
         }
     }
 
-    fn conditions(&self, scenario: &Scenario) -> Vec<Condition> {
+    /// What must be looked at.
+    pub fn conditions(&self, scenario: &Scenario) -> Vec<Condition> {
         let (studied, prediction) = match self {
             Self::Deflections(_, assessment) => return conditions(scenario, assessment),
             Self::Readings(studied, prediction, _) => (studied, prediction),
@@ -97,7 +99,8 @@ impl<'a> PlannedAccuracy<'a> {
             .collect()
     }
 
-    fn budget(&self) -> Option<&UncertaintyBudget> {
+    /// Its uncertainty budget.
+    pub fn budget(&self) -> Option<&UncertaintyBudget> {
         match self {
             Self::Deflections(_, assessment) => assessment.uncertainty_budget.as_ref(),
             Self::Readings(_, _, record) => record.uncertainty_budget.as_ref(),
@@ -181,6 +184,7 @@ impl PlanArgs {
                 scenario,
                 plan: record,
                 trials,
+                run: None,
                 provenance: &self.provenance(scenario, plan)?,
                 stills: &planned.stills(scenario).figures(),
                 conditions: &report.conditions,

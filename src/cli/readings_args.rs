@@ -8,6 +8,7 @@ use elastocal::files::FileError;
 use elastocal::identification::ParameterGroup;
 use elastocal::plan::absolute::{AbsolutePlanError, DrawnWanted, sampled_candidates};
 use elastocal::scenario::Scenario;
+use elastocal::workflow::study::ReadingsWanted;
 
 use super::plan::DRAWN;
 use super::plan_args::{ANYWHERE, UNKNOWN};
@@ -18,7 +19,7 @@ pub struct ReadingsArgs {
     /// Choose absolute readings from these rows (CSV), with design.accuracy = "absolute".
     #[arg(long, value_name = "FILE")]
     pub candidates: Option<PathBuf>,
-    /// Without --candidates, sample so many configurations in the region, with design.accuracy = "absolute".
+    /// Sample so many configurations in the region, where there are no --candidates, with design.accuracy = "absolute".
     #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     draw: Option<u32>,
     /// What is unknown, with design.accuracy = "absolute": frames of stations and targets always; what the scenario's
@@ -47,12 +48,37 @@ impl ReadingsArgs {
             return Ok((read_candidates(path, task.belief.commands())?, None));
         }
         let wanted = DrawnWanted {
-            configurations: self.draw.unwrap_or(DRAWN),
+            configurations: self.configurations(),
             seed: scenario.seed,
         };
         let rows =
             sampled_candidates(task, wanted).map_err(|error| self.wrong(scenario, &error))?;
         Ok((rows, Some(wanted)))
+    }
+
+    /// How many configurations are sampled where no file has candidates.
+    pub fn configurations(&self) -> u32 {
+        self.draw.unwrap_or(DRAWN)
+    }
+
+    /// The candidates of the file, where one was given.
+    pub fn candidates(&self, scenario: &Scenario) -> Result<Option<Vec<Candidate>>, FileError> {
+        let read = |path: &PathBuf| read_candidates(path, scenario.task.belief.commands());
+        self.candidates.as_ref().map(read).transpose()
+    }
+
+    /// What plans are made of, from these candidates or where there are none.
+    pub fn wanted<'a>(
+        &'a self,
+        scenario: &'a Scenario,
+        candidates: Option<&'a [Candidate]>,
+    ) -> ReadingsWanted<'a> {
+        ReadingsWanted {
+            groups: &self.parameters,
+            candidates,
+            path: self.candidates.as_deref().unwrap_or(&scenario.path),
+            configurations: self.configurations(),
+        }
     }
 
     /// What is wrong with them, in the file that has them.

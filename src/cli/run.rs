@@ -1,5 +1,7 @@
 //! `run`: the whole loop, and a folder with all that came of it.
 
+mod absolute;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -9,6 +11,7 @@ use elastocal::measurement::write_measurements_under;
 use elastocal::plan::{UncertaintyBudget, search::RepeatsNeeded, take_nearest_turns, write_plan};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
+use elastocal::task::AccuracyKind;
 use elastocal::text::wording::counted;
 use elastocal::view::report::{RunRecord, run_page};
 use elastocal::view::{recording::Recording, stills::Stills};
@@ -18,13 +21,15 @@ use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, Tri
 use super::identify::deflections;
 use super::interruption::{STOP, proceed};
 use super::plan::design;
+use super::plan_args::refuse_others;
 use super::planned::budget;
 use super::proof::ProofArgs;
+use super::readings_args::ReadingsArgs;
 use super::table::{number, table};
 use super::uncertainty_budget::BudgetArgs;
 use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
 use super::written::{Written, record_text, warn};
-use super::{Common, Report, check_outputs, inputs};
+use super::{Common, Report, check_outputs, inputs, rests};
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -35,7 +40,10 @@ pub struct Run {
     proof: ProofArgs,
     #[command(flatten)]
     budget: BudgetArgs,
-    /// Show the recording in a rerun viewer too: start one, connect to one, or write a file.
+    #[command(flatten)]
+    readings: ReadingsArgs,
+    /// Show the recording in a rerun viewer too: start one, connect to one, or write a file. Of deflections: absolute
+    /// readings have no recordings.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
 }
@@ -49,6 +57,7 @@ impl Run {
         let folder = self.common.folder(scenario);
         let file = self.rerun.as_ref().and_then(ViewerTarget::file);
         let mut roles = inputs(scenario);
+        roles.may_read("the candidates", self.readings.candidates.as_deref());
         roles.writes_to(&folder, &FILES);
         roles.writes_to(&folder, RUN_FILES);
         let outputs = [
@@ -62,10 +71,24 @@ impl Run {
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let common = &self.common;
-        let scenario = common.load_relative()?;
+        let scenario = self.common.load()?;
+        rests(&scenario)?;
+        let of_deflections = [
+            &[("--rerun", self.rerun.is_some())][..],
+            &self.proof.given(),
+        ]
+        .concat();
+        refuse_others(&scenario, &of_deflections, &self.readings.given())?;
         let folder = self.make_folder(&scenario)?;
+        match scenario.task.design.accuracy {
+            AccuracyKind::Absolute => self.of_readings(&scenario, &folder),
+            AccuracyKind::Relative => self.of_deflections(&scenario, &folder),
+        }
+    }
 
+    /// The loop with a plan of deflections.
+    fn of_deflections(&self, scenario: &Scenario, folder: &Path) -> anyhow::Result<Report> {
+        let common = &self.common;
         let experiments = scenario.task.design.experiments;
         common.say(&format!(
             "designing a plan of {}",
@@ -77,8 +100,8 @@ impl Run {
         let home = scenario.laboratory.home();
         take_nearest_turns(task, home, &mut designed.exact.plan);
         proceed()?;
-        let outcome = run(&scenario, (&designed, &approximate), &STOP, &|stage| {
-            tell(common, &folder, stage);
+        let outcome = run(scenario, (&designed, &approximate), &STOP, &|stage| {
+            tell(common, folder, stage);
         });
         let outcome = outcome.map_err(|error| match error {
             // Its hint is told, too.
@@ -86,15 +109,15 @@ impl Run {
             other => anyhow::Error::from(other),
         })?;
         proceed()?;
-        let mut json = outcome.json(&scenario, designed.elapsed_s)?;
+        let mut json = outcome.json(scenario, designed.elapsed_s)?;
         let calibrations: Vec<_> = (outcome.tried.iter())
             .map(|each| each.calibration.clone())
             .collect();
         let random_rho0_m = outcome.random_rho0_m;
         let main = &outcome.tried[0].calibration.1;
-        let stills = Stills::of_plan(&scenario, &main.plan);
+        let stills = Stills::of_plan(scenario, &main.plan);
         let record = RunRecord {
-            scenario: &scenario,
+            scenario,
             plans: &outcome.records,
             evidence: &outcome.evidence,
             random: (RANDOM_PLANS, random_rho0_m.map(|value| value * 1e3)),
@@ -103,11 +126,11 @@ impl Run {
             command: &command_line(),
             stills: &stills.figures(),
         };
-        let recording = Recording::new(&scenario, &calibrations)?;
+        let recording = Recording::new(scenario, &calibrations)?;
         let page = run_page(&record)?;
         let mut written = Written::default();
         let text = record_text(&mut json, &outcome.conditions)?;
-        write_all(&scenario, &folder, main, &text, &mut written);
+        write_all(scenario, folder, main, &text, &mut written);
         let [svg, html, rerun] =
             ["stills.svg", "report.html", "run.rrd"].map(|name| folder.join(name));
         written.save(&svg, &stills.sheet());
@@ -117,12 +140,12 @@ impl Run {
             show(target, &recording, &mut written)?;
         }
         let mut text = summary(
-            &folder,
+            folder,
             &outcome.tried,
             random_rho0_m.zip(outcome.random_repeats),
         ) + &self.proof.tell(
             &designed.bound,
-            &ProvenanceMessage::new(&scenario),
+            &ProvenanceMessage::new(scenario),
             &mut written,
         )?;
         let budget = outcome.tried[0].assessment.uncertainty_budget.as_ref();

@@ -11,6 +11,7 @@ use super::Aspect;
 use crate::files::{FileError, schema::read_results, typed::from_json};
 use crate::gate::{Gate, Quantity};
 use crate::record::messages::{ProvenanceMessage, SchemaMessage};
+use crate::task::AccuracyKind;
 
 /// The name of a plan that results give none.
 pub const ONLY_PLAN: &str = "plan";
@@ -121,6 +122,11 @@ impl<'a> ResultPlace<'a> {
     }
 }
 
+/// Whether results are of an absolute accuracy.
+fn is_absolute(results: &Value) -> bool {
+    results["accuracy"] == AccuracyKind::Absolute.name()
+}
+
 impl ResultsFile {
     /// Reads the results of `run`, `plan`, `evaluate` or `study`.
     pub fn read(path: &Path) -> Result<Self, FileError> {
@@ -148,7 +154,7 @@ impl ResultsFile {
             "elastocal.run" => file.run(&results)?,
             "elastocal.study" => file.study(&results)?,
             name => {
-                if name == "elastocal.plan" {
+                if name == "elastocal.plan" && !is_absolute(&json) {
                     file.answer(Aspect::Criterion, results.read("criterion")?);
                     if let Some(count) = json["configurations"].as_u64() {
                         file.answer(Aspect::Configurations, count.to_string());
@@ -231,8 +237,14 @@ impl ResultsFile {
         Ok(())
     }
 
-    /// What `plan` and `evaluate` say, and `run` of each plan.
+    /// What `plan` and `evaluate` say, and `run` of each plan; of absolute readings no more than the accuracy is compared.
     fn prediction(&mut self, plan: &str, prediction: &ResultPlace<'_>) -> Result<(), FileError> {
+        self.add(plan, Quantity::Rho0, None, prediction.read("rho0_mm")?);
+        let efficiency = prediction.read("efficiency")?;
+        self.add(plan, Quantity::Efficiency, None, efficiency);
+        if is_absolute(prediction.json) {
+            return Ok(());
+        }
         let names: Vec<String> = prediction.read("parameters")?;
         let key = "compliance_std_rad_per_nm";
         let errors: Vec<Option<f64>> = prediction.read(key)?;
@@ -240,9 +252,6 @@ impl ResultsFile {
             let problem = format!("found {} numbers for {} joints", errors.len(), names.len());
             return Err(prediction.get(key)?.wrong(problem));
         }
-        self.add(plan, Quantity::Rho0, None, prediction.read("rho0_mm")?);
-        let efficiency = prediction.read("efficiency")?;
-        self.add(plan, Quantity::Efficiency, None, efficiency);
         for (joint, error) in names.into_iter().zip(errors) {
             self.add(plan, Quantity::StandardError, Some(joint), error);
         }

@@ -8,6 +8,7 @@ use super::absolute::AbsoluteMessage;
 use super::messages::{CommonSourcesMessage, TruthMessage};
 use crate::experiment::Candidate;
 use crate::identification::{AbsoluteCase, AbsoluteError};
+use crate::measurement::AbsoluteReading;
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::{OfferedCandidates, PlanBound};
@@ -129,6 +130,21 @@ pub fn planned_readings(
     .collect()
 }
 
+/// What an instrument said (mm), in its own frame.
+pub fn readings_json(readings: &[AbsoluteReading]) -> Vec<Value> {
+    let reading = |each: &AbsoluteReading| {
+        if let Some(distance_m) = each.distance_m {
+            return json!({ "distance_mm": distance_m * 1e3 });
+        }
+        let position_mm: [f64; 3] = (each.position_m * 1e3).into();
+        let quaternion = each
+            .rotation
+            .map(|turned| [turned.w, turned.i, turned.j, turned.k]);
+        json!({ "position_mm": position_mm, "quaternion": quaternion })
+    };
+    readings.iter().map(reading).collect()
+}
+
 /// A run of a plan of absolute readings by its name, as a record.
 ///
 /// # Errors
@@ -151,21 +167,10 @@ pub fn readings_run_json(
             "residual_xyz_mm": millimetres(residual_m),
         })
     };
-    let measured = run.readings.iter().map(|each| {
-        let quaternion = each
-            .rotation
-            .map(|turned| [turned.w, turned.i, turned.j, turned.k]);
-        match each.distance_m {
-            Some(distance_m) => json!({ "distance_mm": distance_m * 1e3 }),
-            None => {
-                json!({ "position_mm": millimetres(&each.position_m), "quaternion": quaternion })
-            }
-        }
-    });
     Ok(json!({
         "name": name,
         "plan": planned_readings(task, &readings.planning, &readings.plan),
-        "measurements": measured.collect::<Vec<_>>(),
+        "measurements": readings_json(&run.readings),
         "truth": TruthMessage::new(task.belief.parameters.iter().copied(), truth),
         "identification": AbsoluteMessage::new(&case, &run.fit),
         "test_poses": poses.zip(&run.residuals_m).map(pose).collect::<Vec<_>>(),

@@ -18,7 +18,9 @@ use crate::identification::{AbsoluteCase, AbsoluteFit, ReadingWeights};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup, SharedErrors};
-use crate::parameter::{ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty};
+use crate::parameter::{
+    ElasticArm, ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty,
+};
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RepeatedReading};
 use crate::task::Task;
 use crate::testbed::{TrueRobots, Truth};
@@ -188,7 +190,7 @@ impl<'a> ReadingRuns<'a> {
         let fit = case
             .fit(self.studied.groups, ReadingWeights::AsNeeded)
             .map_err(no_fit)?;
-        let residuals_m = self.residuals(robots, &frames, &case, &fit)?;
+        let residuals_m = self.residuals(robots, [seed, run], (&case, &fit.arm))?;
         Ok(ReadingsRun {
             readings,
             fit,
@@ -196,14 +198,31 @@ impl<'a> ReadingRuns<'a> {
         })
     }
 
-    /// By how much the tool is elsewhere than a fit says at each test pose.
-    fn residuals(
+    /// What the instrument says of the robot of a run, each reading by itself: as a file of measurements has them.
+    ///
+    /// # Errors
+    /// The robot does not rest.
+    pub fn measure(
         &self,
         robots: &mut TrueRobots,
-        frames: &[Isometry3<f64>],
-        case: &AbsoluteCase<'_>,
-        fit: &AbsoluteFit,
+        [seed, run]: [u64; 2],
+    ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
+        robots.become_run_of(&self.truth, self.read.len(), seed, run)?;
+        self.read.readings(self.task, robots, [seed, run])
+    }
+
+    /// By how much the tool of the robot of a run is elsewhere than an arm says at each test pose (m, world frame), of it what counts;
+    /// the arm has the targets and stations of a case.
+    ///
+    /// # Errors
+    /// The case has no reading of the tool, or from the station that counts; the robot or the arm does not rest.
+    pub fn residuals(
+        &self,
+        robots: &mut TrueRobots,
+        numbers: [u64; 2],
+        (case, arm): (&AbsoluteCase<'_>, &ElasticArm),
     ) -> Result<Vec<Vector3<f64>>, FailedRun> {
+        let frames = self.read.frames(numbers);
         let frame = self.prediction.station;
         let own = &self.studied.planning.stations()[frame];
         let station = case.stations.iter().position(|name| name == own);
@@ -212,7 +231,7 @@ impl<'a> ReadingRuns<'a> {
         let (Some(station), Some(target)) = (station, target) else {
             return Err(Failure::Undetermined.because("no reading that counts is there"));
         };
-        let mut arm = fit.arm.clone();
+        let mut arm = arm.clone();
         // What scales the loads of the readings is not the task's.
         (arm.load_scale, arm.load_offset_n) = (1.0, 0.0);
         let nothing = ParameterSet::empty();

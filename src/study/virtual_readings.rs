@@ -172,6 +172,35 @@ impl<'a> ReadPlan<'a> {
         Ok(all)
     }
 
+    /// All readings of the robot of a run, each with the instrument's own covariance, in the order of the plan's rows.
+    ///
+    /// # Errors
+    /// The first row at which the robot does not rest.
+    pub fn readings(
+        &self,
+        task: &Task,
+        robots: &mut TrueRobots,
+        numbers: [u64; 2],
+    ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
+        let instrument = &task.belief.instrument;
+        let [m, rad] = [
+            instrument.sigma_m,
+            instrument.rotation_sigma_rad.unwrap_or(0.0),
+        ]
+        .map(|sigma| (OF_DEFLECTION * sigma).powi(2));
+        let covariance = Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
+        let mut readings = Vec::with_capacity(self.len());
+        for (each, shown) in self.read(task, robots, &self.frames(numbers), numbers)? {
+            readings.extend(shown.into_iter().map(|shown| {
+                let turned = instrument.rotation_sigma_rad.map(|_| shown.rotation);
+                let reading = self.reading(each.place, (shown.position_m, turned), covariance);
+                (shown.number, reading)
+            }));
+        }
+        readings.sort_by_key(|(number, _)| *number);
+        Ok(readings.into_iter().map(|(_, reading)| reading).collect())
+    }
+
     /// A row of a file with what was read there.
     pub fn reading(
         &self,
@@ -246,24 +275,7 @@ pub fn virtual_readings(
     let plan = ReadPlan::new(planning, &whole);
     let mut robots = TrueRobots::of_readings(&task.belief, truth, plan.targets())?;
     robots.become_run_of(truth, plan.len(), seed, run)?;
-    let frames = plan.frames([seed, run]);
-    let instrument = &task.belief.instrument;
-    let [m, rad] = [
-        instrument.sigma_m,
-        instrument.rotation_sigma_rad.unwrap_or(0.0),
-    ]
-    .map(|sigma| (OF_DEFLECTION * sigma).powi(2));
-    let covariance = Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
-    let mut readings = Vec::with_capacity(plan.len());
-    for (each, shown) in plan.read(task, &mut robots, &frames, [seed, run])? {
-        readings.extend(shown.into_iter().map(|shown| {
-            let turned = instrument.rotation_sigma_rad.map(|_| shown.rotation);
-            let reading = plan.reading(each.place, (shown.position_m, turned), covariance);
-            (shown.number, reading)
-        }));
-    }
-    readings.sort_by_key(|(number, _)| *number);
-    Ok(readings.into_iter().map(|(_, reading)| reading).collect())
+    plan.readings(task, &mut robots, [seed, run])
 }
 
 /// A position (m), and a quaternion that is not of unit length.

@@ -11,7 +11,7 @@ use crate::files::FileError;
 use crate::measurement::Measurement;
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
-use crate::parameter::{ParameterKind, Unloaded};
+use crate::parameter::{Parameter, ParameterKind, Unloaded};
 use crate::robot::{EquilibriumError, Load, TrueRobot};
 use crate::task::{Belief, Instrument, TestPose};
 
@@ -220,18 +220,24 @@ impl TrueRobots {
             .collect();
         if let Some(extended) = &belief.uncertain {
             let others = &extended.set().parameters()[extended.identified()..];
-            values.extend(others.iter().map(|parameter| match parameter.kind {
-                ParameterKind::JointCompliance { joint } => {
-                    (compliance[joint] / belief.nominal.compliance_rad_per_nm[joint]).ln()
-                }
-                // In truth it differs by its logarithm.
-                kind @ ParameterKind::SpringStiffness { .. } if !parameter.is_logarithmic => {
-                    parameter.nominal * self.laboratory.difference(kind).exp()
-                }
-                kind => parameter.nominal + self.laboratory.difference(kind),
-            }));
+            values.extend(others.iter().map(|each| self.value(belief, each)));
         }
         values
+    }
+
+    /// The true value of a parameter of a belief's arm in this run, as far as runs sample it.
+    pub fn value(&self, belief: &Belief, parameter: &Parameter) -> f64 {
+        match parameter.kind {
+            ParameterKind::JointCompliance { joint } => {
+                let nominal = belief.nominal.compliance_rad_per_nm[joint];
+                (self.compliance_rad_per_nm[joint] / nominal).ln()
+            }
+            // In truth it differs by its logarithm.
+            kind @ ParameterKind::SpringStiffness { .. } if !parameter.is_logarithmic => {
+                parameter.nominal * self.laboratory.difference(kind).exp()
+            }
+            kind => parameter.nominal + self.laboratory.difference(kind),
+        }
     }
 
     /// Measures a plan in this run's laboratory, without the instrument's own noise.

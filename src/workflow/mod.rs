@@ -4,6 +4,7 @@
 //! - [`design`]: a plan with its bound.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 //! - [`run`]: the designed plan beside others, through the whole loop.
+//! - [`run_absolute`]: a plan of absolute readings through the whole loop.
 //! - [`study`]: the plans of a study, and what its runs come to.
 //! - [`identify`]: compliances from measurements, with residuals and likely mistakes.
 //! - [`calibrated`]: the robot as an identification left it.
@@ -20,6 +21,7 @@ pub mod identify;
 pub mod identify_absolute;
 pub mod init;
 pub mod run;
+pub mod run_absolute;
 pub mod stored_robot;
 pub mod study;
 pub mod validate_absolute;

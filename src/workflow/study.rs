@@ -13,7 +13,7 @@ use crate::experiment::{Candidate, Plan};
 use crate::files::FileError;
 use crate::identification::ParameterGroup;
 use crate::plan::Criterion;
-use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, DrawnWanted};
+use crate::plan::absolute::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, DrawnWanted};
 use crate::plan::search::{CandidatePlan, SearchError, Watch, random_plan};
 use crate::record::json::{merge, results};
 use crate::record::robot_trials::RobotTrials;
@@ -58,6 +58,51 @@ pub struct ReadingsWanted<'a> {
     pub path: &'a Path,
     /// How many configurations are drawn where there is no list.
     pub configurations: u32,
+}
+
+impl ReadingsWanted<'_> {
+    /// How configurations are drawn under a seed, where there is no list.
+    pub fn drawn(&self, seed: u64) -> Option<DrawnWanted> {
+        let configurations = self.configurations;
+        (self.candidates.is_none()).then_some(DrawnWanted {
+            configurations,
+            seed,
+        })
+    }
+
+    /// What may be read: the rows of the list, or what is drawn under a seed.
+    ///
+    /// # Errors
+    /// See [`AbsolutePlanError`].
+    pub fn planning<'t>(
+        &self,
+        task: &'t Task,
+        seed: u64,
+    ) -> Result<AbsolutePlanning<'t>, AbsolutePlanError> {
+        match (self.drawn(seed), self.candidates) {
+            (Some(drawn), _) => AbsolutePlanning::anywhere(task, self.groups, drawn),
+            (None, rows) => AbsolutePlanning::new(task, self.groups, rows.unwrap_or_default()),
+        }
+    }
+
+    /// The best plan that is found of so many readings, of so many different candidates.
+    ///
+    /// # Errors
+    /// See [`AbsolutePlanError`].
+    pub fn design<'t>(
+        &self,
+        task: &'t Task,
+        sizes: [u32; 2],
+        seed: u64,
+        watch: Watch<'_>,
+    ) -> Result<(AbsolutePlanning<'t>, AbsolutePlan), AbsolutePlanError> {
+        if let Some(drawn) = self.drawn(seed) {
+            return AbsolutePlanning::design_anywhere(task, self.groups, drawn, sizes, watch);
+        }
+        let planning = self.planning(task, seed)?;
+        let found = planning.design(sizes, seed, watch)?;
+        Ok((planning, found))
+    }
 }
 
 /// Designs the plan of a name for a task.
@@ -177,9 +222,9 @@ fn readings_of<'a>(
         rows.iter().map(scaled).collect()
     };
     let candidates = wanted.candidates.map(scaled);
-    let drawn = DrawnWanted {
-        configurations: wanted.configurations,
-        seed,
+    let wanted = ReadingsWanted {
+        candidates: candidates.as_deref(),
+        ..*wanted
     };
     let mut is_random = false;
     let (planning, found) = match &plan.source {
@@ -196,23 +241,13 @@ fn readings_of<'a>(
             let m = experiments.unwrap_or(measurements);
             let sizes = [m, configurations.unwrap_or(m)];
             let watch = watch(&plan.name, m);
-            let (planning, found) = match &candidates {
-                Some(rows) => {
-                    let planning = AbsolutePlanning::new(task, groups, rows)?;
-                    let found = planning.design(sizes, seed, watch)?;
-                    (planning, found)
-                }
-                None => AbsolutePlanning::design_anywhere(task, groups, drawn, sizes, watch)?,
-            };
+            let (planning, found) = wanted.design(task, sizes, seed, watch)?;
             (planning, found.plan)
         }
         StudySource::Random | StudySource::RandomEach => {
             is_random = true;
-            let planning = match &candidates {
-                Some(rows) => AbsolutePlanning::new(task, groups, rows)?,
-                None => AbsolutePlanning::anywhere(task, groups, drawn)?,
-            };
-            let plan = planning.random(measurements, seed)?;
+            let planning = wanted.planning(task, seed)?;
+            let plan = planning.random(measurements, [seed, 0])?;
             (planning, plan)
         }
     };

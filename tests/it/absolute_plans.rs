@@ -381,7 +381,10 @@ fn commands_plan_absolute_readings() {
             "plan s.toml --experiments 12 --candidates c.csv --criterion d",
             "--criterion is for plans of deflections",
         ),
-        ("run s.toml", "this command is about deflections"),
+        (
+            "run s.toml --rerun save=r.rrd",
+            "--rerun is for plans of deflections",
+        ),
         (
             "budget s.toml --candidates c.csv --no-proof",
             "--no-proof is for plans of deflections",

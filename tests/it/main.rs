@@ -22,6 +22,7 @@
 //! - `command_line`: the commands, seen from outside the process.
 //! - `calibrated_robots`: a robot from absolute readings as a model, and compensated with.
 //! - `init`: a first scenario for models of all kinds, and URDF.
+//! - `absolute_runs`: the whole loop with absolute readings is what its commands are one by one.
 //! - `absolute_studies`: studies of absolute plans, and their pages.
 //! - `next_readings`: which absolute readings to take next.
 //! - `absolute_campaigns`: plans of absolute readings in the laboratory, and their tables to fill in.
@@ -112,6 +113,7 @@ mod absolute_campaigns;
 mod absolute_plans;
 mod absolute_predictions;
 mod absolute_readings;
+mod absolute_runs;
 mod absolute_studies;
 mod absolute_targets;
 mod absolute_trials;

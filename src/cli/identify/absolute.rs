@@ -155,7 +155,8 @@ pub fn explained(file: &Path, error: &AbsoluteError) -> FileError {
     })
 }
 
-fn describe(message: &AbsoluteMessage) -> String {
+/// What was identified, for a person.
+pub fn describe(message: &AbsoluteMessage) -> String {
     let mut text = format!(
         "{} unknowns from {} ({} numbers)\n\n",
         message.unknowns.len(),

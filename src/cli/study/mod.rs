@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use elastocal::experiment::{Candidate, read_candidates};
+use elastocal::experiment::Candidate;
 use elastocal::files::{FileError, hexadecimal, make_folder, sha256_of};
-use elastocal::identification::ParameterGroup;
 use elastocal::plan::search::Watch;
 use elastocal::quantities::limits::{MOST_SHARDS, MOST_TRIALS};
 use elastocal::record::tally_file::{AbsoluteStudyHeader, Header, PlanHeader, TallyFile};
@@ -20,16 +19,17 @@ use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::{diagnostics::say, wording::counted};
 use elastocal::view::study_recording::next_snapshot;
 use elastocal::workflow::design::Wanted;
-use elastocal::workflow::study::{self, EntryError, ReadingsWanted, Timing, foreign_loads};
+use elastocal::workflow::study::{self, EntryError, Timing, foreign_loads};
 use indicatif::ProgressStyle;
 use serde_json::json;
 
 use self::results::{Results, describe, write};
 use super::interruption::{Interrupted, STOP, ask_work, keeps, proceed};
-use super::plan::{DRAWN, design};
-use super::plan_args::{ANYWHERE, UNKNOWN, refuse_others};
+use super::plan::design;
+use super::plan_args::refuse_others;
 use super::progress::bar;
 use super::proof::ProofArgs;
+use super::readings_args::ReadingsArgs;
 use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, rests};
@@ -64,16 +64,8 @@ pub struct StudyCommand {
 /// What plans of absolute readings are made of.
 #[derive(Debug, Args)]
 pub struct StudyPlansArgs {
-    /// What is unknown, with design.accuracy = "absolute": frames of stations and targets always; what the scenario's
-    /// robot.parameters name if not given.
-    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
-    parameters: Vec<ParameterGroup>,
-    /// Choose plans from these rows alone, with design.accuracy = "absolute" (CSV: joint angles, loads, targets, stations)
-    #[arg(long, value_name = "FILE")]
-    candidates: Option<PathBuf>,
-    /// Begin with so many configurations at random, with design.accuracy = "absolute" and without --candidates [default: 200]
-    #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    draw: Option<u32>,
+    #[command(flatten)]
+    readings: ReadingsArgs,
 }
 
 impl StudyPlansArgs {
@@ -83,24 +75,18 @@ impl StudyPlansArgs {
         scenario: &Scenario,
         of_deflections: &[(&str, bool)],
     ) -> Result<(), FileError> {
-        let of_readings = [
-            ("--parameters", !self.parameters.is_empty(), UNKNOWN),
-            ("--candidates", self.candidates.is_some(), ANYWHERE),
-            ("--draw", self.draw.is_some(), ANYWHERE),
-        ];
-        refuse_others(scenario, of_deflections, &of_readings)?;
+        refuse_others(scenario, of_deflections, &self.readings.given())?;
         study::refuse_others(scenario)
     }
 
     /// The file of candidates.
     pub fn path(&self) -> Option<&Path> {
-        self.candidates.as_deref()
+        self.readings.candidates.as_deref()
     }
 
     /// The candidates of the file, where one was given.
     pub fn candidates(&self, scenario: &Scenario) -> Result<Option<Vec<Candidate>>, FileError> {
-        let read = |path| read_candidates(path, scenario.task.belief.commands());
-        self.path().map(read).transpose()
+        self.readings.candidates(scenario)
     }
 
     /// The plans of a study, designed with a word and a progress bar; of absolute readings among candidates, where there are some.
@@ -123,12 +109,7 @@ impl StudyPlansArgs {
             say(name, counted(readings.into(), "absolute reading"));
             Watch::quiet(&STOP)
         };
-        let wanted = ReadingsWanted {
-            groups: &self.parameters,
-            candidates,
-            path: self.path().unwrap_or(&scenario.path),
-            configurations: self.draw.unwrap_or(DRAWN),
-        };
+        let wanted = self.readings.wanted(scenario, candidates);
         study::entries(scenario, settings, &wanted, (&designer, &watch))
     }
 
@@ -140,9 +121,9 @@ impl StudyPlansArgs {
         let hash = self.path().map(sha256_of).transpose()?;
         Ok(Some(AbsoluteStudyHeader {
             test_poses: scenario.task.test_poses.len(),
-            groups: self.parameters.clone(),
+            groups: self.readings.parameters.clone(),
             candidates_sha256: hash.map(|hash| hexadecimal(&hash)),
-            drawn: (hash.is_none()).then(|| self.draw.unwrap_or(DRAWN)),
+            drawn: (hash.is_none()).then(|| self.readings.configurations()),
         }))
     }
 }

@@ -9,7 +9,7 @@ use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit, fit_parame
 use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError, Discrepancy, ReadingResidual};
 use crate::observation::{SharedErrors, SharingReadings};
-use crate::parameter::ParameterSet;
+use crate::parameter::{ElasticArm, ParameterSet};
 
 /// A discrepancy below this is none (m, rad).
 const LEAST_DISCREPANCY: f64 = 1e-9;
@@ -107,14 +107,21 @@ impl AbsoluteCase<'_> {
         Ok((frames, fit))
     }
 
-    /// What the robot as it is leaves of the readings in the frames that suit them best.
+    /// The robot as it is in the frames that suit the readings best.
     ///
     /// # Errors
     /// The readings do not determine frames.
-    pub fn left_in_best_frames(&self) -> Result<Vec<ReadingResidual>, AbsoluteError> {
+    pub fn in_best_frames(&self) -> Result<ElasticArm, AbsoluteError> {
         self.check_frames()?;
-        let (_, fit) = self.fit_of_frames()?;
-        Ok(self.left(&fit.belief)?)
+        Ok(self.fit_of_frames()?.1.belief)
+    }
+
+    /// What it leaves of the readings there.
+    ///
+    /// # Errors
+    /// As [`in_best_frames`](Self::in_best_frames).
+    pub fn left_in_best_frames(&self) -> Result<Vec<ReadingResidual>, AbsoluteError> {
+        Ok(self.left(&self.in_best_frames()?)?)
     }
 
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and

@@ -39,8 +39,10 @@ pub const fn drawn_candidates(index: u64) -> u64 {
     (1 << 58) + index
 }
 
-/// A random plan of absolute readings.
-pub const RANDOM_READINGS: u64 = 1 << 57;
+/// Random plan number `index` of absolute readings.
+pub const fn random_readings(index: u64) -> u64 {
+    (1 << 57) + index
+}
 
 /// Random choice number `index` among readings that there are.
 pub const fn random_choice(index: u64) -> u64 {

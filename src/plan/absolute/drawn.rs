@@ -8,6 +8,7 @@ use std::sync::atomic::Ordering;
 use nalgebra::DVector;
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
 
 use super::distances::in_range;
 use super::error::AbsolutePlanError;
@@ -15,7 +16,7 @@ use super::{AbsolutePlan, AbsolutePlanning};
 use crate::experiment::Candidate;
 use crate::identification::ParameterGroup;
 use crate::numeric::random::generator;
-use crate::numeric::random::streams::{RANDOM_READINGS, drawn_candidates};
+use crate::numeric::random::streams::{drawn_candidates, random_readings};
 use crate::plan::Criterion;
 use crate::plan::search::{CandidatePlan, PlanBound, Problem, RandomPlans, Watch};
 use crate::quantities::limits::MOST_EXPERIMENTS;
@@ -55,13 +56,37 @@ impl<'a> AbsolutePlanning<'a> {
         Self::new(task, groups, &sampled_candidates(task, wanted)?)
     }
 
-    /// A plan of so many readings as nobody thought of it: all from one station, which is drawn as the readings are, among them one of
-    /// the machining tool; the first that tells the tool's place.
+    /// The median of the rms distances (m) that so many random plans predict, sampled on all threads.
+    ///
+    /// # Errors
+    /// One of them determines nothing.
+    pub fn median_random_rho0_m(
+        &self,
+        readings: u32,
+        plans: u64,
+        seed: u64,
+    ) -> Result<f64, AbsolutePlanError> {
+        let rho0_m = |index: u64| {
+            let plan = self.random(readings, [seed, index])?;
+            Ok(self.prediction(&plan).rho0_m().unwrap_or(f64::INFINITY))
+        };
+        let predicted = (0..plans).into_par_iter().map(rho0_m);
+        let mut predicted = predicted.collect::<Result<Vec<f64>, AbsolutePlanError>>()?;
+        predicted.sort_by(f64::total_cmp);
+        Ok(predicted[predicted.len() / 2])
+    }
+
+    /// A plan of so many readings as nobody thought of it, by its number: all from one station, which is drawn as the readings are,
+    /// among them one of the machining tool; the first that tells the tool's place.
     ///
     /// # Errors
     /// None of those that are drawn does.
-    pub fn random(&self, readings: u32, seed: u64) -> Result<CandidatePlan, AbsolutePlanError> {
-        let mut random = generator(seed, RANDOM_READINGS);
+    pub fn random(
+        &self,
+        readings: u32,
+        [seed, index]: [u64; 2],
+    ) -> Result<CandidatePlan, AbsolutePlanError> {
+        let mut random = generator(seed, random_readings(index));
         let machining = &self.case.belief.machining_tool.name;
         for _ in 0..RANDOM_PLANS {
             let station = random.random_range(0..self.case.stations.len().max(1));

@@ -4,7 +4,9 @@ use plotters::prelude::*;
 
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::figures::path_figure;
-use super::{conditions_card, plan_header, plan_row, provenance, sources};
+use super::{
+    ObservedRun, absolute_run, conditions_card, plan_header, plan_row, provenance, sources,
+};
 use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
@@ -13,8 +15,7 @@ use crate::record::{messages::ProvenanceMessage, robot_trials::RobotTrials};
 use crate::scenario::Scenario;
 use crate::study::verdict::Kept;
 use crate::text::wording::{counted, dash, micrometres, percent};
-use crate::view::charts::{COLOURS, PlotError};
-use crate::view::charts::{ChartAxis, Rows, WHOLE};
+use crate::view::charts::{COLOURS, ChartAxis, INK, PlotError, Rows, WHOLE};
 use crate::view::markup::{
     card, figure, heading, micro_sign, page, paragraph, section, table, table_of,
 };
@@ -28,6 +29,8 @@ pub struct AbsolutePageRecord<'a> {
     pub plan: &'a AbsolutePlanMessage,
     /// What virtual robots made of it, where some were drawn.
     pub trials: Option<&'a RobotTrials>,
+    /// What came of one run, where it was carried out.
+    pub run: Option<&'a ObservedRun<'a>>,
     /// Where it comes from.
     pub provenance: &'a ProvenanceMessage,
     /// The robot in each configuration (HTML).
@@ -48,8 +51,12 @@ pub const ABSOLUTE_ACCURACY: &str = "An absolute accuracy: where the loaded tool
 
 /// The page of a plan of absolute readings as HTML.
 pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError> {
-    let plan = shown.plan;
-    let title = format!("Plan of absolute readings: {}", shown.scenario.name);
+    let (plan, name) = (shown.plan, &shown.scenario.name);
+    let [title, tab] = match shown.run {
+        Some(_) => ["Calibration for absolute accuracy", "calibration report"],
+        None => ["Plan of absolute readings", "plan of absolute readings"],
+    };
+    let title = format!("{title}: {name}");
     let mut body = heading(&title, &shown.scenario.description, &cards(shown));
     if let Some(trials) = shown.trials {
         body += &section("trials", "Do virtual robots keep it?", &of_trials(trials)?);
@@ -58,20 +65,19 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
                  Frames, and what else nothing is known of before, are found from readings: they are in the contributions of what \
                  disturbs these.";
     body += &sources::budget_section(plan.uncertainty_budget.as_ref(), about);
-    if plan.test_poses.len() > 1 {
-        body += &section("poses", "At each test pose", &test_poses(plan)?);
+    if plan.test_poses.len() > 1 || shown.run.is_some() {
+        body += &section("poses", "At each test pose", &test_poses(plan, shown.run)?);
     }
+    body += &shown.run.map_or_else(String::new, absolute_run::identified);
     body += &section("readings", "What to read", &readings(shown));
     body += &section("unknowns", "What is found", &unknowns(plan));
     body += &provenance(shown.provenance, shown.command);
-    Ok(page(
-        &format!("{}: plan of absolute readings", shown.scenario.name),
-        &body,
-    ))
+    Ok(page(&format!("{name}: {tab}"), &body))
 }
 
 fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &bound_card(shown.plan);
+    cards += &(shown.run).map_or_else(String::new, |run| absolute_run::cards(shown.plan, run));
     if let Some(trials) = shown.trials {
         let is_kept = trials.prediction == Kept::Holds;
         let about = format!(
@@ -233,22 +239,39 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
     Ok(body + &distances_figure(&lines, caption)? + &distances_table(&lines))
 }
 
-/// What is predicted at each test pose.
-fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
+/// What is predicted at each test pose, and what was observed of a run.
+fn test_poses(
+    plan: &AbsolutePlanMessage,
+    run: Option<&ObservedRun<'_>>,
+) -> Result<String, PlotError> {
+    let observed = run.map_or(&[][..], |run| run.test_poses);
     let values: Vec<f64> = (plan.test_poses.iter())
         .map(|pose| pose.rho0_mm.unwrap_or(0.0) * 1e3)
         .collect();
-    let caption = format!(
-        "\u{3c1}\u{2080} at each of {}, in their order; over all it is {}.",
-        counted(values.len() as u64, "test pose"),
-        micrometres(plan.rho0_mm)
-    );
-    let rows =
-        (plan.test_poses.iter()).map(|pose| vec![pose.name.clone(), micrometres(pose.rho0_mm)]);
-    let header = "test pose | \u{3c1}\u{2080}";
+    let mut caption = match values.len() {
+        1 => "\u{3c1}\u{2080} at the test pose.".to_owned(),
+        count => format!(
+            "\u{3c1}\u{2080} at each of {}, in their order; over all it is {}.",
+            counted(count as u64, "test pose"),
+            micrometres(plan.rho0_mm)
+        ),
+    };
+    let rows = (plan.test_poses.iter().enumerate()).map(|(index, pose)| {
+        let seen = observed.get(index).into_iter();
+        let seen = seen.flat_map(|seen| [seen.residual_mm, seen.uncompensated_mm]);
+        let mut row = vec![pose.name.clone(), micrometres(pose.rho0_mm)];
+        row.extend(seen.map(|distance_mm| micrometres(Some(distance_mm))));
+        row
+    });
+    let header = match run {
+        Some(_) => {
+            "test pose | predicted rms \u{3c1}\u{2080} | observed in this run | of the nominal robot"
+        }
+        None => "test pose | \u{3c1}\u{2080}",
+    };
+    let numbers = table(header, rows);
     if values.len() > FEW_POSES {
         let svg = path_figure(&values, plan.rho0_mm.map(|all| all * 1e3))?;
-        let numbers = table(header, rows);
         return Ok(figure(&svg, &caption)
             + &format!("<details><summary>The numbers</summary>\n{numbers}</details>\n"));
     }
@@ -258,7 +281,8 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
     let notes: Vec<String> = (plan.test_poses.iter())
         .map(|pose| micrometres(pose.rho0_mm))
         .collect();
-    let longest = values.iter().copied().fold(0.0, f64::max) * 1.04;
+    let seen_um: Vec<f64> = observed.iter().map(|seen| seen.residual_mm * 1e3).collect();
+    let longest = values.iter().chain(&seen_um).copied().fold(0.0, f64::max) * 1.04;
     let rows = Rows {
         names: &names,
         notes: &notes,
@@ -272,9 +296,18 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
             let corners = [(0.0, middle - HALF_BAR), (*value, middle + HALF_BAR)];
             chart.draw_series([Rectangle::new(corners, COLOURS[0].mix(0.75).filled())])?;
         }
+        for (row, seen) in seen_um.iter().enumerate() {
+            let middle = rows.middle(row);
+            let across = [(*seen, middle - 0.46), (*seen, middle + 0.46)];
+            chart.draw_series([PathElement::new(across, INK.stroke_width(4))])?;
+        }
         Ok(())
     })?;
-    Ok(figure(&svg, &caption))
+    if run.is_none() {
+        return Ok(figure(&svg, &caption));
+    }
+    caption += " Dark lines: observed in this run.";
+    Ok(figure(&svg, &caption) + &numbers)
 }
 
 /// The stills, and the plan as a table.
@@ -295,10 +328,11 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
     format!(
         "<div class=\"stills\">{}</div>\n{}{}",
         shown.stills,
-        paragraph(
+        paragraph(&format!(
             "Green: the line of sight from the instrument to the reflector that is read. Loads act at the calibration \
-             tool, in the world frame, z up. --plan-out writes the same numbers."
-        ),
+             tool, in the world frame, z up. {} the same numbers.",
+            shown.run.map_or("--plan-out writes", |_| "plan.csv has")
+        )),
         table_of(&header, rows)
     )
 }

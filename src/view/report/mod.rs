@@ -1,13 +1,14 @@
 //! Pages to look at and to hand on: one file each that loads nothing, with figures as SVG.
 //!
 //! - [`run_page`]: a designed plan, its calibration, and what it is shown beside.
-//! - [`absolute_page`]: a plan of absolute readings.
+//! - [`absolute_page`]: a plan of absolute readings, and a run of it.
 //! - [`study_page`]: a Monte Carlo study.
 //! - [`reproduction_page`]: the paper's numbers beside this program's.
 //!
 //! The numbers are those of the JSON records.
 
 mod absolute;
+mod absolute_run;
 mod distances;
 mod figures;
 mod overview;
@@ -30,6 +31,7 @@ use figures::{
 };
 
 pub use absolute::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
+pub use absolute_run::ObservedRun;
 pub use reproduction::reproduction_page;
 pub use study::{StudyPageRecord, study_page};
 

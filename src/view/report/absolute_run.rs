@@ -1,0 +1,111 @@
+//! What a page of absolute readings shows of one run: where the tool was, and what was identified beside the simulated truth of that run.
+
+use crate::quantities::units::shown_unit;
+use crate::record::absolute::{AbsoluteMessage, UnknownMessage};
+use crate::record::absolute_plan::AbsolutePlanMessage;
+use crate::record::messages::TestPoseMessage;
+use crate::text::wording::{counted, micrometres, number};
+use crate::view::markup::{card, micro_sign, paragraph, section, table};
+
+/// A run on the virtual robot.
+#[derive(Debug, Clone, Copy)]
+pub struct ObservedRun<'a> {
+    /// Its number.
+    pub run: u64,
+    /// What was observed at each test pose.
+    pub test_poses: &'a [TestPoseMessage],
+    /// The rms distance (mm) over these, of the nominal and of the identified robot.
+    pub rms_mm: [f64; 2],
+    /// What was identified.
+    pub identification: &'a AbsoluteMessage,
+    /// The simulated truth of this run, in the order of what was identified; none of what it does not say.
+    pub true_values: &'a [Option<f64>],
+    /// The number of random plans, and the median of their `rho0_mm` where there is one.
+    pub random: (u64, Option<f64>),
+}
+
+/// A smaller discrepancy (mm) is not said.
+const LEAST_MM: f64 = 5e-6;
+
+/// What was observed beside what was predicted, and random plans.
+pub(super) fn cards(plan: &AbsolutePlanMessage, run: &ObservedRun<'_>) -> String {
+    let [before, after] = run.rms_mm.map(|value| micrometres(Some(value)));
+    let about = format!(
+        "Residual error in run {} on the virtual robot: the distance of the loaded tool from where the identified robot predicts it, \
+         rms over the test poses; predicted {} rms. Of the nominal robot, in the frames that suit the same readings best: {before}.",
+        run.run,
+        micrometres(plan.rho0_mm)
+    );
+    let observed = card("", "Observed in this run", &after, &about);
+    let (count, median_mm) = run.random;
+    let Some((median, own)) = median_mm.zip(plan.rho0_mm) else {
+        return observed;
+    };
+    let about = format!(
+        "Median predicted accuracy of {count} random plans of {} of the same candidates: {}.",
+        counted(plan.experiments.into(), "reading"),
+        micrometres(median_mm)
+    );
+    let answer = format!("{} times as accurate", number(Some(median / own), 1));
+    observed + &card("", "Against a random plan", &answer, &about)
+}
+
+/// What was identified, beside the simulated truth.
+pub(super) fn identified(run: &ObservedRun<'_>) -> String {
+    let found = run.identification;
+    let frames: Vec<&str> = (found.stations.iter().chain(&found.targets))
+        .map(|frame| &*frame.unknowns)
+        .collect();
+    let is_frame = |name: &str| {
+        let owner = name.rsplit_once('.').map_or(name, |(owner, _)| owner);
+        frames.contains(&owner)
+    };
+    let unknowns = found.unknowns.iter().zip(run.true_values);
+    let rows = unknowns
+        .filter(|(unknown, _)| !is_frame(&unknown.name))
+        .map(|(unknown, truth)| row(unknown, *truth));
+    let header = "unknown | nominal | simulated truth | estimate | standard error | estimate less truth [standard errors] | unit";
+    let mut about = format!(
+        "From {} of the virtual robot of run {}, beside the simulated truth of that run. Frames are found besides.",
+        counted(found.readings as u64, "reading"),
+        run.run
+    );
+    if !found.left_out.is_empty() {
+        let names: Vec<&str> = found.left_out.iter().map(|each| &*each.name).collect();
+        about += &format!(
+            " Redundant, not fitted: {}. Frames take their part; where links do, too, no truth stands beside geometry.",
+            names.join(", ")
+        );
+    }
+    let distances = &found.distance_mm;
+    about += &format!(
+        " Read less predicted: {} rms, at most {}.",
+        micrometres(Some(distances.rms)),
+        micrometres(Some(distances.largest))
+    );
+    if let Some(discrepancy_mm) = found.discrepancy_mm.filter(|mm| *mm > LEAST_MM) {
+        about += &format!(
+            " Standard errors count a model discrepancy of {} in each coordinate.",
+            micrometres(Some(discrepancy_mm))
+        );
+    }
+    let body = paragraph(&about) + &table(header, rows);
+    section("identified", "What was identified", &body)
+}
+
+fn row(unknown: &UnknownMessage, truth: Option<f64>) -> Vec<String> {
+    let (factor, unit) = shown_unit(&unknown.unit);
+    let shown = |value: Option<f64>| number(value.map(|value| value * factor), 4);
+    let error = unknown.standard_error;
+    let off = truth.zip(error);
+    let off = off.map(|(truth, error)| (unknown.value - truth) / error);
+    vec![
+        unknown.name.clone(),
+        shown(Some(unknown.nominal)),
+        shown(truth),
+        shown(error.map(|_| unknown.value)),
+        shown(error),
+        number(off, 2),
+        micro_sign(unit),
+    ]
+}

@@ -1,0 +1,265 @@
+//! A plan of absolute readings through the whole loop: designed, read on the virtual robot, identified from, compensated with, and set
+//! beside random plans.
+
+use std::fmt::Display;
+
+use nalgebra::Vector3;
+use serde_json::{Value, json};
+
+use super::design::Wanted;
+use super::identify_absolute::{IdentifiedRobot, identify_absolute};
+use super::run::{RANDOM_PLANS, RunStage};
+use super::study::ReadingsWanted;
+use crate::calibration::{CompensatedPose, SeenPose, pose_conditions};
+use crate::codes::{Condition, ErrorCode};
+use crate::compensation::compensate_arm;
+use crate::files::FileError;
+use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup, ReadingWeights};
+use crate::measurement::AbsoluteReading;
+use crate::numeric::posterior::NotDetermined;
+use crate::parameter::{Parameter, ParameterKind};
+use crate::plan::absolute::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, PredictedAccuracy};
+use crate::plan::search::Watch;
+use crate::record::absolute::AbsoluteMessage;
+use crate::record::absolute_plan::{AbsolutePlanMessage, readings_json};
+use crate::record::json::{merge, results};
+use crate::record::messages::{ProvenanceMessage, TestPoseMessage, TruthMessage};
+use crate::scenario::Scenario;
+use crate::study::absolute::ReadingRuns;
+use crate::study::{Conditions, Setting, StudiedReadings};
+use crate::task::TestPose;
+use crate::testbed::{RunTruth, TrueRobots};
+use crate::understanding::implausible;
+
+/// The number of the run, as studies count them.
+pub const RUN: u64 = 0;
+
+/// What a run of absolute accuracy comes to.
+#[derive(Debug)]
+pub struct AbsoluteRun<'a> {
+    /// How many searches for the plan there were, and how many ended within 0.1 %.
+    pub searches: [usize; 2],
+    /// The readings, each by itself.
+    pub readings: Vec<AbsoluteReading>,
+    /// The simulated truth of this run,
+    pub truth: RunTruth,
+    /// and of it the quantities that were identified, in their order; none of frames, and where a run does not say them.
+    pub true_values: Vec<Option<f64>>,
+    /// What was identified.
+    pub identified: IdentifiedRobot<'a>,
+    /// What that achieves at each test pose; without compensation, the nominal robot in the frames that suit the readings best.
+    pub poses: Vec<CompensatedPose>,
+    /// The median of what random plans of the same candidates predict (m); or why there is none.
+    pub random_rho0_m: Result<f64, AbsolutePlanError>,
+}
+
+/// The designed plan, with what it was chosen from.
+pub type DesignedReadings<'a> = (AbsolutePlanning<'a>, AbsolutePlan);
+
+/// Designs a plan of as many readings as a scenario wants, reads the robot of run 0 of its studies by it, identifies that robot,
+/// compensates, sees where the tool is, and compares with random plans.
+///
+/// # Errors
+/// There is no such plan, the robot cannot be read, or the readings do not determine what the test poses need.
+pub fn run_absolute<'a>(
+    scenario: &'a Scenario,
+    wanted: &ReadingsWanted<'_>,
+    weights: ReadingWeights,
+    (watch, stage): (Watch<'_>, &dyn Fn(&RunStage<'_>)),
+) -> Result<(DesignedReadings<'a>, AbsoluteRun<'a>), FileError> {
+    let (task, seed, groups) = (&scenario.task, scenario.seed, wanted.groups);
+    let (belief, numbers) = (&task.belief, [seed, RUN]);
+    let no_plan = |error: AbsolutePlanError| error.in_file(wanted.path);
+    let unread = |error: &dyn Display| {
+        FileError::new(&scenario.path, error.to_string()).code(ErrorCode::Simulation)
+    };
+    let unidentified = |error: AbsoluteError| {
+        let wrong = FileError::new(&scenario.path, error.to_string()).code(error.code());
+        wrong.hinted(error.hint())
+    };
+
+    // Design.
+    let sizes = Wanted::by(task).sizes();
+    let (planning, found) = (wanted.design(task, sizes, seed, watch)).map_err(no_plan)?;
+
+    // Read, as the plan's file says.
+    stage(&RunStage::Calibrating);
+    let rows = planning.rows(&found.plan);
+    let read = AbsolutePlanning::of_plan(task, groups, &rows).map_err(no_plan)?;
+    let studied = StudiedReadings {
+        plan: read.whole(),
+        planning: read,
+        groups,
+        is_random: false,
+    };
+    let conditions = Conditions::plain(task, sizes[0]);
+    let setting = Setting::new(task, &scenario.truth, conditions);
+    let runs = ReadingRuns::new(&setting, &studied).map_err(|error| unread(&error))?;
+    let mut robots = runs.robots()?;
+    let readings = (runs.measure(&mut robots, numbers)).map_err(|error| unread(&error))?;
+
+    // Identify.
+    let identified = identify_absolute(belief, &readings, groups, (weights, false));
+    let identified = identified.map_err(unidentified)?;
+    let (case, fit) = (&identified.case, &identified.fit);
+    let nominal = AbsoluteCase::new(belief, &readings).and_then(|case| case.in_best_frames());
+    let nominal = nominal.map_err(unidentified)?;
+
+    // Compensate, and see where the tool is.
+    let mut seen = |arm| runs.residuals(&mut robots, numbers, (case, arm));
+    let before_m = seen(&nominal).map_err(|error| unread(&error))?;
+    let after_m = seen(&fit.arm).map_err(|error| unread(&error))?;
+    let tool = (case.targets.iter()).position(|name| *name == belief.machining_tool.name);
+    let compensated = |(place, pose): (usize, &TestPose)| {
+        let method = belief.method;
+        let commanded_rad = compensate_arm(&fit.arm, tool.unwrap_or(0), pose, method);
+        Ok(CompensatedPose {
+            name: pose.name.clone(),
+            weight: pose.weight,
+            direction: pose.direction,
+            commanded_rad: commanded_rad.map_err(|error| unread(&error))?,
+            predicted_m: predicted(&runs.prediction, place),
+            seen: SeenPose {
+                uncompensated_m: before_m[place],
+                residual_m: after_m[place],
+            },
+        })
+    };
+    let poses = task.test_poses.iter().enumerate().map(compensated);
+    let poses = poses.collect::<Result<Vec<CompensatedPose>, FileError>>()?;
+
+    // Compare.
+    stage(&RunStage::Comparing);
+    let random_rho0_m = planning.median_random_rho0_m(sizes[0], RANDOM_PLANS, seed);
+    let run = AbsoluteRun {
+        searches: found.searches,
+        true_values: true_values(scenario, &robots, &identified),
+        truth: robots.sampled(RUN),
+        readings,
+        identified,
+        poses,
+        random_rho0_m,
+    };
+    Ok(((planning, found), run))
+}
+
+/// The predicted rms distance (m) at a test pose, by its place.
+fn predicted(prediction: &PredictedAccuracy, place: usize) -> Result<f64, NotDetermined> {
+    prediction.poses_m[place].ok_or_else(|| NotDetermined {
+        parameters: prediction.left.as_ref().err().cloned().unwrap_or_default(),
+    })
+}
+
+/// The true quantities of what was identified, in this run.
+fn true_values(
+    scenario: &Scenario,
+    robots: &TrueRobots,
+    identified: &IdentifiedRobot<'_>,
+) -> Vec<Option<f64>> {
+    let (belief, fit) = (&scenario.task.belief, &identified.fit);
+    // Of another model than the nominal one a run says compliances alone. Zeros that are left out as redundant are in the frames,
+    // and with links in these, too.
+    let is_own = scenario.truth.robot.model.path() == belief.nominal.model.path();
+    let is_link = |each: &Parameter| {
+        use ParameterKind::{LinkPosition, LinkRotation};
+        matches!(each.kind, LinkPosition { .. } | LinkRotation { .. })
+    };
+    let has_links = fit.set.parameters().iter().any(is_link);
+    let is_said = is_own && (fit.left_out.is_empty() || !has_links);
+    let value = |parameter: &Parameter| match parameter.kind {
+        ParameterKind::JointCompliance { joint } => Some(robots.compliance_rad_per_nm()[joint]),
+        kind if !is_said || kind.is_mounted() => None,
+        _ => Some(parameter.quantity(&fit.reference, robots.value(belief, parameter))),
+    };
+    fit.set.parameters().iter().map(value).collect()
+}
+
+impl AbsoluteRun<'_> {
+    /// The rms distance (m) over the test poses without and with compensation, as the virtual robot has it.
+    pub fn observed_rms_m(&self) -> [f64; 2] {
+        let sides: [fn(&SeenPose) -> &Vector3<f64>; 2] =
+            [|seen| &seen.uncompensated_m, |seen| &seen.residual_m];
+        sides.map(|side| {
+            let square = |pose: &CompensatedPose| pose.weight * side(&pose.seen).norm_squared();
+            self.poses.iter().map(square).sum::<f64>().sqrt()
+        })
+    }
+
+    /// The median of what random plans predict (mm), if there is one.
+    pub fn random_rho0_mm(&self) -> Option<f64> {
+        self.random_rho0_m.as_ref().ok().map(|value| value * 1e3)
+    }
+
+    /// What must be looked at, besides what the plan does not determine.
+    pub fn conditions(&self, scenario: &Scenario) -> Vec<Condition> {
+        let mut conditions = self.identified.conditions();
+        conditions.extend(pose_conditions(&scenario.task.belief, &self.poses));
+        conditions.extend(implausible(scenario));
+        conditions
+    }
+
+    /// The records of the test poses.
+    pub fn test_poses(&self, scenario: &Scenario) -> Vec<TestPoseMessage> {
+        let commands = scenario.task.belief.commands();
+        (self.poses.iter())
+            .map(|pose| TestPoseMessage::new(&commands, pose))
+            .collect()
+    }
+
+    /// results.json: the keys of the plan, of its readings and of their identification, by stage.
+    ///
+    /// # Errors
+    /// None that records of numbers and texts have.
+    pub fn json(
+        &self,
+        scenario: &Scenario,
+        provenance: &ProvenanceMessage,
+        plan: &AbsolutePlanMessage,
+        groups: &[ParameterGroup],
+    ) -> serde_json::Result<Value> {
+        let test_poses = self.test_poses(scenario);
+        let identification = self.identified.json(scenario, provenance, groups)?;
+        let [before_mm, after_mm] = self.observed_rms_m().map(|value| value * 1e3);
+        let joints = scenario.task.belief.parameters.iter().copied();
+        let mut truth = serde_json::to_value(TruthMessage::new(joints, &self.truth))?;
+        let unknowns = self.identified.fit.set.parameters().iter();
+        let unknowns = unknowns.zip(&self.true_values);
+        let unknowns = unknowns.map(|(each, value)| json!({ "name": each.name, "value": value }));
+        merge(
+            &mut truth,
+            json!({ "unknowns": unknowns.collect::<Vec<_>>() }),
+        );
+        let own = json!({
+            "name": "optimal",
+            "plan": plan.plan,
+            "measurements": readings_json(&self.readings),
+            "truth": truth,
+            "identification": AbsoluteMessage::new(&self.identified.case, &self.identified.fit),
+            "test_poses": test_poses,
+            "assessment": plan,
+        });
+        // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the unknowns are those of the
+        // identification.
+        let mut json = json!({ "gate": scenario.gate });
+        merge(&mut json, serde_json::to_value(&test_poses[0])?);
+        merge(&mut json, serde_json::to_value(plan)?);
+        merge(&mut json, identification);
+        merge(
+            &mut json,
+            json!({
+                "searches": self.searches[0],
+                "searches_agreeing": self.searches[1],
+                "measurements": own["measurements"],
+                "truth": own["truth"],
+                "test_poses": own["test_poses"],
+                "uncompensated_rms_mm": before_mm,
+                "residual_rms_mm": after_mm,
+                "random_plans": RANDOM_PLANS,
+                "random_median_rho0_mm": self.random_rho0_mm(),
+                "plans": [own],
+            }),
+        );
+        merge(&mut json, results("run", provenance, json!({})));
+        Ok(json)
+    }
+}
