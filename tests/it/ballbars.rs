@@ -115,10 +115,7 @@ fn files_of_distances_are_read_as_they_are_written() {
 /// are, and all else is found that the ball shows, three coordinates of each cup among it.
 #[test]
 fn the_base_is_where_joint_1_has_it() {
-    let text = scenario_text(BALLBAR);
-    let (head, tail) = text.split_once("# What nobody").expect("a comment");
-    let (_, tail) = tail.split_once("[design]").expect("a table");
-    let scenario = loaded(&format!("{head}[design]{tail}"));
+    let scenario = with_sources("");
     let wanted = DrawnWanted {
         configurations: 60,
         seed: 1,
@@ -139,6 +136,14 @@ fn the_base_is_where_joint_1_has_it() {
         .collect();
     // The ball is on the last joint's axis: what tilts that axis moves the ball as what shifts it.
     assert_eq!(left, ["link_6.y", "link_6.rx"], "of {names:?}");
+}
+
+/// The ballbar's scenario with these error sources alone.
+pub fn with_sources(sources: &str) -> Scenario {
+    let text = scenario_text(BALLBAR);
+    let (head, tail) = text.split_once("# What nobody").expect("a comment");
+    let (_, tail) = tail.split_once("[design]").expect("a table");
+    loaded(&format!("{head}{sources}[design]{tail}"))
 }
 
 /// The table to fill in takes a length at each stop, and is read as it is.
@@ -219,21 +224,6 @@ fn what_no_ballbar_can_do_is_refused() {
         .run("identify s.toml --measurements moved.csv")
         .ends_with(1)
         .says("\"back\"");
-    for (option, says) in [
-        ("--sigma-from-residuals", "discrepancy"),
-        ("--model-selection", "models are compared"),
-        ("--against read.csv", "series are compared"),
-    ] {
-        let command = format!("identify s.toml --measurements read.csv {option}");
-        place
-            .run(&command)
-            .ends_with(1)
-            .says("distances are read")
-            .says(says);
-    }
-    place.json("identify s.toml --measurements read.csv --identified-out robot.json");
-    let validate = "validate s.toml --identified robot.json --measurements read.csv";
-    place.run(validate).ends_with(1).says("distances are read");
     // Without a standard deviation they are no tracker's.
     let bare: Vec<String> = (place.read("read.csv").lines())
         .map(|line| {

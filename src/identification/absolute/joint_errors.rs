@@ -14,7 +14,7 @@
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 
 use super::super::spread::logarithm;
-use super::residuals::LinearReading;
+use super::residuals::{LinearReading, three_rows};
 use super::{Discrepancy, ReadingResidual};
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
 use crate::numeric::tolerance::CHI_SQUARE_95;
@@ -202,9 +202,7 @@ impl DiscrepancyModel {
         covariance: &DMatrix<f64>,
         q: &[f64],
     ) -> ReadingPrognosis {
-        let part = |first: usize| -> Option<Vector3<f64>> {
-            (residual.len() > first).then(|| residual.fixed_rows::<3>(first).into_owned())
-        };
+        let part = |first| (residual.len() > first).then(|| three_rows(residual, first));
         let is_within = [0, 1].map(|part| {
             let square = region_square(residual, covariance, 3 * part)?;
             Some(square <= SQUARE_95 * self.scale_at(part, q))
@@ -226,7 +224,8 @@ impl DiscrepancyModel {
     }
 }
 
-/// The square of three rows of a residual over their covariance; none where there are no such rows.
+/// The square of three rows of a residual, or of the one of a distance, over their covariance; none where there are no such rows. As if of
+/// three: that of one row is as much larger as the square that 95 % stay below.
 pub(super) fn region_square(
     residual: &DVector<f64>,
     covariance: &DMatrix<f64>,
@@ -235,9 +234,11 @@ pub(super) fn region_square(
     if residual.len() <= first {
         return None;
     }
-    let part = residual.fixed_rows::<3>(first).into_owned();
-    let own = covariance.fixed_view::<3, 3>(first, first).into_owned();
-    Some(part.dot(&own.cholesky()?.solve(&part)))
+    let rows = (residual.len() - first).min(3);
+    let part = residual.rows(first, rows).into_owned();
+    let own = (covariance.view((first, first), (rows, rows))).into_owned();
+    let square = part.dot(&own.cholesky()?.solve(&part));
+    Some(square * (SQUARE_95 / CHI_SQUARE_95[rows - 1]))
 }
 
 /// Some rows and columns of a covariance.

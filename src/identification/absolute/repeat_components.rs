@@ -109,6 +109,9 @@ struct AveragedVisit {
 impl AbsoluteCase<'_> {
     /// What the repeated visits of a fit's readings say, without those that were rejected; none where there are none.
     pub fn repeat_components(&self, fit: &AbsoluteFit) -> Option<RepeatComponents> {
+        if self.reads_distances() {
+            return None;
+        }
         let kept = self.kept(fit);
         let joints = kept.commanded_joints();
         let mean = &fit.posterior.mean;
