@@ -91,7 +91,11 @@ impl VisitedRobot {
         let mut case = AbsoluteCase::placed(belief, &readings).expect("readings");
         let set = case.unknowns_beside(groups, &[]).expect("unknowns");
         let mut random = generator(7, run);
-        let mut values: Vec<f64> = (0..set.len()).map(|_| 1e-3 * normal(&mut random)).collect();
+        let sampled = set.parameters().iter().map(|each| match each.kind {
+            ParameterKind::JointCompliance { .. } => each.nominal,
+            _ => 1e-3 * normal(&mut random),
+        });
+        let mut values: Vec<f64> = sampled.collect();
         let (station, axis) = (1, Axis::X);
         let cup = set.index_of(ParameterKind::BasePosition { station, axis });
         values[cup.expect("a cup")] += moved_m;
