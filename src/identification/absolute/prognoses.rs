@@ -145,6 +145,10 @@ impl AbsoluteCase<'_> {
         discrepancy: &DiscrepancyModel,
         station: usize,
     ) -> Result<Option<MovedStation>, IdentificationError> {
+        let setups = self.observations.iter().map(|each| &each.setup);
+        let own = setups.filter(|each| each.station == station);
+        let discrepancy =
+            (discrepancy.clone()).reaching(own.map(|each| each.commanded_rad.as_slice()));
         let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
         let kinds = self.base_kinds(station).into_iter();
