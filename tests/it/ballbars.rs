@@ -163,6 +163,50 @@ fn distances_go_to_the_laboratory() {
     fits_alike(&place, "s", "");
 }
 
+/// What positions are asked, distances are: a discrepancy, models, other series, other readings, a choice.
+#[test]
+fn distances_are_asked_what_positions_are() {
+    let place = workplace();
+    let plan = place.read("plan.csv");
+    for half in [0, 1] {
+        let rows = plan.lines().skip(1 + half).step_by(2);
+        let rows: Vec<&str> = plan.lines().take(1).chain(rows).collect();
+        place.write("half.csv", rows.join("\n") + "\n");
+        let measure = "measure s.toml --plan half.csv --measurements-out";
+        place.json(&format!("{measure} read_{half}.csv"));
+    }
+    place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
+    let identify = |more: &str| {
+        let command = format!("identify s.toml --measurements read{more} --quiet --json");
+        place.run(&command).json()
+    };
+    assert!(identify(".csv --sigma-from-residuals")["discrepancy_mm"].is_number());
+    let models = &identify(".csv --model-selection")["model_selection"]["nested_models"];
+    let judged = &models[0]["cross_validation"]["distance_mm"]["rms"];
+    assert!(number(judged) > 0.0, "{models:#}");
+    let beside = identify("_0.csv --against read_1.csv --identified-out robot.json");
+    let inconsistencies = beside["inconsistencies"].as_array().expect("a list");
+    assert!(
+        inconsistencies[0]["found"]
+            .as_array()
+            .expect("a list")
+            .is_empty(),
+        "{beside:#}"
+    );
+    let validate =
+        "validate s.toml --identified robot.json --measurements read_1.csv --quiet --json";
+    let other = place.run(validate).json();
+    assert!(number(&other["probability"]) > 1e-3, "{other:#}");
+    assert!(number(&other["coverage95"]["distances"]) > 0.5, "{other:#}");
+    let chosen =
+        place.json("select s.toml --measurements read.csv --sizes 14 --draws 2 --campaigns 2");
+    let best = &chosen["sizes"][0]["planned"][0];
+    assert!(
+        number(&best["predicted_rms_mm"]) >= number(&best["rho0_mm"]),
+        "{best:#}"
+    );
+}
+
 fn refused(change: [&str; 2], key: &str, says: &str) {
     let place = Workplace::new();
     let text = scenario_text(BALLBAR);
