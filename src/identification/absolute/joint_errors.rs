@@ -147,13 +147,10 @@ impl DiscrepancyModel {
 
     /// The same with further knots, out to the commanded angles of readings. What joints are off by beyond those that were read is next to
     /// unknown, but alike in readings that are near each other: it is no error of each by itself.
-    pub(super) fn reaching<'q>(
-        mut self,
-        commanded: impl Iterator<Item = &'q [f64]> + Clone,
-    ) -> Self {
+    pub(super) fn reaching(mut self, commanded: &[&[f64]]) -> Self {
         for number in 0..self.joints.len() {
             let JointError { joint, process, .. } = &self.joints[number];
-            let reach = ends(commanded.clone().map(|q| q[*joint]));
+            let reach = ends(commanded.iter().map(|q| q[*joint]));
             let (range, length) = (process.range(), process.length);
             for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
                 let beyond = (sign * (reach[side] - range[side])).max(0.0);
@@ -325,8 +322,9 @@ mod tests {
             shift: DVector::zeros(1),
             ..model
         };
-        let angles = [[-0.1], [0.3], [0.7]];
-        let found = model.reaching(angles.iter().map(<[f64; 1]>::as_slice));
+        let angles = [-0.1, 0.3, 0.7].map(|angle| [angle]);
+        let angles = [&angles[0][..], &angles[1], &angles[2]];
+        let found = model.reaching(&angles);
         let knots = &found.joints[0].process.knots;
         assert_eq!(knots.len(), 7, "{knots:?}");
         let apart = |one: usize, other: usize| (-(knots[one] - knots[other]).abs() / 0.2).exp();

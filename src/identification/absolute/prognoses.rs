@@ -147,8 +147,8 @@ impl AbsoluteCase<'_> {
     ) -> Result<Option<MovedStation>, IdentificationError> {
         let setups = self.observations.iter().map(|each| &each.setup);
         let own = setups.filter(|each| each.station == station);
-        let discrepancy =
-            (discrepancy.clone()).reaching(own.map(|each| each.commanded_rad.as_slice()));
+        let own: Vec<&[f64]> = own.map(|each| each.commanded_rad.as_slice()).collect();
+        let discrepancy = discrepancy.clone().reaching(&own);
         let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
         let kinds = self.base_kinds(station).into_iter();
