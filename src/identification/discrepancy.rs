@@ -37,15 +37,21 @@ impl From<[f64; 2]> for Discrepancy {
 
 impl Discrepancy {
     /// By how much residuals are larger than the readings' own covariances (m^2, m rad, rad^2) make them. `spare` is the
-    /// share of the numbers that was not used up by the fit: degrees of freedom over numbers.
-    pub fn of(left: &[ReadingResidual], covariances: &[Matrix6<f64>], spare: f64) -> Self {
+    /// share of the numbers that was not used up by the fit: degrees of freedom over numbers. Positions have three coordinates, distances
+    /// one.
+    pub fn of(
+        left: &[ReadingResidual],
+        covariances: &[Matrix6<f64>],
+        spare: f64,
+        coordinates: usize,
+    ) -> Self {
         let of = |first: usize, squares: Vec<f64>| {
             let own = covariances.iter().map(|covariance| {
-                (0..3)
+                (0..coordinates)
                     .map(|row| covariance[(first + row, first + row)])
                     .sum::<f64>()
             });
-            let count = 3.0 * squares.len().max(1) as f64;
+            let count = (coordinates * squares.len().max(1)) as f64;
             let (all, own) = (squares.iter().sum::<f64>(), own.sum::<f64>());
             ((all / spare - own) / count).max(0.0).sqrt()
         };
@@ -170,11 +176,11 @@ mod tests {
         };
         let left = [residual(5e-4), residual(-5e-4)];
         let own = Matrix6::from_diagonal_element(9e-8);
-        let discrepancy = Discrepancy::of(&left, &[own, own], 1.0);
+        let discrepancy = Discrepancy::of(&left, &[own, own], 1.0, 3);
         assert!((discrepancy.position_m - 4e-4).abs() < 1e-12);
         assert!(discrepancy.rotation_rad.abs() < f64::MIN_POSITIVE);
         // Half of the numbers were used up.
-        let discrepancy = Discrepancy::of(&left, &[own, own], 0.5);
+        let discrepancy = Discrepancy::of(&left, &[own, own], 0.5, 3);
         assert!((discrepancy.position_m - (2.0 * 25e-8 - 9e-8_f64).sqrt()).abs() < 1e-12);
         assert!((discrepancy.covariance()[(1, 1)] - discrepancy.position_m.powi(2)).abs() < 1e-20);
     }

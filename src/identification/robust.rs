@@ -184,7 +184,7 @@ impl<'a> Case<'a> {
             let mut discrepancy = None;
             for _ in 0..WEIGHINGS {
                 let left = kept(&fitted.over.left, &rejected);
-                let found = Discrepancy::of(&left, &own_kept, fitted.over.spare);
+                let found = Discrepancy::of(&left, &own_kept, fitted.over.spare, 3);
                 weighed = found.weighed(self.measurements, self.sigma.weight_m());
                 discrepancy = Some(found);
                 let near = &fitted.identification.posterior.mean;

@@ -242,7 +242,7 @@ pub(crate) mod tests {
     pub fn list() -> CorrelatedList {
         let value = |seed: usize| ((seed * 37 % 101) as f64 / 101.0) - 0.4;
         let reading = |each: usize| {
-            let rows = if each % 4 == 0 { 6 } else { 3 };
+            let rows = if each.is_multiple_of(4) { 6 } else { 3 };
             let of = |first: usize| {
                 move |row: usize, column: usize| value(7 * each + 3 * row + 11 * column + first)
             };

@@ -188,19 +188,16 @@ pub fn planned_information_of_each(
     readings.par_iter().map_init(room, of_one).collect()
 }
 
-/// How the positions of targets follow the parameters where readings are planned, as planning sees it: three rows of each setup
-/// (3 n x p, m in units of typical sizes), in the instrument's frame.
+/// How positions follow the parameters where readings of any kind are planned, as planning sees it: three rows of each (3 n x p, m in
+/// units of typical sizes), in the instrument's frame; of a distance the first alone.
 pub fn planned_positions(
     set: &ParameterSet,
     nominal: &ElasticArm,
     values: &DVector<f64>,
-    setups: &[&Setup],
+    wanted: &[(&Setup, ReadingKind)],
 ) -> DMatrix<f64> {
-    let wanted: Vec<(&Setup, ReadingKind)> = (setups.iter())
-        .map(|&setup| (setup, ReadingKind::Position))
-        .collect();
-    let mut rows = DMatrix::zeros(3 * setups.len(), set.len());
-    for (index, each) in (planned_rows(set, nominal, values, &wanted).iter()).enumerate() {
+    let mut rows = DMatrix::zeros(3 * wanted.len(), set.len());
+    for (index, each) in (planned_rows(set, nominal, values, wanted).iter()).enumerate() {
         rows.rows_mut(3 * index, 3)
             .copy_from(&each.fixed_rows::<3>(0));
     }

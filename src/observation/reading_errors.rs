@@ -95,6 +95,25 @@ impl ReadingErrors {
         self
     }
 
+    /// The same where no other reading shares any: all is new in it.
+    pub fn alone(&self) -> Self {
+        Self {
+            reading: self.covariance(),
+            ..Self::none()
+        }
+    }
+
+    /// How one standard deviation of each effect moves the mean of so many repeats in one of several visits of a configuration: those of
+    /// the configuration, then those of each visit.
+    pub fn effects(&self, [visit, visits]: [usize; 2], times: u32) -> Matrix6xX<f64> {
+        let (kept, own) = (self.configuration.ncols(), self.visit.ncols());
+        let mut effects = Matrix6xX::zeros(kept + visits * own);
+        effects.columns_mut(0, kept).copy_from(&self.configuration);
+        (effects.columns_mut(kept + visit * own, own))
+            .copy_from(&(&self.visit / f64::from(times).sqrt()));
+        effects
+    }
+
     /// Whether readings of one visit, or of one configuration, share any.
     pub fn are_shared(&self) -> bool {
         self.visit.ncols() + self.configuration.ncols() > 0

@@ -209,7 +209,7 @@ pub fn select<'a>(
     wanted: &SelectionWanted,
     watch: Watch<'_>,
 ) -> Result<Selection<'a>, AbsoluteError> {
-    let parts = AbsoluteCase::new(belief, readings)?.in_parts(groups)?;
+    let parts = (AbsoluteCase::new(belief, readings)?.counting_sources()).in_parts(groups)?;
     let campaign = |campaign: u64| {
         let stream = streams::campaign_of_choices(campaign);
         parts.simulated(&mut generator(wanted.seed, stream))

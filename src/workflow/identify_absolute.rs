@@ -136,9 +136,8 @@ pub fn model_selection(
     readings: &[AbsoluteReading],
     (weights, keeps_all): (ReadingWeights, bool),
 ) -> Result<ModelSelection, AbsoluteError> {
-    let mut case = AbsoluteCase::new(belief, readings)?;
-    case.needs_positions("models are compared by errors")?;
-    case.keeps_all = keeps_all;
+    let mut case = AbsoluteCase::new(belief, readings)?.counting_sources();
+    case.keeps_all |= keeps_all;
     case.model_selection(weights)
 }
 
@@ -155,8 +154,7 @@ impl<'a> IdentifiedRobot<'a> {
         (groups, weights): (&[ParameterGroup], ReadingWeights),
         between: [String; 2],
     ) -> Result<(), AbsoluteError> {
-        let mut other = AbsoluteCase::new(belief, readings)?;
-        other.needs_positions("series are compared by errors")?;
+        let mut other = AbsoluteCase::new(belief, readings)?.counting_sources();
         other.keeps_all = self.case.keeps_all;
         let fit = other.fit(groups, weights)?;
         let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));

@@ -2,14 +2,13 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Matrix6};
+use nalgebra::Matrix3;
 
 use super::stored_robot::{StoredRobot, robot_kinds};
 use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, MountedFrames, MovedStation, ReadingPrognosis, ReadingResidual,
-    fit_parameters,
+    AbsoluteCase, AbsoluteError, MovedStation, ReadingPrognosis, ReadingResidual, fit_parameters,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
@@ -26,6 +25,10 @@ pub struct AbsoluteValidation {
     pub readings_m2: Vec<Matrix3<f64>>,
     /// The same beside all that was identified, what joints are off by among it, with regions.
     pub prognoses: Vec<ReadingPrognosis>,
+    /// The probability of differences as large, where all errors are counted: of distances.
+    pub probability: Option<f64>,
+    /// What is read: positions or distances, and orientations.
+    pub names: [&'static str; 2],
     /// Beside the nominal robot in frames that suit these readings best; none where these readings do not tell frames.
     pub before: Option<Vec<ReadingResidual>>,
     /// Stations and targets that were not identified: their frames are fitted to these readings.
@@ -62,7 +65,8 @@ impl AbsoluteValidation {
                 )));
             }
         }
-        for (part, name) in ["positions", "orientations"].into_iter().enumerate() {
+        conditions.extend(self.probability.and_then(prediction_failed));
+        for (part, name) in self.names.into_iter().enumerate() {
             if let Some(share) = self.coverage(part)
                 && self.prognoses.len() >= LEAST_JUDGED
                 && share < LEAST_COVERAGE
@@ -77,10 +81,18 @@ impl AbsoluteValidation {
     }
 }
 
+/// Less likely differences break the prediction.
+const BROKEN: f64 = 1e-3;
 /// Fewer readings say nothing of shares.
 const LEAST_JUDGED: usize = 20;
 /// Regions of 95 % that hold less are none.
 const LEAST_COVERAGE: f64 = 0.8;
+
+/// Measurements whose differences from a prediction are as improbable.
+pub fn prediction_failed(probability: f64) -> Option<Condition> {
+    let words = format!("the measurements differ from their prediction, p = {probability:.1e}");
+    (probability < BROKEN).then(|| ConditionCode::PredictionFailed.with(words))
+}
 
 /// The frames of a robot that was identified, as other readings name them.
 struct KnownFrames {
@@ -97,10 +109,7 @@ struct KnownFrames {
 
 /// Puts identified frames in their places and notes the others.
 fn known_frames(case: &mut AbsoluteCase<'_>, stored: &StoredRobot, is_turned: bool) -> KnownFrames {
-    let tools: Vec<_> = (case.arm.tools.iter())
-        .map(|tool| tool.link_from_tool)
-        .collect();
-    let mut frames = MountedFrames::guessed(&case.sights(), case.stations.len(), &tools);
+    let mut frames = case.first_frames();
     let mut known = KnownFrames {
         kinds: Vec::new(),
         places: Vec::new(),
@@ -133,7 +142,7 @@ fn known_frames(case: &mut AbsoluteCase<'_>, stored: &StoredRobot, is_turned: bo
             owned(&stored.unknowns, kinds);
             known.stations.push(station);
         } else {
-            known.anew.extend(kinds.into_iter().flatten());
+            known.anew.extend(case.base_kinds(station));
             let name = name.clone();
             known
                 .names
@@ -174,7 +183,20 @@ pub fn validate_absolute(
     readings: &[AbsoluteReading],
 ) -> Result<AbsoluteValidation, AbsoluteValidationError> {
     let mut case = AbsoluteCase::placed(belief, readings)?;
-    case.needs_positions("regions are predicted")?;
+    let reads = case.observations.iter().zip(&case.covariances);
+    let readings_m2 = reads.map(|(each, covariance)| {
+        let rows = each.reading.kind().rows().min(3);
+        let is_read = |row: usize, column: usize| row.max(column) < rows;
+        Matrix3::from_fn(|row, column| {
+            if is_read(row, column) {
+                covariance[(row, column)]
+            } else {
+                0.0
+            }
+        })
+    });
+    let readings_m2 = readings_m2.collect();
+    case = case.counting_sources();
     let nominal = case.arm.clone();
     case.arm = stored.apply(path, &case.arm)?;
     let is_turned = readings.iter().any(|each| each.rotation.is_some());
@@ -210,6 +232,8 @@ pub fn validate_absolute(
     let places = &known.places;
     let prognoses =
         (case.prognoses(&arm, &set, places, &discrepancy, &anew)).map_err(AbsoluteError::from)?;
+    let probability =
+        (case.probability(&arm, &set, places, &discrepancy, &anew)).map_err(AbsoluteError::from)?;
     let mut moved = Vec::new();
     for &station in &known.stations {
         let found = case
@@ -221,7 +245,6 @@ pub fn validate_absolute(
         );
         moved.extend(found.map(|found| (name, found)));
     }
-    let position = |each: &Matrix6<f64>| each.fixed_view::<3, 3>(0, 0).into_owned();
     let configurations = case
         .observations
         .iter()
@@ -229,7 +252,16 @@ pub fn validate_absolute(
     Ok(AbsoluteValidation {
         beyond: (stored.read_ranges()).beyond(&arm, "reading", configurations),
         left,
-        readings_m2: case.covariances.iter().map(position).collect(),
+        readings_m2,
+        probability,
+        names: [
+            if case.reads_distances() {
+                "distances"
+            } else {
+                "positions"
+            },
+            "orientations",
+        ],
         prognoses,
         before: before(belief, readings),
         frames_anew: known.names,

@@ -106,7 +106,8 @@ fn the_fit_knows_what_was_predicted() {
             station: 0,
             approach: None,
         };
-        let mut place = planned_positions(&fit.set, &fit.reference, &fit.values(), &[&setup]);
+        let wanted = [(&setup, ReadingKind::Position)];
+        let mut place = planned_positions(&fit.set, &fit.reference, &fit.values(), &wanted);
         for (mut column, scale) in place.column_iter_mut().zip(&fit.set.scales()) {
             column /= *scale;
         }

@@ -115,10 +115,7 @@ fn files_of_distances_are_read_as_they_are_written() {
 /// are, and all else is found that the ball shows, three coordinates of each cup among it.
 #[test]
 fn the_base_is_where_joint_1_has_it() {
-    let text = scenario_text(BALLBAR);
-    let (head, tail) = text.split_once("# What nobody").expect("a comment");
-    let (_, tail) = tail.split_once("[design]").expect("a table");
-    let scenario = loaded(&format!("{head}[design]{tail}"));
+    let scenario = with_sources("");
     let wanted = DrawnWanted {
         configurations: 60,
         seed: 1,
@@ -141,6 +138,14 @@ fn the_base_is_where_joint_1_has_it() {
     assert_eq!(left, ["link_6.y", "link_6.rx"], "of {names:?}");
 }
 
+/// The ballbar's scenario with these error sources alone.
+pub fn with_sources(sources: &str) -> Scenario {
+    let text = scenario_text(BALLBAR);
+    let (head, tail) = text.split_once("# What nobody").expect("a comment");
+    let (_, tail) = tail.split_once("[design]").expect("a table");
+    loaded(&format!("{head}{sources}[design]{tail}"))
+}
+
 /// The table to fill in takes a length at each stop, and is read as it is.
 #[test]
 fn distances_go_to_the_laboratory() {
@@ -156,6 +161,50 @@ fn distances_go_to_the_laboratory() {
         "{empty}"
     );
     fits_alike(&place, "s", "");
+}
+
+/// What positions are asked, distances are: a discrepancy, models, other series, other readings, a choice.
+#[test]
+fn distances_are_asked_what_positions_are() {
+    let place = workplace();
+    let plan = place.read("plan.csv");
+    for half in [0, 1] {
+        let rows = plan.lines().skip(1 + half).step_by(2);
+        let rows: Vec<&str> = plan.lines().take(1).chain(rows).collect();
+        place.write("half.csv", rows.join("\n") + "\n");
+        let measure = "measure s.toml --plan half.csv --measurements-out";
+        place.json(&format!("{measure} read_{half}.csv"));
+    }
+    place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
+    let identify = |more: &str| {
+        let command = format!("identify s.toml --measurements read{more} --quiet --json");
+        place.run(&command).json()
+    };
+    assert!(identify(".csv --sigma-from-residuals")["discrepancy_mm"].is_number());
+    let models = &identify(".csv --model-selection")["model_selection"]["nested_models"];
+    let judged = &models[0]["cross_validation"]["distance_mm"]["rms"];
+    assert!(number(judged) > 0.0, "{models:#}");
+    let beside = identify("_0.csv --against read_1.csv --identified-out robot.json");
+    let inconsistencies = beside["inconsistencies"].as_array().expect("a list");
+    assert!(
+        inconsistencies[0]["found"]
+            .as_array()
+            .expect("a list")
+            .is_empty(),
+        "{beside:#}"
+    );
+    let validate =
+        "validate s.toml --identified robot.json --measurements read_1.csv --quiet --json";
+    let other = place.run(validate).json();
+    assert!(number(&other["probability"]) > 1e-3, "{other:#}");
+    assert!(number(&other["coverage95"]["distances"]) > 0.5, "{other:#}");
+    let chosen =
+        place.json("select s.toml --measurements read.csv --sizes 14 --draws 2 --campaigns 2");
+    let best = &chosen["sizes"][0]["planned"][0];
+    assert!(
+        number(&best["predicted_rms_mm"]) >= number(&best["rho0_mm"]),
+        "{best:#}"
+    );
 }
 
 fn refused(change: [&str; 2], key: &str, says: &str) {
@@ -219,21 +268,6 @@ fn what_no_ballbar_can_do_is_refused() {
         .run("identify s.toml --measurements moved.csv")
         .ends_with(1)
         .says("\"back\"");
-    for (option, says) in [
-        ("--sigma-from-residuals", "discrepancy"),
-        ("--model-selection", "models are compared"),
-        ("--against read.csv", "series are compared"),
-    ] {
-        let command = format!("identify s.toml --measurements read.csv {option}");
-        place
-            .run(&command)
-            .ends_with(1)
-            .says("distances are read")
-            .says(says);
-    }
-    place.json("identify s.toml --measurements read.csv --identified-out robot.json");
-    let validate = "validate s.toml --identified robot.json --measurements read.csv";
-    place.run(validate).ends_with(1).says("distances are read");
     // Without a standard deviation they are no tracker's.
     let bare: Vec<String> = (place.read("read.csv").lines())
         .map(|line| {

@@ -64,3 +64,22 @@ fn beyond_what_was_read_is_said() {
     // More readings, to which joint error functions are fitted.
     assert_eq!(codes(&validated(&halves(21, 60))).len(), 1);
 }
+
+/// A station is not said to be moved since joints that turn about it err by what nobody read, alike in all readings there.
+#[test]
+fn what_was_not_read_moves_no_station() {
+    for seed in 21..25 {
+        let found = validated(&halves(seed, 60));
+        assert!(
+            found["residuals_with_joint_errors_mm"].is_array(),
+            "{found}"
+        );
+        let conditions = found["conditions"].as_array().expect("conditions").iter();
+        let codes: Vec<&Value> = conditions.map(|each| &each["code"]).collect();
+        assert!(
+            !codes.iter().any(|code| *code == "C0303"),
+            "{}",
+            found["conditions"]
+        );
+    }
+}

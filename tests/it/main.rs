@@ -47,6 +47,7 @@
 //! - `priors`: an earlier identification as what is known before.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `ballbars`: distances from places in the room: predictions, files, refusals.
+//! - `ballbar_robots`: what is identified from distances of which visits share errors, predicted, compared and chosen.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
 //! - `plan_conditions`: what is said of a plan before its accuracy is relied on; repeats beside their bound.
@@ -120,6 +121,7 @@ mod absolute_trials;
 mod backlash;
 mod bad_input;
 mod bad_starts;
+mod ballbar_robots;
 mod ballbars;
 mod bounds;
 mod braced_arms;

@@ -104,13 +104,14 @@ fn record(validation: &AbsoluteValidation) -> Value {
     let [distance_mm, angle_mrad] = lengths(&validation.left);
     json!({
         "kind": "absolute",
+        "probability": validation.probability,
         "distance_mm": distance_mm,
         "angle_mrad": angle_mrad,
         "before": validation.before.as_deref().map(both),
         "with_joint_errors": both(&with_joints),
         "coverage95": {
-            "positions": validation.coverage(0),
-            "orientations": validation.coverage(1),
+            validation.names[0]: validation.coverage(0),
+            validation.names[1]: validation.coverage(1),
         },
         "frames_anew": validation.frames_anew,
         "stations_moved": moved,
@@ -141,15 +142,15 @@ fn describe(validation: &AbsoluteValidation) -> String {
         counted(validation.left.len() as u64, "reading"),
         table(DISTANCES, rows)
     );
-    let share = |part: usize, name: &str| {
-        let share = validation.coverage(part)?;
+    let share = |part: usize| {
+        let (share, name) = (validation.coverage(part)?, validation.names[part]);
         Some(format!("{:.1} % of the {name}", share * 100.0))
     };
-    let shares: Vec<String> = [share(0, "positions"), share(1, "orientations")]
-        .into_iter()
-        .flatten()
-        .collect();
+    let shares: Vec<String> = (0..2).filter_map(share).collect();
     text += &format!("  In their regions of 95 % lie {}.\n", shares.join(" and "));
+    if let Some(probability) = validation.probability {
+        text += &format!("  predicted and observed differences: p = {probability:.2}\n");
+    }
     if !validation.frames_anew.is_empty() {
         text += &format!(
             "  fitted to these readings: the frames of {}\n",

@@ -5,7 +5,6 @@ mod absolute;
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::codes::ConditionCode;
 use elastocal::files::FileError;
 use elastocal::identification::{Predicted, StoredIdentification};
 use elastocal::laboratory::validation::{Validation, validate, validation_plan};
@@ -14,6 +13,7 @@ use elastocal::plan::write_plan;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::text::wording::counted;
 use elastocal::workflow::stored_robot::StoredRobot;
+use elastocal::workflow::validate_absolute::prediction_failed;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
@@ -22,9 +22,6 @@ use super::table::{or_dash, table_of};
 use super::tolerance::{ToleranceArgs, report_judged};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
-
-/// Less likely differences break the prediction.
-const BROKEN: f64 = 1e-3;
 
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
@@ -104,12 +101,7 @@ impl Validate {
         provenance = provenance.with_input("measurements", path)?;
         let validation = validate(&task.belief, &identified.posterior, &measurements)
             .map_err(|error| FileError::new(path, error.to_string()))?;
-        if validation.probability < BROKEN {
-            conditions.push(ConditionCode::PredictionFailed.with(format!(
-                "the measurements differ from their prediction, p = {:.1e}",
-                validation.probability
-            )));
-        }
+        conditions.extend(prediction_failed(validation.probability));
         let mut report = Report::new(
             results("validate", &provenance, record(&validation)),
             describe(&validation),

@@ -254,6 +254,19 @@ impl<'a> AbsoluteCase<'a> {
         tools.map(|tool| tool.link_from_tool).collect()
     }
 
+    /// Where stations and targets are to begin with: by closed forms, or where distances have the planner's model's places.
+    pub fn first_frames(&self) -> MountedFrames {
+        let link_from_tool = self.link_from_tools();
+        if self.reads_distances() {
+            let instrument_from_base = self.arm.instrument_from_base.clone();
+            return MountedFrames {
+                instrument_from_base,
+                link_from_tool,
+            };
+        }
+        MountedFrames::guessed(&self.sights(), self.stations.len(), &link_from_tool)
+    }
+
     /// What closed forms need of the readings.
     pub fn sights(&self) -> Vec<Sight> {
         let mut state = KinematicState::new(self.arm.chain.len());

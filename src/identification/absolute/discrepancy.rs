@@ -20,7 +20,8 @@ impl AbsoluteCase<'_> {
     pub(super) fn weigh(&mut self, discrepancy: [f64; 2]) {
         let within = [0, 1].map(|part| self.within[part].min(discrepancy[part]));
         let mut more = vec![discrepancy; self.observations.len()];
-        for &index in self.visits.iter().filter(|visit| visit.len() > 1).flatten() {
+        let several = self.visits.iter().filter(|visit| visit.len() > 1);
+        for &index in several.filter(|_| !self.is_sharing_known).flatten() {
             more[index] = within;
         }
         let known = self.shared.as_ref().filter(|_| self.is_sharing_known);
@@ -142,7 +143,8 @@ impl AbsoluteCase<'_> {
 
     fn discrepancy_of(&self, left: &[ReadingResidual], fit: &ParameterFit) -> [f64; 2] {
         // Each reading has its part in what was fitted.
-        let discrepancy = Discrepancy::of(left, &self.covariances, fit.spare());
+        let coordinates = if self.reads_distances() { 1 } else { 3 };
+        let discrepancy = Discrepancy::of(left, &self.covariances, fit.spare(), coordinates);
         [discrepancy.position_m, discrepancy.rotation_rad]
     }
 

@@ -1,11 +1,12 @@
-//! Distances among absolute readings: from points, which have no axes, and with errors of one coordinate.
+//! Distances among absolute readings: from points, which have no axes, and with errors of one coordinate that visits share.
 
 use nalgebra::{Isometry3, Translation3};
 
 use super::case::{transferred, whitener};
 use super::{AbsoluteCase, AbsoluteError};
-use crate::observation::ReadingKind;
-use crate::task::station_named;
+use crate::experiment::{is_one_configuration, together};
+use crate::observation::{ReadingErrors, ReadingKind, SharedErrors, SharingReadings};
+use crate::task::{Extended, station_named};
 
 impl AbsoluteCase<'_> {
     /// Where a station is begun with: where the robot's own world is; the point of one that distances are read from, where the planner's
@@ -35,38 +36,47 @@ impl AbsoluteCase<'_> {
         readings.any(|each| each.reading.kind() == ReadingKind::Distance)
     }
 
-    /// Refuses distances for what is made of three coordinates, in words.
-    ///
-    /// # Errors
-    /// Distances are read.
-    pub fn needs_positions(&self, what: &'static str) -> Result<(), AbsoluteError> {
-        if self.reads_distances() {
-            return Err(AbsoluteError::Distances(what));
-        }
-        Ok(())
-    }
-
-    /// The same where distances are weighed by what the planner's model says of the errors of each, too, none of them shared: no
-    /// discrepancy is found from their residuals.
+    /// The same where distances are weighed by what the planner's model says of their errors: what is new in each, and what readings of one
+    /// visit, or of one configuration, share. What is shared is not found from their residuals.
     #[must_use]
     pub fn counting_sources(mut self) -> Self {
-        let belief = self.belief;
-        let Some(extended) = belief.uncertain.as_ref().filter(|_| self.reads_distances()) else {
+        if !self.reads_distances() {
             return self;
-        };
-        let chain = &belief.nominal.chain;
-        for place in 0..self.observations.len() {
+        }
+        let belief = self.belief;
+        let errors = (0..self.observations.len()).map(|place| {
             let setup = &self.observations[place].setup;
-            let (q, tool) = (
-                setup.commanded_rad.as_slice(),
-                &self.arm.tools[setup.target],
-            );
-            let load = transferred(chain, tool, &belief.calibration_tool, q, &setup.load);
-            let sources = extended.sources().map(|(_, source)| source);
-            let more = self.disturbed(place, &load, sources).covariance();
-            self.covariances[place] += more;
+            let tools = [&self.arm.tools[setup.target], &belief.calibration_tool];
+            let q = setup.commanded_rad.as_slice();
+            let load = transferred(&belief.nominal.chain, tools[0], tools[1], q, &setup.load);
+            let sources = belief.uncertain.iter().flat_map(Extended::sources);
+            self.disturbed(place, &load, sources.map(|(_, source)| source))
+        });
+        let mut errors: Vec<ReadingErrors> = errors.collect();
+        let setup = |visit: usize| &self.observations[self.visits[visit][0]].setup;
+        let pose = |visit: usize| (&setup(visit).commanded_rad, setup(visit).approach.as_ref());
+        let are_kept = errors.iter().any(|each| each.configuration.ncols() > 0);
+        let is_same = |one, other| are_kept && is_one_configuration(pose(one), pose(other));
+        let mut shared = SharedErrors { groups: Vec::new() };
+        for visits in together(self.visits.len(), |visit| pose(visit).0, is_same) {
+            if let [visit] = visits[..]
+                && let [place] = self.visits[visit][..]
+            {
+                errors[place] = errors[place].alone();
+            }
+            let numbered = visits.iter().enumerate();
+            let readings = numbered.flat_map(|(number, &visit)| {
+                (self.visits[visit].iter()).map(move |&place| (place, number))
+            });
+            let (readings, effects) = readings
+                .map(|(place, number)| (place, errors[place].effects([number, visits.len()], 1)))
+                .unzip();
+            shared.groups.push(SharingReadings { readings, effects });
+        }
+        for (place, errors) in errors.iter().enumerate() {
+            self.covariances[place] += errors.reading;
             self.observations[place].whitener = whitener(&self.covariances[place]);
         }
-        self
+        self.sharing(shared)
     }
 }

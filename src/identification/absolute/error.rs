@@ -95,9 +95,6 @@ pub enum AbsoluteError {
     /// Distances from where nobody knows.
     #[error("distances are read from {0}, and the scenario has no such [[station]]")]
     NoPlace(String),
-    /// What takes positions.
-    #[error("distances are read, and {0} of three coordinates")]
-    Distances(&'static str),
     /// Readings that cannot be chosen one by one.
     #[error("several readings of one visit cannot be chosen one by one")]
     Together,
@@ -146,9 +143,6 @@ impl AbsoluteError {
             ),
             Self::NoPlace(_) => Some(
                 "give the column station, and a [[station]] with position_mm for each place that distances are read from",
-            ),
-            Self::Distances(_) => Some(
-                "distances are weighed by their own standard deviations: instrument.sigma_mm, or the column s_mm",
             ),
             Self::Together => Some("give readings of one target, each in a visit of its own"),
             _ => None,

@@ -110,13 +110,6 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
     ) -> Result<AbsoluteFit, AbsoluteError> {
         self.check_frames()?;
-        let weights = match weights {
-            ReadingWeights::WithDiscrepancy if self.reads_distances() => {
-                return Err(AbsoluteError::Distances("a discrepancy is"));
-            }
-            _ if self.reads_distances() => ReadingWeights::Own,
-            weights => weights,
-        };
         let ToldApart { mut set, left_out } = self.unknowns(groups)?;
         let start = self.far_from_frames();
         loop {

@@ -145,9 +145,6 @@ impl AbsoluteCase<'_> {
     /// The halves of joint space, across the joint that moves furthest: which half each reading is in, and what each half says.
     /// `None` where a half has too few configurations, or cannot be fitted.
     pub fn halves(&mut self, fit: &AbsoluteFit) -> Option<(Vec<usize>, [SeriesEstimates; 2])> {
-        if self.reads_distances() {
-            return None;
-        }
         if let Some(discrepancy) = fit.discrepancy {
             self.weigh(discrepancy);
         }

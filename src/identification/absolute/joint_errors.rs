@@ -14,13 +14,17 @@
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 
 use super::super::spread::logarithm;
-use super::residuals::LinearReading;
+use super::residuals::{LinearReading, three_rows};
 use super::{Discrepancy, ReadingResidual};
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
-use crate::numeric::tolerance::CHI_SQUARE_95;
+use crate::numeric::tolerance::{CHI_SQUARE_95, ends};
 
 /// The square that 95 % of normal errors of three coordinates stay below, over their variance.
 pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
+
+/// Knots beyond those that were read are so many lengths apart, unless they would be more than so many.
+const APART: f64 = 0.5;
+const MOST_BEYOND: u32 = 24;
 
 /// Commands are corrected so often: each time what is left is smaller by the error's slope.
 const CORRECTIONS: usize = 8;
@@ -141,6 +145,46 @@ impl DiscrepancyModel {
         offsets
     }
 
+    /// The same with further knots, out to the commanded angles of readings. What joints are off by beyond those that were read is next to
+    /// unknown, but alike in readings that are near each other: it is no error of each by itself.
+    pub(super) fn reaching(mut self, commanded: &[&[f64]]) -> Self {
+        for number in 0..self.joints.len() {
+            let JointError { joint, process, .. } = &self.joints[number];
+            let reach = ends(commanded.iter().map(|q| q[*joint]));
+            let (range, length) = (process.range(), process.length);
+            for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
+                let beyond = (sign * (reach[side] - range[side])).max(0.0);
+                let apart = APART * length;
+                let count = (0..MOST_BEYOND).find(|count| beyond <= apart * f64::from(*count));
+                let count = count.unwrap_or(MOST_BEYOND);
+                for knot in 1..=count {
+                    let share = f64::from(knot) / f64::from(count);
+                    self.add_knot(number, side, range[side] + sign * beyond * share);
+                }
+            }
+        }
+        self
+    }
+
+    /// Adds a knot before the first (0) or behind the last (1) of a joint.
+    fn add_knot(&mut self, number: usize, side: usize, knot: f64) {
+        let offsets = self.offsets();
+        let joint = &mut self.joints[number];
+        let (place, end) = [(0, 0), (joint.values.len(), joint.values.len() - 1)][side];
+        let kept = (-(knot - joint.process.knots[end]).abs() / joint.process.length).exp();
+        joint.values.insert(place, kept * joint.values[end]);
+        joint.process.knots.insert(place, knot);
+        let (place, end) = (offsets[number] + place, offsets[number] + end);
+        let with_others = self.covariance.column(end) * kept;
+        let own = kept * with_others[end] + joint.deviation.powi(2) * (1.0 - kept * kept);
+        let with_own = with_others.insert_row(place, own);
+        let covariance = std::mem::take(&mut self.covariance);
+        let mut covariance = covariance.insert_row(place, 0.0).insert_column(place, 0.0);
+        covariance.set_column(place, &with_own);
+        covariance.set_row(place, &with_own.transpose());
+        self.covariance = covariance;
+    }
+
     /// What one reading's rows leave, and what moves that. `places` says which of the parameters (p) each column belongs to.
     pub(super) fn local(&self, rows: &LinearReading, places: &[usize], q: &[f64]) -> LocalRows {
         let offsets = self.offsets();
@@ -202,9 +246,7 @@ impl DiscrepancyModel {
         covariance: &DMatrix<f64>,
         q: &[f64],
     ) -> ReadingPrognosis {
-        let part = |first: usize| -> Option<Vector3<f64>> {
-            (residual.len() > first).then(|| residual.fixed_rows::<3>(first).into_owned())
-        };
+        let part = |first| (residual.len() > first).then(|| three_rows(residual, first));
         let is_within = [0, 1].map(|part| {
             let square = region_square(residual, covariance, 3 * part)?;
             Some(square <= SQUARE_95 * self.scale_at(part, q))
@@ -226,7 +268,8 @@ impl DiscrepancyModel {
     }
 }
 
-/// The square of three rows of a residual over their covariance; none where there are no such rows.
+/// The square of three rows of a residual, or of the one of a distance, over their covariance; none where there are no such rows. As if of
+/// three: that of one row is as much larger as the square that 95 % stay below.
 pub(super) fn region_square(
     residual: &DVector<f64>,
     covariance: &DMatrix<f64>,
@@ -235,9 +278,11 @@ pub(super) fn region_square(
     if residual.len() <= first {
         return None;
     }
-    let part = residual.fixed_rows::<3>(first).into_owned();
-    let own = covariance.fixed_view::<3, 3>(first, first).into_owned();
-    Some(part.dot(&own.cholesky()?.solve(&part)))
+    let rows = (residual.len() - first).min(3);
+    let part = residual.rows(first, rows).into_owned();
+    let own = (covariance.view((first, first), (rows, rows))).into_owned();
+    let square = part.dot(&own.cholesky()?.solve(&part));
+    Some(square * (SQUARE_95 / CHI_SQUARE_95[rows - 1]))
 }
 
 /// Some rows and columns of a covariance.
@@ -245,4 +290,57 @@ pub(super) fn among(covariance: &DMatrix<f64>, index: &[usize]) -> DMatrix<f64> 
     DMatrix::from_fn(index.len(), index.len(), |row, column| {
         covariance[(index[row], index[column])]
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Beyond the last knot a process keeps its variance and the covariance exp(-d/l) of values that lie d apart; with what lies further
+    /// in it has what the knot passes on.
+    #[test]
+    fn errors_beyond_the_knots_are_alike() {
+        let process = OrnsteinUhlenbeck {
+            knots: vec![0.0, 0.3],
+            length: 0.2,
+        };
+        let (deviation, known) = (2.0_f64, 0.5);
+        let model = DiscrepancyModel {
+            joints: vec![JointError {
+                joint: 0,
+                process,
+                deviation,
+                values: vec![0.0, 1.0],
+                spread: [Vec::new(), Vec::new()],
+            }],
+            ..DiscrepancyModel::plain(
+                DMatrix::from_diagonal(&DVector::from_vec(vec![1.0, known, known])),
+                [0.0; 2].into(),
+            )
+        };
+        let model = DiscrepancyModel {
+            shift: DVector::zeros(1),
+            ..model
+        };
+        let angles = [-0.1, 0.3, 0.7].map(|angle| [angle]);
+        let angles = [&angles[0][..], &angles[1], &angles[2]];
+        let found = model.reaching(&angles);
+        let knots = &found.joints[0].process.knots;
+        assert_eq!(knots.len(), 7, "{knots:?}");
+        let apart = |one: usize, other: usize| (-(knots[one] - knots[other]).abs() / 0.2).exp();
+        let last = knots.len() - 1;
+        for place in 3..=last {
+            let kept = apart(2, place);
+            let own = found.covariance[(1 + place, 1 + place)];
+            let expected = 4.0 + kept * kept * (known - 4.0);
+            assert!((own - expected).abs() < 1e-12, "{own} {expected}");
+            assert!((found.joints[0].values[place] - kept).abs() < 1e-12);
+            let with_last = found.covariance[(1 + place, 1 + last)];
+            assert!((with_last - own * apart(place, last)).abs() < 1e-12);
+        }
+        assert!((knots[0] + 0.1).abs() < 1e-12 && (knots[last] - 0.7).abs() < 1e-12);
+        assert!(
+            found.covariance[(0, 3)].abs() < 1e-12 && found.covariance[(1, last)].abs() < 1e-12
+        );
+    }
 }

@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::super::IdentificationError;
 use super::mixed::VarianceComponents;
-use super::residuals::LinearReading;
+use super::residuals::{LinearReading, three_rows};
 use super::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy, DiscrepancyModel, ParameterGroup,
     ReadingWeights,
@@ -67,10 +67,10 @@ impl<'a> AbsoluteCase<'a> {
         if self.visits.len() < self.observations.len() {
             return Err(AbsoluteError::Together);
         }
-        self.needs_positions("readings are chosen by errors")?;
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
-        let uncertain = self.belief.uncertain.as_ref();
+        // What readings share by the planner's model is in their weights already.
+        let uncertain = (self.belief.uncertain.as_ref()).filter(|_| !self.is_sharing_known);
         let mut known = VarianceComponents {
             functions: uncertain.map_or_else(Vec::new, Extended::joint_functions),
             rest: all.discrepancy.unwrap_or_default(),
@@ -138,14 +138,15 @@ impl PartsOfReadings<'_> {
         relative_precision(self.set())
     }
 
-    /// C^T (p x 3 n): how the positions of all n readings follow the unknowns (in typical sizes), times the root of 1/n, so that
-    /// `rho_0`^2 is the mean square distance over them.
+    /// C^T (p x 3 n): how the positions, or the distances, of all n readings follow the unknowns (in typical sizes), times the root of 1/n,
+    /// so that `rho_0`^2 is the mean square distance over them.
     pub fn positions(&self) -> DMatrix<f64> {
         let set = self.set();
-        let setups = self.case.observations.iter().map(|each| &each.setup);
-        let setups: Vec<_> = setups.collect();
-        let rows = planned_positions(set, &self.case.arm, &set.prior().mean, &setups);
-        rows.transpose() / (setups.len().max(1) as f64).sqrt()
+        let read = self.case.observations.iter();
+        let read = read.map(|each| (&each.setup, each.reading.kind()));
+        let read: Vec<_> = read.collect();
+        let rows = planned_positions(set, &self.case.arm, &set.prior().mean, &read);
+        rows.transpose() / (read.len().max(1) as f64).sqrt()
     }
 
     /// What each reading shows where joint error functions are unknown beside the unknowns.
@@ -218,15 +219,16 @@ impl PartsOfReadings<'_> {
             let (left, covariance) = model.prognosis(rows, &places, q);
             if chosen.binary_search(&index).is_err() {
                 let new = model.rest.covariance() + self.case.covariances[index];
+                let coordinates = left.len().min(3);
                 let [all, new] = [
-                    covariance.diagonal().rows(0, 3).sum(),
-                    new.diagonal().fixed_rows::<3>(0).sum(),
+                    covariance.diagonal().rows(0, coordinates).sum(),
+                    new.diagonal().rows(0, coordinates).sum(),
                 ];
                 squares[0] += all - new;
                 squares[1] += all;
                 others += 1.0;
             }
-            each.position_m() - left.fixed_rows::<3>(0)
+            each.position_m() - three_rows(&left, 0)
         };
         let positions_m = (rows.iter().zip(&self.case.observations).enumerate()).map(of_reading);
         Some(PredictedPositions {
@@ -273,6 +275,9 @@ impl PartsOfReadings<'_> {
                 Reading::Pose { .. } => Reading::Pose {
                     position_m,
                     rotation: Rotation3::new(turned).into_inner() * predicted.rotation,
+                },
+                Reading::Distance { .. } => Reading::Distance {
+                    distance_m: position_m.x,
                 },
                 _ => Reading::Position { position_m },
             };

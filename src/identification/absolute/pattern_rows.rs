@@ -7,7 +7,7 @@ use super::super::patterns::{BLOCKS, LookedAt, ReadingRows, unit};
 use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy};
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Form, Observation, ObservationModel};
+use crate::observation::{Form, Observation, ObservationModel, ReadingKind};
 use crate::parameter::ParameterKind;
 use crate::robot::Approach;
 
@@ -33,16 +33,10 @@ impl AbsoluteCase<'_> {
         values.rows_mut(0, fit.set.len()).copy_from(&fit.values());
         let scales = set.scales();
         let mut model = ObservationModel::new(&set, &fit.reference, values.as_slice());
-        let mut rows = Matrix6xX::zeros(set.len());
+        let [mut rows, mut other] = [(); 2].map(|()| Matrix6xX::zeros(set.len()));
         let discrepancy = Discrepancy::from(fit.discrepancy.unwrap_or_default());
         let blocks = self.blocks(BLOCKS.min(self.different() / 2).max(1));
         let mut all = Vec::new();
-        // Patterns are of three coordinates.
-        let readings = if self.reads_distances() {
-            &[]
-        } else {
-            readings
-        };
         for (index, reading) in readings.iter().enumerate() {
             // As if it shared no discrepancy with others.
             let covariance = self.covariances[index] + discrepancy.covariance();
@@ -55,6 +49,13 @@ impl AbsoluteCase<'_> {
                 .predict(Form::AtRest, &each.setup, kind, &mut rows)
                 .map_err(|error| IdentificationError::from((index, error)))?;
             let residual = each.whiten(&predicted, &mut rows);
+            let position_m = if kind == ReadingKind::Distance {
+                let place =
+                    model.predict(Form::AtRest, &each.setup, ReadingKind::Position, &mut other);
+                (place.map_err(|error| IdentificationError::from((index, error)))?).position_m
+            } else {
+                each.position_m()
+            };
             let [moved, mut bent] = [0, 1].map(|which| {
                 let chosen = places.iter().map(|place| place[which]);
                 rows.select_columns(&chosen.collect::<Vec<_>>())
@@ -82,13 +83,13 @@ impl AbsoluteCase<'_> {
                 fitted,
                 moved,
                 bent,
-                placed: placed_columns(&each, fit),
+                placed: placed_columns(&each, position_m, fit),
                 angles: each.setup.commanded_rad.clone(),
                 torques,
                 // Joints that are not commanded have no side, and count as positive.
                 approach: (reading.approach.as_ref())
                     .map(|approach| Approach::of_all(Some(approach), &self.arm.chain)),
-                range_m: Some(reading.position_m.norm()),
+                range_m: Some(each.position_m().norm()),
                 time_s: reading.time_s,
                 temperature_c: reading.temperature_c,
                 count: kind.rows(),
@@ -99,9 +100,12 @@ impl AbsoluteCase<'_> {
     }
 }
 
-/// Shifts of the station's frame, growth about the base, and an error along the line of sight.
-fn placed_columns(each: &Observation, fit: &AbsoluteFit) -> Matrix6xX<f64> {
-    let position_m = each.position_m();
+/// Shifts of the station's frame, growth about the base, and an error along the line of sight; of a distance what is along that.
+fn placed_columns(
+    each: &Observation,
+    position_m: Vector3<f64>,
+    fit: &AbsoluteFit,
+) -> Matrix6xX<f64> {
     let base = fit.arm.instrument_from_base[each.setup.station]
         .translation
         .vector;
@@ -112,14 +116,17 @@ fn placed_columns(each: &Observation, fit: &AbsoluteFit) -> Matrix6xX<f64> {
         position_m - base,
         unit(&position_m),
     ];
-    let mut matrix = *each.whitener.matrix();
-    if each.reading.kind().rows() == 3 {
-        matrix.fixed_view_mut::<3, 6>(3, 0).fill(0.0);
-    }
+    let kind = each.reading.kind();
     let columns = directions.map(|direction| {
         let mut column = Vector6::zeros();
-        column.fixed_rows_mut::<3>(0).copy_from(&direction);
-        matrix * column
+        if kind == ReadingKind::Distance {
+            column[0] = direction.dot(&unit(&position_m));
+        } else {
+            column.fixed_rows_mut::<3>(0).copy_from(&direction);
+        }
+        column
     });
-    Matrix6xX::from_columns(&columns)
+    let mut columns = Matrix6xX::from_columns(&columns);
+    (each.whitener).whiten(kind, &mut Vector6::zeros(), &mut columns);
+    columns
 }

@@ -4,11 +4,14 @@ use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::IdentificationError;
+use super::residuals::three_rows;
 use super::{AbsoluteCase, DiscrepancyModel, ReadingPrognosis};
-use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, ParameterSet};
 
 /// Stations that stand as far off with a smaller probability were moved.
 const MOVED: f64 = 1e-6;
+/// What is known of a new frame before its readings: the variance of each parameter, in typical sizes.
+const ANEW: f64 = 1e4;
 
 /// How far the base of a station stands from where it was identified.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +85,52 @@ impl AbsoluteCase<'_> {
             .collect())
     }
 
+    /// The probability of differences from the prediction that are as large, with the covariance of identification and readings: where the
+    /// planner's model says what readings share, as it does of distances, and no joint has an error of its own. All as in
+    /// [`prognoses`](Self::prognoses).
+    ///
+    /// # Errors
+    /// The arm has no equilibrium for a reading.
+    pub fn probability(
+        &self,
+        arm: &ElasticArm,
+        set: &ParameterSet,
+        places: &[usize],
+        discrepancy: &DiscrepancyModel,
+        anew: &ParameterSet,
+    ) -> Result<Option<f64>, IdentificationError> {
+        let more = anew.parameters().iter().map(|each| each.kind);
+        let Ok((all, _)) = set.with_more(arm, more) else {
+            return Ok(None);
+        };
+        if !self.is_sharing_known || !discrepancy.joints.is_empty() {
+            return Ok(None);
+        }
+        let mut case = self.clone();
+        case.arm = arm.clone();
+        case.weigh([discrepancy.rest.position_m, discrepancy.rest.rotation_rad]);
+        let equations = case.equations(&all, &all.prior().mean)?;
+        let sizes = all.scales();
+        let known = DMatrix::from_fn(all.len(), all.len(), |row, column| {
+            match (places.get(row), places.get(column)) {
+                (Some(&one), Some(&other)) => {
+                    discrepancy.covariance[(one, other)] / (sizes[row] * sizes[column])
+                }
+                _ if row == column => ANEW,
+                _ => 0.0,
+            }
+        });
+        // y^T (R + A C A^T)^-1 y = y^T R^-1 y - g^T C (1 + A^T R^-1 A C)^-1 g with g = A^T R^-1 y.
+        let mixed = DMatrix::identity(all.len(), all.len()) + &equations.information * &known;
+        let solved = mixed.lu().solve(&equations.gradient);
+        let freedom = case.numbers().saturating_sub(anew.len());
+        Ok(
+            (solved.zip(ChiSquared::new(freedom as f64).ok())).map(|(solved, law)| {
+                law.sf(equations.square - equations.gradient.dot(&(known * solved)))
+            }),
+        )
+    }
+
     /// How far the base of a station stands from where it was identified, as these readings have it: position (m) and rotation
     /// (rad) along and about its own axes, and the probability of that if nobody moved it. `set`, `places` and `discrepancy` as in
     /// [`prognoses`](Self::prognoses).
@@ -96,32 +145,36 @@ impl AbsoluteCase<'_> {
         discrepancy: &DiscrepancyModel,
         station: usize,
     ) -> Result<Option<MovedStation>, IdentificationError> {
+        let setups = self.observations.iter().map(|each| &each.setup);
+        let own = setups.filter(|each| each.station == station);
+        let own: Vec<&[f64]> = own.map(|each| each.commanded_rad.as_slice()).collect();
+        let discrepancy = discrepancy.clone().reaching(&own);
         let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
-        let position = Axis::ALL.map(|axis| (ParameterKind::BasePosition { station, axis }, None));
-        let rotation = Axis::ALL.map(|axis| (ParameterKind::BaseRotation { station, axis }, None));
-        let Ok(base) = ParameterSet::new(arm, position.into_iter().chain(rotation)) else {
+        let kinds = self.base_kinds(station).into_iter();
+        let Ok(base) = ParameterSet::new(arm, kinds.map(|kind| (kind, None))) else {
             return Ok(None);
         };
+        let own = base.len();
         let frames = self.rows_at(arm, &base, base.prior().mean.as_slice(), &[])?;
         let size = discrepancy.covariance.nrows();
-        // Sums over readings, weighed by what is new in each: of the frame's six parameters, then of all that is known.
-        let mut information = DMatrix::zeros(6 + size, 6 + size);
-        let mut gradient = DVector::zeros(6 + size);
+        // Sums over readings, weighed by what is new in each: of the frame's own parameters, then of all that is known.
+        let mut information = DMatrix::zeros(own + size, own + size);
+        let mut gradient = DVector::zeros(own + size);
         let (mut read, mut average) = (Vec::new(), 0.0);
         let all = rows.iter().zip(&frames).zip(&self.observations);
         for ((rows, frame), each) in all.filter(|(_, each)| each.setup.station == station) {
             let q = each.setup.commanded_rad.as_slice();
             let local = discrepancy.local(rows, places, q);
-            let new = local.new.diagonal().rows(0, 3).sum();
+            let new = three_rows(&local.new.diagonal(), 0).sum() / local.left.len().min(3) as f64;
             let Some(factor) = Cholesky::new(local.new) else {
                 continue;
             };
             read.push(frame);
             average += new;
-            let index = (0..6).chain(local.index.iter().map(|place| 6 + place));
-            let mut matrix = local.matrix.insert_columns(0, 6, 0.0);
-            matrix.columns_mut(0, 6).copy_from(&frame.columns);
+            let index = (0..own).chain(local.index.iter().map(|place| own + place));
+            let mut matrix = local.matrix.insert_columns(0, own, 0.0);
+            matrix.columns_mut(0, own).copy_from(&frame.columns);
             let weighed = factor.solve(&matrix);
             let (among, pull) = (weighed.tr_mul(&matrix), weighed.tr_mul(&local.left));
             for (row, to) in index.clone().enumerate() {
@@ -132,22 +185,23 @@ impl AbsoluteCase<'_> {
             }
         }
         // (R + A C A^T)^-1 = R^-1 - R^-1 A C (1 + A^T R^-1 A C)^-1 A^T R^-1, where C may be singular.
-        let of_known = information.view((6, 6), (size, size));
+        let of_known = information.view((own, own), (size, size));
         let mixed = DMatrix::identity(size, size) + of_known * &discrepancy.covariance;
-        let of_both = information.view((6, 0), (size, 6)).into_owned();
-        let mut right = of_both.clone().insert_column(6, 0.0);
-        right.column_mut(6).copy_from(&gradient.rows(6, size));
+        let of_both = information.view((own, 0), (size, own)).into_owned();
+        let mut right = of_both.clone().insert_column(own, 0.0);
+        right.column_mut(own).copy_from(&gradient.rows(own, size));
         let Some(solved) = mixed.lu().solve(&right) else {
             return Ok(None);
         };
         let through = of_both.tr_mul(&(&discrepancy.covariance * solved));
-        let of_frame = information.view((0, 0), (6, 6)) - through.columns(0, 6);
-        let pull = gradient.rows(0, 6) - through.column(6);
+        let of_frame = information.view((0, 0), (own, own)) - through.columns(0, own);
+        let pull = gradient.rows(0, own) - through.column(own);
         let size = of_frame.diagonal().map(|each| each.max(0.0).sqrt().recip());
-        let relative = DMatrix::from_fn(6, 6, |row, column| {
+        let relative = DMatrix::from_fn(own, own, |row, column| {
             of_frame[(row, column)] * size[row] * size[column]
         });
-        let (Some(factor), Ok(distribution)) = (Cholesky::new(relative), ChiSquared::new(6.0))
+        let (Some(factor), Ok(distribution)) =
+            (Cholesky::new(relative), ChiSquared::new(own as f64))
         else {
             return Ok(None);
         };
@@ -157,15 +211,15 @@ impl AbsoluteCase<'_> {
         let of_station = read.len().max(1) as f64;
         let displaced = read
             .iter()
-            .map(|frame| (frame.columns.rows(0, 3) * &change).norm_squared());
+            .map(|frame| three_rows(&(&frame.columns * &change), 0).norm_squared());
         let displaced: f64 = displaced.sum();
         let square = change.dot(&pull) / f64::max(discrepancy.scale[0], 1.0);
         Ok(Some(MovedStation {
-            position_m: change.fixed_rows::<3>(0).into_owned(),
-            rotation_rad: change.fixed_rows::<3>(3).into_owned(),
+            position_m: three_rows(&change, 0),
+            rotation_rad: three_rows(&change, 3),
             probability: distribution.sf(square),
             readings_m: (displaced / of_station).sqrt(),
-            discrepancy_m: (average / (3.0 * of_station)).sqrt(),
+            discrepancy_m: (average / of_station).sqrt(),
         }))
     }
 }

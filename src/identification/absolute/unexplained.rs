@@ -37,7 +37,8 @@ impl AbsoluteCase<'_> {
         mixed.components(&turns)
     }
 
-    /// The same with errors of these joints, however many readings there are.
+    /// The same with errors of these joints, however many readings there are; none where visits have several distances, which share what is
+    /// along their own lines.
     pub(super) fn mixed_of(
         &self,
         set: &ParameterSet,
@@ -45,6 +46,9 @@ impl AbsoluteCase<'_> {
         joints: Vec<usize>,
         discrepancy: [f64; 2],
     ) -> Option<(Vec<LinearReading>, MixedModel)> {
+        if self.reads_distances() && self.visits.len() < self.observations.len() {
+            return None;
+        }
         let rows = self
             .rows_at(&self.arm, set, &posterior.mean, &joints)
             .ok()?;

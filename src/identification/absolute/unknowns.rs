@@ -175,13 +175,18 @@ impl AbsoluteCase<'_> {
         readings.any(|each| each.setup.target == tool && each.reading.kind().rows() == 6)
     }
 
+    /// The parameters of the base in a station's frame; of one that is a point its position alone.
+    pub fn base_kinds(&self, station: usize) -> Vec<ParameterKind> {
+        let position = Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis });
+        let rotation = Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis });
+        let turned = rotation.into_iter().filter(|_| !self.is_point(station));
+        position.into_iter().chain(turned).collect()
+    }
+
     fn whole_frames(&self) -> Vec<ParameterKind> {
         let mut kinds = Vec::new();
         for station in 0..self.stations.len() {
-            kinds.extend(Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis }));
-            if !self.is_point(station) {
-                kinds.extend(Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis }));
-            }
+            kinds.extend(self.base_kinds(station));
         }
         for tool in 0..self.targets.len() {
             kinds.extend(Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis }));

@@ -31,7 +31,7 @@ use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
-use crate::observation::{ReadingErrors, Setup, planned_positions};
+use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_positions};
 use crate::parameter::{ParameterKind, ParameterSet};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
@@ -490,8 +490,9 @@ fn place_rows(
             let setups =
                 setups.map(|pose| setup_of(&pose.configuration_rad, pose.load, [target, station]));
             let setups: Vec<Setup> = setups.collect();
-            let setups: Vec<&Setup> = setups.iter().collect();
-            let mut rows = planned_positions(set, &case.arm, &set.prior().mean, &setups);
+            let wanted = setups.iter().map(|setup| (setup, ReadingKind::Position));
+            let wanted: Vec<_> = wanted.collect();
+            let mut rows = planned_positions(set, &case.arm, &set.prior().mean, &wanted);
             for (mut column, parameter) in rows.column_iter_mut().zip(set.parameters()) {
                 use ParameterKind::{LoadOffset, LoadScale};
                 // What scales the loads of the readings is not the task's.

@@ -111,15 +111,7 @@ impl AbsolutePlanning<'_> {
     pub fn sharing(&self, group: &[RepeatedReading], frames: &[Isometry3<f64>]) -> SharingReadings {
         let visits = 1 + group.iter().map(|each| each.visits).max().unwrap_or(0);
         let of_one = |each: &RepeatedReading| {
-            let errors = &self.errors[each.place];
-            let (kept, own) = (errors.configuration.ncols(), errors.visit.ncols());
-            let mut effects = Matrix6xX::zeros(kept + visits * own);
-            effects
-                .columns_mut(0, kept)
-                .copy_from(&errors.configuration);
-            effects
-                .columns_mut(kept + each.visits * own, own)
-                .copy_from(&(&errors.visit / f64::from(each.times).sqrt()));
+            let effects = self.errors[each.place].effects([each.visits, visits], each.times);
             turned_columns(&effects, &frames[self.station_of(each.place)])
         };
         SharingReadings {

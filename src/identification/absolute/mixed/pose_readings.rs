@@ -200,7 +200,7 @@ impl PoseReadings {
     }
 }
 
-/// Visits of one command pose together.
+/// Visits of one command pose together; distances, each along a line of its own, are apart.
 pub(super) fn by_pose(visits: &[PoseReadings]) -> Vec<PoseReadings> {
     let pose = |place: usize| {
         (
@@ -208,7 +208,8 @@ pub(super) fn by_pose(visits: &[PoseReadings]) -> Vec<PoseReadings> {
             visits[place].approach.as_ref(),
         )
     };
-    let is_same = |one, other| is_one_configuration(pose(one), pose(other));
+    let has_axes = |visit: usize| visits[visit].coordinates.len() > 1;
+    let is_same = |one, other| has_axes(one) && is_one_configuration(pose(one), pose(other));
     let groups = together(visits.len(), |place| pose(place).0, is_same);
     let joined = |group: Vec<usize>| {
         let first = visits[group[0]].clone();
