@@ -247,7 +247,7 @@ pub(crate) mod tests {
                 move |row: usize, column: usize| value(7 * each + 3 * row + 11 * column + first)
             };
             CorrelatedReading {
-                by_unknowns: DMatrix::from_fn(5, rows, of(1)) * 10.0,
+                by_unknowns: DMatrix::from_fn(5, rows, of(1)),
                 by_processes: DMatrix::from_fn(rows, 2, of(50)),
                 places: vec![value(each), value(5 * each + 3)],
                 new: DMatrix::identity(rows, rows) * 0.01,

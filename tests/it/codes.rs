@@ -247,15 +247,12 @@ fn errors_have_the_code_of_their_kind() {
     place.write("no.json", "{}");
     let model = scenario_text("klimchik2012").replace("kr270.xml", "nothing.xml");
     place.write("model.toml", model);
-    let absolute =
-        scenario_text("klimchik2012").replace("[design]", "[design]\naccuracy = \"absolute\"");
-    place.write("absolute.toml", absolute);
     for (arguments, code) in [
         ("check nothing.toml", "E0601"),
         ("check broken.toml", "E0101"),
         ("check key.toml", "E0101"),
         ("check model.toml", "E0601"),
-        ("run absolute.toml", "E0102"),
+        ("run s.toml --draw 10", "E0102"),
         ("evaluate s.toml --plan nothing.csv", "E0601"),
         ("evaluate s.toml --plan columns.csv", "E0301"),
         ("evaluate s.toml --plan latin.csv", "E0602"),
