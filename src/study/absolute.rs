@@ -190,7 +190,7 @@ impl<'a> ReadingRuns<'a> {
         let fit = case
             .fit(self.studied.groups, ReadingWeights::AsNeeded)
             .map_err(no_fit)?;
-        let residuals_m = self.residuals(robots, [seed, run], (&case, &fit.arm))?;
+        let residuals_m = self.residuals(robots, &frames, (&case, &fit.arm))?;
         Ok(ReadingsRun {
             readings,
             fit,
@@ -211,18 +211,22 @@ impl<'a> ReadingRuns<'a> {
         self.read.readings(self.task, robots, [seed, run])
     }
 
-    /// By how much the tool of the robot of a run is elsewhere than an arm says at each test pose (m, world frame), of it what counts;
-    /// the arm has the targets and stations of a case.
+    /// The frames of the stations in a run, from the world's.
+    pub fn frames(&self, numbers: [u64; 2]) -> Vec<Isometry3<f64>> {
+        self.read.frames(numbers)
+    }
+
+    /// By how much the tool of the robot of a run is elsewhere than an arm says at each test pose (m, world frame), of it what counts,
+    /// with the run's frames; the arm has the targets and stations of a case.
     ///
     /// # Errors
     /// The case has no reading of the tool, or from the station that counts; the robot or the arm does not rest.
     pub fn residuals(
         &self,
         robots: &mut TrueRobots,
-        numbers: [u64; 2],
+        frames: &[Isometry3<f64>],
         (case, arm): (&AbsoluteCase<'_>, &ElasticArm),
     ) -> Result<Vec<Vector3<f64>>, FailedRun> {
-        let frames = self.read.frames(numbers);
         let frame = self.prediction.station;
         let own = &self.studied.planning.stations()[frame];
         let station = case.stations.iter().position(|name| name == own);

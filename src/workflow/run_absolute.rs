@@ -106,7 +106,8 @@ pub fn run_absolute<'a>(
     let nominal = nominal.map_err(unidentified)?;
 
     // Compensate, and see where the tool is.
-    let mut seen = |arm| runs.residuals(&mut robots, numbers, (case, arm));
+    let frames = runs.frames(numbers);
+    let mut seen = |arm| runs.residuals(&mut robots, &frames, (case, arm));
     let before_m = seen(&nominal).map_err(|error| unread(&error))?;
     let after_m = seen(&fit.arm).map_err(|error| unread(&error))?;
     let tool = (case.targets.iter()).position(|name| *name == belief.machining_tool.name);

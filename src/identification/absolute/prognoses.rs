@@ -99,13 +99,13 @@ impl AbsoluteCase<'_> {
         discrepancy: &DiscrepancyModel,
         anew: &ParameterSet,
     ) -> Result<Option<f64>, IdentificationError> {
+        if !self.is_sharing_known || !discrepancy.joints.is_empty() {
+            return Ok(None);
+        }
         let more = anew.parameters().iter().map(|each| each.kind);
         let Ok((all, _)) = set.with_more(arm, more) else {
             return Ok(None);
         };
-        if !self.is_sharing_known || !discrepancy.joints.is_empty() {
-            return Ok(None);
-        }
         let mut case = self.clone();
         case.arm = arm.clone();
         case.weigh([discrepancy.rest.position_m, discrepancy.rest.rotation_rad]);
