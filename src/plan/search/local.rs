@@ -26,8 +26,6 @@ pub(super) struct Precision {
     tolerance: f64,
     /// The largest number of evaluations.
     evaluations: usize,
-    /// The same for one experiment of a plan, which the next sweep improves again beside improved others.
-    evaluations_in_turn: usize,
     /// A sweep over a plan's experiments that improves by less than this share is the last.
     pub converged: f64,
 }
@@ -37,14 +35,12 @@ impl Precision {
     pub const ROUGH: Self = Self {
         tolerance: 1e-5,
         evaluations: 60,
-        evaluations_in_turn: 12,
         converged: 3e-5,
     };
     /// At the end.
     pub const FINE: Self = Self {
         tolerance: 1e-9,
         evaluations: 120,
-        evaluations_in_turn: 120,
         converged: 1e-6,
     };
 }
@@ -325,10 +321,6 @@ impl<'a> LocalSearch<'a> {
         if !unit.is_finite() || unit == 0.0 {
             return None;
         }
-        let precision = Precision {
-            evaluations: precision.evaluations_in_turn,
-            ..precision
-        };
         self.descend(start, self.free_load(), (cost, unit), precision)
     }
 
