@@ -16,6 +16,11 @@ use crate::robot::Load;
 /// Experiments stay this far inside the smooth bounds (m, sine), so that rounding does not put them
 /// outside.
 const INSET: f64 = 1e-7;
+/// Up to so many joints an experiment of a plan is improved until it cannot be; the optimiser's dense subproblems grow with
+/// their cube, so that beyond an improvement has fewer evaluations,
+const SMALL: usize = 6;
+/// but not fewer than these: the next sweep goes on.
+const FEWEST: usize = 12;
 /// The optimiser may leave a bound by this much before its result is refused.
 const SLACK: f64 = 0.99 * INSET;
 
@@ -321,7 +326,17 @@ impl<'a> LocalSearch<'a> {
         if !unit.is_finite() || unit == 0.0 {
             return None;
         }
-        self.descend(start, self.free_load(), (cost, unit), precision)
+        self.descend(start, self.free_load(), (cost, unit), self.in_turn(precision))
+    }
+
+    /// What an improvement in turn may take on the way to a plan.
+    fn in_turn(&self, precision: Precision) -> Precision {
+        let share = (SMALL as f64 / self.ranges.len() as f64).powi(3).min(1.0);
+        let fewer = (share * precision.evaluations as f64) as usize;
+        Precision {
+            evaluations: fewer.max(FEWEST),
+            ..precision
+        }
     }
 
     /// Minimises a cost, times a unit, from a start within the bounds; `None` where the optimiser fails.
