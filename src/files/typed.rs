@@ -8,17 +8,27 @@ use toml::de::{DeTable, DeValue};
 
 use super::FileError;
 
+/// So much of a line is shown in an error (characters).
+const LONGEST_SHOWN: usize = 60;
+
 /// What the TOML text of a file says.
 ///
 /// # Errors
 /// It is no TOML, or something else than the type: with line and dotted key.
 pub fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, FileError> {
     let syntax = |error: &toml::de::Error| {
-        let wrong = FileError::new(path, problem(error));
-        match error.span() {
-            Some(span) => wrong.at(format!("line {}", line_of(text, span.start))),
-            None => wrong,
-        }
+        let Some(span) = error.span() else {
+            return FileError::new(path, problem(error));
+        };
+        let line = line_of(text, span.start);
+        let found = text.lines().nth(line - 1).map_or("", str::trim);
+        let shown: String = found.chars().take(LONGEST_SHOWN).collect();
+        let found = if shown.is_empty() {
+            String::new()
+        } else {
+            format!(": `{shown}`")
+        };
+        FileError::new(path, problem(error) + &found).at(format!("line {line}"))
     };
     let table: toml::Table = toml::from_str(text).map_err(|error| syntax(&error))?;
     // From the table and not from the text: readers of a type are compiled for each of the text's own forms.

@@ -192,12 +192,10 @@ impl Account {
             Contribution::new(name, is_hidden, square.max(0.0).sqrt())
         };
         let mut parts = vec![part(NOISE, false, noise)];
-        if let Some(prior) = &belief.prior {
-            let own = gain.columns(0, belief.parameters.len());
-            let square = (own * &prior.precision * own.transpose()).trace();
-            parts.push(part(EARLIER, false, square));
-        }
         let precision = belief.precision();
+        if belief.prior.is_some() {
+            parts.push(part(EARLIER, false, earlier(task, truth, &gain)));
+        }
         let mut next_source = 0;
         for each in &truth.uncertainties {
             let square = match &each.source {
@@ -214,7 +212,9 @@ impl Account {
                         Some(effect.norm_squared() * deviations.in_units(kind, deviation).powi(2))
                     })
                     .sum::<Option<f64>>()
-                    .unwrap_or(0.0),
+                    .map_or(0.0, |square| {
+                        square + with_earlier(task, truth, &gain, &each.name)
+                    }),
             };
             // A belief in noise alone knows of none.
             let is_hidden = each.is_hidden || belief.uncertain.is_none();
@@ -242,6 +242,38 @@ impl Account {
             common: CommonSources::of_deflections(task, &posterior, predicted_m),
         })
     }
+}
+
+/// What an earlier identification's errors leave (m^2) with a gain K.
+fn earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>) -> f64 {
+    let belief = &task.belief;
+    let count = belief.parameters.len();
+    let Some(drawn) = &truth.drawn else {
+        let own = gain.columns(0, count);
+        let prior = belief.prior.as_ref();
+        return prior.map_or(0.0, |prior| {
+            (own * &prior.precision * own.transpose()).trace()
+        });
+    };
+    let left = gain * belief.precision().columns(0, count) * &drawn.spread;
+    let sources = truth.uncertainties.iter();
+    let others: f64 = (sources.map(|each| with_earlier(task, truth, gain, &each.name))).sum();
+    left.norm_squared() - others
+}
+
+/// The part of it that a source of compliances leaves of which an earlier identification tells, too: runs sample these once, from
+/// both.
+fn with_earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>, name: &str) -> f64 {
+    let Some(extended) = (task.belief.uncertain.as_ref()).filter(|_| truth.drawn.is_some()) else {
+        return 0.0;
+    };
+    let own = |&place: &usize| gain.column(place).norm_squared() * extended.own_precision(place);
+    let of_source = extended.shared().iter().filter(|(each, _)| each == name);
+    let places = of_source.flat_map(|(_, places)| places);
+    places
+        .filter(|place| **place < extended.identified())
+        .map(own)
+        .sum()
 }
 
 /// The distance (m) that a plan of a study predicts 95 % of the runs to stay below; `None` as of its account.

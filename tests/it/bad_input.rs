@@ -76,7 +76,7 @@ const SCENARIO_EDITS: &[Edit] = &[
     ("[design]\nexperiments = 3", "", &["missing field `design`"], None),
     ("kind = \"fixed\"", "kind = \"fixd\"", &["load", "`fixd`", "`fixed`, `direction`, `any`, `list`"], Some("did you mean `fixed`?")),
     ("kind = \"fixed\"", "", &["load", "missing field `kind`"], None),
-    ("seed = 1", "seed = 1\nseed = 2", &["line 3", "duplicate key"], None),
+    ("seed = 1", "seed = 1\nseed = 2", &["line 3", "duplicate key: `seed = 2`"], None),
     ("seed = 1", "seed = ", &["line 2"], None),
     // Obstacles.
     ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"cone\"\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0]", "`cone`", "`box`, `sphere`, `cylinder`, `capsule`"], None),

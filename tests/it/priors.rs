@@ -81,6 +81,50 @@ fn two_steps_are_one() {
     );
 }
 
+/// What an earlier campaign and a data sheet tell of the same compliances is known together: runs sample them once, from both,
+/// and errors are those that are predicted, at both levels.
+#[test]
+fn what_two_sources_tell_of_a_compliance_is_sampled_once() {
+    let place = Workplace::new();
+    let sheet = "\n[[uncertainty]]\nkind = \"compliance\"\nstd_relative = 0.01\njoints = [\"joint_2\", \"joint_3\", \
+                 \"joint_4\", \"joint_5\", \"joint_6\"]\n";
+    let plan = format!(
+        "\n[study]\nexperiments = 3\n\n[[study.plan]]\nname = \"m3\"\nkind = \"file\"\nfile = \"{}\"\n",
+        table4(3)
+    );
+    let linear = linear();
+    let (text, _) = linear.split_once("\n[study]").expect("a study");
+    place.write(
+        "second.toml",
+        with_prior(text, "first.json") + sheet + &plan,
+    );
+    place.write("first.toml", text);
+    let arguments = format!(
+        "measure first.toml --plan {} --measurements-out a.csv",
+        table4(3)
+    );
+    place.run(&arguments).ends_with(0);
+    identified(&place, "first.toml", "a.csv", "first.json");
+    for (level, trials) in [("model", 20_000), ("robot", 2000)] {
+        let arguments =
+            format!("study second.toml --level {level} --trials {trials} --seed 3 --json --quiet");
+        let study = place.run(&arguments).ends_with(0).json();
+        let plan = &study["plans"][0];
+        let of = |key: &str| number(&plan[key]);
+        // The belief's own prediction, and that of what is sampled, are one.
+        let (believed, sampled) = (of("combined_rms_mm"), of("predicted_rms_mm"));
+        assert!(
+            (believed / sampled - 1.0).abs() < 1e-3,
+            "{level}: {believed} {sampled}"
+        );
+        assert!(
+            (of("rms_mm") - believed).abs() < 4.0 * of("rms_std_mm"),
+            "{level}: {plan}"
+        );
+        assert!(of("nees_z").abs() < 4.0, "{level}: {plan}");
+    }
+}
+
 /// The paper's second step: a joint that a vertical load does not show is known from elsewhere. Plans take
 /// it along, no plan beats the bound, and runs of a study spread as predicted.
 #[test]

@@ -326,13 +326,18 @@ impl<'a> LocalSearch<'a> {
         if !unit.is_finite() || unit == 0.0 {
             return None;
         }
-        self.descend(start, self.free_load(), (cost, unit), self.in_turn(precision))
+        self.descend(
+            start,
+            self.free_load(),
+            (cost, unit),
+            self.in_turn(precision),
+        )
     }
 
     /// What an improvement in turn may take on the way to a plan.
     fn in_turn(&self, precision: Precision) -> Precision {
-        let share = (SMALL as f64 / self.ranges.len() as f64).powi(3).min(1.0);
-        let fewer = (share * precision.evaluations as f64) as usize;
+        let (small, cube) = (SMALL.pow(3), self.ranges.len().pow(3));
+        let fewer = precision.evaluations * small / cube.max(small);
         Precision {
             evaluations: fewer.max(FEWEST),
             ..precision

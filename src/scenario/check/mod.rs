@@ -30,6 +30,7 @@ use std::path::{Path, PathBuf};
 use self::error_source::ReadingPlaces;
 use self::inputs::Inputs;
 use self::mounted::Locked;
+use self::prior::drawn_from_both;
 use super::Scenario;
 use super::file::{Actuators, File};
 use crate::codes::ErrorCode;
@@ -134,14 +135,15 @@ impl Checker<'_> {
             between_h: laboratory.costs.between_readings_h(file.visited_between()),
             test_pose_rad: &test_poses[0].configuration_rad,
         };
-        let uncertainties = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
+        let mut sources = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
         self.check_directions(&test_poses, &belief)?;
+        let drawn = before.drawn.filter(|_| !file.tells_compliances());
         let truth = Truth {
-            uncertainties,
+            // A true robot that is told is as it is told.
+            drawn: drawn.map(|drawn| drawn_from_both(drawn, &belief, &mut sources)),
+            uncertainties: sources,
             robot: true_robot,
             compliance_spread: self.spread(&file.study.compliance_spread, joints)?,
-            // A true robot that is told is as it is told.
-            drawn: before.drawn.filter(|_| !file.tells_compliances()),
         };
         Ok(Scenario {
             path: self.path.to_owned(),

@@ -9,9 +9,9 @@ use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::identification::{OtherUnknowns, StoredIdentification};
 use crate::numeric::posterior::Posterior;
-use crate::parameter::Prior;
+use crate::parameter::{ParameterKind, Prior, Source, Uncertainty};
 use crate::robot::Robot;
-use crate::task::{PriorCampaign, robot_sha256};
+use crate::task::{Belief, PriorCampaign, robot_sha256};
 use crate::testbed::DrawnCompliances;
 
 /// What a scenario knows from an earlier identification.
@@ -105,6 +105,35 @@ impl Checker<'_> {
             prior: Some(prior),
             doubts,
         })
+    }
+}
+
+/// The same where uncertainties tell of these compliances, too: both together are what a belief knows of them, so that runs sample
+/// them once, from both, and no further part by the uncertainty. What is hidden stays as it is: no belief knows of it.
+pub(super) fn drawn_from_both(
+    drawn: DrawnCompliances,
+    belief: &Belief,
+    uncertainties: &mut [Uncertainty],
+) -> DrawnCompliances {
+    let (Some(mut both), arm) = (belief.prior.clone(), belief.arm()) else {
+        return drawn;
+    };
+    for each in uncertainties.iter_mut().filter(|each| !each.is_hidden) {
+        let Source::Plan(parameters) = &mut each.source else {
+            continue;
+        };
+        parameters.retain(|(kind, deviation)| {
+            let of = |&joint: &usize| *kind == ParameterKind::JointCompliance { joint };
+            let place = drawn.joints.iter().position(of);
+            if let Some(place) = place {
+                both.precision[(place, place)] += (deviation * kind.whole(&arm)).powi(-2);
+            }
+            place.is_none()
+        });
+    }
+    DrawnCompliances {
+        spread: both.spread(&belief.nominal.typical_rad_per_nm(&drawn.joints)),
+        ..drawn
     }
 }
 
