@@ -90,7 +90,7 @@ replanning: setup ## what replanning gives from wrong beliefs: 200 campaigns, so
 simulated: setup ## tell false alarms, patterns and models of 240 simulated files: some minutes
 	SIMULATED=200 $(CARGO) test --release --locked --test it -- --nocapture simulated::
 
-mutants: setup ## change the code in 31 places, and see whether tests notice each: half an hour (a part of a name in ARGS)
+mutants: setup ## change the code in 35 places, and see whether tests notice each: half an hour (a part of a name in ARGS)
 	tools/mutants $(ARGS)
 
 instructions: setup ## count the hot paths' instructions: against the baseline, and how they grow
