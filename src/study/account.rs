@@ -194,7 +194,11 @@ impl Account {
         let mut parts = vec![part(NOISE, false, noise)];
         let precision = belief.precision();
         if belief.prior.is_some() {
-            parts.push(part(EARLIER, false, earlier(task, truth, &gain)));
+            parts.push(part(
+                EARLIER,
+                false,
+                earlier(task, truth, &gain, &precision),
+            ));
         }
         let mut next_source = 0;
         for each in &truth.uncertainties {
@@ -244,8 +248,8 @@ impl Account {
     }
 }
 
-/// What an earlier identification's errors leave (m^2) with a gain K.
-fn earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>) -> f64 {
+/// What an earlier identification's errors leave (m^2) with a gain K and the belief's precision M_0.
+fn earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>, precision: &DMatrix<f64>) -> f64 {
     let belief = &task.belief;
     let count = belief.parameters.len();
     let Some(drawn) = &truth.drawn else {
@@ -255,7 +259,7 @@ fn earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>) -> f64 {
             (own * &prior.precision * own.transpose()).trace()
         });
     };
-    let left = gain * belief.precision().columns(0, count) * &drawn.spread;
+    let left = gain * precision.columns(0, count) * &drawn.spread;
     let sources = truth.uncertainties.iter();
     let others: f64 = (sources.map(|each| with_earlier(task, truth, gain, &each.name))).sum();
     left.norm_squared() - others

@@ -28,6 +28,13 @@ fn table4(experiments: u32) -> String {
     path.display().to_string()
 }
 
+/// Measures a plan of the paper.
+fn measured(place: &Workplace, scenario: &str, experiments: u32, out: &str) {
+    let plan = table4(experiments);
+    let arguments = format!("measure {scenario} --plan {plan} --measurements-out {out}");
+    place.run(&arguments).ends_with(0);
+}
+
 fn identified(place: &Workplace, scenario: &str, measurements: &str, out: &str) -> Value {
     let arguments = format!(
         "identify {scenario} --measurements {measurements} --identified-out {out} --json --quiet"
@@ -99,11 +106,7 @@ fn what_two_sources_tell_of_a_compliance_is_sampled_once() {
         with_prior(text, "first.json") + sheet + &plan,
     );
     place.write("first.toml", text);
-    let arguments = format!(
-        "measure first.toml --plan {} --measurements-out a.csv",
-        table4(3)
-    );
-    place.run(&arguments).ends_with(0);
+    measured(&place, "first.toml", 3, "a.csv");
     identified(&place, "first.toml", "a.csv", "first.json");
     for (level, trials) in [("model", 20_000), ("robot", 2000)] {
         let arguments =
@@ -222,11 +225,7 @@ fn sources_that_two_campaigns_share_are_named_and_counted() {
     let first = linear() + sources;
     place.write("second.toml", with_prior(&first, "first.json"));
     place.write("first.toml", first);
-    let measured = format!(
-        "measure first.toml --plan {} --measurements-out m.csv",
-        table4(6)
-    );
-    place.run(&measured).ends_with(0);
+    measured(&place, "first.toml", 6, "m.csv");
     identified(&place, "first.toml", "m.csv", "first.json");
     let [first, second] = ["first.toml", "second.toml"]
         .map(|name| Scenario::load(&place.path(name)).expect("a scenario").task);

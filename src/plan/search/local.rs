@@ -16,13 +16,13 @@ use crate::robot::Load;
 /// Experiments stay this far inside the smooth bounds (m, sine), so that rounding does not put them
 /// outside.
 const INSET: f64 = 1e-7;
+/// The optimiser may leave a bound by this much before its result is refused.
+const SLACK: f64 = 0.99 * INSET;
 /// Up to so many joints an experiment of a plan is improved until it cannot be; the optimiser's dense subproblems grow with
 /// their cube, so that beyond an improvement has fewer evaluations,
 const SMALL: usize = 6;
 /// but not fewer than these: the next sweep goes on.
 const FEWEST: usize = 12;
-/// The optimiser may leave a bound by this much before its result is refused.
-const SLACK: f64 = 0.99 * INSET;
 
 /// When a local search ends.
 #[derive(Debug, Clone, Copy)]

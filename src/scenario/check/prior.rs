@@ -115,22 +115,19 @@ pub(super) fn drawn_from_both(
     belief: &Belief,
     uncertainties: &mut [Uncertainty],
 ) -> DrawnCompliances {
-    let (Some(mut both), arm) = (belief.prior.clone(), belief.arm()) else {
-        return drawn;
-    };
     for each in uncertainties.iter_mut().filter(|each| !each.is_hidden) {
-        let Source::Plan(parameters) = &mut each.source else {
-            continue;
-        };
-        parameters.retain(|(kind, deviation)| {
-            let of = |&joint: &usize| *kind == ParameterKind::JointCompliance { joint };
-            let place = drawn.joints.iter().position(of);
-            if let Some(place) = place {
-                both.precision[(place, place)] += (deviation * kind.whole(&arm)).powi(-2);
-            }
-            place.is_none()
-        });
+        if let Source::Plan(parameters) = &mut each.source {
+            parameters.retain(|(kind, _)| {
+                let of = |&joint: &usize| *kind == ParameterKind::JointCompliance { joint };
+                !drawn.joints.iter().any(of)
+            });
+        }
     }
+    let count = drawn.joints.len();
+    let both = Prior {
+        mean: DVector::from_column_slice(&drawn.mean_rad_per_nm),
+        precision: belief.precision().view((0, 0), (count, count)).into_owned(),
+    };
     DrawnCompliances {
         spread: both.spread(&belief.nominal.typical_rad_per_nm(&drawn.joints)),
         ..drawn
