@@ -86,6 +86,18 @@ pub struct Calibration {
     pub poses: Vec<CompensatedPose>,
 }
 
+impl Calibration {
+    /// The rms over the test poses, by their weights, of distances without compensation and of what is left with it (m).
+    pub fn rms_m(&self) -> [f64; 2] {
+        let seen = |pose: &CompensatedPose| [pose.seen.uncompensated_m, pose.seen.residual_m];
+        [0, 1].map(|which| {
+            let squares = self.poses.iter();
+            let squares = squares.map(|pose| pose.weight * seen(pose)[which].norm_squared());
+            squares.sum::<f64>().sqrt()
+        })
+    }
+}
+
 /// Measures, identifies and compensates with the noise of run `run` under a seed: the same as that run of a
 /// study on the virtual robot.
 pub fn calibrate(
@@ -142,7 +154,7 @@ pub fn measure(
         &mut measured.measurements,
         &task.belief.instrument,
         seed,
-        run,
+        robots.readings_of(run),
     );
     Ok(measured)
 }

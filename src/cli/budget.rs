@@ -283,13 +283,15 @@ fn common_to(points: &[BudgetPoint]) -> String {
 /// From where on most of what is left is what the whole plan shares.
 fn stops_helping(points: &[BudgetPoint]) -> String {
     let mostly_shared = |point: &&BudgetPoint| {
-        point.configurations == point.experiments
-            && point
-                .shared_m
-                .is_some_and(|shared_m| shared_m.powi(2) > 0.5 * point.rho0_m.powi(2))
+        (point.shared_m).is_some_and(|shared_m| shared_m.powi(2) > 0.5 * point.rho0_m.powi(2))
     };
     let shared = points.iter().rev().find_map(|point| point.shared_m);
-    match (points.iter().find(mostly_shared), shared) {
+    // From the first on after which all are so.
+    let from = (points.iter().rev())
+        .filter(|point| point.configurations == point.experiments)
+        .take_while(mostly_shared)
+        .last();
+    match (from, shared) {
         (Some(point), Some(shared_m)) => format!(
             "\nMore measurements hardly help: from {} on, most of the variance is of sources that the whole plan shares, which \
              contribute about {:.1} um however many there are.\n",

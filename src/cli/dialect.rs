@@ -2,19 +2,52 @@
 
 use std::path::Path;
 
-use elastocal::codes::ErrorCode;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::files::{FileError, read_text};
-use elastocal::laboratory::Dialect;
+use elastocal::laboratory::{Dialect, DialectError};
 use elastocal::scenario::Scenario;
 
 /// The dialect of an option's name or file, or else the scenario's, for the scenario's robot.
 pub fn dialect(option: Option<&str>, scenario: &Scenario) -> Result<Dialect, FileError> {
-    let found = named(option, scenario).and_then(|dialect| {
-        let checked = dialect.check_joints(scenario.task.belief.commands().len());
-        checked.map_err(|error| FileError::new(&scenario.path, error.to_string()))?;
-        Ok(dialect)
-    });
-    found.map_err(|wrong| wrong.or_code(ErrorCode::Program))
+    suitable(option, scenario)?.map_err(|error| {
+        let wrong = FileError::new(&scenario.path, error.to_string()).at(place(option));
+        wrong.code(ErrorCode::Program).hint(DialectError::HINT)
+    })
+}
+
+/// The same; none, with a condition, where the dialect is for other robots.
+pub fn dialect_if_suitable(
+    option: Option<&str>,
+    scenario: &Scenario,
+) -> Result<(Option<Dialect>, Option<Condition>), FileError> {
+    Ok(match suitable(option, scenario)? {
+        Ok(dialect) => (Some(dialect), None),
+        Err(error) => {
+            let text = format!(
+                "no robot program is written: {error}; {}",
+                DialectError::HINT
+            );
+            (None, Some(ConditionCode::NoProgram.with(text)))
+        }
+    })
+}
+
+/// A dialect, or why it is not for the scenario's robot.
+fn suitable(
+    option: Option<&str>,
+    scenario: &Scenario,
+) -> Result<Result<Dialect, DialectError>, FileError> {
+    let dialect = named(option, scenario).map_err(|wrong| wrong.or_code(ErrorCode::Program))?;
+    let checked = dialect.check_joints(scenario.task.belief.commands().len());
+    Ok(checked.map(|()| dialect))
+}
+
+const fn place(option: Option<&str>) -> &'static str {
+    if option.is_some() {
+        "--dialect"
+    } else {
+        "laboratory.dialect"
+    }
 }
 
 fn named(option: Option<&str>, scenario: &Scenario) -> Result<Dialect, FileError> {
@@ -33,12 +66,6 @@ fn named(option: Option<&str>, scenario: &Scenario) -> Result<Dialect, FileError
         let text = read_text(&path)?;
         return Dialect::read(&text).map_err(|error| FileError::new(&path, error.to_string()));
     }
-    Dialect::known(name).map_err(|error| {
-        let place = if option.is_some() {
-            "--dialect"
-        } else {
-            "laboratory.dialect"
-        };
-        FileError::new(&scenario.path, error.to_string()).at(place)
-    })
+    Dialect::known(name)
+        .map_err(|error| FileError::new(&scenario.path, error.to_string()).at(place(option)))
 }

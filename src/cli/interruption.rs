@@ -128,6 +128,12 @@ pub fn finish() -> ! {
     low_level::exit(130)
 }
 
+/// The program has ended by itself: who comes to interrupt it now says nothing more. Where somebody has said so already, waits for
+/// that end.
+pub fn end() {
+    std::mem::forget(state());
+}
+
 fn describe(finished: &[PathBuf]) -> String {
     if finished.is_empty() {
         return "nothing was kept; the same command begins anew".to_owned();

@@ -6,7 +6,9 @@ use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, make_folder};
-use elastocal::laboratory::{Campaign, CampaignError, Program, ProgramFile, program};
+use elastocal::laboratory::{
+    Campaign, CampaignError, Program, ProgramFile, hang_or_apply, program,
+};
 use elastocal::measurement::{
     AbsoluteReading, CONTROLLER_COMPENSATES, RowToFillIn, readings_to_fill_in, table_to_fill_in,
 };
@@ -14,13 +16,16 @@ use elastocal::parameter::Unloaded;
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::{Feasibility, Plan, read_plan};
 use elastocal::record::{campaign::campaign_json, messages::ProvenanceMessage};
+use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Extended};
 use elastocal::text::wording::counted;
 use elastocal::view::run_sheet::run_sheet;
 use elastocal::view::stills::Stills;
 
-use super::dialect::dialect;
+use nalgebra::Vector3;
+
+use super::dialect::dialect_if_suitable;
 use super::table::table;
 use super::views::RUN_SHEET;
 use super::written::{Written, record_text};
@@ -61,15 +66,17 @@ impl Lab {
         let scenario = self.common.load()?;
         rests(&scenario)?;
         let commands = scenario.task.belief.commands();
-        let dialect = dialect(self.dialect.as_deref(), &scenario)?;
+        let (dialect, no_program) = dialect_if_suitable(self.dialect.as_deref(), &scenario)?;
         let name = &scenario.name;
         let folder = self.common.folder(&scenario).join("lab");
         // Its names do not depend on what is in it.
         let names = |files: &[ProgramFile]| -> Vec<String> {
             files.iter().map(|file| file.name.clone()).collect()
         };
-        let files =
-            |program: &Program| program.files(&dialect, &scenario.laboratory, &commands, name);
+        let files = |program: &Program| match &dialect {
+            Some(dialect) => program.files(dialect, &scenario.laboratory, &commands, name),
+            None => Ok(Vec::new()),
+        };
         let program_names = names(&files(&Program::default())?);
         let mut roles = inputs(&scenario);
         roles.reads("the plan", &self.plan);
@@ -94,7 +101,7 @@ impl Lab {
         let gravity = &scenario.task.belief.nominal.chain.gravity_m_s2;
         let files = files(&program(&campaign, gravity, &title))?;
         let mut written = Written::default();
-        let mut text = describe(&plan, &campaign);
+        let mut text = describe(&plan, &campaign, gravity);
         let path = folder.join(RUN_SHEET);
         text += &written.save(&path, &sheet);
         for file in &files {
@@ -107,6 +114,7 @@ impl Lab {
         let mut json = results("lab", &provenance, record);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
         text += &written.save(&to_fill, &table);
+        conditions.extend(no_program);
         conditions.extend(doubts(&scenario, &campaign));
         let record_text = record_text(&mut json, &conditions)?;
         text += &written.save(&record, &record_text);
@@ -263,17 +271,21 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
         belief.instrument.rotation_sigma_rad,
         rows,
     );
-    let what = if belief.instrument.gauge.is_some() {
-        "# what the gauge shows under the load, set to zero without it: positive along its direction (world frame)\n"
-    } else {
-        "# positions of the reflector without and with the load as the sheet has them, world frame; where the \
-         instrument shows\n# their difference: dx_mm,dy_mm,dz_mm in place of the six columns\n"
+    let of_gauge = "# what the gauge shows under the load, set to zero without it: positive along its direction (world frame)\n";
+    let of_positions = "# positions of the reflector without and with the load as the sheet has them, world frame; where the \
+         instrument shows\n# their difference: dx_mm,dy_mm,dz_mm in place of the six columns\n";
+    let what = match belief.instrument.reads_along() {
+        ReadsAlong::Always => of_gauge.to_owned(),
+        ReadsAlong::Sometimes => {
+            format!("{of_positions}# rows with a direction: {}", &of_gauge[2..])
+        }
+        ReadsAlong::Never => of_positions.to_owned(),
     };
-    head(scenario, what) + &table
+    head(scenario, &what) + &table
 }
 
 /// The stops for a person.
-fn describe(plan: &Plan, campaign: &Campaign) -> String {
+fn describe(plan: &Plan, campaign: &Campaign, gravity_m_s2: &Vector3<f64>) -> String {
     let is_absolute = campaign.stops.iter().any(|stop| !stop.targets.is_empty());
     let has_stations = campaign.stops.iter().any(|stop| stop.station.is_some());
     let rows = (campaign.stops.iter().enumerate()).map(|(index, stop)| {
@@ -282,7 +294,10 @@ fn describe(plan: &Plan, campaign: &Campaign) -> String {
             .collect();
         let load = match (&stop.load, stop.changes_load) {
             (None, _) => "none".to_owned(),
-            (Some(load), true) => format!("hang {}", elastocal::experiment::in_words(load)),
+            (Some(load), true) => {
+                let verb = hang_or_apply(load, gravity_m_s2);
+                format!("{verb} {}", elastocal::experiment::in_words(load))
+            }
             (Some(_), false) => "the same".to_owned(),
         };
         let mut row = vec![(index + 1).to_string()];

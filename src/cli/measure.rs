@@ -11,6 +11,7 @@ use elastocal::files::{FileError, output::write_whole};
 use elastocal::measurement::{absolute_table, write_measurements_under};
 use elastocal::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage, TruthMessage};
+use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::virtual_readings;
 use elastocal::task::{AccuracyKind, Task};
@@ -37,6 +38,9 @@ pub struct Measure {
     /// Measure as run R of a study does, from 0, which is taken where none is named: with its random numbers, on its virtual robot.
     #[arg(long, value_name = "R")]
     run: Option<u64>,
+    /// Read the same virtual robot in another campaign, numbered from 0: all that is new in readings and visits is sampled anew.
+    #[arg(long, value_name = "C", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..1 << 20))]
+    campaign: u64,
     /// Where to write the measurements.
     #[arg(long, value_name = "FILE")]
     measurements_out: Option<PathBuf>,
@@ -72,7 +76,8 @@ impl Measure {
             let measured = robot.measure_noise_free(&plan, &task.belief.instrument);
             (measured.map_err(|error| self.wrong(&error))?, None)
         } else {
-            let mut robots = TrueRobots::new(&task.belief, truth)?;
+            let robots = TrueRobots::new(&task.belief, truth)?;
+            let mut robots = robots.in_campaign(self.campaign);
             let read = if self.noise_free {
                 measure_noise_free
             } else {
@@ -87,9 +92,10 @@ impl Measure {
             let joints = task.belief.parameters.iter().copied();
             (measurements, Some(TruthMessage::new(joints, &truth)))
         };
+        let is_along = task.belief.instrument.reads_along() == ReadsAlong::Always;
         let rows = measurements.iter().enumerate().map(|(index, each)| {
             let mut row = vec![(index + 1).to_string()];
-            let size_m = if let Some(direction) = &each.direction {
+            let size_m = if let Some(direction) = each.direction.filter(|_| is_along) {
                 row.extend(direction.iter().map(|value| format!("{value:.4}")));
                 direction.dot(&each.deflection_m)
             } else {
@@ -99,7 +105,7 @@ impl Measure {
             row.push(format!("{:.4}", size_m * 1e3));
             row
         });
-        let header = if task.reads_along() {
+        let header = if is_along {
             "experiment | along x | y | z | displacement [mm]"
         } else {
             "experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]"
@@ -142,8 +148,9 @@ impl Measure {
         let rows = read_candidates(&self.plan, commands.clone())?;
         let planning = AbsolutePlanning::of_plan(task, &[], &rows)
             .map_err(|error| error.in_file(&self.plan))?;
-        let readings = virtual_readings(task, &scenario.truth, &planning, [seed, run])
-            .map_err(|error| self.wrong(&error))?;
+        let readings =
+            virtual_readings(task, &scenario.truth, &planning, [seed, run, self.campaign])
+                .map_err(|error| self.wrong(&error))?;
         let mut text = format!(
             "{} of the virtual robot of run {run}\n",
             counted(readings.len() as u64, "absolute reading")

@@ -110,7 +110,8 @@ fn left_out(task: &Task) -> String {
     match problem.left_out().as_slice() {
         [] => String::new(),
         names => format!(
-            "\nSearch and bound assume exact: {}, together less than 1 % of the variance. The predicted accuracy counts them.\n",
+            "\nBound and first search assume exact: {}. The predicted accuracy counts them; where they make more than 1 % of the \
+             square of it, the search is repeated with them.\n",
             names.join(", ")
         ),
     }
@@ -208,6 +209,16 @@ impl PlanCommand {
             experiments: scenario.task.design.experiments,
             configurations: self.configurations.or(scenario.task.design.configurations),
         };
+        if let Some(found) = wanted
+            .configurations
+            .filter(|found| *found > wanted.experiments)
+        {
+            let most = wanted.experiments;
+            let problem =
+                format!("found {found}; at most {most}, the number of measurements, are allowed");
+            let wrong = FileError::new(&scenario.path, problem).at("--configurations");
+            return Err(wrong.code(ErrorCode::Scenario).into());
+        }
         if let Some(best) = timed.first() {
             wanted.experiments = best.experiments;
             wanted.configurations = Some(best.configurations);

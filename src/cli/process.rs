@@ -16,6 +16,15 @@ use super::{Arguments, help, unless_reader_is_gone};
 /// interrupted. `itself` as in [`Arguments::execute`].
 pub fn run(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf>) -> u8 {
     interruption::listen();
+    let is_whole_process = itself.is_some();
+    let code = outcome(arguments, itself);
+    if is_whole_process {
+        interruption::end();
+    }
+    code
+}
+
+fn outcome(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf>) -> u8 {
     let words: Vec<OsString> = arguments.into_iter().collect();
     let parsed = help::program(&words).try_get_matches_from(words);
     let arguments = match parsed.and_then(|found| Arguments::from_arg_matches(&found)) {

@@ -12,7 +12,7 @@ use elastocal::plan::{UncertaintyBudget, search::RepeatsNeeded, take_nearest_tur
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
-use elastocal::text::wording::counted;
+use elastocal::text::wording::{counted, shell_path};
 use elastocal::view::report::{RunRecord, run_page};
 use elastocal::view::{recording::Recording, stills::Stills};
 use elastocal::workflow::design::Wanted;
@@ -150,6 +150,7 @@ impl Run {
         )?;
         let budget = outcome.tried[0].assessment.uncertainty_budget.as_ref();
         text += &self.budget.write(budget, &mut written);
+        say_laboratory(common, scenario, folder);
         let mut conditions = outcome.conditions;
         conditions.extend(written.conditions());
         Ok(Report::new(json, text, conditions))
@@ -171,6 +172,15 @@ fn tell(common: &Common, folder: &Path, stage: &RunStage<'_>) {
             warn(&format!("no random plans to compare with: {problem}"), None);
         }
     }
+}
+
+/// Says which command writes what the laboratory needs.
+fn say_laboratory(common: &Common, scenario: &Scenario, folder: &Path) {
+    common.say(&format!(
+        "run sheet, robot program and table to fill in are written by `elastocal lab {} --plan {}`",
+        shell_path(&scenario.path),
+        shell_path(&folder.join(FILES[0]))
+    ));
 }
 
 /// Writes the designed plan, its measurements, and the text of results.json.
@@ -199,12 +209,12 @@ fn summary(folder: &Path, entries: &[TriedPlan], random: Option<(f64, RepeatsNee
     text.push('\n');
     let micro = |value: f64| number(Some(value * 1e6), 2);
     let rows = entries.iter().map(|entry| {
-        let pose = &entry.calibration.1.poses[0];
+        let [_, residual_m] = entry.calibration.1.rms_m();
         vec![
             entry.calibration.0.clone(),
             number(entry.assessment.rho0_m.map(|value| value * 1e6), 2),
             number(entry.assessment.efficiency(), 4),
-            micro(pose.seen.residual_m.norm()),
+            micro(residual_m),
             entry.assessment.violations.len().to_string(),
         ]
     });
@@ -225,19 +235,44 @@ fn summary(folder: &Path, entries: &[TriedPlan], random: Option<(f64, RepeatsNee
     } else {
         "predicted for the measurements' noise alone:"
     };
-    let pose = &main.calibration.1.poses[0];
-    let uncompensated = pose.seen.uncompensated_m.norm() * 1e6;
+    let poses = &main.calibration.1.poses;
+    let [uncompensated, residual] = main.calibration.1.rms_m().map(|each| each * 1e6);
+    let (at, rms) = match poses.as_slice() {
+        [only] => (format!("the test pose {:?}", only.name), ""),
+        several => (
+            counted(several.len() as u64, "test pose"),
+            " (rms by their weights)",
+        ),
+    };
+    let along = match poses.iter().filter(|pose| pose.direction.is_some()).count() {
+        0 => "",
+        1 if poses.len() == 1 => " along its direction",
+        _ => " along the directions that test poses have",
+    };
     let predicted = number(main.assessment.rho0_m.map(|value| value * 1e6), 1);
     let tolerance = (main.assessment.quantile95_m).map_or_else(String::new, |value| {
         format!(", 95 % below {:.1} um", value * 1e6)
     });
     text += &format!(
-        "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um{}. After calibration with {}, the residual error after compensation is {:.1} um in this run; {leaves} {predicted} um rms{tolerance}",
-        pose.name,
-        pose.direction.map_or("", |_| " along its direction"),
+        "\nAt {at} the task load bends the robot by {uncompensated:.0} um{rms}{along}. After calibration with {}, the residual error after compensation is {residual:.1} um in this run; {leaves} {predicted} um rms{tolerance}",
         counted(main.assessment.experiments.into(), "measurement"),
-        pose.seen.residual_m.norm() * 1e6,
     );
+    if poses.len() > 1 {
+        let rows = poses.iter().map(|pose| {
+            let [without, with] = [pose.seen.uncompensated_m, pose.seen.residual_m];
+            vec![
+                pose.name.clone(),
+                number(Some(pose.weight), 3),
+                micro(without.norm()),
+                micro(with.norm()),
+            ]
+        });
+        let each = table(
+            "test pose | weight | uncompensated [um] | residual error in this run [um]",
+            rows,
+        );
+        text = each + &text;
+    }
     if let Some(bound) = main.assessment.bound_m() {
         text += &format!(
             "; no plan of as many measurements can do better than {:.1} um",

@@ -12,7 +12,7 @@ use elastocal::quantities::limits::MOST_EXPERIMENTS;
 use elastocal::record::selection::selection_json;
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::study::selection::{
-    CHOICES, Chosen, Selection, SelectionOfSize, SelectionWanted, WITH_FUNCTIONS, select,
+    CHOICES, Chosen, Selection, SelectionOfSize, SelectionWanted, choice_name, select,
 };
 use elastocal::text::wording::counted;
 use elastocal::view::selection_plot::selection_plot;
@@ -38,7 +38,7 @@ pub struct Select {
     #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
     parameters: Vec<ParameterGroup>,
     /// How many readings to choose.
-    #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = [20, 40], value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
+    #[arg(long, value_name = "M", value_delimiter = ',', default_value = "20,40", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     sizes: Vec<u32>,
     /// How many random choices of each size.
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(0..=10_000))]
@@ -140,20 +140,6 @@ fn describe(selection: &Selection<'_>) -> String {
     text
 }
 
-/// What a criterion is called here.
-fn named(criterion: &str) -> &str {
-    match criterion {
-        "test_pose" => "absolute accuracy",
-        "d" => "D, O1",
-        "o2" => "O2",
-        "o3" => "O3, E",
-        "o4" => "O4",
-        "o5" => "O5",
-        WITH_FUNCTIONS => "absolute accuracy, joint errors",
-        other => other,
-    }
-}
-
 fn of_one_size(of_size: &SelectionOfSize) -> String {
     let row = |name: &str, better: String, numbers: [Option<f64>; 8]| {
         let [
@@ -177,7 +163,7 @@ fn of_one_size(of_size: &SelectionOfSize) -> String {
     let mut problems = String::new();
     let mut rows = Vec::new();
     for (criterion, chosen) in &of_size.planned {
-        let name = named(criterion);
+        let name = choice_name(criterion);
         if let Some(problem) = Chosen::problem(chosen) {
             problems += &format!("  {name}: {problem}\n");
         }

@@ -50,6 +50,7 @@ codes! {
         OutOfReach = "C0107",
         NoWay = "C0108",
         OneSidedApproach = "C0109",
+        NoProgram = "C0110",
         Unidentifiable = "C0201",
         ImpossibleCompliance = "C0202",
         NegativeCompliance = "C0203",

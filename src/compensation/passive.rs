@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector, Matrix6xX, Vector6};
 
 use crate::robot::{
-    EquilibriumError, EquilibriumSolver, KinematicState, Load, SerialChain, Tool, rotation_vector,
+    EquilibriumError, EquilibriumSolver, KinematicState, Load, SerialChain, Tool, commands_for,
+    made_up, rotation_vector,
 };
 use crate::task::TestPose;
 
@@ -11,27 +12,6 @@ use crate::task::TestPose;
 const MAXIMUM_ITERATIONS: usize = 30;
 /// The last step is no larger than this (rad, m).
 const CONVERGED: f64 = 1e-12;
-/// Directions that the tool cannot be moved in, relative to the easiest.
-const SINGULAR: f64 = 1e-9;
-
-/// What the commanded joints must do (rad, m) for a small motion of the tool: the smallest that does it,
-/// or that comes nearest. With fewer than six commanded joints the tool's position alone counts.
-fn commands_for(
-    jacobian: &Matrix6xX<f64>,
-    commanded: &[usize],
-    motion: &Vector6<f64>,
-) -> DVector<f64> {
-    let rows = if commanded.len() < 6 { 3 } else { 6 };
-    let matrix = DMatrix::from_fn(rows, commanded.len(), |row, column| {
-        jacobian[(row, commanded[column])]
-    });
-    let svd = matrix.svd(true, true);
-    let tolerance = SINGULAR * svd.singular_values.max();
-    let motion = DVector::from_iterator(rows, motion.iter().take(rows).copied());
-    svd.solve(&motion, tolerance)
-        .unwrap_or_else(|_| DVector::zeros(commanded.len()))
-}
-
 /// To first order in compliance: the commanded joints take back their own deflection, and what those of
 /// the passive joints move the tool by. Springs beside the joints' own give way to a command as they do to a
 /// load, so that their part in the deflections needs no other commands.
@@ -41,21 +21,14 @@ pub(super) fn linear(
     compliance: &[f64],
     pose: &TestPose,
 ) -> DVector<f64> {
-    let commanded: Vec<usize> = chain.commanded().collect();
+    let deflections: Vec<f64> = (compliance.iter().enumerate())
+        .map(|(joint, k)| k * state.load_torque(joint, &pose.load))
+        .collect();
     let jacobian = state.clone().braced(compliance).jacobian();
+    let made_up = made_up(chain, &jacobian, &deflections);
     let mut command = pose.configuration_rad.clone();
-    let mut passive = Vector6::zeros();
-    for joint in 0..chain.len() {
-        let deflection = compliance[joint] * state.load_torque(joint, &pose.load);
-        if commanded.contains(&joint) {
-            command[joint] -= deflection;
-        } else {
-            passive += jacobian.column(joint) * deflection;
-        }
-    }
-    let more = commands_for(&jacobian, &commanded, &passive);
-    for (&joint, more) in commanded.iter().zip(&more) {
-        command[joint] -= more;
+    for joint in chain.commanded() {
+        command[joint] += made_up.as_ref().map_or(0.0, |all| all[joint]) - deflections[joint];
     }
     command
 }

@@ -91,6 +91,8 @@ pub struct Columns {
     pub words: Vec<String>,
     /// Rows in which all of one of these groups of columns are empty are left out: they are not filled in yet.
     pub may_be_empty: Vec<Vec<String>>,
+    /// Those whose fields may be empty where the row needs none: NaN there.
+    pub blank: Vec<String>,
 }
 
 /// Names as their own.
@@ -170,6 +172,9 @@ impl<'a> Table<'a> {
             let value = |(place, field): (usize, &str)| {
                 if is_word[place] {
                     return Ok(0.0);
+                }
+                if field.is_empty() && wanted.blank.contains(&columns[place]) {
+                    return Ok(f64::NAN);
                 }
                 decimals.number(*line, &columns[place], field)
             };

@@ -5,8 +5,8 @@ use std::path::Path;
 use nalgebra::DVector;
 
 use super::file::{
-    APPROACH, LOAD, add_approach, approach, configuration, direction, load, reading_columns,
-    reading_fields,
+    APPROACH, LOAD, add_approach, approach, blank_directions, configuration, direction, load,
+    reading_columns, reading_fields,
 };
 use super::{Experiment, Plan};
 use crate::codes::ErrorCode;
@@ -104,7 +104,9 @@ pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, Fil
 fn plan_of(path: &Path, commands: &Commands) -> Result<Plan, FileError> {
     let mut required = reading_columns(commands);
     required.push(REPEATS.to_owned());
-    let table = Table::read_with(path, &Columns::of(required, &[], &[APPROACH]))?;
+    let mut columns = Columns::of(required, &[], &[APPROACH]);
+    columns.blank = blank_directions(commands);
+    let table = Table::read_with(path, &columns)?;
     let experiment = |row: Row<'_>| {
         let repeats = repeats(&row, "")?;
         let load = load(&row)?;

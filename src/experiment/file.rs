@@ -5,7 +5,7 @@ use nalgebra::{DVector, Vector3};
 use crate::csv::{Row, Sheet};
 use crate::files::FileError;
 use crate::quantities::plausible::faint_load;
-use crate::robot::{Approach, Commands, Load};
+use crate::robot::{Approach, Commands, Load, ReadsAlong};
 
 /// The columns that name a load: force and torque in the world frame.
 pub const LOAD: [&str; 6] = ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"];
@@ -79,21 +79,24 @@ pub fn experiment_fields(
 /// The columns that name a configuration, a load and, for a gauge, its direction.
 pub fn reading_columns(commands: &Commands) -> Vec<String> {
     let mut columns = experiment_columns(commands);
-    if commands.reads_along {
+    if commands.reads_along != ReadsAlong::Never {
         columns.extend(DIRECTION.map(str::to_owned));
     }
     columns
 }
 
-/// The direction of a row, for a gauge.
+/// The direction of a row, for a gauge; none where the row may leave it empty, and does.
 ///
 /// # Errors
 /// Its length is not 1.
 pub fn direction(row: &Row<'_>, commands: &Commands) -> Result<Option<Vector3<f64>>, FileError> {
-    if !commands.reads_along {
+    let direction = row.vector(DIRECTION);
+    let is_empty = direction.iter().all(|each| each.is_nan());
+    if commands.reads_along == ReadsAlong::Never
+        || commands.reads_along == ReadsAlong::Sometimes && is_empty
+    {
         return Ok(None);
     }
-    let direction = row.vector(DIRECTION);
     let length = direction.norm();
     if (length - 1.0).abs() <= NEARLY_ONE {
         return Ok(Some(direction / length));
@@ -113,11 +116,24 @@ pub fn reading_fields(
     direction: Option<&Vector3<f64>>,
 ) -> Vec<String> {
     let mut fields = experiment_fields(commands, configuration_rad, load);
-    if commands.reads_along {
-        let direction = direction.copied().unwrap_or_default();
-        fields.extend(direction.iter().map(ToString::to_string));
+    if commands.reads_along != ReadsAlong::Never {
+        fields.extend(fields_of(direction.map(|each| (*each).into())));
     }
     fields
+}
+
+/// Numbers as fields; empty ones where there are none.
+pub fn fields_of<const N: usize>(values: Option<[f64; N]>) -> Vec<String> {
+    let empty = || vec![String::new(); N];
+    values.map_or_else(empty, |values| values.map(|each| each.to_string()).into())
+}
+
+/// The columns of a direction, which rows may leave empty where some are read along none.
+pub fn blank_directions(commands: &Commands) -> Vec<String> {
+    match commands.reads_along {
+        ReadsAlong::Sometimes => DIRECTION.map(str::to_owned).into(),
+        _ => Vec::new(),
+    }
 }
 
 /// Adds the side of approach to a table, where some row says it.

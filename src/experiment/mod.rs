@@ -14,7 +14,7 @@ use crate::robot::{Approach, Load};
 pub use candidates::{Candidate, read_candidates, read_plan, write_candidates, write_plan};
 pub use file::{
     APPROACH, DIRECTION, LOAD, add_approach, approach, configuration, direction,
-    experiment_columns, experiment_fields, load, reading_columns, reading_fields,
+    experiment_columns, experiment_fields, fields_of, load, reading_columns, reading_fields,
 };
 pub use load_set::{Loads, in_words, is_printed_as, printed_tolerance};
 pub use mandatory::{NotMandatory, PRINTED_RAD};

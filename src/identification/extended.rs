@@ -55,7 +55,8 @@ impl EquationSource<'_> {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: has_rotations.then_some(1.0),
             unloaded: extended.unloaded(),
-            is_along_direction: false,
+            along_sigma_m: None,
+            reads_all: true,
         })
     }
 
@@ -65,6 +66,7 @@ impl EquationSource<'_> {
         model: &mut PlannedReadings<'_>,
         measurement: &Measurement,
     ) -> Matrix6<f64> {
+        model.read_along(measurement.direction.as_ref());
         model.move_to(measurement.configuration_rad.as_slice());
         let whole = model.covariance_of_all(&measurement.load) + self.noise(measurement);
         of_rows_there(&whole, [measurement, measurement])

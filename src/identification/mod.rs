@@ -4,6 +4,7 @@
 //! be identified instead of inverting a singular matrix, keeps its nominal value, and identifies the rest.
 
 mod absolute;
+mod agreement;
 mod case;
 mod conditions;
 mod copies;
@@ -37,6 +38,7 @@ pub use absolute::{
     RepeatComponents, SQUARE_95, SeriesEstimates, SimulatedReadings, Unexplained,
     VarianceComponents,
 };
+pub use agreement::SaidEstimate;
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;
 pub(crate) use conditions::{Told, left_out};

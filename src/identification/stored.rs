@@ -5,6 +5,7 @@ use std::path::Path;
 use nalgebra::{DMatrix, DVector};
 use serde::Deserialize;
 
+use super::agreement::{SaidEstimate, agree};
 use super::discrepancy::Discrepancy;
 use super::{covariance_of, covariance_of_any};
 use crate::codes::{Condition, ConditionCode, ErrorCode};
@@ -60,6 +61,7 @@ pub struct OtherUnknowns {
 struct StoredUncertain {
     name: String,
     value: Option<f64>,
+    std: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -77,6 +79,10 @@ struct IdentificationFile {
     method: Method,
     parameters: Vec<String>,
     compliance_rad_per_nm: Vec<Option<f64>>,
+    #[serde(default)]
+    compliance_std_rad_per_nm: Vec<Option<f64>>,
+    #[serde(default)]
+    compliance_ci95_rad_per_nm: Vec<Option<[f64; 2]>>,
     compliance_applied_rad_per_nm: Vec<f64>,
     undetermined_directions: Vec<Vec<f64>>,
     compliance_typical_rad_per_nm: Vec<f64>,
@@ -87,7 +93,6 @@ struct IdentificationFile {
     undetermined_of_all: Vec<Vec<f64>>,
     #[serde(default)]
     covariance_of_all: Vec<Vec<f64>>,
-    #[expect(dead_code, reason = "must be a number")]
     rank: usize,
     discrepancy_mm: Option<f64>,
     discrepancy_mrad: Option<f64>,
@@ -137,6 +142,7 @@ impl StoredIdentification {
         let joints = joints_of(path, &stored.parameters, robot)?;
         let mut posterior = posterior(path, &stored)?;
         let mut others = others(path, &stored)?;
+        check_agreement(path, &stored)?;
         let nominal = |place: usize| robot.compliance_rad_per_nm[joints[place]];
         for place in hold_impossible(&mut posterior, others.as_mut(), nominal) {
             stored.conditions.push(nominal_instead(
@@ -265,6 +271,63 @@ fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>,
         return Err(wrong.code(ErrorCode::OtherRobot));
     }
     Ok(joints)
+}
+
+/// Whether what the file says twice agrees; its lists have their lengths.
+fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileError> {
+    let size = stored.parameters.len();
+    let (rows, all) = (&stored.covariance_rad2_per_n2m2, &stored.covariance_of_all);
+    let has_others = !stored.uncertain.is_empty();
+    for (index, value) in stored.compliance_rad_per_nm.iter().enumerate() {
+        let key = |name: &str| format!("{name}_rad_per_nm[{index}]");
+        let [value_key, applied, error, interval] = [
+            "compliance",
+            "compliance_applied",
+            "compliance_std",
+            "compliance_ci95",
+        ]
+        .map(key);
+        let entry = |column: usize| format!("covariance_rad2_per_n2m2[{index}][{column}]");
+        if let Some(value) = *value {
+            let found = stored.compliance_applied_rad_per_nm[index];
+            agree(path, (&applied, found), (&value_key, value))?;
+            let (errors, intervals) = (
+                &stored.compliance_std_rad_per_nm,
+                &stored.compliance_ci95_rad_per_nm,
+            );
+            let said = SaidEstimate {
+                value: (&value_key, value),
+                variance: (&entry(index), rows[index][index]),
+                standard_error: (&error, errors.get(index).copied().flatten()),
+                interval95: (&interval, intervals.get(index).copied().flatten()),
+            };
+            said.check(path)?;
+        }
+        for column in (0..size).filter(|_| has_others) {
+            let place = format!("covariance_of_all[{index}][{column}]");
+            let found = rows[index][column];
+            agree(path, (&entry(column), found), (&place, all[index][column]))?;
+        }
+    }
+    for (index, each) in stored.uncertain.iter().enumerate() {
+        let place = size + index;
+        let variance = all[place][place];
+        let said = SaidEstimate {
+            value: ("", 0.0),
+            variance: (&format!("covariance_of_all[{place}][{place}]"), variance),
+            standard_error: (&format!("uncertain[{index}].std"), each.std),
+            interval95: ("", None),
+        };
+        said.check(path)?;
+    }
+    let (key, hidden) = if has_others {
+        ("undetermined_of_all", &stored.undetermined_of_all)
+    } else {
+        ("undetermined_directions", &stored.undetermined_directions)
+    };
+    let unknowns = (size + stored.uncertain.len()) as f64;
+    let left = unknowns - hidden.len() as f64;
+    agree(path, ("rank", stored.rank as f64), (key, left))
 }
 
 /// What is known of unknowns besides compliances, where there are any.

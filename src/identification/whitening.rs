@@ -101,8 +101,9 @@ impl EquationSource<'_> {
             for other in 0..members.len() {
                 let [own, another] = [measured(place), measured(other)];
                 let mut block = self.shared_noise(own, another);
-                if let Some(model) = &model {
+                if let Some(model) = &mut model {
                     if place == other {
+                        model.read_along(own.direction.as_ref());
                         block += model.covariance_of_all(&own.load);
                     } else {
                         block *= model.unloaded().shared_part();

@@ -91,11 +91,9 @@ impl Campaign {
     ) -> Result<Self, CampaignError> {
         let unloaded = task.belief.instrument.unloaded;
         let groups = |planner: &Planner<'_>| {
-            if task.reads_along() {
-                planner.in_place(keep_order)
-            } else {
-                groups_of_loads(plan, unloaded, keep_order)
-            }
+            let mut groups = groups_of_loads(plan, unloaded, keep_order);
+            groups.extend(planner.in_place(keep_order));
+            groups
         };
         Self::in_groups((task, laboratory), plan, groups, keep_order)
     }
@@ -181,7 +179,9 @@ impl Campaign {
     pub fn set_ups(&self) -> usize {
         let is_gauge_set = |stop: &Stop| stop.direction.is_some() && stop.load.is_none();
         let is_set = |stop: &&Stop| stop.changes_station || is_gauge_set(stop);
-        self.stops.iter().filter(is_set).count().max(1)
+        let reads_all = |stop: &Stop| stop.station.is_none() && stop.direction.is_none();
+        let once = usize::from(self.stops.iter().any(reads_all));
+        self.stops.iter().filter(is_set).count() + once
     }
 
     /// How many times a load is hung.
@@ -287,7 +287,7 @@ impl Planner<'_> {
         )
     }
 
-    /// Each measurement by itself, without the load and with it, in an order of short moves.
+    /// Each of a gauge's measurements by itself, without the load and with it, in an order of short moves.
     fn in_place(&self, keep_order: bool) -> Vec<Group> {
         let experiments = &self.plan.experiments;
         let group = |load, index: usize| Group {
@@ -299,15 +299,17 @@ impl Planner<'_> {
             load: None,
             station: None,
             members: (0..experiments.len())
+                .filter(|&index| experiments[index].direction.is_some())
                 .map(|index| (vec![index], 1))
                 .collect(),
         };
         let order = if keep_order {
-            (0..experiments.len()).collect()
+            (0..all.members.len()).collect()
         } else {
             self.order(None, &all)
         };
-        let each = order.into_iter().flat_map(|index| {
+        let order = order.into_iter().map(|place| all.members[place].0[0]);
+        let each = order.flat_map(|index| {
             let repeats = experiments[index].repeats as usize;
             std::iter::repeat_n(index, repeats)
         });

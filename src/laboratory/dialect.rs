@@ -28,6 +28,9 @@ pub struct Dialect {
     pub name: String,
     /// The names of the axes: a program has a value for each.
     pub axes: Vec<String>,
+    /// Those of further joints, of sliding ones first.
+    #[serde(default)]
+    pub external_axes: Vec<String>,
     /// In what angles are written.
     pub angles: Angles,
     /// With how many decimals.
@@ -82,11 +85,17 @@ pub enum DialectError {
     OtherAxes {
         /// The dialect.
         name: String,
-        /// How many axes it has.
-        axes: usize,
+        /// How many axes it has, in words.
+        axes: String,
         /// How many joints of the robot are commanded.
         joints: usize,
     },
+}
+
+impl DialectError {
+    /// What to do where a dialect is for other robots.
+    pub const HINT: &str =
+        "write a dialect of one's own, a file that ends in .toml: see docs/laboratory.md";
 }
 
 impl Dialect {
@@ -135,13 +144,32 @@ impl Dialect {
 
     /// Checks that it is for so many joints.
     pub fn check_joints(&self, joints: usize) -> Result<(), DialectError> {
-        if self.axes.len() == joints {
+        let (own, external) = (self.axes.len(), self.external_axes.len());
+        if (own..=own + external).contains(&joints) {
             return Ok(());
         }
+        let axes = match external {
+            0 => own.to_string(),
+            _ => format!("{own} to {}", own + external),
+        };
         Err(DialectError::OtherAxes {
             name: self.name.clone(),
-            axes: self.axes.len(),
+            axes,
             joints,
         })
+    }
+
+    /// The axis of each joint, of which it is told whether it slides.
+    pub(super) fn axes_of(&self, slides: &[bool]) -> Vec<&str> {
+        let (mut own, mut external) = (self.axes.iter(), self.external_axes.iter());
+        let has_more = slides.len() > self.axes.len();
+        let axes = slides.iter().filter_map(|&slides| {
+            if slides && has_more {
+                external.next().or_else(|| own.next())
+            } else {
+                own.next().or_else(|| external.next())
+            }
+        });
+        axes.map(String::as_str).collect()
     }
 }

@@ -97,7 +97,7 @@ pub(super) fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
     one.configuration_rad == other.configuration_rad && one.approach == other.approach
 }
 
-/// The groups of a plan of deflections: all configurations without a load, then those of each load.
+/// The groups of a plan of deflections: all configurations without a load, then those of each load; without those that a gauge reads.
 pub(super) fn groups_of_loads(
     plan: &Plan,
     unloaded_reading: Unloaded,
@@ -105,7 +105,8 @@ pub(super) fn groups_of_loads(
 ) -> Vec<Group> {
     let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
     let mut loaded: Vec<Group> = Vec::new();
-    for (index, experiment) in plan.experiments.iter().enumerate() {
+    let of_all = (plan.experiments.iter().enumerate()).filter(|(_, each)| each.direction.is_none());
+    for (index, experiment) in of_all {
         let same = (unloaded.iter_mut())
             .find(|(members, _)| stand_alike(&plan.experiments[members[0]], experiment));
         let needed = match unloaded_reading {

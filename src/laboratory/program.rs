@@ -73,6 +73,14 @@ pub fn hung_kg(load: &Load, gravity_m_s2: &Vector3<f64>) -> Option<f64> {
     (hangs && load.torque_nm.norm() == 0.0).then(|| pull / gravity)
 }
 
+/// What is done with a load under gravity (m/s^2): a weight is hung.
+pub fn hang_or_apply(load: &Load, gravity_m_s2: &Vector3<f64>) -> &'static str {
+    match hung_kg(load, gravity_m_s2) {
+        Some(_) => "hang",
+        None => "apply",
+    }
+}
+
 /// The program of a campaign under gravity (m/s^2).
 pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) -> Program {
     let mut steps = Vec::new();
@@ -97,8 +105,14 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
             if stop.approach.is_none() {
                 steps.push(ProgramStep::Move(stop.configuration.clone()));
             }
-            let hang = format!("Hang the load {}", in_words(load));
-            steps.push(ProgramStep::Halt(hang));
+            let verb = match hang_or_apply(load, gravity_m_s2) {
+                "hang" => "Hang",
+                _ => "Apply",
+            };
+            steps.push(ProgramStep::Halt(format!(
+                "{verb} the load {}",
+                in_words(load)
+            )));
         }
         let hung = (stop.load.as_ref()).and_then(|load| hung_kg(load, gravity_m_s2));
         if hung != payload {
@@ -209,7 +223,10 @@ fn target(dialect: &Dialect, commands: &Commands, q: &DVector<f64>) -> String {
             Angles::Radians => value.to_radians(),
         }
     });
-    let axes: Vec<String> = (dialect.axes.iter().zip(values))
+    let slides: Vec<bool> = (written.iter())
+        .map(|column| column.ends_with("_mm"))
+        .collect();
+    let axes: Vec<String> = (dialect.axes_of(&slides).into_iter().zip(values))
         .map(|(axis, value)| {
             let number = format!("{value:.*}", dialect.decimals);
             let number = number.trim_end_matches('0').trim_end_matches('.');

@@ -13,11 +13,14 @@ use super::read_absolute::{absolute_columns, absolute_readings, distance_columns
 use super::{AbsoluteReading, Measurement, RotationMeasurement, by_configuration};
 use crate::codes::ErrorCode;
 use crate::csv::{Columns, Row, Table, owned};
-use crate::experiment::{APPROACH, approach, configuration, direction, load, reading_columns};
+use crate::experiment::{
+    APPROACH, DIRECTION, approach, configuration, direction, experiment_columns, load,
+    reading_columns,
+};
 use crate::files::FileError;
 use crate::parameter::Unloaded;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
-use crate::robot::Commands;
+use crate::robot::{Commands, ReadsAlong};
 use crate::task::Belief;
 
 /// Reads measurements of an arm, which may be given by its number of joints: deflections, or the positions without and
@@ -42,6 +45,8 @@ pub struct MeasuredArm {
     pub commands: Commands,
     /// Which reading without the load deflections rest on.
     pub unloaded: Unloaded,
+    /// The standard deviation (m) of what a gauge shows beside an instrument that reads all coordinates.
+    pub beside_m: Option<f64>,
 }
 
 impl From<Commands> for MeasuredArm {
@@ -49,6 +54,7 @@ impl From<Commands> for MeasuredArm {
         Self {
             commands,
             unloaded: Unloaded::Own,
+            beside_m: None,
         }
     }
 }
@@ -64,6 +70,7 @@ impl From<&Belief> for MeasuredArm {
         Self {
             commands: belief.commands(),
             unloaded: belief.instrument.unloaded,
+            beside_m: (belief.instrument.gauge).and_then(|gauge| gauge.beside_m),
         }
     }
 }
@@ -126,29 +133,28 @@ pub fn read_measured_so_far(
     read(path, &of.into(), true)
 }
 
-fn read(
-    path: &Path,
-    MeasuredArm { commands, unloaded }: &MeasuredArm,
-    may_be_unfinished: bool,
-) -> Result<MeasuredFile, FileError> {
+fn read(path: &Path, of: &MeasuredArm, may_be_unfinished: bool) -> Result<MeasuredFile, FileError> {
+    let commands = &of.commands;
+    let reads_along = commands.reads_along;
     let table = Table::read_as(path, |header| {
-        let is_absolute = |column: &str| header.iter().any(|known| known == column);
-        if commands.reads_along {
+        let has = |column: &str| header.iter().any(|known| known == column);
+        let reads_all = DEFLECTION.into_iter().chain(UNLOADED).any(has);
+        if reads_along == ReadsAlong::Always
+            || reads_along == ReadsAlong::Sometimes && has(DISPLACEMENT) && !reads_all
+        {
             displacement_columns(commands, may_be_unfinished)
-        } else if is_absolute(DISTANCE) {
+        } else if has(DISTANCE) {
             distance_columns(commands, may_be_unfinished)
-        } else if POSITION.into_iter().any(is_absolute) {
+        } else if POSITION.into_iter().any(has) {
             absolute_columns(commands, may_be_unfinished)
         } else {
             deflection_columns(commands, may_be_unfinished)
         }
     })?;
-    let found = if commands.reads_along {
-        displacements(&table, commands).map(MeasuredFile::Deflections)
-    } else if table.has(&POSITION) || table.has(&[DISTANCE]) {
+    let found = if table.has(&POSITION) || table.has(&[DISTANCE]) {
         absolute_readings(&table, commands).map(MeasuredFile::Absolute)
     } else {
-        deflections(&table, commands, *unloaded).map(MeasuredFile::Deflections)
+        deflections(&table, of).map(MeasuredFile::Deflections)
     };
     found.map_err(|wrong| wrong.or_code(ErrorCode::Measurements))
 }
@@ -165,12 +171,26 @@ fn deflection_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
     ];
     let optional = optional.concat();
     let mut columns = Columns::of(reading_columns(commands), &optional, &[APPROACH]);
+    if commands.reads_along == ReadsAlong::Sometimes {
+        // What the one instrument reads the other leaves empty.
+        columns.required = experiment_columns(commands);
+        let of_gauge = [&DIRECTION[..], &[DISPLACEMENT, DISPLACEMENT_SIGMA]].concat();
+        columns.optional.extend(owned(&of_gauge));
+        let of_positions = [&DEFLECTION[..], &UNLOADED, &LOADED].concat();
+        columns.blank = owned(&[&optional[..], &of_gauge, &of_positions].concat());
+    }
     columns.one_of = vec![owned(&DEFLECTION), owned(&[UNLOADED, LOADED].concat())];
     if may_be_unfinished {
         // A sheet is filled in stop by stop, unloaded readings of many before the first loaded one.
-        columns.may_be_empty = [DEFLECTION, UNLOADED, LOADED]
-            .map(|group| owned(&group))
-            .into();
+        columns.may_be_empty = match commands.reads_along {
+            ReadsAlong::Sometimes => {
+                let all = [&DEFLECTION[..], &UNLOADED, &LOADED, &[DISPLACEMENT]];
+                vec![owned(&all.concat())]
+            }
+            _ => [DEFLECTION, UNLOADED, LOADED]
+                .map(|group| owned(&group))
+                .into(),
+        };
     }
     columns
 }
@@ -186,44 +206,42 @@ fn displacement_columns(commands: &Commands, may_be_unfinished: bool) -> Columns
     columns
 }
 
-fn displacements(table: &Table<'_>, commands: &Commands) -> Result<Vec<Measurement>, FileError> {
-    let has_sigma = table.has(&[DISPLACEMENT_SIGMA]);
-    let of_row = |row: Row<'_>| {
-        let direction = direction(&row, commands)?;
-        let sigma = has_sigma.then(|| deviations(&row, [DISPLACEMENT_SIGMA; 3], &DEVIATION));
-        Ok(Measurement {
-            configuration_rad: configuration(&row, commands),
-            load: load(&row)?,
-            deflection_m: direction.unwrap_or_default() * row.get(DISPLACEMENT) * 1e-3,
-            sigma_m: sigma.transpose()?,
-            rotation: None,
-            approach: approach(&row, commands)?,
-            direction,
-        })
-    };
-    table.rows().map(of_row).collect()
-}
-
-fn deflections(
-    table: &Table<'_>,
-    commands: &Commands,
-    unloaded: Unloaded,
-) -> Result<Vec<Measurement>, FileError> {
+/// Deflections, and what a gauge reads of them.
+fn deflections(table: &Table<'_>, of: &MeasuredArm) -> Result<Vec<Measurement>, FileError> {
+    let commands = &of.commands;
     let columns = Given::new(table)?;
     let mut measurements = Vec::new();
     for row in table.rows() {
+        let direction = direction(&row, commands)?;
+        let (deflection_m, sigma_m, rotation) = match &direction {
+            Some(direction) => {
+                let along = displacement_m(&row)?;
+                let sigma_m = columns.along_sigma_m(&row)?;
+                let beside_m = of.beside_m.map(Vector3::repeat);
+                (direction * along, sigma_m.or(beside_m), None)
+            }
+            None => (
+                columns.deflection_m(&row)?,
+                columns.sigma_m(&row)?,
+                columns.rotation(&row)?,
+            ),
+        };
         measurements.push(Measurement {
             configuration_rad: configuration(&row, commands),
             load: load(&row)?,
-            deflection_m: columns.deflection_m(&row),
-            sigma_m: columns.sigma_m(&row)?,
-            rotation: columns.rotation(&row)?,
+            deflection_m,
+            sigma_m,
+            rotation,
             approach: approach(&row, commands)?,
-            direction: None,
+            direction,
         });
     }
     if columns.has_positions {
-        check_unloaded(table, &columns, (&measurements, unloaded))?;
+        let (rows, measured): (Vec<Row<'_>>, Vec<Measurement>) = (table.rows())
+            .zip(measurements.iter().cloned())
+            .filter(|(_, each)| each.direction.is_none())
+            .unzip();
+        check_unloaded(&rows, &columns, (&measured, of.unloaded))?;
     }
     Ok(measurements)
 }
@@ -231,6 +249,8 @@ fn deflections(
 /// Which groups of columns a file has.
 struct Given {
     has_positions: bool,
+    /// Whether a gauge's are there, its displacements and their standard deviations.
+    has_displacements: [bool; 2],
     /// The columns of its own standard deviations: of the deflection, or of its two positions.
     deviations: Vec<[&'static str; 3]>,
     has_rotation: bool,
@@ -254,8 +274,10 @@ impl Given {
                 return wrong(format!("found {column:?} without {:?}", UNLOADED[0]));
             }
         }
+        let of_gauge = [DISPLACEMENT, DISPLACEMENT_SIGMA].map(|column| table.has(&[column]));
         Ok(Self {
             has_positions,
+            has_displacements: of_gauge,
             deviations: match (of_deflection, of_positions) {
                 (true, _) => vec![DEFLECTION_SIGMA],
                 (_, true) => vec![UNLOADED_SIGMA, LOADED_SIGMA],
@@ -280,12 +302,28 @@ impl Given {
         (q.chain(shown.iter().map(bits)).collect(), words)
     }
 
-    fn deflection_m(&self, row: &Row<'_>) -> Vector3<f64> {
-        if self.has_positions {
-            (row.vector(LOADED) - row.vector(UNLOADED)) * 1e-3
+    /// Its own standard deviation, where the row brings one.
+    fn along_sigma_m(&self, row: &Row<'_>) -> Result<Option<Vector3<f64>>, FileError> {
+        let is_given = self.has_displacements[1] && !row.get(DISPLACEMENT_SIGMA).is_nan();
+        let sigma = is_given.then(|| deviations(row, [DISPLACEMENT_SIGMA; 3], &DEVIATION));
+        sigma.transpose()
+    }
+
+    fn deflection_m(&self, row: &Row<'_>) -> Result<Vector3<f64>, FileError> {
+        let deflection = if self.has_positions {
+            row.vector(LOADED) - row.vector(UNLOADED)
         } else {
-            row.vector(DEFLECTION) * 1e-3
+            row.vector(DEFLECTION)
+        };
+        let of_gauge = self.has_displacements[0] && !row.get(DISPLACEMENT).is_nan();
+        if of_gauge || deflection.iter().any(|each| each.is_nan()) {
+            let problem = format!(
+                "a row without a direction ({}) is not a gauge's: its whole deflection is needed, and no {DISPLACEMENT}",
+                DIRECTION.join(",")
+            );
+            return Err(row.wrong(problem));
         }
+        Ok(deflection * 1e-3)
     }
 
     /// The standard deviation of the deflection, whose variance is the sum of those of its two positions.
@@ -309,14 +347,31 @@ impl Given {
     }
 }
 
+/// What a gauge shows, where it reads a row: the instrument beside it has read nothing then.
+fn displacement_m(row: &Row<'_>) -> Result<f64, FileError> {
+    let along = row.get(DISPLACEMENT);
+    let others = [DEFLECTION, UNLOADED, LOADED].map(|columns| row.vector(columns));
+    if along.is_nan()
+        || others
+            .iter()
+            .any(|each| each.iter().any(|value| !value.is_nan()))
+    {
+        let problem = format!(
+            "a row with a direction ({}) is a gauge's: {DISPLACEMENT} is needed, and no position or deflection",
+            DIRECTION.join(",")
+        );
+        return Err(row.wrong(problem));
+    }
+    Ok(along * 1e-3)
+}
+
 /// Deflections rest on readings without a load as all that uses them takes for granted: each on one of its own, for else they would
 /// share its error; or where these are shared, all of one configuration on one, and no two configurations on the same.
 fn check_unloaded(
-    table: &Table<'_>,
+    rows: &[Row<'_>],
     columns: &Given,
     (measurements, unloaded): (&[Measurement], Unloaded),
 ) -> Result<(), FileError> {
-    let rows: Vec<Row<'_>> = table.rows().collect();
     let read: Vec<(Vec<u64>, String)> = (rows.iter().zip(measurements))
         .map(|(row, measurement)| columns.unloaded(row, measurement))
         .collect();

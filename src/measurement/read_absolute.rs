@@ -210,7 +210,7 @@ fn distance_m(row: &Row<'_>) -> Result<f64, FileError> {
 }
 
 /// Whether a matrix with units of m and rad is the covariance of a reading, whose deviations are plausible.
-fn definite(covariance: &Matrix6<f64>) -> Result<(), String> {
+pub(super) fn definite(covariance: &Matrix6<f64>) -> Result<(), String> {
     let deviation = covariance.diagonal().map(f64::sqrt);
     let is_wrong = |row: &usize| !DEVIATION.allows(deviation[*row] * 1e3);
     if let Some(row) = (0..6).find(is_wrong) {

@@ -11,10 +11,10 @@ use super::columns::{
 };
 use super::{AbsoluteReading, Measurement, Origin};
 use crate::csv::{Sheet, word_field};
-use crate::experiment::{LOAD, add_approach, reading_columns, reading_fields};
+use crate::experiment::{LOAD, add_approach, fields_of, reading_columns, reading_fields};
 use crate::files::{FileError, output::write_whole};
 use crate::quantities::units::thousandths;
-use crate::robot::{Approach, Commands, Load};
+use crate::robot::{Approach, Commands, Load, ReadsAlong};
 
 /// The coordinates of a vector in thousandths of its unit.
 fn in_thousandths(vector: &Vector3<f64>) -> Vec<String> {
@@ -53,10 +53,14 @@ pub fn table_to_fill_in<'a>(
 ) -> String {
     let rows: Vec<RowToFillIn<'_>> = rows.collect();
     let mut sheet = Sheet::new(&rows);
-    if !commands.reads_along {
+    let reads_along = commands.reads_along;
+    if reads_along != ReadsAlong::Always {
         sheet.add(&PLACES, |row| {
             let places = [row.unloaded, row.loaded].concat();
-            places.iter().map(ToString::to_string).collect()
+            match row.direction {
+                Some(_) => vec![String::new(); places.len()],
+                None => places.iter().map(ToString::to_string).collect(),
+            }
         });
     }
     sheet.add(&reading_columns(commands), |row| {
@@ -68,13 +72,13 @@ pub fn table_to_fill_in<'a>(
         )
     });
     let empty = |_: &RowToFillIn<'_>| vec![String::new(); 3];
-    if commands.reads_along {
+    if reads_along != ReadsAlong::Never {
         sheet.add(&[DISPLACEMENT], |_| vec![String::new()]);
-        add_approach(&mut sheet, |row| row.approach.as_ref());
-        return sheet.text();
     }
-    sheet.add(&UNLOADED, empty);
-    sheet.add(&LOADED, empty);
+    if reads_along != ReadsAlong::Always {
+        sheet.add(&UNLOADED, empty);
+        sheet.add(&LOADED, empty);
+    }
     if let Some(sigma_rad) = rotation_sigma_rad {
         sheet.add(&ROTATION, empty);
         sheet.add(&ROTATION_SIGMA, |_| {
@@ -119,41 +123,54 @@ pub fn deflection_table(
     commands: &Commands,
     measurements: &[Measurement],
 ) -> Result<String, FileError> {
-    let has = |what, is_there: fn(&Measurement) -> bool| {
-        let count = measurements.iter().filter(|each| is_there(each)).count();
-        let all = measurements.len();
+    type Of<'a> = &'a dyn Fn(&Measurement) -> bool;
+    let has = |what, of: Of<'_>, is_there: Of<'_>| {
+        let measurements = measurements.iter().filter(|each| of(each));
+        let all = measurements.clone().count();
+        let count = measurements.filter(|each| is_there(each)).count();
         if count == 0 || count == all {
             return Ok(count > 0);
         }
         let problem = format!("{count} of {all} measurements have {what}; all or none may");
         Err(FileError::new(path, problem))
     };
+    let of_gauge = |each: &Measurement| each.direction.is_some();
+    let of_all = |each: &Measurement| each.direction.is_none();
     let mut sheet = Sheet::new(measurements);
     sheet.add(&reading_columns(commands), |each| {
         let (q, direction) = (&each.configuration_rad, each.direction.as_ref());
         reading_fields(commands, q, &each.load, direction)
     });
-    if commands.reads_along {
-        let has_sigma = has("standard deviations", |each| each.sigma_m.is_some())?;
+    let reads_along = commands.reads_along;
+    if reads_along != ReadsAlong::Never {
+        let sigma_m = |each: &Measurement| each.direction.and(each.sigma_m);
         sheet.add(&[DISPLACEMENT], |each| {
-            let along = (each.direction).map_or(0.0, |d| d.dot(&each.deflection_m));
-            shown(&[thousandths(along)])
+            let along = (each.direction).map(|d| [thousandths(d.dot(&each.deflection_m))]);
+            fields_of(along)
         });
-        if has_sigma {
+        if has("standard deviations", &of_gauge, &|each| {
+            each.sigma_m.is_some()
+        })? {
             sheet.add(&[DISPLACEMENT_SIGMA], |each| {
-                shown(each.sigma_m.map(|sigma| thousandths(sigma.x)).as_slice())
+                fields_of(sigma_m(each).map(|sigma| [thousandths(sigma.x)]))
             });
         }
-        add_approach(&mut sheet, |each| each.approach.as_ref());
-        return Ok(sheet.text());
     }
-    sheet.add(&DEFLECTION, |each| in_thousandths(&each.deflection_m));
-    if has("standard deviations", |each| each.sigma_m.is_some())? {
-        sheet.add(&DEFLECTION_SIGMA, |each| {
-            each.sigma_m.iter().flat_map(in_thousandths).collect()
+    if reads_along != ReadsAlong::Always {
+        let all = |of: &dyn Fn(&Measurement) -> Option<Vector3<f64>>, each: &Measurement| {
+            let values = of(each).filter(|_| each.direction.is_none());
+            fields_of(values.map(|values| <[f64; 3]>::from(values.map(thousandths))))
+        };
+        sheet.add(&DEFLECTION, |each| {
+            all(&|each| Some(each.deflection_m), each)
         });
+        if has("standard deviations", &of_all, &|each| {
+            each.sigma_m.is_some()
+        })? {
+            sheet.add(&DEFLECTION_SIGMA, |each| all(&|each| each.sigma_m, each));
+        }
     }
-    if has("rotations", |each| each.rotation.is_some())? {
+    if has("rotations", &|_| true, &|each| each.rotation.is_some())? {
         sheet.add(&[ROTATION, ROTATION_SIGMA].concat(), |each| {
             let both = each.rotation.map(|each| [each.vector_rad, each.sigma_rad]);
             both.iter().flatten().flat_map(in_thousandths).collect()

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use mujoco_rs::prelude::{MjModel, MjSpec};
 
-use super::error::refused;
+use super::error::{refused, unsuitable};
 use super::kept::{KeptModel, LONG};
 use super::messages::{self, refusal};
 use super::rehearsal::rehearse;
@@ -40,7 +40,7 @@ impl Model {
             there => there,
         };
         if let Some((inner, left_out)) = found_or_rehearsed {
-            return Self::left_without(inner, path, left_out);
+            return Self::left_without(inner, path, left_out)?.with_whole(&additions.payloads);
         }
         let plain = (!additions.is_empty())
             .then(|| Self::load(path))
@@ -64,7 +64,7 @@ impl Model {
         if let Some(kept) = kept.filter(|_| is_silent && began.elapsed() > LONG) {
             kept.write(&inner, &left_out);
         }
-        Self::left_without(inner, path, left_out)
+        Self::left_without(inner, path, left_out)?.with_whole(&additions.payloads)
     }
 
     fn left_without(inner: MjModel, path: &Path, left_out: Vec<String>) -> Result<Self, FileError> {
@@ -96,7 +96,7 @@ fn specification_of(path: &Path, text: &str) -> Result<(MjSpec, Vec<String>), Fi
 /// Looks at a file before MuJoCo does, whose messages are taken over; its text.
 fn prepare(path: &Path) -> Result<String, FileError> {
     if path.to_str().is_none_or(|path| path.contains('\0')) {
-        return Err(refused(path, "its path is not UTF-8 text"));
+        return Err(unsuitable(path, "its path is not UTF-8 text"));
     }
     let text = String::from_utf8_lossy(&read_bytes(path)?).into_owned();
     unsuited::refuse(path, &text)?;

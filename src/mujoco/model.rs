@@ -8,7 +8,7 @@ use mujoco_rs::wrappers::mj_model::MjtDisableBit;
 use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::error::{NONE, refused};
+use super::error::{NONE, unsuitable};
 use super::servo::disabled;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
@@ -41,7 +41,7 @@ impl Model {
                 _ => {
                     let name = String::from_utf8_lossy(name);
                     let problem = format!("the name {name:?} is not plain text of one line");
-                    return Err(refused(path, problem));
+                    return Err(unsuitable(path, problem));
                 }
             }
         }

@@ -4,7 +4,7 @@ use mujoco_rs::prelude::MjSpec;
 use mujoco_rs::wrappers::mj_editing::{MjsBody, SpecItem};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::error::refused;
+use super::error::unsuitable;
 use super::{Model, Obstacle};
 use crate::files::FileError;
 use crate::text::wrong_name;
@@ -59,27 +59,55 @@ impl Model {
         spec: &'s mut MjSpec,
         name: &str,
     ) -> Result<(&'s mut MjsBody, Isometry3<f64>), FileError> {
-        let failed = |problem: String| refused(self.path(), problem);
-        let (body, body_from) = match self.body(name) {
-            Some(body) => (body, Isometry3::identity()),
-            None => self.site_body(self.site(name).map_err(|error| {
-                let bodies = (1..self.bodies()).map(|body| self.body_name(body));
-                let bodies = bodies.collect::<Vec<_>>().join(", ");
-                failed(format!(
-                    "{error}; nor a body of that name; bodies: {bodies}"
-                ))
-            })?),
-        };
+        let (body, body_from) = self.body_or_site(name)?;
         let body = self.body_name(body);
-        let found = spec.body_mut(&body);
-        let found =
-            found.ok_or_else(|| failed(format!("the body {body:?} has no name in the file")));
+        let found = spec.body_mut(&body).ok_or_else(|| {
+            let problem = format!("the body {body:?} has no name in the file");
+            unsuitable(self.path(), problem)
+        });
         Ok((found?, body_from))
+    }
+
+    /// A body by its name or that of a site on it, and the frame of what was named in the body's.
+    ///
+    /// # Errors
+    /// There is neither.
+    pub fn body_or_site(&self, name: &str) -> Result<(usize, Isometry3<f64>), FileError> {
+        if let Some(body) = self.body(name) {
+            return Ok((body, Isometry3::identity()));
+        }
+        let site = self.site(name).map_err(|error| {
+            let bodies = (1..self.bodies()).map(|body| self.body_name(body));
+            let bodies = bodies.collect::<Vec<_>>().join(", ");
+            let problem = format!(
+                "{}; nor a body of that name; bodies: {bodies}",
+                error.problem
+            );
+            FileError { problem, ..error }
+        })?;
+        Ok(self.site_body(site))
+    }
+
+    /// The model, whose payloads weigh what was added.
+    pub(super) fn with_whole(self, payloads: &[MountedPayload]) -> Result<Self, FileError> {
+        for (payload, number) in payloads.iter().zip(1..) {
+            let body = self.body(&format!("{KEPT}payload_{number}"));
+            let mass_kg = body.map_or(0.0, |body| self.inner.body_mass()[body]);
+            if (mass_kg - payload.mass_kg).abs() > 1e-9 * payload.mass_kg {
+                let problem = format!(
+                    "the compiler's settotalmass or boundmass makes the payload of {} kg one of {mass_kg:.3} kg: give the links \
+                     their masses in its place",
+                    payload.mass_kg
+                );
+                return Err(unsuitable(self.path(), problem));
+            }
+        }
+        Ok(self)
     }
 
     /// Adds tools and payloads to the file's elements; the model is what the file says alone.
     pub(super) fn mount(&self, spec: &mut MjSpec, additions: &Additions) -> Result<(), FileError> {
-        let failed = |message: String| refused(self.path(), message);
+        let failed = |message: String| unsuitable(self.path(), message);
         for tool in &additions.tools {
             if let Some(problem) = wrong_name(&tool.name) {
                 return Err(failed(problem));

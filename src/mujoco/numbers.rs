@@ -3,7 +3,7 @@
 use mujoco_rs::wrappers::mj_model::MjtObjBase;
 
 use super::Model;
-use super::error::refused;
+use super::error::unsuitable;
 use crate::files::FileError;
 
 /// Nothing of a laboratory is further away (m).
@@ -33,23 +33,17 @@ impl Model {
                 let problem = format!(
                     "{word} {name:?}: {key}: found ({x:e}, {y:e}, {z:e}) m; finite numbers of up to {FURTHEST_M:e} m in size are allowed"
                 );
-                return Err(refused(self.path(), problem));
+                return Err(unsuitable(self.path(), problem));
             }
         }
         for (joint, [low, high]) in inner.jnt_range().iter().enumerate() {
             if low > high {
                 let name = self.joint_name(joint);
-                let (factor, unit) = if self.is_hinge(joint) {
-                    (1_f64.to_degrees(), "deg")
-                } else {
-                    (1e3, "mm")
-                };
+                // As in the file: MuJoCo takes the range for none, and leaves its unit.
                 let problem = format!(
-                    "joint {name:?}: range: found {} to {} {unit}; the first number must be the smaller one",
-                    low * factor,
-                    high * factor
+                    "joint {name:?}: range=\"{low} {high}\": the first number must be the smaller one"
                 );
-                return Err(refused(self.path(), problem));
+                return Err(unsuitable(self.path(), problem));
             }
         }
         Ok(())

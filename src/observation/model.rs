@@ -2,14 +2,14 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3, Vector6};
+use nalgebra::{DVector, Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3, Vector6};
 
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
 use super::sweep::{Sweep, SweepPose, SweptForm};
 use crate::parameter::{ElasticArm, Leaning, ParameterKind, ParameterSet};
 use crate::robot::{
-    EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain,
+    EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain, made_up,
 };
 
 /// How far the arm's deflection is followed.
@@ -334,6 +334,14 @@ impl<'a> ObservationModel<'a> {
                 turned += state.rotation_column(joint) * crossed;
             }
         }
+        let compliance = &self.belief.compliance_rad_per_nm;
+        let made_up = if shown == SweptForm::Uncompensated && self.chain.has_passive() {
+            let springs = compliance.iter().zip(&self.torque);
+            let deflections: Vec<f64> = springs.map(|(k, torque)| k * torque).collect();
+            made_up(&self.chain, &state.jacobian(), &deflections)
+        } else {
+            None
+        };
         let pose = SweepPose {
             set: &self.set,
             belief: &self.belief,
@@ -348,6 +356,7 @@ impl<'a> ObservationModel<'a> {
             leanings: (self.off_springs.as_ref())
                 .map(|leanings| [leanings.here.as_slice(), &leanings.unloaded]),
             shown,
+            made_up: made_up.as_ref().map(DVector::as_slice),
         };
         self.sweep.derivatives(&pose, derivatives);
         if has_rigid_motion {
@@ -395,6 +404,7 @@ impl<'a> ObservationModel<'a> {
             leanings: (self.off_springs.as_ref())
                 .map(|leanings| [leanings.here.as_slice(), &leanings.unloaded]),
             shown: SweptForm::Rest,
+            made_up: None,
         };
         self.sweep.derivatives(&pose, derivatives);
         Ok(Prediction {

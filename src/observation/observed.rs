@@ -7,7 +7,7 @@ use nalgebra::{DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
 use super::model::ObservationModel;
 use super::reading::{ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource};
-use crate::robot::{Approach, EquilibriumSolver, KinematicState, Load};
+use crate::robot::{Approach, EquilibriumSolver, KinematicState, Load, made_up};
 
 /// How far parameters are changed to see what compensation leaves, as a share of their typical size.
 const PARAMETER_SHIFT: f64 = 1e-3;
@@ -187,6 +187,10 @@ impl<'a> ObservedRows<'a> {
         };
         let (nominally, state) = compensated(&nominal, load, &standing);
         let state = state.braced(&self.arm.compliance_rad_per_nm);
+        // What makes up for passive joints is commanded, whatever the parameters.
+        let made_up = made_up(&self.arm.chain, &state.jacobian(), nominally.as_slice());
+        let made_up = made_up.unwrap_or_else(|| standing.clone());
+        let back = &nominally - &made_up;
         let seen = |angles: &DVector<f64>| -> Vector3<f64> {
             let joints = angles.iter().enumerate();
             joints
@@ -209,9 +213,13 @@ impl<'a> ObservedRows<'a> {
                     let at = |shift: f64| {
                         let mut values = nominal.clone();
                         values[index] += shift;
-                        compensated(&values, load, &nominally).0
+                        let (own, state) = compensated(&values, load, &back);
+                        let compliance = set.apply(self.arm, &values).compliance_rad_per_nm;
+                        let kept = state.braced(&compliance).jacobian() * &made_up;
+                        (own, kept.fixed_rows::<3>(0).into_owned())
                     };
-                    seen(&((at(shift) - at(-shift)) / (2.0 * shift)))
+                    let [(own, kept), (before, kept_before)] = [at(shift), at(-shift)];
+                    seen(&((own - before) / (2.0 * shift))) + (kept - kept_before) / (2.0 * shift)
                 }
             };
             matrix.set_column(index, &(left * *size));

@@ -24,7 +24,8 @@ pub const NOTHING_READ: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 1.0,
     rotation_sigma_rad: None,
     unloaded: Unloaded::Own,
-    is_along_direction: false,
+    along_sigma_m: None,
+    reads_all: true,
 };
 
 /// The readings of an arm at one of its tools, at nominal parameters: derivatives with respect to parameters in units
@@ -39,6 +40,8 @@ pub struct PlannedReadings<'a> {
     precision: DeflectionPrecision,
     /// Which rows it has.
     shown: ShownRows,
+    /// Whether it is along a direction.
+    is_along: bool,
     /// What disturbs readings besides the instrument's noise.
     sources: &'a [ReadingSource],
     /// How often an experiment is repeated.
@@ -116,11 +119,12 @@ impl<'a> PlannedReadings<'a> {
             state: KinematicState::new(arm.chain.len()),
             arm,
             precision,
-            shown: if precision.is_along_direction {
-                ShownRows::Along(Vector3::zeros())
-            } else {
+            shown: if precision.reads_all {
                 ShownRows::All
+            } else {
+                ShownRows::Along(Vector3::zeros())
             },
+            is_along: false,
             sources: &[],
             repeats: 1.0,
             parameters,
@@ -163,12 +167,18 @@ impl<'a> PlannedReadings<'a> {
         }
     }
 
-    /// Readings of one row are from now on those along a direction (unit vector, world frame); without one they tell nothing.
+    /// Readings are from now on those along a direction (unit vector, world frame), in units that give them the standard deviation of
+    /// the others; or without one, of all coordinates, where such are read.
     pub fn read_along(&mut self, direction: Option<&Vector3<f64>>) {
-        let shown = ShownRows::Along(direction.copied().unwrap_or_default());
-        if self.precision.is_along_direction && self.shown != shown {
+        let precision = &self.precision;
+        let shown = match direction.filter(|_| precision.along_sigma_m.is_some()) {
+            Some(direction) => ShownRows::Along(precision.along(direction)),
+            None if precision.reads_all => ShownRows::All,
+            None => ShownRows::Along(Vector3::zeros()),
+        };
+        if (self.shown, self.is_along) != (shown, direction.is_some()) {
             self.forget();
-            self.shown = shown;
+            (self.shown, self.is_along) = (shown, direction.is_some());
         }
     }
 
@@ -251,6 +261,9 @@ impl<'a> PlannedReadings<'a> {
         load: &Load,
         tell: &mut impl FnMut(Vector6<f64>),
     ) {
+        if !source.is_of_reading(self.is_along) {
+            return;
+        }
         let mut tell = |effect| tell(self.shown.of_effect(effect));
         if let ReadingSource::TransmissionError(error) = source
             && let PlannedRows::Any(model, _) = &self.rows
@@ -473,7 +486,11 @@ impl<'a> PlannedReadings<'a> {
             self.observe(load, &mut Matrix3xX::zeros(factor.ncols()));
         }
         let (unloaded, repeats) = (self.unloaded(), self.repeats);
-        let times = |source: &ReadingSource| counted_times(source.shared_part(unloaded), repeats);
+        let is_along = self.is_along;
+        let times = |source: &ReadingSource| {
+            let is_counted = f64::from(u8::from(source.is_of_reading(is_along)));
+            is_counted * counted_times(source.shared_part(unloaded), repeats)
+        };
         let PlannedRows::Any(_, Some(closed)) = &mut self.rows else {
             return None;
         };

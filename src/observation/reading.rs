@@ -72,8 +72,10 @@ pub struct DeflectionPrecision {
     pub rotation_sigma_rad: Option<f64>,
     /// Which reading without the load deflections rest on.
     pub unloaded: Unloaded,
-    /// Whether a reading has one row alone: the displacement along a direction.
-    pub is_along_direction: bool,
+    /// The standard deviation of a displacement along a direction (m), where readings may have that row alone.
+    pub along_sigma_m: Option<f64>,
+    /// Whether readings without a direction show all coordinates; else they tell nothing.
+    pub reads_all: bool,
 }
 
 impl DeflectionPrecision {
@@ -88,6 +90,11 @@ impl DeflectionPrecision {
     /// The number of a reading's rows: 3, or 6 where rotations are read.
     pub const fn rows(&self) -> usize {
         self.kind().rows()
+    }
+
+    /// What is read along a direction (unit vector), in units that give it the standard deviation of a coordinate.
+    pub fn along(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+        direction * (self.sigma_m / self.along_sigma_m.unwrap_or(self.sigma_m))
     }
 
     /// The covariance of a reading by the instrument alone (m^2, rad^2); rows that there are not are zero.

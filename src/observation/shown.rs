@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Matrix3xX, Matrix6, Matrix6xX, RowVector3, Vector3, Vect
 pub(super) enum ShownRows {
     /// As they are.
     All,
-    /// One along a direction (unit vector, world frame), of zeros where there is none; the others are zero.
+    /// One along a direction (world frame), times its length, of zeros where there is none; the others are zero.
     Along(Vector3<f64>),
 }
 

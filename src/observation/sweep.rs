@@ -82,6 +82,8 @@ pub(super) struct SweepPose<'a> {
     /// How the joints stand off their springs, and how they stood without the load; where some do.
     pub leanings: Option<[&'a [Leaning]; 2]>,
     pub shown: SweptForm,
+    /// How passive joints' deflections are made up for by commands (rad, m), where what is compensated has such.
+    pub made_up: Option<&'a [f64]>,
 }
 
 /// What of a target is shown.
@@ -109,6 +111,11 @@ impl SweepPose<'_> {
 
     fn is_uncompensated(&self) -> bool {
         self.shown == SweptForm::Uncompensated
+    }
+
+    /// By how much a joint is made to stand elsewhere to make up for passive joints, or does so itself.
+    fn made_up(&self, joint: usize) -> f64 {
+        self.made_up.map_or(0.0, |all| all[joint])
     }
 }
 
@@ -307,7 +314,8 @@ impl Sweep {
         let here = wave.at(pose.asked_rad[joint]);
         let mut column = self.of_zero(pose, joint) * here;
         if pose.is_uncompensated() {
-            let back = pose.belief.compliance_rad_per_nm[joint] * pose.torque[joint];
+            let back =
+                pose.belief.compliance_rad_per_nm[joint] * pose.torque[joint] - pose.made_up(joint);
             let there = wave.at(pose.asked_rad[joint] - back);
             column += jacobian_column(pose.state, joint) * (there - here);
         }
@@ -341,12 +349,19 @@ impl Sweep {
     fn sum(&mut self, pose: &SweepPose<'_>) {
         let (state, joints) = (pose.state, pose.torque.len());
         let compliance = &pose.belief.compliance_rad_per_nm;
+        // How a joint stands off where it would: of what is compensated that which makes up for passive joints remains.
+        let off = |joint: usize| {
+            if pose.is_uncompensated() {
+                pose.made_up(joint)
+            } else {
+                compliance[joint] * pose.torque[joint] + Self::crossed(pose, joint)
+            }
+        };
         for (joint, &compliance) in compliance.iter().enumerate() {
             let moved = self.columns[joint] * compliance;
             self.inner[joint + 1] = self.inner[joint] + moved * state.turning[joint].transpose();
-            self.bent_before[joint + 1] = self.bent_before[joint]
-                + state.rotation_column(joint)
-                    * (compliance * pose.torque[joint] + Self::crossed(pose, joint));
+            self.bent_before[joint + 1] =
+                self.bent_before[joint] + state.rotation_column(joint) * off(joint);
         }
         for joint in (0..joints).rev() {
             let moved = self.columns[joint] * compliance[joint];
@@ -354,9 +369,8 @@ impl Sweep {
                 + state.rotation_column(joint).cross(&pose.load.torque_nm)
                 + state.weight_moment(joint, pose.gravity_m_s2);
             self.outer[joint] = self.outer[joint + 1] + moved * turned.transpose();
-            self.bent_from[joint] = self.bent_from[joint + 1]
-                + state.position_column(joint)
-                    * (compliance[joint] * pose.torque[joint] + Self::crossed(pose, joint));
+            self.bent_from[joint] =
+                self.bent_from[joint + 1] + state.position_column(joint) * off(joint);
         }
     }
 
@@ -476,7 +490,7 @@ impl Sweep {
         } else {
             (Vector3::zeros(), Vector3::zeros())
         };
-        if matches!(pose.shown, SweptForm::Pose | SweptForm::Deflection) {
+        if matches!(pose.shown, SweptForm::Pose | SweptForm::Deflection) || pose.made_up.is_some() {
             let before = self.bent_before[m];
             position += omega.cross(&self.bent_from[m]) + before.cross(moved);
             // The orientation is exp(phi) R, phi = sum z_j delta_j: its angular velocity is

@@ -104,6 +104,8 @@ pub struct JointFunction {
     pub deviation_rad: f64,
     /// The correlation length l (rad).
     pub correlation_rad: f64,
+    /// How well the joint returns: the standard deviation of what is new at each visit (rad).
+    pub repeatability_rad: f64,
 }
 
 impl TransmissionError {
@@ -116,6 +118,7 @@ impl TransmissionError {
                 joint,
                 deviation_rad,
                 correlation_rad: self.correlation_rad?,
+                repeatability_rad: 0.0,
             })
         })
     }
@@ -208,6 +211,15 @@ impl ReadingSource {
             | Self::LoadPoint(_)
             | Self::GaugeDirection(_) => SourceLevel::Visit,
             Self::Range(_) => SourceLevel::Reading,
+        }
+    }
+
+    /// Whether it is of readings along a direction, or of those of all coordinates.
+    pub const fn is_of_reading(&self, is_along: bool) -> bool {
+        match self {
+            Self::GaugeDirection(_) => is_along,
+            Self::Range(_) => !is_along,
+            _ => true,
         }
     }
 

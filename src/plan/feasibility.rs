@@ -238,12 +238,12 @@ impl<'a> Feasibility<'a> {
         let (belief, allowed) = (&self.task.belief, &self.task.directions);
         let gauge = belief.instrument.gauge?;
         let is_it = |each: &Option<Vector3<f64>>| is_one_direction(each.as_ref(), direction);
-        let Some(direction) = direction.filter(|_| allowed.iter().any(is_it)) else {
+        if !allowed.iter().any(is_it) {
             let [found, allowed] = [&[direction.copied()], &allowed[..]].map(directions_in_words);
             let words = format!("direction is {found}; allowed {allowed}");
             return Some(Violation::in_words(DIRECTION, words));
-        };
-        let range_m = gauge.range_m?;
+        }
+        let (direction, range_m) = (direction?, gauge.range_m?);
         let mut arm = belief.nominal.chain.at(&belief.calibration_tool);
         let mut place = |load: &Load| {
             let compliance = &belief.nominal.compliance_rad_per_nm;

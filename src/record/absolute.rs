@@ -116,6 +116,9 @@ pub struct JointErrorMessage {
     pub joint: String,
     /// The standard deviation of its error (rad; m where it slides).
     pub deviation: f64,
+    /// The standard deviation of how it returns at each visit (rad; m).
+    #[serde(default)]
+    pub repeatability: f64,
     /// The length of the joint's way over which the error forgets (rad; m).
     pub length: f64,
     /// Angles in ascending order (rad; m).
@@ -249,6 +252,7 @@ fn discrepancy_model(
             .map(|each| JointErrorMessage {
                 joint: joints[each.joint].name.clone(),
                 deviation: each.deviation,
+                repeatability: each.repeatability,
                 length: each.process.length,
                 knots: each.process.knots.clone(),
                 values: each.values.clone(),

@@ -60,6 +60,23 @@ pub fn uncertainty_tables(
             ..ComponentMessage::default()
         })
         .collect();
+    let repeated: Vec<usize> = (repeats.iter().flat_map(|repeats| &repeats.components))
+        .filter(|each| each.level == "visit")
+        .flat_map(|each| each.joints.iter().copied())
+        .collect();
+    for each in found.iter().flat_map(|found| &found.functions) {
+        // Repeats say it better.
+        let std = each.repeatability_rad * 1e3 * OF_A_DIFFERENCE;
+        if std > LEAST && !repeated.contains(&each.joint) {
+            uncertainty.push(ComponentMessage {
+                kind: "joint_repeatability",
+                name: format!("{} repeatability", name(each.joint)),
+                joints: Some(vec![name(each.joint)]),
+                std_mrad: Some(rounded(std)),
+                ..ComponentMessage::default()
+            });
+        }
+    }
     let remainder_mm = found.map_or(0.0, |found| found.rest[0] * 1e3);
     if remainder_mm > LEAST {
         uncertainty.push(ComponentMessage {

@@ -90,6 +90,11 @@ impl SerialChain {
             .map(|(index, _)| index)
     }
 
+    /// Whether some joint is not commanded.
+    pub fn has_passive(&self) -> bool {
+        self.commanded().count() < self.len()
+    }
+
     /// Whether all joints are hinges that are commanded, and nothing else is elastic: the arm of the paper.
     pub fn is_plain(&self) -> bool {
         self.elements.is_empty()

@@ -11,8 +11,20 @@ use crate::quantities::units::{degrees, thousandths};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Commands {
     drives: Vec<Drive>,
-    /// Whether an experiment says besides along which direction a gauge reads.
-    pub reads_along: bool,
+    /// Which experiments say besides along which direction a gauge reads.
+    pub reads_along: ReadsAlong,
+}
+
+/// Which readings are along a direction, those of a gauge.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum ReadsAlong {
+    /// None: all coordinates are read.
+    #[default]
+    Never,
+    /// Those that say a direction.
+    Sometimes,
+    /// All.
+    Always,
 }
 
 impl From<usize> for Commands {
@@ -52,12 +64,12 @@ impl Commands {
     const fn of(drives: Vec<Drive>) -> Self {
         Self {
             drives,
-            reads_along: false,
+            reads_along: ReadsAlong::Never,
         }
     }
 
-    /// The same where experiments say along which direction a gauge reads, or not.
-    pub const fn reading_along(mut self, reads_along: bool) -> Self {
+    /// The same where these experiments say along which direction a gauge reads.
+    pub const fn reading_along(mut self, reads_along: ReadsAlong) -> Self {
         self.reads_along = reads_along;
         self
     }

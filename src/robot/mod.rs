@@ -16,12 +16,13 @@ mod elements;
 mod equilibrium;
 mod kinematic_state;
 mod mjcf;
+mod passive;
 mod springs;
 mod true_robot;
 
 pub use approach::Approach;
 pub use chain::{Drive, Joint, SerialChain, Tool};
-pub use commands::Commands;
+pub use commands::{Commands, ReadsAlong};
 pub use elastic::Robot;
 pub use elastostatics::ObservationMatrix;
 pub use elements::{Elements, JointSpring, Offset, Place, Spring};
@@ -29,5 +30,6 @@ pub use equilibrium::{
     CONVERGED_RAD, Equilibrium, EquilibriumError, EquilibriumSolver, MAXIMUM_ITERATIONS,
 };
 pub use kinematic_state::{KinematicState, Kinematics, Load, rotation_vector};
+pub use passive::{commands_for, made_up};
 pub use springs::Motion;
 pub use true_robot::{KnownJoint, TrueRobot};

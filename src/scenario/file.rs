@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::gate::Gate;
 use crate::parameter::{ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
-use crate::robot::{Commands, SerialChain};
+use crate::robot::{Commands, ReadsAlong, SerialChain};
 use crate::study::Level;
 use crate::task::{AccuracyKind, Method};
 
@@ -109,9 +109,13 @@ pub(super) struct TrueRobotTable {
 }
 
 impl File {
-    /// Whether a gauge reads displacements along a direction.
-    fn reads_along(&self) -> bool {
-        self.instrument.reads == InstrumentReads::Displacement
+    /// Which experiments a gauge reads along a direction.
+    const fn reads_along(&self) -> ReadsAlong {
+        match (self.instrument.reads, &self.instrument.gauge) {
+            (InstrumentReads::Displacement, _) => ReadsAlong::Always,
+            (_, Some(_)) => ReadsAlong::Sometimes,
+            _ => ReadsAlong::Never,
+        }
     }
 
     /// How an arm is commanded, and whether experiments say a direction.
@@ -121,7 +125,7 @@ impl File {
 
     /// How many configurations are visited between the two readings of a deflection: none where the load is hung in place.
     pub fn visited_between(&self) -> u32 {
-        if self.reads_along() {
+        if self.reads_along() == ReadsAlong::Always {
             0
         } else {
             self.design.experiments
@@ -213,6 +217,17 @@ pub(super) struct InstrumentTable {
     pub tracker_site: Option<String>,
     #[serde(default)]
     pub unloaded: Unloaded,
+    /// A gauge beside a tracker, which reads some of the experiments.
+    pub gauge: Option<GaugeTable>,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GaugeTable {
+    pub sigma_mm: f64,
+    pub directions: Vec<Vec<f64>>,
+    pub range_mm: Option<f64>,
+    pub resolution_mm: Option<f64>,
 }
 
 #[derive(Debug, Default, Deserialize, schemars::JsonSchema)]

@@ -40,6 +40,20 @@ pub const CHOICES: [Criterion; 6] = [
 /// The name of the choice for absolute accuracy that is planned with joint error functions.
 pub const WITH_FUNCTIONS: &str = "test_pose_with_joint_errors";
 
+/// What a way to choose is called, by its criterion.
+pub fn choice_name(criterion: &str) -> &str {
+    match criterion {
+        "test_pose" => "absolute accuracy",
+        "d" => "D, O1",
+        "o2" => "O2",
+        "o3" => "O3, E",
+        "o4" => "O4",
+        "o5" => "O5",
+        WITH_FUNCTIONS => "absolute accuracy, joint errors",
+        other => other,
+    }
+}
+
 /// What is compared.
 #[derive(Debug, Clone)]
 pub struct SelectionWanted {

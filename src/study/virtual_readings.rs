@@ -269,13 +269,15 @@ pub fn virtual_readings(
     task: &Task,
     truth: &Truth,
     planning: &AbsolutePlanning<'_>,
-    [seed, run]: [u64; 2],
+    [seed, run, campaign]: [u64; 3],
 ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
     let whole = planning.whole();
     let plan = ReadPlan::new(planning, &whole);
-    let mut robots = TrueRobots::of_readings(&task.belief, truth, plan.targets())?;
+    let robots = TrueRobots::of_readings(&task.belief, truth, plan.targets())?;
+    let mut robots = robots.in_campaign(campaign);
     robots.become_run_of(truth, plan.len(), seed, run)?;
-    plan.readings(task, &mut robots, [seed, run])
+    let numbers = [seed, robots.readings_of(run)];
+    plan.readings(task, &mut robots, numbers)
 }
 
 /// A position (m), and a quaternion that is not of unit length.

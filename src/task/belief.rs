@@ -8,7 +8,7 @@ use crate::observation::{BareArm, DeflectionPrecision};
 use crate::parameter::{
     ElasticArm, ErrorDistribution, ParameterError, ParameterSet, Prior, Unloaded,
 };
-use crate::robot::{Commands, Robot, Tool};
+use crate::robot::{Commands, ReadsAlong, Robot, Tool};
 
 /// How deflections are measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +23,7 @@ pub struct Instrument {
     pub unloaded: Unloaded,
     /// From which distribution its standard deviation was evaluated.
     pub distribution: ErrorDistribution,
-    /// What a gauge shows, where displacements along a direction are read in place of all three coordinates.
+    /// What a gauge shows, where displacements along a direction are read, in place of all three coordinates or in some experiments.
     pub gauge: Option<Gauge>,
     /// What a ballbar or a wire encoder shows, where the distances of targets from stations are read in place of positions.
     pub distance: Option<Gauge>,
@@ -31,28 +31,55 @@ pub struct Instrument {
 
 impl Instrument {
     /// How precisely it reads.
-    pub const fn precision(&self) -> DeflectionPrecision {
+    pub fn precision(&self) -> DeflectionPrecision {
         DeflectionPrecision {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: self.rotation_sigma_rad,
             unloaded: self.unloaded,
-            is_along_direction: self.gauge.is_some(),
+            along_sigma_m: self.gauge.map(|_| self.along_sigma_m()),
+            reads_all: self.reads_along() != ReadsAlong::Always,
         }
+    }
+
+    /// Which readings are displacements along a direction.
+    pub const fn reads_along(&self) -> ReadsAlong {
+        match &self.gauge {
+            None => ReadsAlong::Never,
+            Some(gauge) if gauge.beside_m.is_some() => ReadsAlong::Sometimes,
+            Some(_) => ReadsAlong::Always,
+        }
+    }
+
+    /// The standard deviation of a displacement along a direction (m).
+    fn along_sigma_m(&self) -> f64 {
+        (self.gauge.and_then(|gauge| gauge.beside_m)).unwrap_or(self.sigma_m)
     }
 
     /// The variance of rounding (m^2) in a deflection, which is made of two distances.
     pub fn rounding_m2(&self) -> f64 {
+        let gauge = self.gauge.filter(|gauge| gauge.beside_m.is_none());
         let [once, twice] =
-            [self.gauge, self.distance].map(|gauge| gauge.map_or(0.0, |gauge| gauge.rounding_m2()));
+            [gauge, self.distance].map(|gauge| gauge.map_or(0.0, |gauge| gauge.rounding_m2()));
         once + 2.0 * twice
     }
 
     /// The standard deviation (m) of its noise before it rounds.
     pub fn noise_m(&self) -> f64 {
-        match self.rounding_m2() {
-            0.0 => self.sigma_m,
-            rounding_m2 => (self.sigma_m.powi(2) - rounding_m2).max(0.0).sqrt(),
-        }
+        before_rounding(self.sigma_m, self.rounding_m2())
+    }
+
+    /// The same of a displacement along a direction.
+    pub fn along_noise_m(&self) -> f64 {
+        let rounding_m2 = self.gauge.map_or(0.0, |gauge| gauge.rounding_m2());
+        before_rounding(self.along_sigma_m(), rounding_m2)
+    }
+}
+
+fn before_rounding(sigma_m: f64, rounding_m2: f64) -> f64 {
+    if rounding_m2 > 0.0 {
+        (sigma_m.powi(2) - rounding_m2).max(0.0).sqrt()
+    } else {
+        sigma_m
     }
 }
 
@@ -113,7 +140,7 @@ pub struct Belief {
 impl Belief {
     /// How the robot is commanded: what plans and measurements have columns for.
     pub fn commands(&self) -> Commands {
-        Commands::from(&self.nominal.chain).reading_along(self.instrument.gauge.is_some())
+        Commands::from(&self.nominal.chain).reading_along(self.instrument.reads_along())
     }
 
     /// The number of joints, passive ones counted.

@@ -260,7 +260,7 @@ impl Extended {
         names.zip(&self.sources)
     }
 
-    /// The joints' errors as functions of their own angles, in the joints' order.
+    /// The joints' errors as functions of their own angles, in the joints' order, with how well they return.
     pub fn joint_functions(&self) -> Vec<JointFunction> {
         let of_one = |source: &ReadingSource| match source {
             ReadingSource::TransmissionError(error) => error.functions().collect(),
@@ -268,6 +268,15 @@ impl Extended {
         };
         let mut functions: Vec<JointFunction> = self.sources.iter().flat_map(of_one).collect();
         functions.sort_by_key(|each| each.joint);
+        for function in &mut functions {
+            let squares = self.sources.iter().filter_map(|source| match source {
+                ReadingSource::JointRepeatability(deviations) => deviations.get(function.joint),
+                _ => None,
+            });
+            // Of a difference of two visits.
+            let square: f64 = squares.map(|each| 0.5 * each * each).sum();
+            function.repeatability_rad = square.sqrt();
+        }
         functions
     }
 

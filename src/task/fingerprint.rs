@@ -51,8 +51,9 @@ impl Belief {
         if self.instrument.unloaded == Unloaded::Shared {
             belief.text("deflections of one configuration rest on one unloaded reading");
         }
-        if self.instrument.gauge.is_some() {
+        if let Some(gauge) = &self.instrument.gauge {
             belief.text("displacements along a direction are read");
+            belief.numbers(gauge.beside_m);
         }
         if self.instrument.distance.is_some() {
             belief.text("distances from stations are read");

@@ -5,6 +5,9 @@ use nalgebra::Vector3;
 /// What an instrument for one length shows: a dial gauge, which is set to zero without the load, a ballbar, a wire encoder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gauge {
+    /// The standard deviation of what it shows (m), rounded, where it stands beside an instrument that reads all coordinates; that of
+    /// the instrument where it is the instrument.
+    pub beside_m: Option<f64>,
     /// The largest displacement that it shows (m), to either side; any where there is no bound. Distances have that of their station.
     pub range_m: Option<f64>,
     /// The step of what it shows (m); nothing where that is far finer than its noise.

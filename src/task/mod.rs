@@ -118,7 +118,7 @@ pub struct Task {
 }
 
 impl Task {
-    /// Whether a gauge reads displacements along a direction.
+    /// Whether a gauge reads displacements along a direction, in all experiments or in some.
     pub const fn reads_along(&self) -> bool {
         self.belief.instrument.gauge.is_some()
     }

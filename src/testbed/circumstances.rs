@@ -339,12 +339,20 @@ impl Circumstances {
     /// What the instrument shows of a displacement, without its own noise: of position (m) and rotation (rad).
     fn read(&self, visit: &Visit<'_>, displacement: &Displacement) -> (Vector3<f64>, Vector3<f64>) {
         let mut moved = displacement.position_m + visit.noise.discrepancy_m;
-        for (range, normals) in &visit.noise.by_distance {
-            moved += range.drawn(normals, &(displacement.at_m - range.from_m));
+        let is_along = visit.experiment.direction.is_some();
+        if !is_along {
+            for (range, normals) in &visit.noise.by_distance {
+                moved += range.drawn(normals, &(displacement.at_m - range.from_m));
+            }
         }
         let base: &Isometry3<f64> = &self.here.instrument_from_base[0];
         // A gauge that is turned shows what one that is not shows of what is turned back.
-        let turned_back = Rotation3::new(-visit.noise.turned_rad);
+        let turned_rad = if is_along {
+            visit.noise.turned_rad
+        } else {
+            Vector3::zeros()
+        };
+        let turned_back = Rotation3::new(-turned_rad);
         (
             turned_back * (base.rotation * moved + self.here.drift_m),
             base.rotation * displacement.rotation_rad,

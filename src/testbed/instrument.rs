@@ -74,11 +74,12 @@ pub(super) fn measurement(
 ) -> Measurement {
     let sigma = instrument.rotation_sigma_rad;
     let direction = experiment.direction;
+    let beside_m = instrument.gauge.and_then(|gauge| gauge.beside_m);
     Measurement {
         configuration_rad: experiment.configuration_rad.clone(),
         load: experiment.load,
         deflection_m: direction.map_or(deflection_m, |d| d * d.dot(&deflection_m)),
-        sigma_m: None,
+        sigma_m: direction.and(beside_m).map(Vector3::repeat),
         rotation: sigma.map(|sigma| RotationMeasurement {
             vector_rad,
             sigma_rad: Vector3::repeat(sigma),
@@ -146,9 +147,11 @@ pub fn add_noise(
         }
     };
     for (index, each) in measurements.iter_mut().enumerate() {
-        each.deflection_m += noise(index, 0) * instrument.noise_m();
         if let (Some(gauge), Some(direction)) = (&instrument.gauge, &each.direction) {
+            each.deflection_m += noise(index, 0) * instrument.along_noise_m();
             each.deflection_m = gauge.shown(&each.deflection_m, direction);
+        } else {
+            each.deflection_m += noise(index, 0) * instrument.noise_m();
         }
         if let Some(rotation) = &mut each.rotation {
             rotation.vector_rad += noise(index, count).component_mul(&rotation.sigma_rad);

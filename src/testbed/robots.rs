@@ -16,6 +16,8 @@ use crate::robot::{EquilibriumError, Load, TrueRobot};
 use crate::task::{Belief, Instrument, TestPose};
 
 /// How often what depends on where the loaded tool rests is found anew: it moves by millimetres and turns by milliradians, and each
+/// No study has more than two to the power of so many runs.
+const RUNS_BITS: u32 = 40;
 /// time leaves a thousandth of what is left.
 const TURNS: usize = 3;
 /// The place of the body that carries the calibration tool, at which loads act,
@@ -44,6 +46,8 @@ pub struct TrueRobots {
     normals: Vec<[f64; LANES]>,
     /// Whether the last run's differed from the model.
     is_changed: bool,
+    /// Which campaign's readings are sampled.
+    campaign: u64,
 }
 
 impl TrueRobots {
@@ -90,7 +94,20 @@ impl TrueRobots {
             laboratory: laboratory.resting_on(unloaded),
             normals: Vec::new(),
             is_changed: false,
+            campaign: 0,
         })
+    }
+
+    /// The same robots in another campaign, numbered from 0: what is new in readings and visits is sampled anew.
+    #[must_use]
+    pub fn in_campaign(mut self, campaign: u64) -> Self {
+        self.campaign = campaign;
+        self
+    }
+
+    /// The number by which a run's readings are sampled: beyond all runs in later campaigns.
+    pub const fn readings_of(&self, run: u64) -> u64 {
+        run.wrapping_add(self.campaign << RUNS_BITS)
     }
 
     /// How many normal numbers a run takes besides the instrument's noise.
@@ -150,7 +167,11 @@ impl TrueRobots {
         run: u64,
     ) -> Result<Vec<[f64; LANES]>, FileError> {
         let mut normals = vec![[0.0; LANES]; self.numbers(readings)];
-        fill_normals(Stream::Circumstances, seed, run, &mut normals);
+        let readings_of = self.readings_of(run);
+        fill_normals(Stream::Circumstances, seed, readings_of, &mut normals);
+        // What the robot keeps is the run's.
+        let kept = self.numbers(0);
+        fill_normals(Stream::Circumstances, seed, run, &mut normals[..kept]);
         self.become_run(&compliances_of_run(truth, seed, run), &normals, 0)?;
         self.normals.clone_from(&normals);
         Ok(normals)

@@ -7,9 +7,9 @@ use nalgebra::DVector;
 use super::markup::{escaped, page, paragraph, section, table_of};
 use super::stills::{Pictures, Stills};
 use crate::experiment::{Plan, in_words};
-use crate::laboratory::{Campaign, Stop, hung_kg, set_gauge, set_up, take_off};
+use crate::laboratory::{Campaign, Stop, hang_or_apply, hung_kg, set_gauge, set_up, take_off};
 use crate::record::messages::ProvenanceMessage;
-use crate::robot::{Commands, Load};
+use crate::robot::{Commands, Load, ReadsAlong};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Task, station_named};
 use crate::text::wording::{counted, number, significant};
@@ -87,8 +87,11 @@ fn places(campaign: &Campaign) -> Vec<Vec<usize>> {
 fn columns(task: &Task) -> &'static [&'static str] {
     let instrument = &task.belief.instrument;
     let is_absolute = task.design.accuracy == AccuracyKind::Absolute;
-    if task.reads_along() {
+    let reads_along = instrument.reads_along();
+    if reads_along == ReadsAlong::Always {
         &["displacement [mm]"]
+    } else if reads_along == ReadsAlong::Sometimes {
+        &["x [mm]", "y [mm]", "z [mm]", "displacement [mm]"]
     } else if instrument.distance.is_some() {
         &["distance [mm]"]
     } else if is_absolute && instrument.rotation_sigma_rad.is_some() {
@@ -120,22 +123,29 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
             counted(campaign.stops.len() as u64, "move"),
         )
     };
+    let of_gauge = "For each measurement in turn, without moving the robot in between: set the gauge against the tool along the \
+         direction that is given (world frame) and to zero, hang the load, and write down what the gauge shows, positive \
+         along its direction (mm). Then take the load off and the gauge away, and let the program go on.";
+    let of_positions = "Without a load first, then under each load in turn: what is identified from is the difference of the \
+         two positions at the same commanded angles. Every configuration is approached from the same side both \
+         times. The robot halts at each stop: wait until it has come to rest, read the instrument, write \
+         the position of the reflector down (world frame, mm), tick the stop, and let the program go on.";
     let how = if is_absolute {
         "The robot halts at each stop: wait until it has come to rest, read each target of the stop, write down what the \
          instrument shows in a frame of its own, tick the stop, and let the program go on. A configuration that comes again is \
          another visit of the robot, always from the same side. The instrument stays where it is until the sheet asks for \
          another station."
-    } else if scenario.task.reads_along() {
-        "For each measurement in turn, without moving the robot in between: set the gauge against the tool along the \
-         direction that is given (world frame) and to zero, hang the load, and write down what the gauge shows, positive \
-         along its direction (mm). Then take the load off and the gauge away, and let the program go on."
+            .to_owned()
     } else {
-        "Without a load first, then under each load in turn: what is identified from is the difference of the \
-         two positions at the same commanded angles. Every configuration is approached from the same side both \
-         times. The robot halts at each stop: wait until it has come to rest, read the instrument, write \
-         the position of the reflector down (world frame, mm), tick the stop, and let the program go on."
+        match scenario.task.belief.instrument.reads_along() {
+            ReadsAlong::Always => of_gauge.to_owned(),
+            ReadsAlong::Sometimes => {
+                format!("{of_positions} At the end, with the gauge: {of_gauge}")
+            }
+            ReadsAlong::Never => of_positions.to_owned(),
+        }
     };
-    let mut text = paragraph(&what) + &paragraph(how);
+    let mut text = paragraph(&what) + &paragraph(&how);
     if !scenario.description.is_empty() {
         text = format!("<p class=\"lead\">{}</p>\n", escaped(&scenario.description)) + &text;
     }
@@ -158,15 +168,24 @@ fn before(scenario: &Scenario, campaign: &Campaign) -> String {
                  joint move there."
             .to_owned(),
     };
-    let todo = [
-        "The robot and the instrument are warm: all axes were moved until readings no longer drift. From, to:".to_owned(),
-        if scenario.task.design.accuracy == AccuracyKind::Absolute {
-            "What is read from stands firm: its place is found with the rest, as long as it does not move.".to_owned()
-        } else if scenario.task.reads_along() {
-            "The gauge's stand does not stand on what the load bends; its tip meets a flat face across its direction.".to_owned()
-        } else {
-            "The instrument is aligned to the robot's base (world frame). Residual of the alignment [mm]:".to_owned()
-        },
+    let instruments: &[&str] = if scenario.task.design.accuracy == AccuracyKind::Absolute {
+        &[
+            "What is read from stands firm: its place is found with the rest, as long as it does not move.",
+        ]
+    } else {
+        let both = &[
+            "The gauge's stand does not stand on what the load bends; its tip meets a flat face across its direction.",
+            "The instrument is aligned to the robot's base (world frame). Residual of the alignment [mm]:",
+        ];
+        match scenario.task.belief.instrument.reads_along() {
+            ReadsAlong::Always => &both[..1],
+            ReadsAlong::Sometimes => both,
+            ReadsAlong::Never => &both[1..],
+        }
+    };
+    let warm = "The robot and the instrument are warm: all axes were moved until readings no longer drift. From, to:";
+    let first = [warm].into_iter().chain(instruments.iter().copied());
+    let further = [
         format!(
             "Tool {} and base {} of the controller are right, with the load data of the tool alone; speed {} %.",
             laboratory.tool_number, laboratory.base_number, laboratory.speed_percent
@@ -174,7 +193,10 @@ fn before(scenario: &Scenario, campaign: &Campaign) -> String {
         "The controller's own compensation of deflections (KUKA: $ABS_ACCUR) is off.".to_owned(),
         home,
     ];
-    let lines = todo.map(|each| format!("<li>{}</li>\n", escaped(&each)));
+    let lines = first.map(str::to_owned).chain(further);
+    let lines: Vec<String> = lines
+        .map(|each| format!("<li>{}</li>\n", escaped(&each)))
+        .collect();
     format!("<ul class=\"todo\">\n{}</ul>\n", lines.concat())
 }
 
@@ -304,14 +326,16 @@ fn lowered(sentence: &str) -> String {
 fn hang(scenario: &Scenario, stop: usize, load: &Load, picture: &str) -> String {
     let belief = &scenario.task.belief;
     let tool = &belief.calibration_tool;
-    let mass = hung_kg(load, &belief.nominal.chain.gravity_m_s2);
+    let gravity = &belief.nominal.chain.gravity_m_s2;
+    let mass = hung_kg(load, gravity);
     let [x, y, z] = [0, 1, 2].map(|axis| tool.link_from_tool.translation.vector[axis] * 1e3);
     let link = (tool.joints.checked_sub(1))
         .and_then(|last| belief.nominal.chain.joints.get(last))
         .map_or_else(String::new, |joint| format!(" behind {}", joint.name));
     let mut text = format!(
-        "<p><strong>The robot halts before stop {stop}: hang the load {}{}.</strong></p>\n\
+        "<p><strong>The robot halts before stop {stop}: {} the load {}{}.</strong></p>\n\
          <p>It acts at {}: ({x:.1}, {y:.1}, {z:.1}) mm in the frame of the link{}. Its direction is that in the world frame.</p>\n",
+        hang_or_apply(load, gravity),
         escaped(&in_words(load)),
         mass.map_or_else(String::new, |mass| format!(", {} kg", significant(mass, 5))),
         escaped(&tool.name),

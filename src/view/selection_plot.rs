@@ -5,7 +5,7 @@ use std::ops::Range;
 use plotters::style::RGBColor;
 
 use super::charts::{COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot};
-use crate::study::selection::{Chosen, Selection};
+use crate::study::selection::{Chosen, Selection, choice_name};
 
 /// The random choices of a size stand so far to the left of it at most, the planned ones to the right.
 const RANDOM: f64 = 0.35;
@@ -48,13 +48,11 @@ pub fn selection_plot(title: &str, selection: &Selection<'_>) -> Result<String, 
             let mean = mean(chosen.as_ref().ok()?)?;
             Some((place + step * (number + 1) as f64, mean))
         });
-        let name = match *criterion {
-            "test_pose" => "absolute accuracy".to_owned(),
-            "test_pose_with_joint_errors" => "with joint errors".to_owned(),
-            other => other.to_uppercase(),
-        };
         let colour = *COLOURS.get(number).unwrap_or(&INK);
-        drawn.push((Series::new(&name, colour, Mark::Triangle), marks.collect()));
+        drawn.push((
+            Series::new(choice_name(criterion), colour, Mark::Triangle),
+            marks.collect(),
+        ));
     }
     let (series, points): (Vec<Series>, Vec<Vec<(f64, f64)>>) = drawn.into_iter().unzip();
     let size_names = selection.sizes.iter().map(|each| each.size.to_string());
@@ -64,7 +62,7 @@ pub fn selection_plot(title: &str, selection: &Selection<'_>) -> Result<String, 
     ];
     let names = [
         "readings that were chosen",
-        "mean distance at all others [mm]",
+        "mean distance at all others [mm], logarithmic",
     ];
     let (mut above, mut drawn) = (0, Vec::new());
     for points in points {

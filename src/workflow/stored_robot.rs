@@ -10,8 +10,8 @@ use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
 use crate::identification::{
-    Discrepancy, DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, covariance_of_any,
-    nominal_instead, shift_with,
+    Discrepancy, DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, SaidEstimate,
+    covariance_of_any, nominal_instead, shift_with,
 };
 use crate::measurement::Origin;
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
@@ -116,6 +116,7 @@ impl StoredRobot {
         }
         let stored: RobotFile =
             from_json(path, &text).map_err(|wrong: FileError| coded(wrong.hint(wanted)))?;
+        check_agreement(path, &stored.message).map_err(coded)?;
         let hash = stored.provenance.scenario_sha256;
         Ok(Some(Self {
             message: stored.message,
@@ -325,6 +326,24 @@ impl StoredRobot {
     }
 }
 
+/// Whether the unknowns and their covariance agree, as far as it is there.
+fn check_agreement(path: &Path, message: &AbsoluteMessage) -> Result<(), FileError> {
+    for (index, unknown) in message.unknowns.iter().enumerate() {
+        let Some(&variance) = message.covariance.get(index).and_then(|row| row.get(index)) else {
+            continue;
+        };
+        let key = |name: &str| format!("unknowns[{index}].{name}");
+        let said = SaidEstimate {
+            value: (&key("value"), unknown.value),
+            variance: (&format!("covariance[{index}][{index}]"), variance),
+            standard_error: (&key("standard_error"), unknown.standard_error.map(f64::abs)),
+            interval95: (&key("interval95"), unknown.interval95),
+        };
+        said.check(path)?;
+    }
+    Ok(())
+}
+
 /// A key of the file below some other, and what is wrong with it.
 type KeyProblem = (String, String);
 
@@ -354,9 +373,13 @@ fn joint_errors(
         if each.length <= 0.0 {
             return wrong("length", format!("found {}; a size is needed", each.length));
         }
-        if each.deviation < 0.0 {
-            let problem = format!("found {}; a size is needed", each.deviation);
-            return wrong("deviation", problem);
+        for (key, size) in [
+            ("deviation", each.deviation),
+            ("repeatability", each.repeatability),
+        ] {
+            if size < 0.0 {
+                return wrong(key, format!("found {size}; a size is needed"));
+            }
         }
         let [positions, rotations] = [&each.spread_of_positions, &each.spread_of_rotations];
         for (key, spread) in [
@@ -380,6 +403,7 @@ fn joint_errors(
                 length: each.length,
             },
             deviation: each.deviation,
+            repeatability: each.repeatability,
             values: each.values.clone(),
             spread: [positions.clone(), rotations.clone()],
         });

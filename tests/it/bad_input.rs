@@ -401,6 +401,15 @@ fn sigma_from_no_residuals() {
 }
 
 #[test]
+fn more_configurations_than_measurements() {
+    let workplace = Workplace::new();
+    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let plan = "plan good.toml --experiments 2 --configurations 3";
+    let says = ["good.toml: --configurations: found 3; at most 2"];
+    assert_none(&complaints(&workplace, plan, &says, None));
+}
+
+#[test]
 fn wrong_identifications() {
     let workplace = Workplace::new();
     workplace.write("good.toml", scenario_text("klimchik2012"));

@@ -367,6 +367,17 @@ fn what_absolute_targets_need_is_said() {
         }
     }
     let mut json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    for key in ["value", "standard_error", "interval95"] {
+        let mut altered = json.clone();
+        let number = &mut altered["unknowns"][0][key];
+        *number = match number.as_f64() {
+            Some(value) => serde_json::json!(value * 1.01),
+            None => serde_json::json!([0.0, number[1]]),
+        };
+        place.write("w.json", altered.to_string());
+        let outcome = place.run("export --identified w.json --model-out c.xml --quiet");
+        outcome.ends_with(1).says("the file was altered");
+    }
     json["covariance"].as_array_mut().expect("a list").pop();
     place.write("w.json", json.to_string());
     place

@@ -143,6 +143,7 @@ fn files_that_do_not_say_what_they_rest_on_are_read() {
     edit(&workplace, |json| {
         json["compliance_rad_per_nm"][1] = Value::Null;
         json["undetermined_directions"] = json!([[0, 1, 0, 0, 0]]);
+        json["rank"] = json!(4);
     });
     let outcome = compensate(&workplace, 3);
     assert!(
@@ -178,6 +179,8 @@ fn a_negative_compliance_is_not_compensated_with() {
             let share = number(&covariance[1][joint]) / number(&covariance[1][1]);
             let value = number(&json["compliance_rad_per_nm"][joint]) - share * off;
             json["compliance_rad_per_nm"][joint] = json!(value);
+            json["compliance_applied_rad_per_nm"][joint] = json!(value);
+            json["compliance_ci95_rad_per_nm"][joint] = Value::Null;
         }
     });
     let outcome = compensate(&workplace, 3);
@@ -203,10 +206,67 @@ fn a_negative_value_that_stands_in_is_said() {
         json["compliance_rad_per_nm"][4] = Value::Null;
         json["compliance_applied_rad_per_nm"][4] = json!(-1e-7);
         json["undetermined_directions"] = json!([[0, 0, 0, 0, 1]]);
+        json["rank"] = json!(4);
     });
     let outcome = compensate(&workplace, 3);
     let condition = "condition C0202: the compliance of joint_6 is negative";
     assert!(outcome.stderr.contains(condition), "{outcome:#?}");
+}
+
+/// One number that somebody altered contradicts another, and is refused by key.
+#[test]
+fn an_altered_number_is_an_error() {
+    for (pointer, factor, place) in [
+        (
+            "/compliance_rad_per_nm/0",
+            10.0,
+            "compliance_applied_rad_per_nm[0]",
+        ),
+        (
+            "/compliance_rad_per_nm/3",
+            -1.0,
+            "compliance_applied_rad_per_nm[3]",
+        ),
+        (
+            "/compliance_applied_rad_per_nm/1",
+            1.01,
+            "compliance_applied_rad_per_nm[1]",
+        ),
+        (
+            "/compliance_std_rad_per_nm/2",
+            1.01,
+            "compliance_std_rad_per_nm[2]",
+        ),
+        (
+            "/compliance_ci95_rad_per_nm/0/1",
+            1.01,
+            "compliance_ci95_rad_per_nm[0]",
+        ),
+        (
+            "/covariance_rad2_per_n2m2/4/4",
+            1.01,
+            "compliance_std_rad_per_nm[4]",
+        ),
+        ("/rank", 1.0, "rank"),
+    ] {
+        let workplace = identified();
+        edit(&workplace, |json| {
+            let number = json.pointer_mut(pointer).expect("a key");
+            *number = match number.as_u64() {
+                Some(_) => json!(4),
+                None => json!(number.as_f64().expect("a number") * factor),
+            };
+        });
+        let outcome = compensate(&workplace, 1);
+        assert!(
+            outcome.stderr.contains(&format!("i.json: {place}: found ")),
+            "{outcome:#?}"
+        );
+        assert!(
+            outcome.stderr.contains("the file was altered"),
+            "{outcome:#?}"
+        );
+    }
 }
 
 #[test]

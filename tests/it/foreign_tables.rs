@@ -267,6 +267,32 @@ fn what_is_wrong_is_said_with_its_key_or_its_line() {
     }
 }
 
+/// No column is two numbers, and deviations of angles whose axes coincide are none of a rotation.
+#[test]
+fn what_identify_would_refuse_is_refused() {
+    for (from, to, said) in [
+        (
+            "\"A2\"",
+            "\"A1\"",
+            "mapping.toml: joint[1].column: found \"A1\", which joint[0].column has, too",
+        ),
+        (
+            "\"X\", \"Y\"",
+            "\"X\", \"X\"",
+            "mapping.toml: position.columns[1]: found \"X\", which position.columns[0] has, too",
+        ),
+        (
+            "-15;25;-80",
+            "-15;90;-80",
+            "table.csv: line 3: rotation: the covariance is not positive definite",
+        ),
+    ] {
+        let place = workplace(&TABLE.replace(from, to), &MAPPING.replace(from, to));
+        run(&place).ends_with(1).says(said);
+        assert!(!place.path("m.csv").exists());
+    }
+}
+
 /// The mapping that the documentation tells.
 fn documented() -> String {
     let page = std::fs::read_to_string(project("docs/other_programs.md")).expect("it is there");

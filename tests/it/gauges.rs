@@ -31,7 +31,8 @@ fn a_displacement_is_one_row_of_a_deflection() {
     let extended = belief.uncertain.as_ref().expect("much is uncertain");
     let precision = belief.instrument.precision();
     let all_three = DeflectionPrecision {
-        is_along_direction: false,
+        along_sigma_m: None,
+        reads_all: true,
         ..precision
     };
     let mut along = extended.readings_of_all(precision);
@@ -43,6 +44,7 @@ fn a_displacement_is_one_row_of_a_deflection() {
         let q = each.configuration_rad.as_slice();
         along.read_along(Some(&direction));
         along.move_to(q);
+        whole.read_along(Some(&direction));
         whole.move_to(q);
         let mut jacobian = Matrix6xX::zeros(size);
         whole.derivatives(&each.load, &mut jacobian);
@@ -345,4 +347,138 @@ fn what_no_gauge_can_do_is_refused() {
         .ends_with(0);
     let refusal = "Nothing is proved: there is no proof where a gauge";
     assert!(proved.stdout.contains(refusal), "{proved:#?}");
+}
+
+/// The tracker of the laboratory reads some experiments, a gauge beside it others.
+fn beside(text: &str) -> String {
+    let (head, tail) = text.split_once("[instrument]").expect("an instrument");
+    let (_, tail) = tail.split_once("[[test_pose]]").expect("a test pose");
+    let range = "[[uncertainty]]\nkind = \"tracker_range\"\nstd_um_per_m = 6\n";
+    let (tail, plans) = tail.split_once("[[plan]]").expect("a plan");
+    format!(
+        "{head}[instrument]\nsigma_mm = 0.03\nsigma_of = \"deflection\"\ntracker_site = \"tracker\"\n[instrument.gauge]\n\
+         sigma_mm = 0.005\ndirections = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\nrange_mm = 10\nresolution_mm = 0.001\n\
+         [[test_pose]]{tail}{range}[[plan]]{plans}"
+    )
+}
+
+/// Six random experiments, of which both instruments read some.
+fn of_both(scenario: &Scenario) -> Plan {
+    let mut plan = six(scenario);
+    for (index, each) in plan.experiments.iter_mut().enumerate() {
+        each.direction = (index % 2 == 0).then_some(Vector3::z());
+    }
+    plan
+}
+
+/// Without any other error source both tell as much together as the gauge alone and the tracker alone of their own.
+#[test]
+fn a_gauge_and_a_tracker_tell_as_much_as_each() {
+    let text = beside(&scenario_text(GAUGE));
+    let (head, tail) = text.split_once("[instrument.gauge]").expect("a gauge");
+    let (_, rest) = tail.split_once("[[test_pose]]").expect("a test pose");
+    let (rest, _) = rest.split_once("[[plan]]").expect("a plan");
+    let named = "kind = \"load_direction\"\nname = \"more\"";
+    let of_tracker =
+        format!("{head}[[test_pose]]{rest}").replacen("kind = \"gauge_direction\"", named, 1);
+    let [mut both, mut gauge, mut tracker] = [loaded(&text), gauge(), loaded(&of_tracker)];
+    let plan = of_both(&both);
+    let information = |scenario: &mut Scenario, is_told: &dyn Fn(bool) -> bool| {
+        scenario.noise_only();
+        let mut plan = plan.clone();
+        plan.experiments
+            .retain(|each| is_told(each.direction.is_some()));
+        Problem::new(&scenario.task, Criterion::TestPose).information(&plan)
+    };
+    let all = information(&mut both, &|_| true);
+    let prior = information(&mut both, &|_| false);
+    let of_gauge = information(&mut gauge, &|along| along) - information(&mut gauge, &|_| false);
+    let of_tracker =
+        information(&mut tracker, &|along| !along) - information(&mut tracker, &|_| false);
+    let expected = prior + of_gauge + of_tracker;
+    assert!(
+        (&all - &expected).amax() < 1e-9 * expected.amax(),
+        "{all} {expected}"
+    );
+}
+
+/// With all error sources, each of its own instrument: what virtual robots leave is what is predicted, and intervals cover.
+#[test]
+fn mixed_campaigns_are_predicted() {
+    let text = beside(&scenario_text(GAUGE));
+    let scenario = loaded(&text);
+    let plan = of_both(&scenario);
+    let place = Workplace::new();
+    let (head, _) = text.split_once("[[plan]]").expect("a plan");
+    let head = head.replace("experiments = 9", "experiments = 6");
+    place.write(
+        "both.toml",
+        format!("{head}[study]\nlevel = \"robot\"\ntrials = 4000\n[[study.plan]]\nkind = \"file\"\nname = \"both\"\nfile = \"plan.csv\"\n"),
+    );
+    let commands = scenario.task.belief.commands();
+    elastocal::plan::write_plan(&place.path("plan.csv"), commands.clone(), &plan).expect("written");
+    assert_eq!(
+        read_plan(&place.path("plan.csv"), commands).expect("read"),
+        plan
+    );
+    let found = place.json("study both.toml")["plans"][0].clone();
+    let [rms, error, predicted, coverage] =
+        ["rms_mm", "rms_std_mm", "combined_rms_mm", "coverage95"].map(|key| number(&found[key]));
+    assert!(
+        (rms - predicted).abs() < 3.0 * error + 0.005 * predicted,
+        "{rms} {predicted}"
+    );
+    assert!(
+        (coverage - 0.95).abs() < 3.0 * (0.95 * 0.05 / 4000.0_f64).sqrt(),
+        "{coverage}"
+    );
+}
+
+/// One file of both, one fit; a row is of one instrument.
+#[test]
+fn mixed_files_are_read_as_they_are_written() {
+    let text = beside(&scenario_text(GAUGE));
+    let scenario = loaded(&text);
+    let place = Workplace::new();
+    let (head, _) = text.split_once("[[plan]]").expect("a plan");
+    place.write("both.toml", head);
+    let commands = scenario.task.belief.commands();
+    elastocal::plan::write_plan(&place.path("plan.csv"), commands, &of_both(&scenario))
+        .expect("written");
+    place.json("measure both.toml --plan plan.csv --measurements-out m.csv");
+    let read = read_measurements(&place.path("m.csv"), &scenario.task.belief).expect("read");
+    let sigmas: Vec<Option<f64>> = read
+        .iter()
+        .map(|each| each.sigma_m.map(|sigma| sigma.x))
+        .collect();
+    let gauge = Some(0.005e-3_f64.hypot(1e-6 / 12.0_f64.sqrt()));
+    for (place, sigma) in sigmas.iter().enumerate() {
+        let expected = gauge.filter(|_| place % 2 == 0);
+        assert!(
+            sigma.is_some() == expected.is_some()
+                && (sigma.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-12
+        );
+    }
+    let json = place.json("identify both.toml --measurements m.csv");
+    let residuals = json["residuals"].as_array().expect("a list");
+    let rows = |each: &Value| each["standardised"].as_array().map_or(0, Vec::len);
+    let mut rows: Vec<usize> = residuals.iter().map(rows).collect();
+    rows.sort_unstable();
+    assert_eq!(rows, [1, 1, 1, 3, 3, 3]);
+    let lab = place.json("lab both.toml --plan plan.csv");
+    assert_eq!(lab["stops"].as_array().map(Vec::len), Some(12));
+    let wrong = place.read("m.csv").replacen(",,,\n", ",1,2,3\n", 1);
+    place.write("wrong.csv", wrong);
+    let said = place
+        .run("identify both.toml --measurements wrong.csv")
+        .ends_with(1)
+        .stderr;
+    assert!(
+        said.contains("wrong.csv: line") && said.contains("is a gauge's"),
+        "{said}"
+    );
+    let turned = format!("{head}[[uncertainty]]\nkind = \"base_rotation\"\nstd_mrad = 1\n");
+    place.write("turned.toml", turned);
+    let said = place.run("check turned.toml").ends_with(1).stderr;
+    assert!(said.contains("with a frame"), "{said}");
 }

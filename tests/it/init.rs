@@ -204,11 +204,9 @@ fn the_tip_chooses_among_arms() {
     let outcome = place
         .run("init two.xml --scenario-out no.toml --tip nothing")
         .ends_with(1);
-    assert!(
-        outcome.stderr.contains("no site named \"nothing\""),
-        "{}",
-        outcome.stderr
-    );
+    outcome
+        .says("no site named \"nothing\"")
+        .says("nor a body of that name; bodies: ");
 }
 
 #[test]
@@ -456,7 +454,7 @@ fn numbers_that_no_robot_has_are_refused_by_name() {
         ),
         (
             scene("", "2 -2", "0", END, ""),
-            "joint \"j1\": range: found 114.59",
+            "arm.xml: joint \"j1\": range=\"2 -2\": the first number must be",
         ),
         (scene("", "nan 2", "0", END, ""), "range=\"nan 2\""),
     ] {

@@ -53,6 +53,7 @@
 //! - `plan_conditions`: what is said of a plan before its accuracy is relied on; repeats beside their bound.
 //! - `planned_readings`: what else is uncertain where rotations are measured, and on arms with springs.
 //! - `bad_starts`: absolute fits that begin far from the truth.
+//! - `small_arms`: arms of four joints where one term of a prediction decides; campaigns on one virtual robot.
 //! - `simulated`: files by the hundred: false alarms, patterns that are found, models that are chosen.
 //! - `backlash`: gaps of joints: sides of approach in files, belief and truth, and loads that turn joints over.
 //! - `gear_waves`: gear error as waves over the joint's own angle, in predictions and found in absolute readings.
@@ -212,6 +213,7 @@ mod schema;
 mod search;
 mod selection;
 mod simulated;
+mod small_arms;
 mod static_compliance;
 mod stations;
 mod stiffening;

@@ -54,6 +54,23 @@ fn planar() -> String {
     std::fs::read_to_string(project("models/planar_3r.xml")).expect("it can be read")
 }
 
+/// A payload weighs what the scenario says, or the model is refused.
+#[test]
+fn a_model_that_scales_payloads_is_refused() {
+    let workplace = Workplace::new();
+    let scenario = scenario_text("planar_3r");
+    let path = project("models/planar_3r.xml");
+    let scenario = scenario.replace(&*path.to_string_lossy(), "arm.xml");
+    let payload = "\n[[robot.payload]]\non = \"tool\"\nmass_kg = 1.3\ncentre_mm = [0, 0, 0]\n";
+    workplace.write("my.toml", scenario + payload);
+    for attribute in ["settotalmass=\"100\"", "boundmass=\"2\""] {
+        let compiler = format!("<compiler {attribute} ");
+        workplace.write("arm.xml", planar().replace("<compiler ", &compiler));
+        let outcome = workplace.run("check my.toml --quiet").ends_with(1);
+        outcome.says("makes the payload of 1.3 kg one of ");
+    }
+}
+
 #[test]
 fn a_package_in_an_mjcf_file_is_found() {
     let mesh = "<mesh name=\"m\" file=\"package://arm/meshes/arm.stl\"/>\n  </asset>";

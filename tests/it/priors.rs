@@ -365,7 +365,8 @@ fn a_prior_that_cannot_be_one_is_refused() {
         place.write("i.json", good.replacen(from, to, 1));
         let outcome = place.run("check p.toml").ends_with(1);
         assert!(
-            outcome.stderr.contains("i.json: ") && outcome.stderr.contains(expected),
+            outcome.stderr.contains("p.toml: robot.prior: i.json: ")
+                && outcome.stderr.contains(expected),
             "{expected}: {outcome:?}"
         );
     }

@@ -16,7 +16,7 @@ use elastocal::view::report::{AbsolutePageRecord, ObservedRun, absolute_page};
 use elastocal::workflow::run::{RANDOM_PLANS, RunStage};
 use elastocal::workflow::run_absolute::{AbsoluteRun, RUN, run_absolute};
 
-use super::{FILES, Run};
+use super::{FILES, Run, say_laboratory};
 use crate::cli::identify::absolute::describe;
 use crate::cli::interruption::{STOP, proceed};
 use crate::cli::planned::PlannedAccuracy;
@@ -101,6 +101,7 @@ impl Run {
         let mut text = describe(&identified) + &summary(plan, &outcome, &test_poses);
         text += &format!("Results are in {}\n", folder.display());
         text += &self.budget.write(planned.budget(), &mut written);
+        say_laboratory(common, scenario, folder);
         conditions.extend(written.conditions());
         Ok(Report::new(json, text, conditions))
     }

@@ -174,7 +174,7 @@ pub fn describe(messages: &[StudyPlanMessage]) -> String {
         "mean [um]",
         "95 % interval [um]",
         "rms [um]",
-        "predicted rms [um]",
+        "expected rms [um]",
         "z",
         "95 % below [um]",
         "NEES",

@@ -95,10 +95,12 @@ impl<'a> AbsoluteCase<'a> {
     /// As [`new`](Self::new), but for units.
     pub fn placed(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
         let chain = &belief.nominal.chain;
-        let compliance = belief.nominal.compliance_rad_per_nm.clone();
         let mut case = Self {
             belief,
-            arm: ElasticArm::new(chain.clone(), compliance, Vec::new()),
+            arm: ElasticArm {
+                tools: Vec::new(),
+                ..belief.arm()
+            },
             stations: Vec::new(),
             targets: Vec::new(),
             observations: Vec::new(),

@@ -2,9 +2,9 @@
 //! explain is new at each configuration.
 //!
 //! ```text
-//! y = h(x) + sum_j J_j e_j(q_j) + m + noise
+//! y = h(x) + sum_j J_j (e_j(q_j) + r_j) + m + noise
 //! cov(e_j(q), e_j(q')) = s_j^2 exp(-|q - q'| / l_j)         new functions for each joint
-//! cov(m) = diag(p^2, r^2)                                    new at each visit
+//! var(r_j), cov(m) = diag(p^2, r^2)                          new at each visit
 //! ```
 //!
 //! Gears, encoders and bearings make such errors; so do, over a part of joint space, effects that no parameter has. Readings
@@ -38,6 +38,8 @@ pub struct JointError {
     pub process: OrnsteinUhlenbeck,
     /// Its standard deviation (rad; m where it slides).
     pub deviation: f64,
+    /// How well it returns: the standard deviation of what is new at each visit (rad; m).
+    pub repeatability: f64,
     /// Its values at the knots: the joint stands by so much further than commanded.
     pub values: Vec<f64>,
     /// How much larger or smaller all errors of positions and of rotations are at its angles: coefficients of Legendre polynomials
@@ -204,7 +206,7 @@ impl DiscrepancyModel {
                 matrix.column_mut(index.len()).copy_from(&(moved * weight));
                 index.push(offsets[number] + knot);
             }
-            let variance = joint.deviation.powi(2) * between.spare;
+            let variance = joint.deviation.powi(2) * between.spare + joint.repeatability.powi(2);
             new.ger(variance, &moved, &moved, 1.0);
         }
         let rest = self.rest.covariance();
@@ -310,6 +312,7 @@ mod tests {
                 joint: 0,
                 process,
                 deviation,
+                repeatability: 0.0,
                 values: vec![0.0, 1.0],
                 spread: [Vec::new(), Vec::new()],
             }],

@@ -170,11 +170,12 @@ impl PartsOfReadings<'_> {
                 .l_dirty()
                 .solve_lower_triangular_mut(&mut by_unknowns);
             let (count, q) = (rows.own.nrows(), &each.setup.commanded_rad);
+            let returns = self.known.returns(&rows.joints);
             CorrelatedReading {
                 by_unknowns,
                 by_processes: rows.joints,
                 places: joints.iter().map(|&joint| q[joint]).collect(),
-                new: rows.own + rest.view((0, 0), (count, count)),
+                new: rows.own + rest.view((0, 0), (count, count)) + returns,
             }
         };
         Ok(CorrelatedList {
@@ -220,9 +221,11 @@ impl PartsOfReadings<'_> {
             if chosen.binary_search(&index).is_err() {
                 let new = model.rest.covariance() + self.case.covariances[index];
                 let coordinates = left.len().min(3);
+                let returns = self.known.returns(&rows.joints).diagonal();
                 let [all, new] = [
                     covariance.diagonal().rows(0, coordinates).sum(),
-                    new.diagonal().rows(0, coordinates).sum(),
+                    new.diagonal().rows(0, coordinates).sum()
+                        + (returns.rows(0, coordinates)).sum(),
                 ];
                 squares[0] += all - new;
                 squares[1] += all;
@@ -252,21 +255,34 @@ impl PartsOfReadings<'_> {
         let mut setups: Vec<_> = (self.case.observations.iter())
             .map(|each| each.setup.clone())
             .collect();
+        let mut returned = setups.clone();
         for function in &self.known.functions {
-            let angles = setups.iter().map(|each| each.commanded_rad[function.joint]);
-            let angles: Vec<f64> = angles.collect();
+            let joint = function.joint;
+            let angles: Vec<f64> = setups
+                .iter()
+                .map(|each| each.commanded_rad[joint])
+                .collect();
             let error = sampled(&angles, function.correlation_rad, random);
-            for (setup, error) in setups.iter_mut().zip(error) {
-                setup.commanded_rad[function.joint] += function.deviation_rad * error;
+            for ((setup, returned), error) in setups.iter_mut().zip(&mut returned).zip(error) {
+                setup.commanded_rad[joint] += function.deviation_rad * error;
+                let new: f64 = StandardNormal.sample(random);
+                returned.commanded_rad[joint] =
+                    setup.commanded_rad[joint] + function.repeatability_rad * new;
             }
         }
         let mut simulated = SimulatedReadings {
             observations: Vec::new(),
             expected_m: Vec::new(),
         };
-        for (each, setup) in self.case.observations.iter().zip(&setups) {
+        for (each, (setup, returned)) in self
+            .case
+            .observations
+            .iter()
+            .zip(setups.iter().zip(&returned))
+        {
             let kind = each.reading.kind();
-            let predicted = model.predict(Form::AtRest, setup, kind, &mut derivatives)?;
+            let expected = model.predict(Form::AtRest, setup, kind, &mut derivatives)?;
+            let predicted = model.predict(Form::AtRest, returned, kind, &mut derivatives)?;
             let normal = Vector6::from_fn(|_, _| StandardNormal.sample(random));
             let error = each.whitener.coloured(&normal);
             let position_m = predicted.position_m + error.fixed_rows::<3>(0);
@@ -281,7 +297,7 @@ impl PartsOfReadings<'_> {
                 },
                 _ => Reading::Position { position_m },
             };
-            simulated.expected_m.push(predicted.position_m);
+            simulated.expected_m.push(expected.position_m);
             simulated.observations.push(Observation {
                 reading,
                 ..each.clone()

@@ -12,6 +12,7 @@ use super::reader::Reader;
 use crate::codes::ErrorCode;
 use crate::csv::Fields;
 use crate::files::{FileError, read_text, typed::from_toml};
+use crate::measurement::read_absolute::definite;
 use crate::measurement::{AbsoluteReading, Measurement, absolute_table, deflection_table};
 use crate::robot::{Approach, Commands, Load};
 
@@ -108,6 +109,10 @@ fn reading(
             let own = about * squared(sigma) * about.transpose();
             // The same to the bit on both sides of the diagonal.
             (all.fixed_view_mut::<3, 3>(3, 3)).copy_from(&((own + own.transpose()) / 2.0));
+            definite(all).map_err(|problem| {
+                let wrong = reader.wrong_row(format!("rotation: {problem}"));
+                wrong.hint("where two axes of the angles coincide, their standard deviations are none of a rotation: leave std_columns out")
+            })?;
         }
         rotation = Some(turn);
     } else if let Some(all) = &mut covariance {

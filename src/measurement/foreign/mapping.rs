@@ -97,6 +97,28 @@ impl JointMapping {
 }
 
 impl Mapping {
+    /// The columns of numbers, with their keys; standard deviations may share theirs.
+    fn columns(&self) -> impl Iterator<Item = (String, &str)> {
+        let joints = self.joint.iter().enumerate();
+        let joints = joints.map(|(index, joint)| (format!("joint[{index}].column"), &joint.column));
+        let numbers = [
+            ("position", &self.position),
+            ("rotation", &self.rotation),
+            ("deflection", &self.deflection),
+            ("force", &self.force),
+            ("torque", &self.torque),
+            ("weight", &self.weight),
+            ("time", &self.time),
+            ("temperature", &self.temperature),
+        ];
+        let numbers = numbers.into_iter().flat_map(|(key, numbers)| {
+            let names = numbers.iter().flat_map(|numbers| numbers.columns.all());
+            let names = names.enumerate();
+            names.map(move |(index, name)| (format!("{key}.columns[{index}]"), name))
+        });
+        joints.chain(numbers).map(|(key, name)| (key, name.trim()))
+    }
+
     /// What is measured, a position or a deflection, with its key, where all that it says goes together.
     ///
     /// # Errors
@@ -112,6 +134,14 @@ impl Mapping {
                 let problem = format!("found {sign}; 1 or -1 is allowed");
                 return wrong(&format!("joint[{index}].sign"), &problem);
             }
+        }
+        let mut known: Vec<(String, &str)> = Vec::new();
+        for (key, column) in self.columns() {
+            if let Some((other, _)) = known.iter().find(|(_, name)| *name == column) {
+                let problem = format!("found {column:?}, which {other} has, too");
+                return wrong(&key, &problem);
+            }
+            known.push((key, column));
         }
         let place = match (&self.position, &self.deflection) {
             (Some(place), None) => ("position", place),

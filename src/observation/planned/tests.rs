@@ -18,13 +18,15 @@ pub(in crate::observation) const DEFLECTIONS: DeflectionPrecision = DeflectionPr
     sigma_m: 3e-5,
     rotation_sigma_rad: None,
     unloaded: Unloaded::Own,
-    is_along_direction: false,
+    along_sigma_m: None,
+    reads_all: true,
 };
 pub(in crate::observation) const ROTATIONS: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 3e-5,
     rotation_sigma_rad: Some(2e-5),
     unloaded: Unloaded::Own,
-    is_along_direction: false,
+    along_sigma_m: None,
+    reads_all: true,
 };
 
 pub(in crate::observation) fn configuration(numbers: &mut Numbers, arm: &ElasticArm) -> Vec<f64> {

@@ -5,7 +5,7 @@ use crate::experiment::Loads;
 use crate::experiment::Plan;
 use crate::files::FileError;
 use crate::quantities::limits::{MOST_EXPERIMENTS, MOST_NAMED};
-use crate::robot::Commands;
+use crate::robot::{Commands, ReadsAlong};
 use crate::scenario::PlanFile;
 use crate::scenario::file::{DesignTable, PlanTable};
 use crate::task::Design;
@@ -26,15 +26,16 @@ impl Checker<'_> {
             MOST_EXPERIMENTS as usize,
         )?;
         if experiments < fewest {
-            let problem = format!(
-                "found {experiments}; at least {fewest} are needed, since each gives {} and {parameters} compliances \
-                 are unknown",
-                if commands.reads_along {
-                    "one number"
-                } else {
-                    "three numbers"
-                }
-            );
+            let each = if commands.reads_along == ReadsAlong::Always {
+                "one number"
+            } else {
+                "three numbers"
+            };
+            let reason = match parameters {
+                0 => String::new(),
+                _ => format!(", since each gives {each} and {parameters} compliances are unknown"),
+            };
+            let problem = format!("found {experiments}; at least {fewest} are needed{reason}");
             return Err(self.wrong("design.experiments", problem));
         }
         if let Some(configurations) = table.configurations
@@ -91,6 +92,9 @@ impl Checker<'_> {
 
 /// The fewest measurements that give as many numbers as there are unknowns.
 pub(super) fn fewest(parameters: usize, commands: &Commands) -> u32 {
-    let numbers = if commands.reads_along { 1 } else { 3 };
+    let numbers = match commands.reads_along {
+        ReadsAlong::Always => 1,
+        _ => 3,
+    };
     u32::try_from(parameters.div_ceil(numbers).max(1)).unwrap_or(u32::MAX)
 }

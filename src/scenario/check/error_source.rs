@@ -62,8 +62,7 @@ impl<'a> UncertaintyEntry<'a> {
                 return Err(entry.wrong(key, format!("a {kind} has no such key; it has {all}")));
             }
         }
-        let is_gauge = belief.instrument.gauge.is_some();
-        if let Some(problem) = other_instrument(table.kind, is_gauge) {
+        if let Some(problem) = other_instrument(table, belief.instrument.reads_along()) {
             return Err(entry.wrong("kind", problem));
         }
         checker.certificate_is_used(&entry.key, &entry.given, &SIZES)?;

@@ -1,4 +1,5 @@
-//! The keys of `[instrument]` that a gauge has, for displacements or distances, and what there is not where one reads.
+//! The keys of `[instrument]` that a gauge has, for displacements or distances, alone or beside a tracker, and what there is not where
+//! one reads.
 
 use nalgebra::Vector3;
 
@@ -6,8 +7,11 @@ use super::Checker;
 use crate::files::FileError;
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
-use crate::quantities::plausible::SIZE;
-use crate::scenario::file::{File, InstrumentReads, InstrumentTable, SigmaOf, UncertaintyKind};
+use crate::quantities::plausible::{DEVIATION, SIZE};
+use crate::robot::ReadsAlong;
+use crate::scenario::file::{
+    File, InstrumentReads, InstrumentTable, SigmaOf, UncertaintyKind, UncertaintyTable,
+};
 use crate::task::{AccuracyKind, Gauge};
 
 impl Checker<'_> {
@@ -38,6 +42,7 @@ impl Checker<'_> {
                 table.unloaded == Unloaded::Shared,
                 &[Deflection],
             ),
+            ("gauge", table.gauge.is_some(), &[Deflection]),
         ];
         let is_refused = |(_, is_given, of): &&(_, bool, &[_])| *is_given && !of.contains(&reads);
         if let Some((key, ..)) = keys.iter().find(is_refused) {
@@ -49,23 +54,32 @@ impl Checker<'_> {
             ));
         }
         let is_absolute = file.design.accuracy == AccuracyKind::Absolute;
+        let rotates = rotation.contains(&true);
+        let not_of_gauge = [
+            ("design.accuracy", is_absolute),
+            ("region.line_of_sight", file.region.line_of_sight),
+            ("instrument.unloaded", table.unloaded == Unloaded::Shared),
+            ("instrument.rotation_sigma_mrad", rotates),
+        ];
         let wrong = match reads {
-            Displacement => [
-                ("design.accuracy", is_absolute),
-                ("region.line_of_sight", file.region.line_of_sight),
-            ]
-            .into_iter()
-            .find_map(|(key, is_given)| {
-                is_given.then_some((key, "is of an instrument that sees positions"))
-            }),
+            Displacement | Deflection if reads == Displacement || table.gauge.is_some() => {
+                let is_given = |(key, is_given): (&'static str, bool)| {
+                    is_given.then_some((key, "is of an instrument that sees positions alone"))
+                };
+                not_of_gauge.into_iter().find_map(is_given)
+            }
             Distance if !is_absolute => Some(("design.accuracy", "is not \"absolute\"")),
             Distance if file.station.is_empty() => {
                 Some(("station", "is missing: where distances are read from"))
             }
-            Deflection | Distance => None,
+            _ => None,
         };
         if let Some((key, problem)) = wrong {
-            let problem = format!("{problem}, and instrument.reads is {:?}", reads.word());
+            let gauge = table.gauge.as_ref().map_or("", |_| " with a gauge");
+            let problem = format!(
+                "{problem}, and instrument.reads is {:?}{gauge}",
+                reads.word()
+            );
             return Err(self.wrong(key, problem));
         }
         if (table.sigma_of == SigmaOf::Distance) != (reads == Distance) {
@@ -75,17 +89,25 @@ impl Checker<'_> {
                 "\"distance\" is of distances, \"deflection\" and \"position\" are of all else",
             ));
         }
-        if reads == Deflection {
-            return Ok(None);
-        }
+        let (key, range_mm, resolution_mm) = match &table.gauge {
+            None if reads == Deflection => return Ok(None),
+            None => ("instrument", table.range_mm, table.resolution_mm),
+            Some(gauge) => ("instrument.gauge", gauge.range_mm, gauge.resolution_mm),
+        };
         let size = |name: &str, value| {
-            let size = self.optional(&format!("instrument.{name}"), value, &SIZE)?;
+            let size = self.optional(&format!("{key}.{name}"), value, &SIZE)?;
             Ok::<_, FileError>(size.map(|mm| mm * 1e-3))
         };
-        Ok(Some(Gauge {
-            range_m: size("range_mm", table.range_mm)?,
-            resolution_m: size("resolution_mm", table.resolution_mm)?.unwrap_or(0.0),
-        }))
+        let mut gauge = Gauge {
+            beside_m: None,
+            range_m: size("range_mm", range_mm)?,
+            resolution_m: size("resolution_mm", resolution_mm)?.unwrap_or(0.0),
+        };
+        if let Some(beside) = &table.gauge {
+            let sigma_mm = self.number("instrument.gauge.sigma_mm", beside.sigma_mm, &DEVIATION)?;
+            gauge.beside_m = Some((sigma_mm * 1e-3).hypot(gauge.rounding_m2().sqrt()));
+        }
+        Ok(Some(gauge))
     }
 
     /// Along which directions a gauge may read; one that is none where all three coordinates are read.
@@ -93,11 +115,15 @@ impl Checker<'_> {
         &self,
         table: &InstrumentTable,
     ) -> Result<Vec<Option<Vector3<f64>>>, FileError> {
-        if table.reads != InstrumentReads::Displacement {
+        let (key, given) = match &table.gauge {
+            Some(gauge) => ("instrument.gauge.directions", Some(&gauge.directions)),
+            None => ("instrument.directions", table.directions.as_ref()),
+        };
+        let is_gauge = table.gauge.is_some() || table.reads == InstrumentReads::Displacement;
+        if !is_gauge {
             return Ok(vec![None]);
         }
-        let key = "instrument.directions";
-        let given = table.directions.as_deref().unwrap_or_default();
+        let given = given.map_or(&[][..], Vec::as_slice);
         if given.is_empty() {
             let wrong = self.wrong(key, "is missing: what a gauge may read along");
             let hint = "give directions in the world frame, as [[1, 0, 0], [0, 1, 0], [0, 0, 1]]";
@@ -107,21 +133,33 @@ impl Checker<'_> {
         let direction =
             |(index, each): (usize, &Vec<f64>)| self.unit(&format!("{key}[{index}]"), each);
         let directions = given.iter().enumerate().map(direction);
-        directions.map(|each| each.map(Some)).collect()
+        let directions = directions.map(|each| each.map(Some));
+        (table.gauge.iter().map(|_| Ok(None)))
+            .chain(directions)
+            .collect()
     }
 }
 
 /// Why an uncertainty of a kind is not of what reads, a gauge or not; nothing where it is.
-pub(super) fn other_instrument(kind: UncertaintyKind, is_gauge: bool) -> Option<&'static str> {
+pub(super) fn other_instrument(
+    table: &UncertaintyTable,
+    reads_along: ReadsAlong,
+) -> Option<&'static str> {
+    use ReadsAlong::{Always, Never};
     use UncertaintyKind as Kind;
-    match kind {
-        Kind::GaugeDirection if !is_gauge => {
+    match table.kind {
+        Kind::GaugeDirection if reads_along == Never => {
             Some("is of a gauge, and instrument.reads is not \"displacement\"")
         }
-        Kind::TrackerRange | Kind::BaseRotation if is_gauge => {
+        Kind::TrackerRange if reads_along == Always => {
             Some("is of an instrument with a frame, and instrument.reads is \"displacement\"")
         }
-        Kind::Discrepancy | Kind::TransmissionError if is_gauge => Some(
+        Kind::BaseRotation if reads_along != Never => Some(
+            "is of an instrument with a frame, and a gauge reads, alone or beside one, along the directions of the world",
+        ),
+        // Harmonics are the robot's own.
+        Kind::TransmissionError if table.harmonics.is_some() => None,
+        Kind::Discrepancy | Kind::TransmissionError if reads_along != Never => Some(
             "is shared by all deflections of a configuration, which displacements along a direction are not planned with",
         ),
         _ => None,

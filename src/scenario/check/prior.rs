@@ -43,7 +43,8 @@ impl Checker<'_> {
             return Ok(Before::default());
         };
         let path = self.resolve(file);
-        let stored = StoredIdentification::read(&path, nominal)?;
+        let wrong = |error: FileError| self.named_file(key, error);
+        let stored = StoredIdentification::read(&path, nominal).map_err(wrong)?;
         self.inputs.borrow_mut().add(&path)?;
         let file = format!("the identification in {}", path.display());
         let mut doubts: Vec<String> = (stored.conditions.iter())
@@ -53,8 +54,8 @@ impl Checker<'_> {
             Some(with) if with.robot_sha256 != robot_sha256(&nominal.chain) => {
                 let problem = "was identified with another robot: its joints' names, axes or places are not \
                                those of the scenario's model";
-                let wrong = FileError::new(&path, problem).at("identified_with.robot_sha256");
-                return Err(wrong.code(ErrorCode::OtherRobot));
+                let other = FileError::new(&path, problem).at("identified_with.robot_sha256");
+                return Err(wrong(other.code(ErrorCode::OtherRobot)));
             }
             Some(_) => {}
             None => doubts.push(format!(
@@ -69,7 +70,8 @@ impl Checker<'_> {
                 let name = &nominal.chain.joints[joint].name;
                 let problem =
                     format!("the compliance of {name} is {mean:e}; a positive one is needed");
-                return Err(FileError::new(&path, problem).at("compliance_rad_per_nm"));
+                let none = FileError::new(&path, problem).at("compliance_rad_per_nm");
+                return Err(wrong(none));
             }
             nominal.compliance_rad_per_nm[joint] = mean;
             if !parameters.contains(&joint) {
@@ -84,7 +86,7 @@ impl Checker<'_> {
             .collect();
         let prior = Prior::of_posterior(&posterior, &places, &means).ok_or_else(|| {
             let problem = "the covariance is singular: it says that something is known exactly";
-            FileError::new(&path, problem).at("covariance_rad2_per_n2m2")
+            wrong(FileError::new(&path, problem).at("covariance_rad2_per_n2m2"))
         })?;
         let spread = prior.spread(&nominal.typical_rad_per_nm(parameters));
         if spread.ncols() == 0 {

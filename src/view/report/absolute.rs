@@ -221,7 +221,7 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
         said += &format!(" {failed} could not be evaluated.");
     }
     let lines = [Line::new(runs, Role::Own)];
-    let caption = "Distance of the loaded tool from where the identified model predicts it, rms over the test poses, of each virtual robot. The area is the distribution; the dark line is the mean.";
+    let caption = "Distance of the loaded tool from where the identified model predicts it, rms over the test poses, of each virtual robot. The area is the distribution; the vertical line is the mean.";
     let hidden: Vec<String> = (runs.contributions.iter())
         .filter(|each| each.hidden)
         .map(|each| match each.contribution_um {
@@ -306,7 +306,7 @@ fn test_poses(
     if run.is_none() {
         return Ok(figure(&svg, &caption));
     }
-    caption += " Dark lines: observed in this run.";
+    caption += " Vertical lines: observed in this run.";
     Ok(figure(&svg, &caption) + &numbers)
 }
 

@@ -229,7 +229,7 @@ pub fn distances_table(lines: &[Line<'_>]) -> String {
         "mean [\u{b5}m]",
         "95 % interval [\u{b5}m]",
         "rms [\u{b5}m]",
-        "predicted rms \u{3c1}\u{2080} [\u{b5}m]",
+        "rms expected of these runs [\u{b5}m]",
         "95 % of runs below [\u{b5}m]",
         "mean of random over it",
         "95 % interval",

@@ -129,7 +129,7 @@ fn distances(evidence: &EvidenceMessage, own: &str) -> Result<String, PlotError>
         .collect();
     let caption = format!(
         "{} runs of each plan by the linear model, all with the same noise; \u{201c}random\u{201d} is a fresh \
-         feasible plan in every run. Each area is the distribution of the residual error; the dark line is the mean.",
+         feasible plan in every run. Each area is the distribution of the residual error; the vertical line is the mean.",
         evidence.trials
     );
     let body = distances_figure(&lines, &caption)? + &distances_table(&lines);
@@ -186,13 +186,20 @@ const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summ
 
 /// The stills, and the plan as a table.
 fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> String {
+    let reads_along = run.scenario.task.reads_along();
     let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
         let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
-        row.extend((experiment.direction).map(|direction| direction.map(charts::short).join(", ")));
+        if reads_along {
+            let all = || "all coordinates".to_owned();
+            let along = experiment
+                .direction
+                .map(|each| each.map(charts::short).join(", "));
+            row.push(along.unwrap_or_else(all));
+        }
         row.push(experiment.repeats.to_string());
         row
     });
-    let along = run.scenario.task.reads_along().then_some("read along");
+    let along = reads_along.then_some("read along");
     let more: Vec<&str> = along.into_iter().chain(["times"]).collect();
     let header = plan_header(run.scenario, "experiment", &more);
     format!(
@@ -297,13 +304,15 @@ fn residuals(calibration: &CalibrationMessage) -> Result<String, PlotError> {
 /// Every plan's prediction and what came of it.
 fn plans(run: &RunRecord<'_>) -> String {
     let row = |(calibration, assessment): &(CalibrationMessage, Assessment)| {
-        let pose = calibration.test_poses.first();
+        let poses = calibration.test_poses.iter();
+        let square = poses.map(|pose| pose.weight * pose.residual_mm.powi(2));
+        let residual_um = square.sum::<f64>().sqrt() * 1e3;
         vec![
             calibration.name.clone(),
             assessment.experiments.to_string(),
             number(assessment.rho0_m.map(|value| value * 1e6), 2),
             percent(assessment.efficiency(), 1),
-            number(pose.map(|pose| pose.residual_mm * 1e3), 2),
+            number(Some(residual_um), 2),
             assessment.violations.len().to_string(),
         ]
     };

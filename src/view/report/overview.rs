@@ -4,6 +4,7 @@ use super::RunRecord;
 use crate::plan::search::{BoundKind, RepeatsNeeded};
 use crate::plan::{Assessment, UncertaintyBudget};
 use crate::record::messages::CalibrationMessage;
+use crate::robot::ReadsAlong;
 use crate::text::wording::{counted, micrometres, number, percent, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};
 
@@ -200,10 +201,11 @@ pub fn next_steps(run: &RunRecord<'_>, assessment: &Assessment) -> String {
             "Take the {} of plan.csv, shown below. Write {} \
              into a CSV file like measurements.csv.",
             counted(assessment.experiments.into(), "measurement"),
-            if run.scenario.task.reads_along() {
-                "what the gauge showed under the load"
-            } else {
-                "what the tracker saw, loaded less unloaded,"
+            match run.scenario.task.belief.instrument.reads_along() {
+                ReadsAlong::Always => "what the gauge showed under the load",
+                ReadsAlong::Sometimes =>
+                    "what the tracker saw, loaded less unloaded, or the gauge showed under the load",
+                ReadsAlong::Never => "what the tracker saw, loaded less unloaded,",
             }
         ),
         "",

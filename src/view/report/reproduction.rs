@@ -141,7 +141,7 @@ fn figure_7(message: &Reproduction) -> Result<String, PlotError> {
         })
         .collect();
     let caption = format!(
-        "{} runs of each plan by the linear model, all with the same noise. Dark line: the mean; white diamond: the mean \
+        "{} runs of each plan by the linear model, all with the same noise. Vertical line: the mean; diamond: the mean \
          that the paper prints. How the paper drew its random plans is not said; here they are uniform in the joint \
          ranges, within the bounds of Table 3.",
         message.trials

@@ -45,7 +45,7 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
     let line = |runs| Line::new(runs, role(runs, best, reference));
     let lines: Vec<Line<'_>> = study.plans.iter().map(line).collect();
     let caption = format!(
-        "{} runs of each plan {}, {} each, all with the same noise. Each area is the distribution of the residual error; the dark line is the mean.",
+        "{} runs of each plan {}, {} each, all with the same noise. Each area is the distribution of the residual error; the vertical line is the mean.",
         header.trials,
         header.level.words(),
         counted(

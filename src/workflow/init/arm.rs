@@ -28,7 +28,7 @@ impl FoundArm {
     /// The longest series of joints, as far as it does not branch into fingers; to a body, if one is named.
     pub fn find(model: &Model, tip: Option<&str>) -> Result<Self, FileError> {
         let bodies = match tip {
-            Some(tip) => way_to(model, named(model, tip)?),
+            Some(tip) => way_to(model, model.body_or_site(tip)?.0),
             None => without_jaw(model, longest(model)),
         };
         let arm: Vec<usize> = (bodies.iter())
@@ -73,14 +73,6 @@ impl FoundArm {
             self.model.joints_that_move(body) == self.chain.len()
                 && way_to(&self.model, body).contains(&self.last_body)
         })
-    }
-}
-
-/// A body by its name, or that of a site that it carries.
-fn named(model: &Model, name: &str) -> Result<usize, FileError> {
-    match model.body(name) {
-        Some(body) => Ok(body),
-        None => Ok(model.site_body(model.site(name)?).0),
     }
 }
 

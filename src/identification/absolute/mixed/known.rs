@@ -1,5 +1,6 @@
 //! Variance components that are known before, and those that are estimated for plans.
 
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::joint_errors::DiscrepancyModel;
@@ -26,6 +27,14 @@ pub struct VarianceComponents {
 }
 
 impl VarianceComponents {
+    /// The covariance of how joints return at each visit, in the rows of a reading that these errors move (r x f).
+    pub fn returns(&self, joints: &DMatrix<f64>) -> DMatrix<f64> {
+        let squares = self.functions.iter();
+        let squares = squares.map(|each| each.repeatability_rad.powi(2));
+        let squares = DVector::from_iterator(self.functions.len(), squares);
+        joints * DMatrix::from_diagonal(&squares) * joints.transpose()
+    }
+
     /// The joints that have functions.
     pub fn joints(&self) -> Vec<usize> {
         self.functions.iter().map(|each| each.joint).collect()
@@ -56,6 +65,7 @@ impl MixedModel {
                 joint,
                 deviation_rad: median(&|part| part.all[2 + place])?.sqrt(),
                 correlation_rad: median(&|part| part.process[place].length)?,
+                repeatability_rad: median(&|part| part.all[part.returns() + place])?.sqrt(),
             })
         };
         let joints = self.joints.iter().enumerate().zip(turns);
@@ -116,7 +126,8 @@ impl MixedModel {
         let rest = known.rest.iter().map(|each| (each * each).max(LEAST));
         let variances = MixedVariances {
             all: rest
-                .chain(functions.map(|each| each.deviation_rad.powi(2)))
+                .chain(functions.clone().map(|each| each.deviation_rad.powi(2)))
+                .chain(functions.map(|each| each.repeatability_rad.powi(2)))
                 .collect(),
             of_poses: None,
             process: known.functions.iter().enumerate().map(process).collect(),

@@ -40,6 +40,8 @@ const MOST_BESIDE_WAVES: usize = 16;
 const VISITS_PER_KNOT: usize = 4;
 /// Improvements of the variances; later ones change intervals by a per cent.
 const ROUNDS: usize = 14;
+/// Of what is unexplained in a joint, what is new at each visit to start with.
+const RETURNS: f64 = 0.05;
 /// Deviations that change by less are found.
 const FOUND: f64 = 0.02;
 /// The smallest variance (m^2, rad^2).
@@ -88,9 +90,9 @@ pub(super) struct PoseReadings {
 #[derive(Debug, Clone, PartialEq)]
 struct MixedVariances {
     /// Of what is new at visits, of positions and of rotations; of each joint's error; of the waves of each joint that has them; of what
-    /// is new at configurations, of positions and of rotations, where some are visited again.
+    /// is new at configurations, of positions and of rotations, where some are visited again; of how each joint returns at each visit.
     all: Vec<f64>,
-    /// Where the last two begin.
+    /// Where those of configurations begin.
     of_poses: Option<usize>,
     /// How far each joint's error reaches.
     process: Vec<OrnsteinUhlenbeck>,
@@ -381,6 +383,10 @@ impl MixedModel {
         let again = self.visits.iter().filter(|each| each.is_visited_again());
         let of_poses = (again.count() >= FEWEST_AGAIN).then_some(count);
         all.extend(visits.iter().filter(|_| of_poses.is_some()));
+        all.resize(
+            all.len() + process.len(),
+            (RETURNS * of_joints).clamp(LEAST, 1e-4),
+        );
         MixedVariances {
             all,
             of_poses,
@@ -525,6 +531,11 @@ impl MixedModel {
 }
 
 impl MixedVariances {
+    /// Where those of joint repeatability begin.
+    fn returns(&self) -> usize {
+        self.all.len() - self.process.len()
+    }
+
     /// Of what is new where no reading is: of a visit, and of its configuration.
     fn of_unread(&self, part: usize) -> f64 {
         self.all[part] + self.of_poses.map_or(0.0, |first| self.all[first + part])

@@ -44,6 +44,16 @@ impl PoseReadings {
             .chain(of_poses.map(|first| first + part))
     }
 
+    /// How a joint's error moves the rows of each visit alone (m).
+    pub(super) fn moved_at_visits(&self, joint: usize) -> impl Iterator<Item = DVector<f64>> {
+        let moved = self.joints.column(joint);
+        let visits = 0..=self.visits.last().copied().unwrap_or(0);
+        visits.map(move |visit| {
+            let own = |row: usize| f64::from(u8::from(self.visits[row] == visit));
+            DVector::from_fn(moved.len(), |row, _| own(row) * moved[row])
+        })
+    }
+
     /// Whether it is of several visits.
     pub(super) fn is_visited_again(&self) -> bool {
         self.visits.last().is_some_and(|&last| last > 0)
@@ -112,6 +122,10 @@ impl PoseReadings {
             let moved = self.joints.column(joint);
             let own = variances.all[2 + joint] * between.spare;
             covariance.ger(own, &moved, &moved, 1.0);
+            let returns = variances.all[variances.returns() + joint];
+            for moved in self.moved_at_visits(joint) {
+                covariance.ger(returns, &moved, &moved, 1.0);
+            }
         }
         VisitEquations {
             between,
@@ -151,6 +165,12 @@ impl PoseReadings {
             let sum = &mut sums[2 + joint];
             sum[0] += spare * moved.dot(&left).powi(2);
             sum[1] += spare * moved.dot(&(&projected * moved));
+            let returns = sums.len() - local.between.len();
+            for moved in self.moved_at_visits(joint) {
+                let sum = &mut sums[returns + joint];
+                sum[0] += moved.dot(&left).powi(2);
+                sum[1] += moved.dot(&(&projected * &moved));
+            }
         }
         Some(())
     }

@@ -65,6 +65,7 @@ impl MixedModel {
                         .collect(),
                     process: process.clone(),
                     deviation: variances.all[2 + joint].sqrt(),
+                    repeatability: variances.all[variances.returns() + joint].sqrt(),
                     spread: [Vec::new(), Vec::new()],
                 })
                 .collect(),

@@ -151,6 +151,11 @@ impl GradientSums {
             let moved = weighed.tr_mul(&visit.joints.column(joint));
             let variance = variances.all[2 + joint] * between.spare;
             self.parts[3 + joint].ger(variance, &moved, &moved, 1.0);
+            let returns = variances.returns() + joint;
+            for moved in visit.moved_at_visits(joint) {
+                let moved = weighed.tr_mul(&moved);
+                self.parts[1 + returns].ger(variances.all[returns], &moved, &moved, 1.0);
+            }
             for (knot, weight) in between.knots.into_iter().zip(between.weights) {
                 let mut sum = self.through.column_mut(offsets[joint] + knot - fixed);
                 sum.axpy(weight, &moved, 1.0);

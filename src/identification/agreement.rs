@@ -1,0 +1,72 @@
+//! What an identified file says twice must agree: a number that somebody altered contradicts another.
+
+use std::path::Path;
+
+use crate::files::FileError;
+use crate::quantities::plausible::shown;
+
+/// Rounding in what is said twice, as a share of its size.
+const ROUNDING: f64 = 1e-9;
+
+/// What a file says of an estimate, each with its key.
+#[derive(Debug)]
+pub struct SaidEstimate<'a> {
+    /// The value.
+    pub value: (&'a str, f64),
+    /// Its variance.
+    pub variance: (&'a str, f64),
+    /// Its standard error, where it is said.
+    pub standard_error: (&'a str, Option<f64>),
+    /// Its 95 % interval, about the value or, of a logarithm, by a factor to either side.
+    pub interval95: (&'a str, Option<[f64; 2]>),
+}
+
+impl SaidEstimate<'_> {
+    /// Whether all of it goes together.
+    ///
+    /// # Errors
+    /// What does not, by its key.
+    pub fn check(&self, path: &Path) -> Result<(), FileError> {
+        if let (key, Some(error)) = self.standard_error {
+            let root = self.variance.1.max(0.0).sqrt();
+            agree(path, (key, error), (self.variance.0, root))?;
+        }
+        let (key, Some([low, high])) = self.interval95 else {
+            return Ok(());
+        };
+        let value = self.value.1;
+        let is_about =
+            |found: f64, expected: f64, size: f64| (found - expected).abs() <= ROUNDING * size;
+        if is_about(
+            f64::midpoint(low, high),
+            value,
+            value.abs() + (high - low).abs(),
+        ) || is_about(low * high, value * value, value * value)
+        {
+            return Ok(());
+        }
+        let found = format!("{} to {}", shown(low), shown(high));
+        Err(contradiction(path, key, &found, (self.value.0, value)))
+    }
+}
+
+/// Whether a number and what another key says of it are the same.
+///
+/// # Errors
+/// They are not, by the key of the first.
+pub fn agree(path: &Path, (key, found): (&str, f64), other: (&str, f64)) -> Result<(), FileError> {
+    let size = found.abs().max(other.1.abs());
+    if (found - other.1).abs() <= ROUNDING * size {
+        return Ok(());
+    }
+    Err(contradiction(path, key, &shown(found), other))
+}
+
+fn contradiction(path: &Path, key: &str, found: &str, (other, says): (&str, f64)) -> FileError {
+    let says = shown(says);
+    let problem = format!(
+        "found {found}; by {other} it is {says}: the file was altered since it was written"
+    );
+    let wrong = FileError::new(path, problem).at(key);
+    wrong.hint("identify again with `elastocal identify --identified-out`")
+}
