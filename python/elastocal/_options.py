@@ -154,6 +154,7 @@ class LabOptions(LabGiven, total=False):
 
 
 class MeasureGiven(Common, total=False):
+    campaign: int | None
     measurements_out: FilePath | None
     noise_free: bool | None
     run: int | None
