@@ -403,7 +403,7 @@ def test_data_frames_become_readings(tmp_path: Path) -> None:
         ({"columns": columns | {"rotation": ["x", "y", "z"]}}, "rotation='XYZ' or another"),
         ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "Xyz"}, "rotation is not 'Xyz'"),
         ({"rotation": "XYZ"}, "columns have no 'rotation'"),
-        ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "quat"}, "^rotation.columns: found 3; 4 are needed"),
+        ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "quat"}, r"^rotation.columns\[0\]: found .x., which position.columns\[0\] has, too"),
         ({"columns": columns | {"position": ["x", "y"]}}, "^position.columns: found 2; 3 are needed"),
         ({"units": {"joints": "degree"}}, '^joint.0..unit: found "degree"; one of rad, deg'),
         ({"frame": frame.to_numpy()}, "a data frame of pandas is wanted, not ndarray"),
