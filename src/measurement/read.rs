@@ -216,7 +216,7 @@ fn deflections(table: &Table<'_>, of: &MeasuredArm) -> Result<Vec<Measurement>, 
         let (deflection_m, sigma_m, rotation) = match &direction {
             Some(direction) => {
                 let along = displacement_m(&row)?;
-                let sigma_m = columns.along_sigma_m(&row)?;
+                let sigma_m = along_sigma_m(&row)?;
                 let beside_m = of.beside_m.map(Vector3::repeat);
                 (direction * along, sigma_m.or(beside_m), None)
             }
@@ -237,11 +237,7 @@ fn deflections(table: &Table<'_>, of: &MeasuredArm) -> Result<Vec<Measurement>, 
         });
     }
     if columns.has_positions {
-        let (rows, measured): (Vec<Row<'_>>, Vec<Measurement>) = (table.rows())
-            .zip(measurements.iter().cloned())
-            .filter(|(_, each)| each.direction.is_none())
-            .unzip();
-        check_unloaded(&rows, &columns, (&measured, of.unloaded))?;
+        check_unloaded(table, &columns, (&measurements, of.unloaded))?;
     }
     Ok(measurements)
 }
@@ -249,8 +245,6 @@ fn deflections(table: &Table<'_>, of: &MeasuredArm) -> Result<Vec<Measurement>, 
 /// Which groups of columns a file has.
 struct Given {
     has_positions: bool,
-    /// Whether a gauge's are there, its displacements and their standard deviations.
-    has_displacements: [bool; 2],
     /// The columns of its own standard deviations: of the deflection, or of its two positions.
     deviations: Vec<[&'static str; 3]>,
     has_rotation: bool,
@@ -274,10 +268,8 @@ impl Given {
                 return wrong(format!("found {column:?} without {:?}", UNLOADED[0]));
             }
         }
-        let of_gauge = [DISPLACEMENT, DISPLACEMENT_SIGMA].map(|column| table.has(&[column]));
         Ok(Self {
             has_positions,
-            has_displacements: of_gauge,
             deviations: match (of_deflection, of_positions) {
                 (true, _) => vec![DEFLECTION_SIGMA],
                 (_, true) => vec![UNLOADED_SIGMA, LOADED_SIGMA],
@@ -302,21 +294,13 @@ impl Given {
         (q.chain(shown.iter().map(bits)).collect(), words)
     }
 
-    /// Its own standard deviation, where the row brings one.
-    fn along_sigma_m(&self, row: &Row<'_>) -> Result<Option<Vector3<f64>>, FileError> {
-        let is_given = self.has_displacements[1] && !row.get(DISPLACEMENT_SIGMA).is_nan();
-        let sigma = is_given.then(|| deviations(row, [DISPLACEMENT_SIGMA; 3], &DEVIATION));
-        sigma.transpose()
-    }
-
     fn deflection_m(&self, row: &Row<'_>) -> Result<Vector3<f64>, FileError> {
         let deflection = if self.has_positions {
             row.vector(LOADED) - row.vector(UNLOADED)
         } else {
             row.vector(DEFLECTION)
         };
-        let of_gauge = self.has_displacements[0] && !row.get(DISPLACEMENT).is_nan();
-        if of_gauge || deflection.iter().any(|each| each.is_nan()) {
+        if !row.get(DISPLACEMENT).is_nan() || deflection.iter().any(|each| each.is_nan()) {
             let problem = format!(
                 "a row without a direction ({}) is not a gauge's: its whole deflection is needed, and no {DISPLACEMENT}",
                 DIRECTION.join(",")
@@ -347,6 +331,13 @@ impl Given {
     }
 }
 
+/// The standard deviation of what a gauge shows, where the row brings one.
+fn along_sigma_m(row: &Row<'_>) -> Result<Option<Vector3<f64>>, FileError> {
+    let is_given = !row.get(DISPLACEMENT_SIGMA).is_nan();
+    let sigma = is_given.then(|| deviations(row, [DISPLACEMENT_SIGMA; 3], &DEVIATION));
+    sigma.transpose()
+}
+
 /// What a gauge shows, where it reads a row: the instrument beside it has read nothing then.
 fn displacement_m(row: &Row<'_>) -> Result<f64, FileError> {
     let along = row.get(DISPLACEMENT);
@@ -368,10 +359,11 @@ fn displacement_m(row: &Row<'_>) -> Result<f64, FileError> {
 /// Deflections rest on readings without a load as all that uses them takes for granted: each on one of its own, for else they would
 /// share its error; or where these are shared, all of one configuration on one, and no two configurations on the same.
 fn check_unloaded(
-    rows: &[Row<'_>],
+    table: &Table<'_>,
     columns: &Given,
     (measurements, unloaded): (&[Measurement], Unloaded),
 ) -> Result<(), FileError> {
+    let rows: Vec<Row<'_>> = table.rows().collect();
     let read: Vec<(Vec<u64>, String)> = (rows.iter().zip(measurements))
         .map(|(row, measurement)| columns.unloaded(row, measurement))
         .collect();
@@ -383,6 +375,10 @@ fn check_unloaded(
     let mut known: BTreeMap<&[u64], usize> = BTreeMap::new();
     for members in together {
         let first = members[0];
+        // What a gauge reads rests on no reading without a load.
+        if measurements[first].direction.is_some() {
+            continue;
+        }
         let (reading, words) = &read[first];
         if let Some(&other) = members.iter().find(|&&each| read[each].0 != *reading) {
             let problem = format!(

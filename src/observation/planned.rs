@@ -119,11 +119,7 @@ impl<'a> PlannedReadings<'a> {
             state: KinematicState::new(arm.chain.len()),
             arm,
             precision,
-            shown: if precision.reads_all {
-                ShownRows::All
-            } else {
-                ShownRows::Along(Vector3::zeros())
-            },
+            shown: ShownRows::of(&precision, None),
             is_along: false,
             sources: &[],
             repeats: 1.0,
@@ -167,15 +163,9 @@ impl<'a> PlannedReadings<'a> {
         }
     }
 
-    /// Readings are from now on those along a direction (unit vector, world frame), in units that give them the standard deviation of
-    /// the others; or without one, of all coordinates, where such are read.
+    /// Readings are from now on those along a direction (unit vector, world frame), or without one of all coordinates, where such are read.
     pub fn read_along(&mut self, direction: Option<&Vector3<f64>>) {
-        let precision = &self.precision;
-        let shown = match direction.filter(|_| precision.along_sigma_m.is_some()) {
-            Some(direction) => ShownRows::Along(precision.along(direction)),
-            None if precision.reads_all => ShownRows::All,
-            None => ShownRows::Along(Vector3::zeros()),
-        };
+        let shown = ShownRows::of(&self.precision, direction);
         if (self.shown, self.is_along) != (shown, direction.is_some()) {
             self.forget();
             (self.shown, self.is_along) = (shown, direction.is_some());

@@ -4,6 +4,8 @@ use std::borrow::Cow;
 
 use nalgebra::{Matrix3, Matrix3xX, Matrix6, Matrix6xX, RowVector3, Vector3, Vector6};
 
+use super::reading::DeflectionPrecision;
+
 /// The rows of a reading, of those of all coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum ShownRows {
@@ -14,6 +16,16 @@ pub(super) enum ShownRows {
 }
 
 impl ShownRows {
+    /// Those along a direction (unit vector, world frame), in units that give them the standard deviation of the others; or without one
+    /// of all coordinates, where such are read.
+    pub fn of(precision: &DeflectionPrecision, direction: Option<&Vector3<f64>>) -> Self {
+        match direction.filter(|_| precision.along_sigma_m.is_some()) {
+            Some(direction) => Self::Along(precision.along(direction)),
+            None if precision.reads_all => Self::All,
+            None => Self::Along(Vector3::zeros()),
+        }
+    }
+
     /// P, by which a displacement is multiplied.
     fn matrix(self) -> Option<Matrix3<f64>> {
         let zero = RowVector3::zeros();

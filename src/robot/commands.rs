@@ -27,6 +27,21 @@ pub enum ReadsAlong {
     Always,
 }
 
+impl ReadsAlong {
+    /// How many numbers an experiment gives at most.
+    pub const fn numbers(self) -> usize {
+        match self {
+            Self::Always => 1,
+            _ => 3,
+        }
+    }
+
+    /// The fewest experiments that give as many numbers as there are unknowns.
+    pub fn fewest(self, unknowns: usize) -> u32 {
+        u32::try_from(unknowns.div_ceil(self.numbers()).max(1)).unwrap_or(u32::MAX)
+    }
+}
+
 impl From<usize> for Commands {
     /// An arm of so many commanded hinges.
     fn from(joints: usize) -> Self {

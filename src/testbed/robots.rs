@@ -169,9 +169,11 @@ impl TrueRobots {
         let mut normals = vec![[0.0; LANES]; self.numbers(readings)];
         let readings_of = self.readings_of(run);
         fill_normals(Stream::Circumstances, seed, readings_of, &mut normals);
-        // What the robot keeps is the run's.
-        let kept = self.numbers(0);
-        fill_normals(Stream::Circumstances, seed, run, &mut normals[..kept]);
+        if readings_of != run {
+            // What the robot keeps is the run's.
+            let kept = self.numbers(0);
+            fill_normals(Stream::Circumstances, seed, run, &mut normals[..kept]);
+        }
         self.become_run(&compliances_of_run(truth, seed, run), &normals, 0)?;
         self.normals.clone_from(&normals);
         Ok(normals)

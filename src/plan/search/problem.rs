@@ -9,7 +9,7 @@ use super::candidate_error::CandidateError;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
 use super::point::{add_information, in_directions};
-use super::relevance::{Considered, SMALL, all_unknowns, relevant};
+use super::relevance::{SMALL, relevant};
 use crate::compensation::{test_pose_matrix, weighted_rows};
 use crate::experiment::Loads;
 use crate::numeric::estimable::Estimable;
@@ -18,7 +18,6 @@ use crate::plan::{
     Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, bounds_of, hung,
     sharing_groups, stand_at, task_rows, widened,
 };
-use crate::robot::ReadsAlong;
 use crate::task::{Extended, Region, Task, TestPose};
 
 /// Why there is no plan.
@@ -161,12 +160,12 @@ impl<'a> Problem<'a> {
     /// that no experiment shows and that do not matter there are left out; every other criterion is about
     /// all compliances.
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
-        Self::considering(relevant, task, criterion)
+        Self::considering(false, task, criterion)
     }
 
-    /// The same with some of the unknowns considered.
-    fn considering(considered: Considered, task: &'a Task, criterion: Criterion) -> Self {
-        let mut problem = Self::shown_by(considered, task, criterion, &|problem| {
+    /// The same with all unknowns considered, or those that matter.
+    fn considering(all: bool, task: &'a Task, criterion: Criterion) -> Self {
+        let mut problem = Self::shown_by(all, task, criterion, &|problem| {
             random_information(problem.evaluator(), &problem.ranges, task).0
         });
         if problem.impossible.is_none() {
@@ -178,7 +177,7 @@ impl<'a> Problem<'a> {
 
     /// The same for plans of these experiments alone: what none of them shows, no plan does.
     pub fn among(task: &'a Task, criterion: Criterion, experiments: &[Experiment]) -> Self {
-        Self::shown_by(relevant, task, criterion, &|problem| {
+        Self::shown_by(false, task, criterion, &|problem| {
             let size = problem.parameters();
             let zero = DMatrix::zeros(size, size);
             experiments
@@ -189,13 +188,13 @@ impl<'a> Problem<'a> {
 
     /// The problem within what experiments show that give this information all together.
     fn shown_by(
-        considered: Considered,
+        all: bool,
         task: &'a Task,
         criterion: Criterion,
         information: &dyn Fn(&Self) -> DMatrix<f64>,
     ) -> Self {
         let parameters = &task.belief.parameters;
-        let mut problem = Self::of_parameters(considered, task, criterion, parameters);
+        let mut problem = Self::of_parameters(all, task, criterion, parameters);
         let names = (task.belief.uncertain.iter()).flat_map(Extended::further);
         let names: Vec<String> = names.map(str::to_owned).collect();
         if criterion != Criterion::TestPose && !names.is_empty() {
@@ -250,7 +249,7 @@ impl<'a> Problem<'a> {
             let kept: Vec<usize> = (0..size).filter(|&index| !silent[index]).collect();
             if kept.len() == basis.ncols() && self.extended.is_none() {
                 let kept: Vec<usize> = kept.iter().map(|&index| self.parameters[index]).collect();
-                return Self::of_parameters(relevant, self.task, self.criterion, &kept);
+                return Self::of_parameters(false, self.task, self.criterion, &kept);
             }
             self.test_poses = basis.tr_mul(&self.test_poses);
             self.prior = basis.tr_mul(&self.prior) * basis;
@@ -260,7 +259,7 @@ impl<'a> Problem<'a> {
     }
 
     fn of_parameters(
-        considers: Considered,
+        all: bool,
         task: &'a Task,
         criterion: Criterion,
         parameters: &[usize],
@@ -275,7 +274,11 @@ impl<'a> Problem<'a> {
         let (sizes, test_poses, prior) = if let Some(extended) = extended {
             let sizes = task.belief.sizes();
             let test_poses = scaled(&task_rows(task), &sizes);
-            considered = considers(task, extended, &sizes, &test_poses, &ranges);
+            considered = if all {
+                (0..sizes.len()).collect()
+            } else {
+                relevant(task, extended, &sizes, &test_poses, &ranges)
+            };
             let prior = task.belief.prior_information();
             (
                 considered.iter().map(|&index| sizes[index]).collect(),
@@ -364,8 +367,7 @@ impl<'a> Problem<'a> {
         WORK / (experiments.max(1) * variables.pow(3)).max(1)
     }
 
-    /// Whether the force is to be varied along with the configuration: where bounds depend on it, or what else is
-    /// uncertain or a gauge's direction does.
+    /// Whether the force varies along with the configuration: where bounds depend on it, or what else is uncertain or a gauge does.
     pub(super) fn is_force_varied(&self) -> bool {
         self.is_force_bounded() || self.extended.is_some() || self.task.reads_along()
     }
@@ -397,13 +399,12 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// The problem with all unknowns considered, where those that this leaves out make more of the cost of a plan than they may:
-    /// few of random plans show what a plan that is searched without them does.
+    /// The problem with all unknowns considered, where those left out make more of a plan's cost than of random ones.
     pub fn with_left_out(&self, plan: &Plan) -> Option<Self> {
         if self.left_out().is_empty() {
             return None;
         }
-        let mut whole = Self::considering(all_unknowns, self.task, self.criterion);
+        let mut whole = Self::considering(true, self.task, self.criterion);
         whole.stop = self.stop;
         let cost = |problem: &Self| problem.cost().value(&problem.information(plan));
         (cost(&whole)? > cost(self)? * (1.0 + SMALL)).then_some(whole)
@@ -457,11 +458,7 @@ impl<'a> Problem<'a> {
 
     /// The fewest measurements that give as many numbers as there are to find.
     pub fn fewest(&self) -> u32 {
-        let numbers = match self.task.belief.instrument.reads_along() {
-            ReadsAlong::Always => 1,
-            _ => 3,
-        };
-        u32::try_from(self.to_find().div_ceil(numbers).max(1)).unwrap_or(u32::MAX)
+        (self.task.belief.instrument.reads_along()).fewest(self.to_find())
     }
 
     /// Whether a plan determines what the criterion asks for.

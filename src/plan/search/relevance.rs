@@ -14,21 +14,6 @@ pub(super) const SMALL: f64 = 0.01;
 /// Plans of the task's size, and of so many times as many measurements, whose predictions hold less noise.
 const SIZES: [f64; 2] = [1.0, 10.0];
 
-/// Which unknowns of a task are considered, of these sizes, by the rows of its test poses and the ranges of joints.
-pub(super) type Considered =
-    fn(&Task, &Extended, &[f64], &DMatrix<f64>, &[(f64, f64)]) -> Vec<usize>;
-
-/// All.
-pub(super) fn all_unknowns(
-    _: &Task,
-    _: &Extended,
-    sizes: &[f64],
-    _: &DMatrix<f64>,
-    _: &[(f64, f64)],
-) -> Vec<usize> {
-    (0..sizes.len()).collect()
-}
-
 /// The unknowns that are considered, in ascending order: the identified compliances, and those of the uncertainties that
 /// matter.
 pub(super) fn relevant(

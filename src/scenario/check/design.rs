@@ -5,7 +5,7 @@ use crate::experiment::Loads;
 use crate::experiment::Plan;
 use crate::files::FileError;
 use crate::quantities::limits::{MOST_EXPERIMENTS, MOST_NAMED};
-use crate::robot::{Commands, ReadsAlong};
+use crate::robot::Commands;
 use crate::scenario::PlanFile;
 use crate::scenario::file::{DesignTable, PlanTable};
 use crate::task::Design;
@@ -26,7 +26,7 @@ impl Checker<'_> {
             MOST_EXPERIMENTS as usize,
         )?;
         if experiments < fewest {
-            let each = if commands.reads_along == ReadsAlong::Always {
+            let each = if commands.reads_along.numbers() == 1 {
                 "one number"
             } else {
                 "three numbers"
@@ -92,9 +92,5 @@ impl Checker<'_> {
 
 /// The fewest measurements that give as many numbers as there are unknowns.
 pub(super) fn fewest(parameters: usize, commands: &Commands) -> u32 {
-    let numbers = match commands.reads_along {
-        ReadsAlong::Always => 1,
-        _ => 3,
-    };
-    u32::try_from(parameters.div_ceil(numbers).max(1)).unwrap_or(u32::MAX)
+    commands.reads_along.fewest(parameters)
 }
