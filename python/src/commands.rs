@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use crate::cli::interruption::STOP;
 use crate::cli::printed_error::PrintedError;
 use crate::cli::progress::LATEST;
-use crate::cli::{Arguments, Report, process};
+use crate::cli::{Arguments, Report, process, useful};
 
 /// How often Python is asked whether somebody pressed ctrl-C.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -102,7 +102,7 @@ fn answer(arguments: &[String], threads: Option<usize>) -> Value {
             return json!({ "error": usage.to_string(), "hint": null, "is_usage": true });
         }
     };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.map_or(0, useful));
     let done = match pool.build() {
         Ok(pool) => pool.install(|| parsed.report()),
         Err(error) => Err(error.into()),

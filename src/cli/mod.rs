@@ -294,7 +294,7 @@ impl Arguments {
         elastocal::mujoco::print_warnings(!quiet);
         if let Some(threads) = threads {
             rayon::ThreadPoolBuilder::new()
-                .num_threads(useful(threads))
+                .num_threads(useful(threads.into()))
                 .build_global()?;
         }
         if let Command::LoadModel(command) = &self.command {
@@ -508,9 +508,9 @@ fn program() -> Value {
 const THREADS_PER_CORE: usize = 4;
 
 /// As many threads as are asked for and help.
-fn useful(threads: u16) -> usize {
+pub fn useful(threads: usize) -> usize {
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    usize::from(threads).min(cores * THREADS_PER_CORE)
+    threads.min(cores * THREADS_PER_CORE)
 }
 
 fn print(text: &str) -> anyhow::Result<()> {

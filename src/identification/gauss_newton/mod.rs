@@ -47,7 +47,7 @@ const UNTAUGHT: f64 = 1e-8;
 /// Sums of squares that differ by this share may be the same.
 const ROUNDING: f64 = 1e-12;
 /// The first damping after a step that made the fit worse, relative to the information.
-const FIRST_DAMPING: f64 = 1e-4;
+const FIRST_DAMPING: f64 = 1e-8;
 /// With so much damping a step is none.
 const LARGEST_DAMPING: f64 = 1e12;
 

@@ -44,6 +44,8 @@ const ROUNDS: usize = 14;
 const RETURNS: f64 = 0.05;
 /// Deviations that change by less are found.
 const FOUND: f64 = 0.02;
+/// They follow from no more than so many visits, evenly among all, which determine a deviation to some 2 %.
+const VISITS_OF_VARIANCES: usize = 3000;
 /// The smallest variance (m^2, rad^2).
 const LEAST: f64 = 1e-18;
 /// Waves that come round so often in a turn, or less, hide in parameters: a gear that is not round once in a turn looks like a joint that gives way
@@ -334,6 +336,10 @@ impl MixedModel {
             joints.map(|&joint| seen.all[2 + joint]).collect()
         };
         let mut variances = self.first();
+        let count = self.visits.len();
+        let is_in = |number: usize| number * VISITS_OF_VARIANCES % count < VISITS_OF_VARIANCES;
+        let some = (count > VISITS_OF_VARIANCES).then(|| self.of_visits(is_in));
+        let sample = some.as_ref().unwrap_or(self);
         let limit = |variances: &mut MixedVariances| {
             let waves = variances.all.iter_mut().skip(2 + self.joints.len());
             for (variance, &most) in waves.zip(&most) {
@@ -341,16 +347,19 @@ impl MixedModel {
             }
         };
         limit(&mut variances);
-        let mut solved = self.solved(&variances)?;
+        let mut solved = sample.solved(&variances)?;
         for _ in 0..ROUNDS {
-            let ImprovedVariances { mut next, .. } = self.improved(&variances, &solved)?;
+            let ImprovedVariances { mut next, .. } = sample.improved(&variances, &solved)?;
             limit(&mut next);
             let change = next.change_from(&variances);
             variances = next;
-            solved = self.solved(&variances)?;
+            solved = sample.solved(&variances)?;
             if change < FOUND {
                 break;
             }
+        }
+        if some.is_some() {
+            solved = self.solved(&variances)?;
         }
         Some((variances, solved))
     }
