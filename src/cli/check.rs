@@ -41,6 +41,7 @@ impl Check {
             let plan = plan
                 .map(|path| read_plan(path, scenario.task.belief.commands()))
                 .transpose()?;
+            super::dialect::dialect_if_suitable(None, &scenario)?;
             Ok((scenario, plan))
         });
         let (scenario, plan) = match checked {

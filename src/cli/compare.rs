@@ -22,10 +22,10 @@ pub struct Compare {
     /// Compare although these differ.
     #[arg(long, value_name = "SETTINGS", value_enum, value_delimiter = ',')]
     allow_different: Vec<Aspect>,
-    /// On the same platform, allow no change at all.
+    /// Allow no change at all on the same platform.
     #[arg(long)]
     exact: bool,
-    /// On the same platform, allow so small a share of each number to change, as "1e-9" for rounding.
+    /// Allow so small a share of each number to change on the same platform, as "1e-9" for rounding.
     #[arg(long, value_name = "SHARE", value_parser = share, conflicts_with = "exact")]
     within: Option<f64>,
     /// Where to write a summary in Markdown.

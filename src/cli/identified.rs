@@ -193,8 +193,8 @@ pub fn trust(
     }
     if found.belief_sha256 != expected.belief_sha256 {
         return Ok(Some(ConditionCode::OtherScenario.with(format!(
-            "{} was identified under another scenario: masses, gravity, nominal compliances, the calibration \
-             tool or the instrument's sigma differ",
+            "{} was identified under another scenario: masses, gravity, nominal compliances, error sources \
+             (--noise-only), the calibration tool or the instrument differ",
             path.display()
         ))));
     }

@@ -85,9 +85,16 @@ impl Lab {
         let program_names: Vec<&str> = program_names.iter().map(String::as_str).collect();
         roles.writes_to(&folder, &program_names).check()?;
 
+        let chain = &scenario.task.belief.nominal.chain;
+        let axes = match &dialect {
+            Some(dialect) => dialect.axes_of(&commands),
+            None => (chain.commanded())
+                .map(|joint| chain.joints[joint].name.as_str())
+                .collect(),
+        };
         let work = match scenario.task.design.accuracy {
-            AccuracyKind::Relative => self.deflections(&scenario)?,
-            AccuracyKind::Absolute => self.readings(&scenario)?,
+            AccuracyKind::Relative => self.deflections(&scenario, &axes)?,
+            AccuracyKind::Absolute => self.readings(&scenario, &axes)?,
         };
         let LaboratoryWork {
             plan,
@@ -133,7 +140,7 @@ impl Lab {
     }
 
     /// A plan of deflections.
-    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<LaboratoryWork> {
+    fn deflections(&self, scenario: &Scenario, axes: &[&str]) -> anyhow::Result<LaboratoryWork> {
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
         let plan = read_plan(&self.plan, task.belief.commands())?;
         self.say_looking(plan.experiments.len(), "experiment");
@@ -147,7 +154,7 @@ impl Lab {
         });
         let stills = Stills::of_plan(scenario, &plan);
         Ok(LaboratoryWork {
-            sheet: run_sheet(scenario, stills, &plan, &campaign),
+            sheet: run_sheet(scenario, stills, &plan, &campaign, axes),
             table: to_fill_in(scenario, &plan, &campaign),
             conditions: conditions.into_iter().collect(),
             plan,
@@ -156,7 +163,7 @@ impl Lab {
     }
 
     /// A plan of absolute readings.
-    fn readings(&self, scenario: &Scenario) -> anyhow::Result<LaboratoryWork> {
+    fn readings(&self, scenario: &Scenario, axes: &[&str]) -> anyhow::Result<LaboratoryWork> {
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
         let rows = read_candidates(&self.plan, task.belief.commands())?;
         let planning = AbsolutePlanning::of_plan(task, &[], &rows)
@@ -173,7 +180,7 @@ impl Lab {
         };
         let stills = Stills::of_readings(scenario, &rows);
         Ok(LaboratoryWork {
-            sheet: run_sheet(scenario, stills, &plan, &campaign),
+            sheet: run_sheet(scenario, stills, &plan, &campaign, axes),
             table: readings_table(scenario, &planning, &campaign),
             conditions: Vec::new(),
             plan,

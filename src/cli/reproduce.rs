@@ -22,7 +22,7 @@ use super::{Common, Report, inputs, results};
 pub struct Reproduce {
     #[command(flatten)]
     pub common: Common,
-    /// The number of runs in Fig. 7; the scenario's if not given.
+    /// The number of runs of figure 7; the scenario's if not given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     trials: Option<u64>,
 }

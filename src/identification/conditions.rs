@@ -4,6 +4,7 @@ use super::outliers::{IMPLAUSIBLE, RejectedReading};
 use super::{Identification, NominalCompliance, UncertainEstimate};
 use crate::codes::{Condition, ConditionCode};
 use crate::quantities::plausible::ELASTIC_COMPLIANCE;
+use crate::text::wording::p_value;
 
 /// A larger share of the readings than this is not left out without being a condition.
 const MANY_LEFT_OUT: f64 = 0.05;
@@ -98,8 +99,8 @@ impl Identification {
         if let Some(probability) = self.consistency
             && probability < IMPLAUSIBLE
         {
-            let words =
-                format!("residuals too large for sigma = {sigma_mm:.4} mm, p = {probability:.1e}");
+            let p = p_value(probability);
+            let words = format!("residuals too large for sigma = {sigma_mm:.4} mm, {p}");
             let left_and_usual_m = (self.discrepancy)
                 .map(|discrepancy| [discrepancy.position_m, SPRINGS_LEAVE * self.deflection_m]);
             all.push(too_large(&words, left_and_usual_m));
@@ -107,8 +108,8 @@ impl Identification {
         if let Some(probability) = self.consistency_lower
             && probability < IMPLAUSIBLE
         {
-            let words =
-                format!("residuals too small for sigma = {sigma_mm:.4} mm, p = {probability:.1e}");
+            let p = p_value(probability);
+            let words = format!("residuals too small for sigma = {sigma_mm:.4} mm, {p}");
             all.push(Ok(ConditionCode::ResidualsTooSmall.with(words)));
         }
         all

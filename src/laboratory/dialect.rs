@@ -3,6 +3,8 @@
 use serde::Deserialize;
 use thiserror::Error;
 
+use crate::robot::Commands;
+
 /// The dialects that come along.
 const KNOWN: [(&str, &str); 2] = [
     ("krl", include_str!("dialects/krl.toml")),
@@ -159,12 +161,12 @@ impl Dialect {
         })
     }
 
-    /// The axis of each joint, of which it is told whether it slides.
-    pub(super) fn axes_of(&self, slides: &[bool]) -> Vec<&str> {
+    /// The axis of each commanded joint.
+    pub fn axes_of(&self, commands: &Commands) -> Vec<&str> {
         let (mut own, mut external) = (self.axes.iter(), self.external_axes.iter());
-        let has_more = slides.len() > self.axes.len();
-        let axes = slides.iter().filter_map(|&slides| {
-            if slides && has_more {
+        let has_more = commands.len() > self.axes.len();
+        let axes = commands.columns().into_iter().filter_map(|column| {
+            if column.ends_with("_mm") && has_more {
                 external.next().or_else(|| own.next())
             } else {
                 own.next().or_else(|| external.next())

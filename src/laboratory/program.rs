@@ -223,10 +223,7 @@ fn target(dialect: &Dialect, commands: &Commands, q: &DVector<f64>) -> String {
             Angles::Radians => value.to_radians(),
         }
     });
-    let slides: Vec<bool> = (written.iter())
-        .map(|column| column.ends_with("_mm"))
-        .collect();
-    let axes: Vec<String> = (dialect.axes_of(&slides).into_iter().zip(values))
+    let axes: Vec<String> = (dialect.axes_of(commands).into_iter().zip(values))
         .map(|(axis, value)| {
             let number = format!("{value:.*}", dialect.decimals);
             let number = number.trim_end_matches('0').trim_end_matches('.');

@@ -17,7 +17,7 @@ pub struct StudyPlanMessage {
     pub name: String,
     /// The number M of measurements in each run.
     pub experiments: u32,
-    /// The standard deviation of each coordinate of a deflection (mm).
+    /// The standard deviation of each coordinate of a deflection, or of an absolute reading (mm).
     pub sigma_mm: f64,
     /// How many times the loads are those of the scenario and the plan.
     pub load_scale: f64,

@@ -194,8 +194,12 @@ impl Header {
             .filter(|(key, value)| theirs.get(*key) != Some(value))
             .min_by_key(|(key, _)| *key == "plans")
             .map(|(key, value)| {
-                let found = theirs.get(key).unwrap_or(&Value::Null);
-                format!("is of another study: {key} is {found} and not {value}")
+                let word = |value: Option<&Value>| match value {
+                    None | Some(Value::Null) => "not given".to_owned(),
+                    Some(value) => value.to_string(),
+                };
+                let [found, wanted] = [theirs.get(key), Some(value)].map(word);
+                format!("is of another study: {key} is {found} there, {wanted} here")
             })
     }
 }

@@ -31,6 +31,15 @@ pub fn significant(value: f64, digits: usize) -> String {
         .map_or(text, |rounded: f64| rounded.to_string())
 }
 
+/// A p-value, which may be smaller than any number.
+pub fn p_value(probability: f64) -> String {
+    if probability > 0.0 {
+        format!("p = {probability:.1e}")
+    } else {
+        "p < 1e-300".to_owned()
+    }
+}
+
 /// A share as a percentage, or a dash.
 pub fn percent(share: Option<f64>, decimals: usize) -> String {
     share.map_or_else(dash, |share| {

@@ -31,12 +31,13 @@ const FIELDS: [&str; 10] = [
     "air temperature, end [\u{b0}C]",
 ];
 
-/// The sheet as a page for print, which loads nothing.
+/// The sheet as a page for print, which loads nothing; `axes` are the names of the commanded joints' axes.
 pub fn run_sheet(
     scenario: &Scenario,
     stills: Stills<'_>,
     plan: &Plan,
     campaign: &Campaign,
+    axes: &[&str],
 ) -> String {
     let pictures = stills.pictures();
     let places = places(campaign);
@@ -55,7 +56,7 @@ pub fn run_sheet(
         section(
             "configurations",
             "Configurations",
-            &configurations(scenario, campaign, &places, &pictures)
+            &configurations(scenario, campaign, &places, &pictures, axes)
         ),
         section(
             "stops",
@@ -213,6 +214,7 @@ fn configurations(
     campaign: &Campaign,
     places: &[Vec<usize>],
     pictures: &[Pictures],
+    axes: &[&str],
 ) -> String {
     let commands = scenario.task.belief.commands();
     let of_place = |(index, place): (usize, &Vec<usize>)| {
@@ -229,13 +231,9 @@ fn configurations(
             stop.approach.as_ref().map(shown),
             shown(&stop.configuration),
         );
-        let rows = (at.iter().enumerate()).map(|(joint, value)| {
+        let rows = (at.iter().zip(axes).enumerate()).map(|(joint, (value, axis))| {
             let from = from.as_ref().map(|from| from[joint]);
-            vec![
-                format!("A{}", joint + 1),
-                number(from, 3),
-                number(Some(*value), 3),
-            ]
+            vec![(*axis).to_owned(), number(from, 3), number(Some(*value), 3)]
         });
         let unit = commands.unit();
         let header = [

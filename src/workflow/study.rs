@@ -1,5 +1,6 @@
 //! The plans of a study, and what its runs come to.
 
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -359,6 +360,8 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Vec<StudyPlanMessage
         if header.absolute.is_some() {
             // What is left at several test poses is one robot's: its squares are not independent.
             message.nees_z = None;
+            // Of a reading, where conditions have that of a deflection.
+            message.sigma_mm = (message.sigma_mm * FRAC_1_SQRT_2 * 1e12).round() * 1e-12;
         }
         message
     };

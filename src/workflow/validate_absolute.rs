@@ -15,6 +15,7 @@ use crate::numeric::estimable::Estimable;
 use crate::parameter::{Axis, ParameterKind, ParameterSet};
 use crate::record::absolute::MountedFrameMessage;
 use crate::task::Belief;
+use crate::text::wording::p_value;
 
 /// What is left of readings that were not fitted.
 #[derive(Debug, Clone)]
@@ -58,10 +59,10 @@ impl AbsoluteValidation {
         for (name, moved) in &self.moved {
             if moved.is_moved() {
                 conditions.push(ConditionCode::StationMoved.with(format!(
-                    "{name} moved by {:.3} mm and {:.3} mrad since it was identified, p = {:.1e}",
+                    "{name} moved by {:.3} mm and {:.3} mrad since it was identified, {}",
                     moved.position_m.norm() * 1e3,
                     moved.rotation_rad.norm() * 1e3,
-                    moved.probability
+                    p_value(moved.probability)
                 )));
             }
         }
@@ -90,7 +91,8 @@ const LEAST_COVERAGE: f64 = 0.8;
 
 /// Measurements whose differences from a prediction are as improbable.
 pub fn prediction_failed(probability: f64) -> Option<Condition> {
-    let words = format!("the measurements differ from their prediction, p = {probability:.1e}");
+    let p = p_value(probability);
+    let words = format!("the measurements differ from their prediction, {p}");
     (probability < BROKEN).then(|| ConditionCode::PredictionFailed.with(words))
 }
 

@@ -38,7 +38,7 @@ pub struct Compensate {
     /// What `identify --identified-out` wrote.
     #[arg(long, value_name = "FILE")]
     identified: PathBuf,
-    /// How; the scenario's method if not given.
+    /// The method; the scenario's if not given.
     #[arg(long, value_enum)]
     method: Option<Method>,
     /// Where to write the angles to command, as CSV.

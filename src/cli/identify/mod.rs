@@ -28,7 +28,7 @@ pub struct Identify {
     /// The measurements.
     #[arg(long, value_name = "FILE")]
     measurements: PathBuf,
-    /// How; the scenario's method if not given.
+    /// The method; the scenario's if not given.
     #[arg(long, value_enum)]
     method: Option<Method>,
     /// Estimate sigma from the residuals instead of taking the scenario's. Of absolute readings: weigh them by the model

@@ -146,10 +146,7 @@ fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
 /// The table for a person, with a column for each condition that varies.
 pub fn describe(messages: &[StudyPlanMessage]) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let swept: Vec<_> = SWEPT
-        .into_iter()
-        .filter(|(_, value)| (messages.iter()).any(|each| value(each) != value(&messages[0])))
-        .collect();
+    let swept = swept(messages);
     let row = |message: &StudyPlanMessage| {
         let interval = or_dash(message.mean_ci95_mm, |[low, high]| {
             format!("{:.3} to {:.3}", low * 1e3, high * 1e3)
@@ -192,12 +189,18 @@ const SWEPT: [Swept; 3] = [
     ("sigma [mm]", |message| format!("{:.4}", message.sigma_mm)),
 ];
 
+/// The conditions that vary.
+fn swept(messages: &[StudyPlanMessage]) -> Vec<Swept> {
+    let varies =
+        |(_, value): &Swept| (messages.iter()).any(|each| value(each) != value(&messages[0]));
+    SWEPT.into_iter().filter(varies).collect()
+}
+
 /// The comparison of JCGM 101, clause 8, of a plan's expanded uncertainty.
-fn validation(message: &StudyPlanMessage) -> String {
+fn validation(name: &str, message: &StudyPlanMessage) -> String {
     (message.validation.as_ref()).map_or_else(String::new, |each| {
         format!(
-            "{}: U = {:.3} um (95 %) predicted, {:.3} +- {:.3} um by Monte Carlo, numerical tolerance {} um: {}\n",
-            message.name,
+            "{name}: U = {:.3} um (95 %) predicted, {:.3} +- {:.3} um by Monte Carlo, numerical tolerance {} um: {}\n",
             each.predicted_um,
             each.monte_carlo_um,
             each.monte_carlo_std_um,
@@ -214,17 +217,20 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
         AccuracyKind::Relative => String::new(),
     };
     let micro = |value: f64| format!("{:.3}", value * 1e3);
+    let swept = swept(messages);
     for message in messages {
+        let conditions = swept.iter();
+        let conditions = conditions.map(|(name, value)| format!(", {name} {}", value(message)));
+        let name = message.name.clone() + &conditions.collect::<String>();
         let predicted = message.combined_rms_mm.zip(message.verdict.as_ref());
         let Some((predicted_mm, verdict)) = predicted else {
-            text += &validation(message);
+            text += &validation(&name, message);
             continue;
         };
         text += &format!(
-            "{}: predicted {} um; the prediction {verdict}\n{}",
-            message.name,
+            "{name}: predicted {} um; the prediction {verdict}\n{}",
             micro(predicted_mm),
-            validation(message)
+            validation(&name, message)
         );
         text += &common_sources((message.common_sources.as_ref()).map(|common| {
             let rho0 = format!("{} um", micro(common.rho0_mm));

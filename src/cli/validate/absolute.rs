@@ -133,10 +133,12 @@ fn describe(validation: &AbsoluteValidation) -> String {
         }
     };
     if let Some(before) = &validation.before {
-        add("nominal robot in the best frames", before);
+        add("nominal, best frames", before);
     }
-    add("identified robot", &validation.left);
-    add("with what its joints are off by", &with_joints);
+    add("identified", &validation.left);
+    if with_joints != validation.left {
+        add("with joint errors", &with_joints);
+    }
     let mut text = format!(
         "{} that were not fitted\n{}",
         counted(validation.left.len() as u64, "reading"),

@@ -19,6 +19,7 @@ use super::{
 use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::text::wording::p_value;
 
 /// Robots leave less than this share of how far positions reach in each coordinate: 2 mm of a metre.
 const ROBOTS_LEAVE: f64 = 2e-3;
@@ -405,9 +406,8 @@ impl AbsoluteFit {
         let rejected = left_out(&self.rejected, self.left.len(), "reading");
         let improbable = self.consistency.filter(|each| *each < IMPLAUSIBLE);
         let residuals = improbable.map(|probability| {
-            let words = format!(
-                "residuals too large for the readings' standard deviations, p = {probability:.1e}"
-            );
+            let p = p_value(probability);
+            let words = format!("residuals too large for the readings' standard deviations, {p}");
             let left = self.discrepancy;
             too_large(
                 &words,

@@ -25,6 +25,7 @@ use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::codes::{Condition, ConditionCode};
 use crate::parameter::{ElasticArm, Parameter, ParameterKind};
 use crate::quantities::units::shown_unit;
+use crate::text::wording::p_value;
 
 /// Series of one robot are said to contradict each other in one of a hundred comparisons.
 pub const CONTRADICTION: f64 = 0.01;
@@ -109,8 +110,9 @@ impl Inconsistencies {
                 format!("{value:.4} ({low:.4} to {high:.4}) {unit} {series}")
             });
             ConditionCode::Inconsistency.with(format!(
-                "inconsistency between series: {} is {one} and {other}, p = {:.1e}",
-                each.name, each.probability
+                "inconsistency between series: {} is {one} and {other}, {}",
+                each.name,
+                p_value(each.probability)
             ))
         })
     }

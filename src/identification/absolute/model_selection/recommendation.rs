@@ -87,7 +87,7 @@ fn sentences(nested_models: &[NestedModel], best: usize, chosen: usize) -> Vec<S
     }
     if let Some(more) = judged(best + 1) {
         let verdict = if more.beyond_best > more.standard_error {
-            "predicts worse than it fits: its parameters follow what the model does not explain"
+            "predicts worse: its parameters follow what the model does not explain"
         } else {
             "predicts no better"
         };
