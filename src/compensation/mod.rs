@@ -38,20 +38,25 @@ pub fn compensate(
     pose: &TestPose,
     method: Method,
 ) -> Result<DVector<f64>, EquilibriumError> {
+    let (commanded_rad, _) = under_load(chain, tool, compliance_rad_per_nm, pose, method)?;
+    Ok(commanded_rad)
+}
+
+/// The same with the load as it acts then: in the axes of the tool where it must stand.
+fn under_load(
+    chain: &SerialChain,
+    tool: &Tool,
+    compliance_rad_per_nm: &[f64],
+    pose: &TestPose,
+    method: Method,
+) -> Result<(DVector<f64>, Load), EquilibriumError> {
     let mut arm = chain.at(tool);
     let q0 = &pose.configuration_rad;
-    let has_passive_joints = chain.commanded().count() < chain.len();
     let state = match method {
         Method::Linear => {
             let mut state = KinematicState::new(chain.len());
             arm.update(q0.as_slice(), &mut state);
-            if has_passive_joints {
-                return Ok(passive::linear(chain, &state, compliance_rad_per_nm, pose));
-            }
             state
-        }
-        Method::Nonlinear if has_passive_joints => {
-            return passive::nonlinear(chain, tool, compliance_rad_per_nm, pose);
         }
         Method::Nonlinear => {
             let mut solver = EquilibriumSolver::new(chain.len());
@@ -59,12 +64,20 @@ pub fn compensate(
             solver.state().clone()
         }
     };
-    Ok(DVector::from_iterator(
-        q0.len(),
-        (0..q0.len()).map(|joint| {
-            q0[joint] - compliance_rad_per_nm[joint] * state.load_torque(joint, &pose.load)
+    let load = pose.load_at(&state.tool_rotation);
+    let has_passive_joints = chain.commanded().count() < chain.len();
+    let commanded_rad = match method {
+        Method::Linear if has_passive_joints => {
+            passive::linear(chain, &state, compliance_rad_per_nm, (q0, &load))
+        }
+        Method::Nonlinear if has_passive_joints => {
+            passive::nonlinear(chain, tool, compliance_rad_per_nm, (q0, &load), &state)?
+        }
+        Method::Linear | Method::Nonlinear => DVector::from_fn(q0.len(), |joint, _| {
+            q0[joint] - compliance_rad_per_nm[joint] * state.load_torque(joint, &load)
         }),
-    ))
+    };
+    Ok((commanded_rad, load))
 }
 
 /// The same with all that was identified of a belief's unknowns: their values (p), and the compliance of every joint
@@ -102,15 +115,14 @@ pub fn compensate_arm(
         let q = pose.configuration_rad.as_slice();
         DVector::from_vec(arm.offsets_rad(q, tool, load, None))
     };
-    let loaded_rad = offsets(&pose.load);
     let standing = TestPose {
         configuration_rad: &pose.configuration_rad + offsets(&Load::NONE),
         ..pose.clone()
     };
     let compliance = &arm.compliance_rad_per_nm;
     let tool = &arm.tools[tool];
-    let commanded_rad = compensate(&arm.chain, tool, compliance, &standing, method)?;
-    let mut commanded_rad = commanded_rad - loaded_rad;
+    let (commanded_rad, load) = under_load(&arm.chain, tool, compliance, &standing, method)?;
+    let mut commanded_rad = commanded_rad - offsets(&load);
     if !arm.gear_waves.is_empty() {
         // Gears are off by what they are off by where the joints are commanded now.
         for (joint, commanded) in commanded_rad.iter_mut().enumerate() {

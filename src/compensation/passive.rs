@@ -6,7 +6,6 @@ use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Load, SerialChain, Tool, commands_for,
     made_up, rotation_vector,
 };
-use crate::task::TestPose;
 
 /// Newton's method needs three or four steps.
 const MAXIMUM_ITERATIONS: usize = 30;
@@ -19,14 +18,14 @@ pub(super) fn linear(
     chain: &SerialChain,
     state: &KinematicState,
     compliance: &[f64],
-    pose: &TestPose,
+    (q0, load): (&DVector<f64>, &Load),
 ) -> DVector<f64> {
     let deflections: Vec<f64> = (compliance.iter().enumerate())
-        .map(|(joint, k)| k * state.load_torque(joint, &pose.load))
+        .map(|(joint, k)| k * state.load_torque(joint, load))
         .collect();
     let jacobian = state.clone().braced(compliance).jacobian();
     let made_up = made_up(chain, &jacobian, &deflections);
-    let mut command = pose.configuration_rad.clone();
+    let mut command = q0.clone();
     for joint in chain.commanded() {
         command[joint] += made_up.as_ref().map_or(0.0, |all| all[joint]) - deflections[joint];
     }
@@ -38,18 +37,17 @@ pub(super) fn nonlinear(
     chain: &SerialChain,
     tool: &Tool,
     compliance: &[f64],
-    pose: &TestPose,
+    (q0, load): (&DVector<f64>, &Load),
+    unloaded: &KinematicState,
 ) -> Result<DVector<f64>, EquilibriumError> {
     let mut arm = chain.at(tool);
     let mut solver = EquilibriumSolver::new(chain.len());
-    let q0 = pose.configuration_rad.as_slice();
-    solver.solve(&mut arm, compliance, q0, &Load::NONE)?;
-    let (wanted_m, wanted_axes) = (solver.state().tool_position, solver.state().tool_rotation);
-    let mut command = linear(chain, solver.state(), compliance, pose);
+    let (wanted_m, wanted_axes) = (unloaded.tool_position, unloaded.tool_rotation);
+    let mut command = linear(chain, unloaded, compliance, (q0, load));
     let commanded: Vec<usize> = chain.commanded().collect();
     let mut response = DMatrix::zeros(chain.len(), 6);
     for _ in 0..MAXIMUM_ITERATIONS {
-        solver.solve(&mut arm, compliance, command.as_slice(), &pose.load)?;
+        solver.solve(&mut arm, compliance, command.as_slice(), load)?;
         solver.response(compliance, &mut response);
         let state = solver.state();
         let apart_m = wanted_m - state.tool_position;

@@ -204,13 +204,25 @@ impl ReadingSource {
     /// Where it takes a new value.
     pub const fn level(&self) -> SourceLevel {
         match self {
-            Self::TransmissionError(error) if error.correlation_rad.is_some() => SourceLevel::Robot,
             Self::TransmissionError(_) | Self::Discrepancy(_) => SourceLevel::Configuration,
             Self::JointRepeatability(_)
             | Self::LoadDirection(_)
             | Self::LoadPoint(_)
             | Self::GaugeDirection(_) => SourceLevel::Visit,
             Self::Range(_) => SourceLevel::Reading,
+        }
+    }
+
+    /// What a contribution does not count of it, in words that follow the source's name.
+    pub const fn remark(&self) -> Option<&'static str> {
+        match self {
+            Self::TransmissionError(TransmissionError {
+                correlation_rad: Some(_),
+                ..
+            }) => Some(
+                "is taken as new in each configuration; select alone counts its correlation_deg",
+            ),
+            _ => None,
         }
     }
 

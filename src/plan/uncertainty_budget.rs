@@ -163,6 +163,7 @@ impl BudgetSource {
         };
         Self {
             distribution: extended.distribution(name).name().to_owned(),
+            remark: source.remark().map(str::to_owned),
             ..Self::new(name, source.level(), input, variance_m2)
         }
     }

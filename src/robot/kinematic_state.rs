@@ -29,6 +29,14 @@ impl Load {
         }
     }
 
+    /// The load turned by a rotation.
+    pub fn turned(&self, by: &Matrix3<f64>) -> Self {
+        Self {
+            force_n: by * self.force_n,
+            torque_nm: by * self.torque_nm,
+        }
+    }
+
     /// So many times the load.
     pub fn scaled(&self, factor: f64) -> Self {
         Self {

@@ -244,16 +244,25 @@ impl<'a> ReadingRuns<'a> {
         let no_rest = |error| Failure::TestPose.because(&error);
         (self.task.test_poses.iter())
             .map(|pose| {
-                let setup = Setup {
+                let mut setup = Setup {
                     commanded_rad: pose.configuration_rad.clone(),
                     load: pose.load,
                     target,
                     station,
                     approach: None,
                 };
-                let said = model
-                    .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
-                    .map_err(no_rest)?;
+                let mut rest = |setup: &Setup| {
+                    let kind = ReadingKind::Position;
+                    let found = model.predict(Form::AtRest, setup, kind, &mut ignored);
+                    found.map_err(no_rest)
+                };
+                let mut said = rest(&setup)?;
+                if pose.load_axes.is_some() {
+                    let base = arm.instrument_from_base[station].rotation;
+                    let axes = base.inverse().to_rotation_matrix() * said.rotation;
+                    setup.load = pose.load_at(&axes);
+                    said = rest(&setup)?;
+                }
                 let is_at = robots
                     .machining_tool_at_work(&pose.configuration_rad, pose)
                     .map_err(no_rest)?;

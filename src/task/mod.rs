@@ -43,6 +43,13 @@ pub struct TestPose {
 }
 
 impl TestPose {
+    /// The task load where the machining tool's axes are these (as columns, in the world frame): one in its frame turns with it.
+    pub fn load_at(&self, axes: &Matrix3<f64>) -> Load {
+        (self.load_axes).map_or(self.load, |nominal| {
+            self.load.turned(&(axes * nominal.transpose()))
+        })
+    }
+
     /// What counts of an error there: n n^T e, or all of it.
     pub fn counted(&self, error: &Vector3<f64>) -> Vector3<f64> {
         match &self.direction {

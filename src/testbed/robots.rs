@@ -15,9 +15,9 @@ use crate::parameter::{Parameter, ParameterKind, Unloaded};
 use crate::robot::{EquilibriumError, Load, TrueRobot};
 use crate::task::{Belief, Instrument, TestPose};
 
-/// How often what depends on where the loaded tool rests is found anew: it moves by millimetres and turns by milliradians, and each
 /// No study has more than two to the power of so many runs.
 const RUNS_BITS: u32 = 40;
+/// How often what depends on where the loaded tool rests is found anew: it moves by millimetres and turns by milliradians, and each
 /// time leaves a thousandth of what is left.
 const TURNS: usize = 3;
 /// The place of the body that carries the calibration tool, at which loads act,
@@ -98,7 +98,7 @@ impl TrueRobots {
         })
     }
 
-    /// The same robots in another campaign, numbered from 0: what is new in readings and visits is sampled anew.
+    /// The same robots in another campaign, numbered from 0: what is new in readings, visits and configurations is sampled anew.
     #[must_use]
     pub fn in_campaign(mut self, campaign: u64) -> Self {
         self.campaign = campaign;
@@ -332,11 +332,7 @@ impl TrueRobots {
         let mut load = said;
         for nominal in pose.load_axes.iter().cycle().take(TURNS) {
             let (_, axes) = self.machining_rest(commanded_rad, &load)?;
-            let turned = axes * nominal.transpose();
-            load = Load {
-                force_n: turned * said.force_n,
-                torque_nm: turned * said.torque_nm,
-            };
+            load = said.turned(&(axes * nominal.transpose()));
         }
         self.machining_tool(commanded_rad, &load)
     }

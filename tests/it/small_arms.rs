@@ -169,3 +169,35 @@ fn campaigns_read_one_robot_anew() {
     assert_eq!(one["sampled"], other["sampled"]);
     assert_ne!(one["deflections_mm"], other["deflections_mm"]);
 }
+
+/// A load in the tool's frame turns with the tool that its own weight has turned: what noise leaves of a compensation is what is
+/// predicted, however small it is.
+#[test]
+fn a_load_in_the_tools_frame_is_compensated_exactly() {
+    for is_driven in [true, false] {
+        let source = "kind = \"compliance\"\nstd_relative = 0.05";
+        let own = text(is_driven, "relative", 6, source)
+            .replace("force_n = [70, 20, -140]", "tool_force_n = [70, 20, -140]")
+            .replace("sigma_mm = 0.02", "sigma_mm = 0.0002")
+            .replace("parameters = [\"lift\"", "parameters = [\"turn\", \"lift\"")
+            + "[study]\nlevel = \"robot\"\ntrials = 600\n[[study.plan]]\nkind = \"optimal\"\nname = \"optimal\"\n";
+        let place = place(is_driven, own);
+        let plan = &place.json("study arm.toml")["plans"][0];
+        assert_holds(plan, &format!("driven: {is_driven}"));
+    }
+}
+
+/// What a source knows of identified compliances is in a proved bound as it is in the predicted accuracy: one measurement hardly
+/// adds to it, and no plan is beyond the bound.
+#[test]
+fn proved_bounds_count_what_sources_know_of_compliances() {
+    let source = "kind = \"compliance\"\nstd_relative = 0.002";
+    let own = text(true, "relative", 1, source)
+        .replace("parameters = [\"lift\"", "parameters = [\"turn\", \"lift\"");
+    let place = place(true, own);
+    let json = place.json("plan arm.toml --prove-time 5 --plan-out plan.csv");
+    let [rho0, bound] = ["rho0_mm", "proved_lower_bound_rho0_mm"].map(|key| number(&json[key]));
+    assert!(bound > 0.5 * rho0 && bound <= rho0, "{rho0} {bound}");
+    let json = place.json("evaluate arm.toml --plan plan.csv --proof-out proof.json");
+    assert!(number(&json["efficiency"]) <= 1.0, "{}", json["efficiency"]);
+}

@@ -142,8 +142,9 @@ fn is_alike(extended: &Extended) -> bool {
 pub(super) fn is_provable(task: &Task, extended: &Extended) -> bool {
     is_alike(extended)
         && extended.unloaded() == Unloaded::Own
-        && extended.set().len() == extended.identified()
         && extended.further().next().is_none()
+        // What a source knows of compliances is not in the belief's own prior, of which a proof knows.
+        && extended.shared().is_empty()
         && extended.sources().all(|(_, source)| is_known(task, source))
 }
 
