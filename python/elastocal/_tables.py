@@ -7,11 +7,11 @@ import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from . import _elastocal
 from ._commands import command, read
-from ._data import Readings, angles, numbers
+from ._data import Readings, Unit, angles, numbers
 from ._errors import ElastocalError, UsageError, nearest
 
 if TYPE_CHECKING:
@@ -87,10 +87,10 @@ def read_table(
         unit["joints"] = [unit["joints"]] * len(places["joints"])
     if len(unit["joints"]) != len(places["joints"]):
         raise UsageError(f"units['joints'] has {len(unit['joints'])} units, and columns['joints'] has {len(places['joints'])} joints")
-    for each in ("deg", "rad"):
+    for each in (kind for kind in get_args(Unit) if kind in unit["joints"]):
         turning = [name for name, its in zip(places["joints"], unit["joints"], strict=True) if its == each]
         try:
-            angles(made[turning].to_numpy(), each if "joints" in (units or {}) else None) if turning else None
+            angles(made[turning].to_numpy(), each if "joints" in (units or {}) else None)
         except UsageError as error:
             hint = "units={'joints': 'rad'} or {'joints': 'deg'} says what they are"
             raise UsageError(str(error).replace("q_deg", "columns['joints']"), hint) from None
