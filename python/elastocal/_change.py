@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import reprlib
 import tempfile
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
@@ -44,7 +45,7 @@ def dotted(path: Path_) -> str:
 
 def found(key: str) -> Path_:
     """Where a key is: dotted it stands for itself, and a name alone for the one key of that name that is least deep."""
-    path = tuple(key.split("."))
+    path = tuple(str(key).split("."))
     if tuple("[]" if each.isdigit() else each for each in path) in keys():
         return path
     own = sorted((each for each in keys() if "[]" not in each), key=lambda each: (len(each), each))
@@ -103,11 +104,26 @@ def table(path: Path) -> dict[str, Any]:
 
 
 def changed(path: Path, changes: Mapping[str, Any]) -> tuple[tempfile.TemporaryDirectory[str], Path]:
-    """A scenario file with other values in a folder of its own, which goes when nobody holds it."""
+    """A scenario file with other values, in a folder of its own."""
     said = _with_files(table(path), path.parent)
     for key, value in changes.items():
-        put(said, found(key), value, key)
+        place = found(key)
+        try:
+            _written({} if value is None else {key: value})
+        except (TypeError, ValueError):
+            allowed = "finite numbers, text that UTF-8 has, truth values, and lists and tables of them are allowed"
+            raise UsageError(f"{dotted(place)}: found {reprlib.repr(value)}; {allowed}") from None
+        put(said, place, value, key)
+    return in_folder(path.name, _written(said))
+
+
+def _written(said: dict[str, Any]) -> str:
+    return _elastocal.written_toml(json.dumps(said, default=_plain, allow_nan=False))
+
+
+def in_folder(name: str, text: str) -> tuple[tempfile.TemporaryDirectory[str], Path]:
+    """A file in a folder of its own, which goes when nobody holds it."""
     folder = tempfile.TemporaryDirectory(prefix="elastocal-")
-    other = Path(folder.name) / path.name
-    other.write_text(_elastocal.written_toml(json.dumps(said, default=_plain)), encoding="utf-8")
-    return folder, other
+    path = Path(folder.name) / name
+    path.write_text(text, encoding="utf-8")
+    return folder, path

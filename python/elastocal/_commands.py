@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from operator import index
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -22,6 +24,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 #: Options that a program has and a function does not: results come back, and threads are the pool's.
 OPTIONS_OF_THE_PROGRAM_ALONE = {"json", "quiet", "threads", "help", "version"}
+#: The command line's.
+MOST_THREADS = 65535
 #: What a function of a command takes by name, beside the options that its signature has from the command.
 NAMED: dict[str, set[str]] = {}
 #: Types of values that say more than a number.
@@ -101,6 +105,8 @@ def _command(name: str, /, *positional: object, threads: int | None = None, **gi
             words.append(f"--{option['long']}" + (f"={each}" if option["takes_value"] else ""))
     if "quiet" in known:
         words.append("--quiet")
+    if threads is not None:
+        threads = whole("threads", threads, MOST_THREADS)
     with progress() as listener:
         return _answer(_elastocal.command(words, threads, listener))
 
@@ -118,6 +124,17 @@ def _values(keyword: str, option: dict[str, Any], value: object) -> list[str]:
     return [_word(keyword, each, is_whole) for each in (value if several else [value])]  # type: ignore[attr-defined]
 
 
+def whole(keyword: str, value: object, most: int) -> int:
+    """A whole number from 1 on, of those that are no options of a command."""
+    try:
+        found = 0 if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
+    except TypeError:
+        found = 0
+    if not 1 <= found <= most:
+        raise UsageError(f"invalid value {value!r} for {keyword!r}: a whole number from 1 to {most} is wanted")
+    return found
+
+
 def _word(keyword: str, value: object, is_whole: bool = False) -> str:
     if hasattr(value, "item") and getattr(value, "size", 0) == 1:
         # NumPy's numbers are Python's.
@@ -126,11 +143,12 @@ def _word(keyword: str, value: object, is_whole: bool = False) -> str:
         if is_whole and value.is_integer():
             return str(int(value))
         return repr(value)
-    if isinstance(value, (str, int)):
-        return str(value)
-    if isinstance(value, PathLike):
-        return str(fspath(value))
-    raise UsageError(f"{keyword} is text, a number or a path, not a {type(value).__name__}")
+    told = fspath(value) if isinstance(value, PathLike) else value
+    if not isinstance(told, (str, int)):
+        raise UsageError(f"{keyword} is text, a number or a path, not a {type(value).__name__}")
+    if re.search("[\ud800-\udfff]", str(told)):
+        raise UsageError(f"{keyword}: found {told!r}; text that UTF-8 has is wanted")
+    return str(told)
 
 
 def _answer(text: str) -> Results:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterator, Sequence
 from os import PathLike
 from pathlib import Path
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 FilePath = str | PathLike[str]
 Unit = Literal["deg", "rad"]
+#: An array with what is masked in it; not every NumPy says what types it has.
+MASKED: Any = np.ma.MaskedArray
 
 WRENCH = ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"]
 DEFLECTION = ["dx_mm", "dy_mm", "dz_mm"]
@@ -34,9 +37,13 @@ LEAST_DEG = 2 * np.pi
 def numbers(name: str, values: ArrayLike, columns: Sequence[str] | None = None) -> Array:
     """Rows of finite numbers, (k, columns); raises :class:`UsageError` for anything else."""
     try:
-        found = np.atleast_2d(np.array(values, dtype=float))
+        if np.iscomplexobj(values):
+            raise TypeError("found complex ones")
+        given = MASKED(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise UsageError(f"{name} wants rows of numbers, all of one length: {error}") from None
+    # What is masked is not there.
+    found = np.atleast_2d(np.array(given.filled(np.nan)))
     shape = f"{name} has the shape {np.shape(values)}"
     if found.ndim != 2 or found.size == 0:
         raise UsageError(f"{shape}; one row of numbers for each configuration is wanted")
@@ -47,7 +54,9 @@ def numbers(name: str, values: ArrayLike, columns: Sequence[str] | None = None) 
     wrong = np.argwhere(~np.isfinite(found))
     if len(wrong):
         row, column = wrong[0]
-        raise UsageError(f"{name} has {found[row, column]} in row {row}, column {column}; finite numbers are wanted")
+        each = given.reshape(found.shape)[row, column]
+        what = "a masked value" if each is np.ma.masked else each
+        raise UsageError(f"{name} has {what} in row {row}, column {column}; finite numbers are wanted")
     return found
 
 
@@ -59,16 +68,24 @@ def for_each(name: str, rows: Array, count: int) -> Array:
 
 
 def angles(values: ArrayLike, unit: Unit | None, columns: Sequence[str] | None = None) -> Array:
-    """Configurations in degrees; raises :class:`UsageError` where they can only be in another unit than is said."""
+    """Configurations in degrees; raises :class:`UsageError` where they can only be in another unit than is said.
+
+    Where ``columns`` say that a joint slides, its values are in mm; in m with ``unit="rad"``.
+    """
     found = numbers("q_deg", values, columns)
-    largest = float(np.abs(found).max())
+    wrong = set(columns or ()) - set(of_joints(columns or ()))
+    if wrong:
+        raise UsageError(f"columns are q1_deg, or q1_mm of a slide, and so on, not {min(wrong)!r}", "columns=scenario.columns names them")
+    slides = np.array([name.endswith("_mm") for name in columns or joints(found.shape[1])])
+    turning = found[:, ~slides]
+    largest = float(np.abs(turning).max(initial=0))
     if unit not in (None, "deg", "rad"):
         raise UsageError(f"unit is 'deg' or 'rad', not {unit!r}")
     if unit == "rad":
         if largest > MOST_RAD:
             raise UsageError(f"q_deg with unit='rad' has an angle of {largest:g} rad: these are degrees", "leave unit='rad' out")
-        return np.degrees(found)
-    if unit is None and found.size >= 6 and 0 < largest <= LEAST_DEG:
+        return np.where(slides, 1e3 * found, np.degrees(found))
+    if unit is None and turning.size >= 6 and 0 < largest <= LEAST_DEG:
         hint = "unit='rad' converts them; if they are degrees, unit='deg' says so"
         raise UsageError(f"q_deg has no angle above {largest:.3g} in {len(found)} configurations: these are radians", hint)
     return found
@@ -97,6 +114,33 @@ def joints(count: int) -> list[str]:
     return [f"q{joint + 1}_deg" for joint in range(count)]
 
 
+def of_joints(columns: Sequence[str]) -> list[str]:
+    """The columns that are joints', in the order of the joints."""
+    found = [name for name in columns if re.fullmatch(r"q\d+_(deg|mm)", name)]
+    return sorted(found, key=lambda name: int(name[1:].split("_")[0]))
+
+
+def named(what: str, count: int, own: list[str] | None, columns: list[str] | None) -> list[str]:
+    """The joints' columns of a table: those of a robot, ``columns``; without a robot its ``own``, or hinges'.
+
+    Raises :class:`UsageError` where a table with so many joints, or with columns of its own, is not of that robot.
+    """
+    if columns is None:
+        return own or joints(count)
+    has = ", ".join(columns)
+    if count != len(columns):
+        raise UsageError(f"{what} has {count} columns of angles; the robot has {len(columns)} commanded joints: {has}")
+    if own is not None and own != columns:
+        hint = "columns=scenario.columns names them; with unit='rad' slides are then in m"
+        raise UsageError(f"{what} has the columns {', '.join(own)}; those of the robot are {has}", hint)
+    return columns
+
+
+def _known(columns: Sequence[str] | None, unit: Unit | None, count: int) -> list[str] | None:
+    """The joints' columns; None where they are the robot's, whatever it is: what was in rad is of hinges unless columns say else."""
+    return list(columns) if columns else joints(count) if unit == "rad" else None
+
+
 class Experiment(NamedTuple):
     """A row of a plan."""
 
@@ -108,16 +152,25 @@ class Experiment(NamedTuple):
 class Plan:
     """A plan of m experiments.
 
-    ``q_deg`` (m, n): commanded angles (deg; slides mm; with ``unit="rad"`` they are given in rad). ``wrench`` (m, 6), or (6,) for
-    all: force (N) and torque (N m) at the calibration tool in the world frame. ``repeats`` (m,), or one number: how often each is
-    measured.
+    ``q_deg`` (m, n): commanded angles (deg; slides mm; with ``unit="rad"`` they are given in rad, and slides, which ``columns`` then
+    must name, in m). ``wrench`` (m, 6), or (6,) for all: force (N) and torque (N m) at the calibration tool in the world frame.
+    ``repeats`` (m,), or one number: how often each is measured. ``columns`` names the joints' (``Scenario.columns``).
     """
 
-    def __init__(self, q_deg: ArrayLike, wrench: ArrayLike, repeats: ArrayLike = 1, *, unit: Unit | None = None) -> None:
-        self.q_deg: Array = angles(q_deg, unit)
+    def __init__(
+        self,
+        q_deg: ArrayLike,
+        wrench: ArrayLike,
+        repeats: ArrayLike = 1,
+        *,
+        unit: Unit | None = None,
+        columns: Sequence[str] | None = None,
+    ) -> None:
+        self.q_deg: Array = angles(q_deg, unit, columns)
+        self._joints = _known(columns, unit, self.q_deg.shape[1])
         count = len(self.q_deg)
         self.wrench: Array = for_each("wrench", numbers("wrench", wrench, WRENCH), count)
-        often = numbers("repeats", np.reshape(np.asarray(repeats), (-1, 1)))
+        often = numbers("repeats", MASKED(repeats).reshape(-1, 1))
         if (often < 1).any() or (often % 1 != 0).any():
             raise UsageError("repeats are whole numbers from 1 on", "an experiment that is not made has no row")
         self.repeats: NDArray[np.int64] = for_each("repeats", often, count)[:, 0].astype(np.int64)
@@ -126,9 +179,9 @@ class Plan:
     def load(cls, path: FilePath) -> Plan:
         """Reads a plan CSV as elastocal writes it."""
         columns, rows = _table(Path(path).read_text(encoding="utf-8"), [*WRENCH, "repeats"], f"{path}: a plan")
-        q = [index for index, name in enumerate(columns) if name.startswith("q")]
-        wrench = [columns.index(name) for name in WRENCH]
-        return cls(rows[:, q], rows[:, wrench], rows[:, columns.index("repeats")], unit="deg")
+        own = of_joints(columns)
+        q, wrench = ([columns.index(name) for name in names] for names in (own, WRENCH))
+        return cls(rows[:, q], rows[:, wrench], rows[:, columns.index("repeats")], unit="deg", columns=own)
 
     @classmethod
     def from_record(cls, record: list[dict[str, Any]]) -> Plan:
@@ -140,16 +193,19 @@ class Plan:
             unit="deg",
         )
 
-    def csv(self, columns: list[str]) -> str:
-        """The text of a plan CSV; ``columns`` names the joints' (``Scenario.columns``)."""
-        lines = [",".join([*columns, *WRENCH, "repeats"])]
+    def _named(self, columns: list[str] | None = None) -> list[str]:
+        return named("the plan", self.q_deg.shape[1], self._joints, columns)
+
+    def csv(self, columns: list[str] | None = None) -> str:
+        """The text of a plan CSV; ``columns`` names the joints' (``Scenario.columns``), which are hinges if nothing does."""
+        lines = [",".join([*self._named(columns), *WRENCH, "repeats"])]
         for q, wrench, repeats in self:
             lines.append(",".join([*(repr(float(value)) for value in (*q, *wrench)), str(repeats)]))
         return "\n".join(lines) + "\n"
 
     def save(self, path: FilePath, columns: list[str] | None = None) -> None:
-        """Writes a plan CSV; joints are hinges where ``columns`` are not given."""
-        Path(path).write_text(self.csv(columns or joints(self.q_deg.shape[1])), encoding="utf-8")
+        """Writes a plan CSV; ``columns`` as in :meth:`csv`."""
+        Path(path).write_text(self.csv(columns), encoding="utf-8")
 
     @property
     def measurements(self) -> int:
@@ -166,15 +222,18 @@ class Plan:
     def __getitem__(self, rows: int | slice | Sequence[int]) -> Plan:
         """Some of the experiments, as a plan."""
         chosen = [rows] if isinstance(rows, int) else rows
-        return Plan(self.q_deg[chosen], self.wrench[chosen], self.repeats[chosen], unit="deg")
+        return Plan(self.q_deg[chosen], self.wrench[chosen], self.repeats[chosen], unit="deg", columns=self._joints)
 
     def __add__(self, other: Plan) -> Plan:
         """This plan, and then another."""
         mine, its = self.q_deg.shape[1], other.q_deg.shape[1]
         if mine != its:
             raise UsageError(f"the plans have {mine} and {its} joints")
+        own = self._joints or other._joints
+        if other._joints:
+            other._named(own)
         both = ([getattr(self, name), getattr(other, name)] for name in ("q_deg", "wrench", "repeats"))
-        return Plan(*map(np.concatenate, both), unit="deg")
+        return Plan(*map(np.concatenate, both), unit="deg", columns=own)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Plan) and all(
@@ -189,11 +248,11 @@ class Plan:
     def to_dataframe(self) -> pd.DataFrame:
         """A row for each experiment, with the columns of the plan CSV."""
         rows = np.column_stack([self.q_deg, self.wrench])
-        return _views.frame(rows, [*joints(self.q_deg.shape[1]), *WRENCH]).assign(repeats=self.repeats)
+        return _views.frame(rows, [*self._named(), *WRENCH]).assign(repeats=self.repeats)
 
     def _repr_html_(self) -> str:
         rows = [[*(f"{value:.2f}" for value in q), *(f"{value:g}" for value in wrench), repeats] for q, wrench, repeats in self]
-        return _views.html(repr(self)[1:-1], [*joints(self.q_deg.shape[1]), *WRENCH, "repeats"], rows)
+        return _views.html(repr(self)[1:-1], [*self._named(), *WRENCH, "repeats"], rows)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """The experiments' angles, joint by joint."""
@@ -214,9 +273,9 @@ def absolute_plan(rows: list[dict[str, Any]], columns: list[str]) -> str:
 class Measurements:
     """k measured deflections.
 
-    ``q_deg`` (k, n): commanded angles (deg; slides mm; with ``unit="rad"`` they are given in rad). ``wrench`` (k, 6) in N and N m,
-    or (6,) for all; ``deflection_mm`` (k, 3): loaded minus unloaded position in the world frame. ``columns`` names the joints'
-    where some slide (``Scenario.columns``).
+    ``q_deg`` (k, n): commanded angles (deg; slides mm; with ``unit="rad"`` they are given in rad, and slides, which ``columns`` then
+    must name, in m). ``wrench`` (k, 6) in N and N m, or (6,) for all; ``deflection_mm`` (k, 3): loaded minus unloaded position in
+    the world frame. ``columns`` names the joints' (``Scenario.columns``).
 
     ``columns`` are then those of the measurement CSV, ``rows`` (k, columns) its numbers.
     """
@@ -226,7 +285,7 @@ class Measurements:
         q_deg: ArrayLike,
         wrench: ArrayLike,
         deflection_mm: ArrayLike,
-        columns: list[str] | None = None,
+        columns: Sequence[str] | None = None,
         *,
         unit: Unit | None = None,
     ) -> None:
@@ -235,6 +294,7 @@ class Measurements:
         deflection = numbers("deflection_mm", deflection_mm, DEFLECTION)
         if len(deflection) != len(q):
             raise UsageError(f"deflection_mm has {len(deflection)} rows, and q_deg has {len(q)}", "each deflection has its row")
+        self._joints = _known(columns, unit, q.shape[1])
         self.columns: list[str] = [*(columns or joints(q.shape[1])), *WRENCH, *DEFLECTION]
         self.rows: Array = np.hstack([q, load, deflection])
         self._text: str | None = None
@@ -249,16 +309,17 @@ class Measurements:
         """Of the text of a measurement CSV; messages say ``what`` it is."""
         made = cls.__new__(cls)
         made.columns, made.rows = _table(text, [*WRENCH, *DEFLECTION], what)
-        made._text = text
+        made._text, made._joints = text, of_joints(made.columns)
         return made
 
-    def csv(self) -> str:
-        """The text of the measurement CSV."""
-        return self._text if self._text is not None else _written(self.columns, self.rows)
+    def csv(self, columns: list[str] | None = None) -> str:
+        """The text of the measurement CSV; ``columns`` names the joints' (``Scenario.columns``), which are hinges if nothing does."""
+        its = named("the table of measurements", len(of_joints(self.columns)), self._joints, columns)
+        return self._text if self._text is not None else _written([*its, *WRENCH, *DEFLECTION], self.rows)
 
-    def save(self, path: FilePath) -> None:
-        """Writes the measurement CSV."""
-        Path(path).write_text(self.csv(), encoding="utf-8")
+    def save(self, path: FilePath, columns: list[str] | None = None) -> None:
+        """Writes the measurement CSV; ``columns`` as in :meth:`csv`."""
+        Path(path).write_text(self.csv(columns), encoding="utf-8")
 
     def _of(self, names: list[str]) -> Array:
         return self.rows[:, [self.columns.index(name) for name in names]]
@@ -266,7 +327,7 @@ class Measurements:
     @property
     def q_deg(self) -> Array:
         """Commanded angles (k, n), deg; slides mm."""
-        return self._of([name for name in self.columns if name.startswith("q")])
+        return self._of(of_joints(self.columns))
 
     @property
     def wrench(self) -> Array:
@@ -285,7 +346,7 @@ class Measurements:
         """Some of the measurements."""
         chosen = [rows] if isinstance(rows, int) else rows
         made = Measurements.__new__(Measurements)
-        made.columns, made.rows, made._text = self.columns, self.rows[chosen], None
+        made.columns, made.rows, made._text, made._joints = self.columns, self.rows[chosen], None, self._joints
         if self._text is not None:
             # Where they come from stays with them.
             said = "".join(f"{line}\n" for line in self._text.splitlines() if line.startswith("#"))

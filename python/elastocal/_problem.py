@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _change
-from ._data import Array, FilePath, Plan
+from ._data import Array, FilePath, Plan, numbers
 from ._elastocal import PlanningProblem
 from ._errors import ElastocalError, UsageError
 
@@ -21,6 +21,8 @@ def _told() -> Iterator[None]:
     """What does not fit the robot, as this package's error."""
     try:
         yield
+    except UsageError:
+        raise
     except ValueError as error:
         raise UsageError(str(error)) from None
 
@@ -30,10 +32,14 @@ class Problem:
 
     def __init__(self, path: FilePath, noise_only: bool = False) -> None:
         self.path = Path(fspath(path))
+        self._noise_only = noise_only
         try:
             self._problem = PlanningProblem(str(self.path), noise_only)
         except ValueError as error:
             raise ElastocalError(str(error)) from None
+
+    def __reduce__(self) -> tuple[type[Problem], tuple[Path, bool]]:
+        return Problem, (self.path, self._noise_only)
 
     @property
     def columns(self) -> list[str]:
@@ -65,9 +71,9 @@ class Problem:
 
         ``q_deg`` (n,), deg; ``wrench`` (6,), N and N m at the calibration tool in the world frame.
         """
-        q = np.asarray(q_deg, dtype=float).tolist()
         with _told():
-            return np.array(self._problem.observation_matrix(q, np.asarray(wrench, dtype=float).tolist()))
+            [q], [load] = (numbers(name, np.reshape(each, (1, -1))).tolist() for name, each in (("q_deg", q_deg), ("wrench", wrench)))
+            return np.array(self._problem.observation_matrix(q, load))
 
     def test_pose_matrices(self) -> list[Array]:
         """Eq. 23 for each test pose, times the root of its weight: (3, p) each, m N m/rad."""
@@ -75,6 +81,7 @@ class Problem:
 
     def information(self, plan: Plan) -> Array:
         """The information of a plan by noise alone, eq. 12: (p, p), ((N m)/rad)^2."""
+        plan._named(self.columns)
         size = len(self.parameters)
         total = np.zeros((size, size))
         for q, wrench, repeats in zip(plan.q_deg, plan.wrench, plan.repeats, strict=True):
@@ -91,7 +98,7 @@ class Problem:
         if not isinstance(plan, Plan):
             raise UsageError(f"plan is a Plan, not a {type(plan).__name__}", "ec.Plan(q_deg, wrench) makes one of arrays")
         with _told():
-            value, gradient = self._problem.objective(plan.q_deg.tolist(), plan.wrench.tolist(), plan.repeats.tolist())
+            value, gradient = self._problem.objective(*self._rows(plan))
         return value, np.array(gradient)
 
     def violations(self, plan: Plan | ArrayLike, wrench: ArrayLike | None = None) -> list[str]:
@@ -102,7 +109,11 @@ class Problem:
         if not isinstance(plan, Plan):
             plan = Plan(plan, self._load() if wrench is None else wrench, unit="deg")
         with _told():
-            return self._problem.violations(plan.q_deg.tolist(), plan.wrench.tolist(), plan.repeats.tolist())
+            return self._problem.violations(*self._rows(plan))
+
+    def _rows(self, plan: Plan) -> tuple[list[list[float]], list[list[float]], list[int]]:
+        plan._named(self.columns)
+        return plan.q_deg.tolist(), plan.wrench.tolist(), plan.repeats.tolist()
 
     def _load(self) -> list[float]:
         load = _change.table(self.path)["load"]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import _change
-from ._commands import _command, read, takes
+from ._commands import _command, read, takes, whole
 from ._data import FilePath, Measurements, Plan, Readings, absolute_plan
 from ._errors import ElastocalError, UsageError
 from ._executor import Executors, merged
@@ -38,6 +38,7 @@ TAKEN: dict[str, tuple[tuple[type, ...], str]] = {
 }
 #: The shards of a study on an executor: enough for some workers, and few enough to be worth their while.
 SHARDS = 16
+MOST_SHARDS = 1_000_000
 
 
 @contextmanager
@@ -95,6 +96,15 @@ class Scenario:
         other._folder, other._changes = folder, self._changes | made
         return other
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what a process makes anew; a changed scenario with its file."""
+        return self.__dict__ | {"_problem": None, "_folder": self._folder and read(self.path)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ |= state
+        if state["_folder"] is not None:
+            self._folder, self.path = _change.in_folder(self.path.name, state["_folder"])
+
     @property
     def table(self) -> dict[str, Any]:
         """What the scenario file says, key by key."""
@@ -127,27 +137,28 @@ class Scenario:
         return self.problem.columns
 
     @contextmanager
-    def _files(self, **values: object) -> Iterator[dict[str, Any]]:
-        """Plans (also of designs), measurements and identifications as files that a command reads; paths stay what they are."""
+    def _files(self, plans: Mapping[str, object] | None = None, **values: object) -> Iterator[dict[str, Any]]:
+        """Plans (also of designs), measurements and identifications as files that a command reads; paths stay what they are.
+
+        ``plans`` are by names that need not be a file's.
+        """
         with _folder() as folder:
             named: dict[str, Any] = {}
-            for name, value in values.items():
-                kinds, made_by = TAKEN.get(name, TAKEN["plan"])
-                if value is not None and not isinstance(value, (str, PathLike, *kinds)):
+            names = [str(name) for name in plans or values]
+            for number, (name, value) in enumerate((plans or values).items()):
+                kinds, made_by = TAKEN["plan" if plans else name]
+                if (value is not None or plans) and not isinstance(value, (str, PathLike, *kinds)):
                     wanted = ", ".join(kind.__name__ for kind in kinds)
                     raise UsageError(f"{name} wants {wanted} or a file's path, not {type(value).__name__}", made_by)
-                named[name] = path = folder / f"{name}.{'json' if isinstance(value, Identified) else 'csv'}"
+                named[name] = path = folder / f"{number}.{'json' if isinstance(value, Identified) else 'csv'}"
                 if isinstance(value, Design) and value.results.get("accuracy") == "absolute":
                     path.write_text(absolute_plan(value.results["plan"], self.columns), encoding="utf-8")
                     continue
                 if isinstance(value, (Design, Validation)):
                     value = value.plan
-                if isinstance(value, Measurements):
-                    self._fits(value.q_deg.shape[1], "the table of measurements")
-                if isinstance(value, Plan):
-                    self._fits(value.q_deg.shape[1], "the plan")
+                if isinstance(value, (Plan, Measurements)):
                     value.save(path, self.columns)
-                elif isinstance(value, (Measurements, Readings)):
+                elif isinstance(value, Readings):
                     value.save(path)
                 elif isinstance(value, Identified):
                     path.write_text(json.dumps(value.results), encoding="utf-8")
@@ -157,14 +168,13 @@ class Scenario:
                 yield named
             except ElastocalError as error:
                 # Nobody has written the files in this folder, nor can they be looked at.
-                named_file = re.compile(rf"{re.escape(str(folder))}/(\w+)\.\w+")
-                hint = error.hint and named_file.sub(r"\1", error.hint)
-                raise type(error)(named_file.sub(r"\1", str(error)), hint, error.code) from None
+                def told(text: str) -> str:
+                    return re.sub(rf"{re.escape(str(folder))}/(\d+)\.\w+", lambda found: names[int(found[1])], text)
 
-    def _fits(self, joints: int, what: str) -> None:
-        if joints != len(self.columns):
-            has = ", ".join(self.columns)
-            raise UsageError(f"{what} has {joints} columns of angles; the robot has {len(self.columns)} commanded joints: {has}")
+                hint = error.hint and told(error.hint)
+                if "unknown column \"q" in str(error) and isinstance(values.get("measurements"), Readings):
+                    hint = f"{hint}; ec.read_table takes a unit for each joint: units={{'joints': ['mm', 'deg', ...]}}"
+                raise type(error)(told(str(error)), hint, error.code) from None
 
     @takes("check")
     def check(self, plan: Plan | Design | FilePath | None = None, **given: Unpack[options.CheckGiven]) -> Results:
@@ -308,7 +318,7 @@ class Scenario:
         if plans is not None:
             if not isinstance(plans, Mapping):
                 raise UsageError(f"plans are a dict of plans by name, not a {type(plans).__name__}", "plans={'own': plan, 'random': 'random_each'}")
-            with self._files(**plans) as files:
+            with self._files(plans) as files:
                 listed = [{"name": name, **_study_plan(path)} for name, path in files.items()]
                 other = self.with_({"study.plan": listed})
                 return other.study(out=out, executor=executor, shards=shards, tallies=tallies, **given)
@@ -319,10 +329,11 @@ class Scenario:
         if not (isinstance(executor, Executor) or callable(executor)):
             hint = "of a Dask client it is client.get_executor(pure=False)"
             raise UsageError(f"executor is one of concurrent.futures, or a function that makes one, not a {type(executor).__name__}", hint)
-        own = {"seed": self.seed, "noise_only": self.noise_only, "threads": self.threads or 1}
+        own = {"seed": self.seed, "noise_only": self.noise_only, "threads": 1 if self.threads is None else self.threads}
         with _folder() as folder:
             kept = folder / "tallies" if tallies is None else Path(tallies)
-            files_of_shards = run_shards(self.path, executor, shards or SHARDS, kept, own | given)
+            count = SHARDS if shards is None else whole("shards", shards, MOST_SHARDS)
+            files_of_shards = run_shards(self.path, executor, count, kept, own | given)
             if out is not None:
                 return merged(files_of_shards, out)
             return _gone(folder, merged(files_of_shards, folder))

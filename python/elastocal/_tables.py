@@ -7,11 +7,11 @@ import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from . import _elastocal
 from ._commands import command, read
-from ._data import Readings, angles, numbers
+from ._data import Readings, Unit, angles, numbers
 from ._errors import ElastocalError, UsageError, nearest
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def read_table(
     *,
     columns: Mapping[str, str | Sequence[str]],
     rotation: str | Rotation | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | Sequence[str]] | None = None,
 ) -> Readings:
     """Absolute readings out of a data frame of pandas.
 
@@ -51,14 +51,14 @@ def read_table(
 
     ``rotation`` is SciPy's word for the columns: ``"XYZ"`` (intrinsic Euler angles), ``"xyz"`` (extrinsic), ``"quat"``, ``"rotvec"``,
     ``"matrix"``; or a SciPy ``Rotation`` with one for each row. ``units`` are deg, mm, N, N m, s and C if not given:
-    ``units={"joints": "rad"}``.
+    ``units={"joints": "rad"}``. Joints of several kinds have a list of as many, slides with a length: ``{"joints": ["mm", "deg"]}``.
     """
     if not hasattr(frame, "to_csv"):
         raise UsageError(f"a data frame of pandas is wanted, not {type(frame).__name__}", "pandas.read_csv(path) makes one of a file")
     made = frame.copy()
     known = {*UNITS, *WORDS, "position_std", "rotation_std"}
     places: dict[str, Any] = {key: [value] if isinstance(value, str) else list(value) for key, value in columns.items()}
-    unit = UNITS | dict(units or {})
+    unit: dict[str, Any] = UNITS | dict(units or {})
     for what in [*places, *unit]:
         if what not in known:
             raise UsageError(f"columns have no {what!r}; they have: {', '.join(sorted(known))}", nearest(what, known))
@@ -83,9 +83,14 @@ def read_table(
                 raise UsageError(f"columns[{what!r}]: the frame has no column {name!r}", nearest(name, map(str, made.columns)))
         if what not in WORDS:
             numbers(f"columns[{what!r}]", made[names].to_numpy())
-    if unit["joints"] in ("deg", "rad"):
+    if isinstance(unit["joints"], str):
+        unit["joints"] = [unit["joints"]] * len(places["joints"])
+    if len(unit["joints"]) != len(places["joints"]):
+        raise UsageError(f"units['joints'] has {len(unit['joints'])} units, and columns['joints'] has {len(places['joints'])} joints")
+    for each in (kind for kind in get_args(Unit) if kind in unit["joints"]):
+        turning = [name for name, its in zip(places["joints"], unit["joints"], strict=True) if its == each]
         try:
-            angles(made[places["joints"]].to_numpy(), "rad" if unit["joints"] == "rad" else None)
+            angles(made[turning].to_numpy(), each if "joints" in (units or {}) else None)
         except UsageError as error:
             hint = "units={'joints': 'rad'} or {'joints': 'deg'} says what they are"
             raise UsageError(str(error).replace("q_deg", "columns['joints']"), hint) from None
@@ -116,7 +121,7 @@ def _rotations(frame: pd.DataFrame, names: list[str]) -> Rotation:
     return Turn.from_matrix(frame[names].to_numpy(dtype=float).reshape(-1, 3, 3))
 
 
-def _mapping(places: dict[str, Any], unit: dict[str, str], rotation: Any, there: set[str]) -> dict[str, Any]:
+def _mapping(places: dict[str, Any], unit: dict[str, Any], rotation: Any, there: set[str]) -> dict[str, Any]:
     """What the columns are, as `import` takes it."""
     is_quaternion = not isinstance(rotation, str) or rotation == "quat"
 
@@ -126,7 +131,7 @@ def _mapping(places: dict[str, Any], unit: dict[str, str], rotation: Any, there:
             return [*names[3:], *names[:3]]
         return names[::-1] if rotation.islower() and rotation not in CONVENTIONS else names
 
-    said: dict[str, Any] = {"joint": [{"column": each, "unit": unit["joints"]} for each in places["joints"]]}
+    said: dict[str, Any] = {"joint": [{"column": each, "unit": its} for each, its in zip(places["joints"], unit["joints"], strict=True)]}
     for what in ("position", "rotation", "force", "torque"):
         if what in places:
             said[what] = {"columns": in_order(places[what]) if what == "rotation" else places[what]}

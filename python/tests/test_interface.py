@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
+import pickle
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +74,13 @@ def test_signatures_have_every_option_of_the_program() -> None:
         ("design", {"plan_out": True}, "plan_out wants a value", None),
         ("design", {"experiments": [3, 4]}, "experiments is one value", None),
         ("design", {"experiments": object()}, "experiments is text, a number or a path, not a object", None),
+        ("design", {"threads": 0}, "invalid value 0 for 'threads': a whole number from 1 to 65535 is wanted", None),
+        ("design", {"threads": "1"}, "invalid value '1' for 'threads'", None),
+        ("design", {"threads": 1.5}, "invalid value 1.5 for 'threads'", None),
+        ("design", {"threads": -1}, "invalid value -1 for 'threads'", None),
+        ("study", {"threads": 0, "executor": ThreadPoolExecutor(1)}, "invalid value 0 for 'threads'", None),
+        ("study", {"shards": 0, "executor": ThreadPoolExecutor(1)}, "invalid value 0 for 'shards'", None),
+        ("design", {"allow": "\ud800"}, r"allow: found '\\ud800'; text that UTF-8 has is wanted", None),
         ("study", {"level": "robots"}, "invalid value 'robots' for 'level'", "robot"),
     ],
 )
@@ -101,7 +111,8 @@ def test_what_is_no_plan_and_no_table_is_told(scenario: ec.Scenario, design: ec.
         (lambda: ec.Plan.load(bad), "bad.csv: a plan has the columns q1_deg and so on, fx_n, .*; found a, b", ""),
         (lambda: ec.Measurements.load(bad), "bad.csv: a table of measurements has .* dz_mm; found a, b", ""),
         (lambda: ec.Scenario(tmp_path / "none.toml").problem, "none.toml: cannot be read", ""),
-        (lambda: scenario.problem.violations([[1, 2]]), "found 2 coordinates; the robot has 3 commanded joints", ""),
+        (lambda: scenario.problem.violations([[1, 2]]), "the plan has 2 columns of angles; the robot has 3 commanded joints", ""),
+        (lambda: scenario.problem.observation_matrix([1, 2], DOWN), "found 2 coordinates; the robot has 3 commanded joints", ""),
     ]:
         with pytest.raises(ec.ElastocalError, match=message) as raised:
             mistake()
@@ -135,6 +146,11 @@ Q = [[10, 20, 30], [-40, 50, -60]]
         (lambda: ec.Plan([[10, 20], [30]], DOWN), "q_deg wants rows of numbers", None),
         (lambda: ec.Plan([[10, np.nan, 20]], DOWN), "q_deg has nan in row 0, column 1", None),
         (lambda: ec.Plan(np.zeros((2, 2, 3)), DOWN), r"q_deg has the shape \(2, 2, 3\)", None),
+        (lambda: ec.Plan(Q, DOWN, columns=["q1_deg", "q2_deg", "q3_m"]), "columns are q1_deg, or q1_mm .*, not 'q3_m'", "columns="),
+        (lambda: ec.Plan(Q, DOWN, np.ma.masked_array([1, 2], [False, True])), "repeats has a masked value in row 1, column 0", None),
+        (lambda: ec.Plan(np.array(Q) + 1j, DOWN), "q_deg wants rows of numbers, .*: found complex ones", None),
+        (lambda: ec.Plan([np.ma.masked_array(row, [0, 1, 0]) for row in Q], DOWN), "q_deg has a masked value in row 0, column 1", None),
+        (lambda: ec.Measurements(Q, DOWN, np.ma.masked_less([[0, 0, 1], [5, 0, -1]], 0)), "mm has a masked value in row 1, column 2", None),
         (lambda: ec.Measurements(Q, DOWN, [[0, 0, 1]]), "deflection_mm has 1 rows, and q_deg has 2", None),
         (lambda: ec.Measurements(Q, DOWN, np.zeros((3, 2))), r"deflection_mm has the shape \(3, 2\)", "deflection_mm.T"),
         (lambda: ec.Measurements(Q, DOWN, [[0, 0, 1], [0, 0, np.inf]]), "deflection_mm has inf in row 1, column 2", None),
@@ -225,6 +241,20 @@ def test_scenarios_are_changed(scenario: ec.Scenario, design: ec.Design, tmp_pat
     assert scenario.with_().design(no_proof=True).plan == design.plan
 
 
+def test_scenarios_and_problems_are_copied_and_pickled(scenario: ec.Scenario, design: ec.Design) -> None:
+    changed = scenario.with_(sigma_mm=0.015)
+    objective = changed.problem.objective(design.plan)[0]
+    problem = pickle.loads(pickle.dumps(changed.problem))
+    assert problem.objective(design.plan)[0] == objective
+    copies = [pickle.loads(pickle.dumps(changed)), copy.copy(changed)]
+    assert repr(copies[0]) == repr(changed)
+    # The changed file goes with the scenario that it is of, and each copy has its own.
+    del changed
+    assert [each.problem.objective(design.plan)[0] for each in copies] == [objective] * 2
+    scenario.problem
+    assert pickle.loads(pickle.dumps(scenario)).columns == scenario.columns
+
+
 @pytest.mark.parametrize(
     ("changes", "message", "hint"),
     [
@@ -233,6 +263,10 @@ def test_scenarios_are_changed(scenario: ec.Scenario, design: ec.Design, tmp_pat
         ({"experiments": 1}, "'experiments' is a key of several tables: design.experiments or study.experiments", "with_"),
         ({"test_pose.7.weight": 1}, "test_pose.7.weight: the scenario has 1 of them", None),
         ({"sigma_mm": -1}, "^instrument.sigma_mm: found -1; a positive number is allowed", None),
+        ({"sigma_mm": float("nan")}, "^instrument.sigma_mm: found nan; finite numbers", None),
+        ({"study.sweep": {"sigma_mm": np.array([0.1, np.inf])}}, "^study.sweep: found {'sigma_mm': array", None),
+        ({"description": "\ud800"}, r"^description: found '\\ud800'; finite numbers, text that UTF-8 has", None),
+        ({3: 1}, "no key 3", None),
         ({"sigma_mm": "much"}, "sigma_mm|invalid type", None),
         ({"robot.model": "none.xml"}, "none.xml", None),
     ],
@@ -248,6 +282,92 @@ def test_studies_take_plans(scenario: ec.Scenario, design: ec.Design, tmp_path: 
     study = scenario.study(plans={"mine": design.plan, "file": tmp_path / "own.csv", "random": "random_each"}, trials=300)
     means = study.to_dataframe().set_index("name")["mean_mm"]
     assert list(means.index) == ["mine", "file", "random"] and means["mine"] == means["file"] < means["random"]
+
+
+def test_plans_of_a_study_have_any_names(scenario: ec.Scenario, design: ec.Design) -> None:
+    names = ["10 N/mm", "../../up", "measurements", "identified", "plans"]
+    study = scenario.study(plans={name: design.plan for name in names}, trials=20)
+    assert [plan["name"] for plan in study["plans"]] == names
+    far = ec.Plan([[1e9, 0, 0]], DOWN, unit="deg")
+    for plan, message in [(far, "^study.plan.0..file: 10 N/mm: line 2: q1_deg"), (None, "10 N/mm wants Plan, .*, not NoneType")]:
+        with pytest.raises(ec.ElastocalError, match=message):
+            scenario.study(plans={"10 N/mm": plan}, trials=20)  # type: ignore[dict-item]
+
+
+# Slides.
+
+
+@pytest.fixture(scope="module")
+def slide(tmp_path_factory: pytest.TempPathFactory) -> ec.Scenario:
+    """The planar arm with an upright slide as its first joint."""
+    folder = tmp_path_factory.mktemp("slide")
+    model = (ROOT / "models/planar_3r.xml").read_text(encoding="utf-8")
+    model = model.replace('<joint name="joint_1"', '<joint name="joint_1" type="slide" axis="0 0 1"')
+    (folder / "slide.xml").write_text(re.sub("<keyframe>.*</keyframe>", "", model, flags=re.DOTALL), encoding="utf-8")
+    changes = {"robot.model": str(folder / "slide.xml"), "test_pose.0.q_deg": [-300, 80, 40]}
+    return ec.Scenario.load(QUICK).with_(changes)
+
+
+def test_slides_are_in_millimetres_and_with_rad_in_metres(slide: ec.Scenario, tmp_path: Path) -> None:
+    columns = slide.columns
+    assert columns == ["q1_mm", "q2_deg", "q3_deg"]
+    q, metres = np.array([[250, 20, 30], [-400, 50, -60], [0, -70, 80]]), np.array([1e-3, *np.radians([1, 1])])
+    plan = ec.Plan(q * metres, DOWN, unit="rad", columns=columns)
+    assert np.allclose(plan.q_deg, q) and plan.csv().startswith("q1_mm,q2_deg")
+    measured = slide.measure(ec.Plan(q, DOWN))
+    compliances = [
+        slide.identify(each).compliance_rad_per_nm
+        for each in (
+            measured,
+            ec.Measurements(q, DOWN, measured.deflection_mm),
+            ec.Measurements(q * metres, DOWN, measured.deflection_mm, columns, unit="rad"),
+        )
+    ]
+    assert np.array_equal(*compliances[:2]) and np.allclose(*compliances[1:], rtol=1e-9)
+    # Without the columns, what is in rad is of hinges, in parts and sums of plans too.
+    turned = ec.Plan(q / 100, DOWN, unit="rad")
+    turned.save(tmp_path / "hinges.csv")
+    uses: list[tuple[Any, Any]] = [
+        (slide.evaluate, turned),
+        (slide.evaluate, turned[:1]),
+        (slide.evaluate, ec.Plan(q, DOWN) + turned),
+        (slide.evaluate, ec.Plan.load(tmp_path / "hinges.csv")),
+        (slide.problem.objective, turned),
+        (slide.problem.information, turned),
+        (slide.problem.violations, turned),
+        (slide.identify, ec.Measurements(q / 100, DOWN, measured.deflection_mm, unit="rad")),
+    ]
+    for use, wrong in uses:
+        with pytest.raises(ec.UsageError, match="has the columns q1_deg, .*; those of the robot are q1_mm, q2_deg, q3_deg") as raised:
+            use(wrong)
+        assert "columns=scenario.columns" in str(raised.value.hint)
+    with pytest.raises(ec.UsageError, match="the plan has the columns"):
+        plan + turned
+    # A slide is no angle that could be in degrees or in rad.
+    with pytest.raises(ec.UsageError, match="no angle above 1.4 in 3 configurations: these are radians"):
+        ec.Plan(q * [1, *metres[1:]], DOWN, columns=columns)
+
+
+def test_columns_of_a_file_come_in_any_order(slide: ec.Scenario, tmp_path: Path) -> None:
+    plan = ec.Plan([[250, 20, 30], [-400, 50, -60]], DOWN)
+    lines = [line.split(",") for line in plan.csv(slide.columns).splitlines()]
+    (tmp_path / "plan.csv").write_text("\n".join(",".join([*line[2::-1], *line[3:]]) for line in lines), encoding="utf-8")
+    assert ec.Plan.load(tmp_path / "plan.csv") == plan
+
+
+def test_tables_have_a_unit_for_each_joint(slide: ec.Scenario) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(np.random.default_rng(1).uniform(-1, 1, (8, 6)), columns=["a", "b", "c", "x", "y", "z"])
+    columns = {"joints": ["a", "b", "c"], "position": ["x", "y", "z"]}
+    table = ec.read_table(frame, columns=columns, units={"joints": ["m", "rad", "deg"], "position": "m"}).to_dataframe()
+    assert list(table)[:3] == slide.columns
+    assert np.allclose(table[slide.columns], frame[["a", "b", "c"]] * [1e3, np.degrees(1), 1])
+    assert list(ec.read_table(frame, columns=columns, units={"joints": "deg"}).to_dataframe())[0] == "q1_deg"
+    with pytest.raises(ec.UsageError, match="units.'joints'. has 2 units, and columns.'joints'. has 3 joints"):
+        ec.read_table(frame, columns=columns, units={"joints": ["m", "rad"]})
+    with pytest.raises(ec.ElastocalError, match='unknown column "q1_deg"') as raised:
+        slide.with_(accuracy="absolute").identify(ec.read_table(frame, columns=columns, units={"joints": "rad"}))
+    assert "units={'joints': ['mm', 'deg', ...]}" in str(raised.value.hint)
 
 
 def test_violations_are_those_of_check(scenario: ec.Scenario, design: ec.Design) -> None:
