@@ -92,11 +92,19 @@ impl Measure {
             let joints = task.belief.parameters.iter().copied();
             (measurements, Some(TruthMessage::new(joints, &truth)))
         };
-        let is_along = task.belief.instrument.reads_along() == ReadsAlong::Always;
+        let reads_along = task.belief.instrument.reads_along();
+        let is_along = reads_along == ReadsAlong::Always;
         let rows = measurements.iter().enumerate().map(|(index, each)| {
             let mut row = vec![(index + 1).to_string()];
-            let size_m = if let Some(direction) = each.direction.filter(|_| is_along) {
-                row.extend(direction.iter().map(|value| format!("{value:.4}")));
+            let size_m = if let Some(direction) = each.direction {
+                let along = |value: &f64| {
+                    if is_along {
+                        format!("{value:.4}")
+                    } else {
+                        "-".to_owned()
+                    }
+                };
+                row.extend(direction.iter().map(along));
                 direction.dot(&each.deflection_m)
             } else {
                 row.extend((each.deflection_m.iter()).map(|value| format!("{:.4}", value * 1e3)));
@@ -105,10 +113,12 @@ impl Measure {
             row.push(format!("{:.4}", size_m * 1e3));
             row
         });
-        let header = if is_along {
-            "experiment | along x | y | z | displacement [mm]"
-        } else {
-            "experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]"
+        let header = match reads_along {
+            ReadsAlong::Always => "experiment | along x | y | z | displacement [mm]",
+            ReadsAlong::Sometimes => {
+                "experiment | dx [mm] | dy [mm] | dz [mm] | size, or displacement along the gauge [mm]"
+            }
+            ReadsAlong::Never => "experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]",
         };
         let mut text = table(header, rows);
         if let Some(truth) = of_run.as_ref().filter(|_| self.noise_free) {

@@ -98,7 +98,12 @@ impl Identify {
         }
         text += &format!(
             "\n{}",
-            residuals::describe(identification, residuals, &identified.rejected)
+            residuals::describe(
+                identification,
+                measurements,
+                residuals,
+                &identified.rejected
+            )
         );
         text += &patterns::describe(&identified.patterns);
         text += &repeats::describe(identified.repeats.as_ref(), "deflections");

@@ -86,6 +86,8 @@ struct MeasurementRecord<'a> {
     measurement: MeasurementMessage,
     /// What a gauge reads, positive along its direction (mm).
     displacement_mm: Option<f64>,
+    /// The standard deviation of that, where it is of its own (mm).
+    displacement_std_mm: Option<f64>,
     /// The virtual robot's deflection, without the instrument's errors (mm); identification does not see it.
     true_deflection_mm: Option<[f64; 3]>,
     /// What of that is along a gauge's direction (mm).
@@ -252,6 +254,8 @@ impl<W: Write + Seek> Channels<W> {
             };
             let displacement_mm;
             (measurement.deflection_mm, displacement_mm) = read(measurement.deflection_mm);
+            let is_along = measurement.direction.is_some();
+            let own_mm = measurement.deflection_std_mm.take_if(|_| is_along);
             let true_deflection_mm = record.truth.deflections_mm.get(index).copied();
             let (residual_mm, displacement_residual_mm) =
                 read(record.identification.residuals_mm.get(index).copied());
@@ -261,6 +265,7 @@ impl<W: Write + Seek> Channels<W> {
                 repeat,
                 measurement,
                 displacement_mm,
+                displacement_std_mm: own_mm.map(|[each, ..]| each),
                 true_deflection_mm,
                 true_displacement_mm: read(true_deflection_mm).1,
                 residual_mm,

@@ -242,3 +242,19 @@ pub fn residuals_figure(standardised: &[[Option<f64>; 4]]) -> Result<String, Plo
 fn over_numbers(x: &Range<f64>, y: ChartAxis) -> [ChartAxis; 2] {
     [ChartAxis::new(x.clone(), whole_ticks(x.start, x.end)), y]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_gauge_reads_is_no_coordinate() -> Result<(), PlotError> {
+        let along = [None, None, None, Some(1.0)];
+        let svg = residuals_figure(&[along, along])?;
+        assert!(svg.contains("2, along the gauge: 1.00") && !svg.contains(", x: "));
+        let whole = [Some(1.0), Some(2.0), Some(-1.0), None];
+        let svg = residuals_figure(&[whole, along])?;
+        assert!(svg.contains("1, z: -1.00") && svg.contains("2, along the gauge"));
+        Ok(())
+    }
+}
