@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use crate::task::AccuracyKind;
 use crate::text::markdown_text;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
@@ -14,9 +15,18 @@ pub(super) fn about(study: &StudyRecording) -> String {
         markdown_text(&study.arms.description),
         markdown_text(&study.title())
     );
-    text += "Each run measures a plan with fresh noise, identifies the compliances and compensates; \
+    text += match study.header.accuracy() {
+        AccuracyKind::Relative => {
+            "Each run measures a plan with fresh noise, identifies the compliances and compensates; \
              the *distance* is what then remains between the loaded tool and where it should be at \
-             the test pose. All plans see the same noise.\n\n";
+             the test pose."
+        }
+        AccuracyKind::Absolute => {
+            "Each run reads a plan of another virtual robot and identifies it; the *distance* is that of the \
+             loaded tool from where the identified robot predicts it at the test poses."
+        }
+    };
+    text += " All plans see the same noise.\n\n";
     if study.header.shards > 1 {
         let _ = writeln!(
             text,
