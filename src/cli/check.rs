@@ -121,8 +121,12 @@ impl Check {
 
 /// The robot as it was understood, for a person.
 pub(super) fn describe(understanding: &Understanding) -> String {
-    let header =
-        "joint | range [deg] | stiffness [N m/rad] | compliance [rad/(N m)] | moving mass [kg] | ";
+    let slides = understanding.joints.iter().any(|joint| joint.drive.slides);
+    let header = if slides {
+        "joint | range [deg] | stiffness [N m/rad; slides N/m] | compliance [rad/(N m); slides m/N] | moving mass [kg] | "
+    } else {
+        "joint | range [deg] | stiffness [N m/rad] | compliance [rad/(N m)] | moving mass [kg] | "
+    };
     let rows = (understanding.joints.iter()).map(|joint| {
         let stiffness = joint.compliance_rad_per_nm.recip();
         vec![

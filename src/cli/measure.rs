@@ -14,7 +14,7 @@ use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage, TruthMe
 use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::virtual_readings;
-use elastocal::task::{AccuracyKind, Task};
+use elastocal::task::{AccuracyKind, Belief, Task};
 use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::text::wording::counted;
 use serde_json::json;
@@ -93,11 +93,19 @@ impl Measure {
             let joints = task.belief.parameters.iter().copied();
             (measurements, Some(TruthMessage::new(joints, &truth)))
         };
-        let is_along = task.belief.instrument.reads_along() == ReadsAlong::Always;
+        let reads_along = task.belief.instrument.reads_along();
+        let is_along = reads_along == ReadsAlong::Always;
         let rows = measurements.iter().enumerate().map(|(index, each)| {
             let mut row = vec![(index + 1).to_string()];
-            let size_m = if let Some(direction) = each.direction.filter(|_| is_along) {
-                row.extend(direction.iter().map(|value| format!("{value:.4}")));
+            let size_m = if let Some(direction) = each.direction {
+                let along = |value: &f64| {
+                    if is_along {
+                        format!("{value:.4}")
+                    } else {
+                        "-".to_owned()
+                    }
+                };
+                row.extend(direction.iter().map(along));
                 direction.dot(&each.deflection_m)
             } else {
                 row.extend((each.deflection_m.iter()).map(|value| format!("{:.4}", value * 1e3)));
@@ -106,14 +114,16 @@ impl Measure {
             row.push(format!("{:.4}", size_m * 1e3));
             row
         });
-        let header = if is_along {
-            "experiment | along x | y | z | displacement [mm]"
-        } else {
-            "experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]"
+        let header = match reads_along {
+            ReadsAlong::Always => "experiment | along x | y | z | displacement [mm]",
+            ReadsAlong::Sometimes => {
+                "experiment | dx [mm] | dy [mm] | dz [mm] | size, or displacement along the gauge [mm]"
+            }
+            ReadsAlong::Never => "experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]",
         };
         let mut text = table(header, rows);
         if let Some(truth) = of_run.as_ref().filter(|_| self.noise_free) {
-            text += &truth_words(&task.belief.parameter_names(), truth);
+            text += &truth_words(&task.belief, truth);
         }
         if let Some(path) = &self.measurements_out {
             write_measurements_under(
@@ -188,11 +198,20 @@ fn beyond_gauge(task: &Task, plan: &Plan) -> Vec<Condition> {
 }
 
 /// What a run's virtual robot is: its compliances, and what else the run samples.
-fn truth_words(joints: &[String], truth: &TruthMessage) -> String {
-    let compliances = joints.iter().zip(&truth.compliance_rad_per_nm);
-    let compliance = |(name, value): (&String, &f64)| {
-        let (value, unit) = (format!("{:.4}", value * 1e6), "1e-6 rad/(N m)");
-        vec![name.clone(), value, unit.to_owned()]
+fn truth_words(belief: &Belief, truth: &TruthMessage) -> String {
+    let compliances = belief.parameters.iter().zip(&truth.compliance_rad_per_nm);
+    let compliance = |(&joint, value): (&usize, &f64)| {
+        let joint = &belief.nominal.chain.joints[joint];
+        let unit = if joint.drive.slides {
+            "1e-6 m/N"
+        } else {
+            "1e-6 rad/(N m)"
+        };
+        vec![
+            joint.name.clone(),
+            format!("{:.4}", value * 1e6),
+            unit.to_owned(),
+        ]
     };
     let sampled = truth.sampled.iter().map(|each| {
         let unit = if each.unit == "1" { "ln" } else { each.unit };

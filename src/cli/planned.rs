@@ -418,10 +418,9 @@ fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     let names = scenario.task.belief.parameter_names().into_iter();
     let rows = (names.zip(&assessment.standard_errors))
         .map(|(name, error)| vec![name, number(error.map(|error| error * 1e9), 2)]);
-    text += &format!(
-        "\n{}\n",
-        table("joint | standard error [1e-9 rad/(N m)]", rows)
-    );
+    let unit = scenario.task.belief.compliance_unit("1e-9");
+    let header = format!("joint | standard error [{unit}]");
+    text += &format!("\n{}\n", table(&header, rows));
     text += &further(assessment);
     let rows = assessment.criteria.iter().map(|(criterion, value)| {
         let better = if criterion.is_maximised() {

@@ -1,6 +1,8 @@
 //! Residuals by measurement, for a person.
 
 use elastocal::identification::{Identification, MeasurementResidual, RejectedReading};
+use elastocal::measurement::Measurement;
+use nalgebra::Vector3;
 
 use super::table::{number, or_dash, table};
 
@@ -10,6 +12,7 @@ const LISTED: usize = 6;
 /// The residuals that are farthest from what chance explains.
 pub fn describe(
     identification: &Identification,
+    measurements: &[Measurement],
     residuals: &[MeasurementResidual],
     rejected: &[RejectedReading],
 ) -> String {
@@ -25,7 +28,11 @@ pub fn describe(
     let rows = order.into_iter().map(|index| {
         let residual = &residuals[index];
         let is_rejected = rejected.iter().any(|each| each.reading == index);
-        let residuals_m = &identification.residuals_m[3 * index..3 * index + 3];
+        let residual_m = Vector3::from_column_slice(&identification.residuals_m[3 * index..][..3]);
+        let read_m = match measurements[index].direction {
+            Some(direction) => vec![direction.dot(&residual_m)],
+            None => residual_m.as_slice().to_vec(),
+        };
         let standardised = residual.standardised.iter();
         vec![
             format!(
@@ -33,17 +40,21 @@ pub fn describe(
                 index + 1,
                 if is_rejected { " (left out)" } else { "" }
             ),
-            three(
-                &mut residuals_m
-                    .iter()
-                    .map(|value| format!("{:7.4}", value * 1e3)),
-            ),
+            three(&mut read_m.iter().map(|value| format!("{:7.4}", value * 1e3))),
             three(&mut standardised.map(|value| format!("{:>5}", number(*value, 1)))),
             or_dash(residual.probability, probability),
         ]
     });
-    let header = "measurement | residual x, y, z [mm] | over its standard deviation | probability";
-    let mut text = table(header, rows);
+    let is_along = |each: &&Measurement| each.direction.is_some();
+    let coordinates = match measurements.iter().filter(is_along).count() {
+        0 => "x, y, z",
+        all if all == measurements.len() => "along the gauge",
+        _ => "x, y, z, or along the gauge",
+    };
+    let header = format!(
+        "measurement | residual {coordinates} [mm] | over its standard deviation | probability"
+    );
+    let mut text = table(&header, rows);
     if all > LISTED {
         text += &format!("  ({} more fit better)\n", all - LISTED);
     }

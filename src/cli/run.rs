@@ -11,7 +11,7 @@ use elastocal::measurement::write_measurements_under;
 use elastocal::plan::{UncertaintyBudget, search::RepeatsNeeded, take_nearest_turns, write_plan};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
-use elastocal::task::AccuracyKind;
+use elastocal::task::{AccuracyKind, Belief};
 use elastocal::text::wording::{counted, shell_path};
 use elastocal::view::report::{RunRecord, run_page};
 use elastocal::view::{recording::Recording, stills::Stills};
@@ -141,7 +141,7 @@ impl Run {
         }
         let mut text = summary(
             folder,
-            &outcome.tried,
+            (&scenario.task.belief, &outcome.tried),
             random_rho0_m.zip(outcome.random_repeats),
         ) + &self.proof.tell(
             &designed.bound,
@@ -203,9 +203,13 @@ fn write_all(
 }
 
 /// What it means, for a person.
-fn summary(folder: &Path, entries: &[TriedPlan], random: Option<(f64, RepeatsNeeded)>) -> String {
+fn summary(
+    folder: &Path,
+    (belief, entries): (&Belief, &[TriedPlan]),
+    random: Option<(f64, RepeatsNeeded)>,
+) -> String {
     let main = &entries[0];
-    let mut text = deflections::describe(&main.calibration.1.identification);
+    let mut text = deflections::describe(&main.calibration.1.identification, belief);
     text.push('\n');
     let micro = |value: f64| number(Some(value * 1e6), 2);
     let rows = entries.iter().map(|entry| {

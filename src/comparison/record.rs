@@ -6,6 +6,7 @@ use crate::comparison::results::{Key, ResultsFile};
 use crate::comparison::{Change, Comparison};
 use crate::gate::{Decision, Direction, Quantity};
 use crate::record::{json::merge, messages::SchemaMessage};
+use crate::text::markdown_text;
 
 /// The columns of [`rows`].
 pub const COLUMNS: [&str; 7] = [
@@ -176,7 +177,7 @@ pub fn verdict(comparison: &Comparison) -> String {
 /// A summary that a job of continuous integration can post.
 pub fn markdown(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> String {
     let outcome = if comparison.ok { "passed" } else { "failed" };
-    let scenario = escaped(&new.provenance.scenario);
+    let scenario = markdown_text(&new.provenance.scenario);
     let mut text = format!(
         "### Gate {outcome}: {scenario}\n\n{}\n\n",
         verdict(comparison)
@@ -199,7 +200,7 @@ pub fn markdown(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) 
         &[origin("base", base), origin("new", new)],
     );
     for note in notes(base, new, comparison) {
-        text += &format!("\n{}\n", escaped(&note));
+        text += &format!("\n{}\n", markdown_text(&note));
     }
     let all = markdown_table(&COLUMNS, &rows(comparison.changes.iter()));
     text + &format!("\n<details><summary>All numbers</summary>\n\n{all}\n</details>\n")
@@ -211,15 +212,7 @@ fn markdown_table(header: &[&str], rows: &[Vec<String>]) -> String {
     text += &line(vec!["---".to_owned(); header.len()]);
     for row in rows {
         let cells = row.iter().take(header.len());
-        text += &line(cells.map(|cell| escaped(cell)).collect());
+        text += &line(cells.map(|cell| markdown_text(cell)).collect());
     }
     text
-}
-
-/// Names are the user's: nothing in them may end a cell or be a tag.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('|', "\\|")
-        .replace(['\n', '\r'], " ")
 }

@@ -58,7 +58,7 @@ fn step_size(parameter: &Parameter, belief: &ElasticArm) -> f64 {
     match parameter.unit() {
         // To first order in compliance it is a small angle, too.
         _ if matches!(parameter.kind, ParameterKind::JointBacklash { .. }) => 1e-5,
-        "rad/(N m)" | "N/m" => parameter.kind.typical_size(belief, false),
+        "rad/(N m)" | "m/N" | "N/m" => parameter.kind.typical_size(belief, false),
         _ => 0.1,
     }
 }

@@ -537,12 +537,28 @@ pub struct Parameter {
     pub scale: f64,
     /// The standard deviation of its own prior about the nominal value, where there is one.
     pub prior_deviation: Option<f64>,
+    /// Whether it is of a joint that slides.
+    pub slides: bool,
 }
 
 impl Parameter {
     /// The unit of its value.
     pub const fn unit(&self) -> &'static str {
-        self.kind.unit(self.is_logarithmic)
+        self.of_joint(self.kind.unit(self.is_logarithmic))
+    }
+
+    /// The unit of the quantity itself, logarithms undone.
+    pub const fn quantity_unit(&self) -> &'static str {
+        self.of_joint(self.kind.quantity_unit())
+    }
+
+    /// A unit of joints that turn, as it is of this one's joint.
+    pub const fn of_joint(&self, unit: &'static str) -> &'static str {
+        match unit.as_bytes() {
+            b"rad" if self.slides => "m",
+            b"rad/(N m)" if self.slides => "m/N",
+            _ => unit,
+        }
     }
 
     /// How far a fit may change it in one step, in its own unit: beyond this a linear model says nothing.

@@ -87,6 +87,7 @@ impl ParameterSet {
                 nominal,
                 scale: prior_deviation.unwrap_or_else(|| kind.typical_size(belief, has_prior)),
                 prior_deviation,
+                slides: matches!(kind.owner(), Owner::Joint(joint) if belief.chain.joints[joint].drive.slides),
             });
         }
         let precision = parameters

@@ -13,16 +13,28 @@
 
 use nalgebra::DMatrix;
 
-use super::uncertainty_budget::{Squares, UncertaintyBudget};
+use super::uncertainty_budget::{Squares, UncertaintyBudget, common};
 use super::{ExperimentModel, Plan, hung, quantile95_m, sharing_groups, stand_at, task_rows};
 use crate::numeric::posterior::Posterior;
 use crate::task::{Extended, Task};
+use crate::text::wording::significant;
 
 impl UncertaintyBudget {
     /// That of a plan of deflections for a task, with what is known after it; `None` where that does not determine the test poses.
     pub fn of_deflections(task: &Task, plan: &Plan, posterior: &Posterior) -> Option<Self> {
         let radius95_m = quantile95_m(task, posterior)?;
-        Some(squares(task, plan, posterior).budget(&task.belief, Some(radius95_m)))
+        let mut budget = squares(task, plan, posterior).budget(&task.belief, Some(radius95_m));
+        let noise = &mut budget.sources[0];
+        if let (None, Some(both_m)) = (
+            noise.standard_uncertainty,
+            task.belief.instrument.both_sigmas_m(),
+        ) {
+            let [coordinate, along] = both_m.map(|value| significant(value * 1e3, 3));
+            noise.remark = Some(format!(
+                "is {coordinate} mm in a coordinate and {along} mm of the gauge"
+            ));
+        }
+        Some(budget)
     }
 }
 
@@ -57,6 +69,10 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     }
     let instrument = &belief.instrument;
     let is_of_positions = instrument.rotation_sigma_rad.is_none();
+    let input = common(plan.experiments.iter().map(|each| match each.direction {
+        Some(_) => (instrument.along_sigma_m(), "m"),
+        None => (instrument.sigma_m, "m"),
+    }));
     let own = gain.columns(0, belief.parameters.len());
     let before = |precision: &DMatrix<f64>| (own * precision * own.transpose()).trace();
     let of_groups = extended.map_or(&[][..], Extended::shared).iter();
@@ -68,7 +84,7 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
             .sum()
     };
     Squares {
-        noise: (is_of_positions.then_some((instrument.sigma_m, "m")), noise),
+        noise: (input.filter(|_| is_of_positions), noise),
         before: belief.prior.as_ref().map(|prior| before(&prior.precision)),
         readings,
         parameters: of_groups.map(|(_, places)| of_group(places)).collect(),

@@ -179,7 +179,10 @@ impl BudgetSource {
             } else {
                 parameter.kind.whole(extended.arm()).abs()
             };
-            (deviation / whole, parameter.kind.unit(true))
+            (
+                deviation / whole,
+                parameter.of_joint(parameter.kind.unit(true)),
+            )
         }));
         let first = places.first().map(|&place| parameters[place].kind);
         let level = first.map_or(SourceLevel::Robot, ParameterKind::level);

@@ -6,6 +6,7 @@ pub fn shown_unit(unit: &str) -> (f64, &str) {
         "m" => (1e3, "mm"),
         "rad" => (1e3, "mrad"),
         "rad/(N m)" => (1e6, "1e-6 rad/(N m)"),
+        "m/N" => (1e6, "1e-6 m/N"),
         "m/m" => (1e6, "um/m"),
         unit => (1.0, unit),
     }

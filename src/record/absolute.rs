@@ -292,7 +292,7 @@ fn unknown(fit: &AbsoluteFit, index: usize) -> UnknownMessage {
     UnknownMessage {
         name: parameter.name.clone(),
         what: parameter.kind.words(&fit.reference),
-        unit: parameter.kind.quantity_unit().to_owned(),
+        unit: parameter.quantity_unit().to_owned(),
         nominal: parameter.quantity(&fit.reference, parameter.nominal),
         value,
         standard_error: error,

@@ -42,6 +42,9 @@ pub struct PredictedUnknownMessage {
     pub name: String,
     /// What it is, in words.
     pub what: String,
+    /// The station or target that it is of, for a page.
+    #[serde(skip)]
+    pub mounted: Option<String>,
     /// The unit of its value; "1" for a logarithm.
     pub unit: String,
     /// Its standard error; null where it is not determined by itself.
@@ -216,6 +219,7 @@ impl AbsolutePlanMessage {
                 .map(|(index, each)| PredictedUnknownMessage {
                     name: each.name.clone(),
                     what: planning.words(index),
+                    mounted: planning.mounted(index),
                     unit: each.unit().to_owned(),
                     standard_error: prediction.posterior.standard_error(index),
                 })

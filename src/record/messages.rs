@@ -142,7 +142,7 @@ pub struct MeasurementMessage {
     /// Force (N) and torque (N m) in the world frame at the calibration tool.
     pub wrench: [f64; 6],
     /// Loaded minus unloaded position of the tool in the world frame (mm); of what a gauge reads, what is along its direction.
-    pub deflection_mm: [f64; 3],
+    pub deflection_mm: Option<[f64; 3]>,
     /// Standard deviations of the deflection, where this measurement has its own (mm).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deflection_std_mm: Option<[f64; 3]>,
@@ -164,7 +164,7 @@ impl MeasurementMessage {
         Self {
             q_deg: commands.numbers(measurement.configuration_rad.as_slice()),
             wrench: wrench(&measurement.load),
-            deflection_mm: thousandfold(&measurement.deflection_m),
+            deflection_mm: Some(thousandfold(&measurement.deflection_m)),
             deflection_std_mm: measurement.sigma_m.as_ref().map(thousandfold),
             rotation_mrad: rotation.map(|rotation| thousandfold(&rotation.vector_rad)),
             rotation_std_mrad: rotation.map(|rotation| thousandfold(&rotation.sigma_rad)),

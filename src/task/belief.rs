@@ -50,8 +50,13 @@ impl Instrument {
         }
     }
 
+    /// The standard deviations (m) of a deflection's coordinate and of what a gauge beside reads, where there is one.
+    pub fn both_sigmas_m(&self) -> Option<[f64; 2]> {
+        Some([self.sigma_m, self.gauge?.beside_m?])
+    }
+
     /// The standard deviation of a displacement along a direction (m).
-    fn along_sigma_m(&self) -> f64 {
+    pub fn along_sigma_m(&self) -> f64 {
         (self.gauge.and_then(|gauge| gauge.beside_m)).unwrap_or(self.sigma_m)
     }
 
@@ -141,6 +146,17 @@ impl Belief {
     /// How the robot is commanded: what plans and measurements have columns for.
     pub fn commands(&self) -> Commands {
         Commands::from(&self.nominal.chain).reading_along(self.instrument.reads_along())
+    }
+
+    /// The unit of its parameters' compliances in so small parts, for a heading: that of joints that turn, and of any that slide.
+    pub fn compliance_unit(&self, part: &str) -> String {
+        let slides = |&joint: &usize| self.nominal.chain.joints[joint].drive.slides;
+        let of_slides = if self.parameters.iter().any(slides) {
+            format!("; slides {part} m/N")
+        } else {
+            String::new()
+        };
+        format!("{part} rad/(N m){of_slides}")
     }
 
     /// The number of joints, passive ones counted.

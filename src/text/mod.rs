@@ -32,6 +32,21 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     }
 }
 
+/// Text in Markdown that may come from files: nothing in it ends a cell, is a tag, or is marked up.
+pub fn markdown_text(text: &str) -> String {
+    let mut safe = String::with_capacity(text.len());
+    for each in text.chars() {
+        match each {
+            '&' => safe.push_str("&amp;"),
+            '<' => safe.push_str("&lt;"),
+            '\n' | '\r' => safe.push(' '),
+            '|' | '\\' | '`' | '*' | '#' => safe.extend(['\\', each]),
+            other => safe.push(other),
+        }
+    }
+    safe
+}
+
 /// Of the words that there are, the one that was likely meant.
 pub fn nearest<'a>(found: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let found = found.to_lowercase();
@@ -62,6 +77,14 @@ mod tests {
     fn what_is_not_seen_is_escaped() {
         assert_eq!(plain("r\u{e9}sum\u{e9}\n2"), "r\u{e9}sum\u{e9}\n2");
         assert_eq!(plain("a\u{1b}[2J\r\0\u{9b}"), "a\\u{1b}[2J\\r\\u{0}\\u{9b}");
+    }
+
+    #[test]
+    fn what_marks_up_is_escaped() {
+        assert_eq!(
+            markdown_text("x | y # *z*\n<b>&`a`"),
+            "x \\| y \\# \\*z\\* &lt;b>&amp;\\`a\\`"
+        );
     }
 
     #[test]

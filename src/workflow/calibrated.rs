@@ -107,7 +107,16 @@ impl CalibratedRobot {
             },
         };
         let parameters = (belief.uncertain.as_ref()).map(|extended| extended.set().parameters());
-        let unit = |index: usize| parameters.map_or("rad/(N m)", |all| all[index].unit());
+        let of_compliance = |index: usize| {
+            let joint = &nominal.chain.joints[belief.parameters[index]];
+            if joint.drive.slides {
+                "m/N"
+            } else {
+                "rad/(N m)"
+            }
+        };
+        let unit =
+            |index: usize| parameters.map_or_else(|| of_compliance(index), |all| all[index].unit());
         let names = posterior.names.iter().enumerate();
         let unknowns = names
             .map(|(index, name)| CalibratedUnknown {

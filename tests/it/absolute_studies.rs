@@ -1,9 +1,12 @@
 //! Studies of absolute plans, and their pages: the same runs as `evaluate --trials`, in shards and resumed to the same bits; what is
 //! predicted is the sum of what it is made of; and what there is for deflections alone is refused by its name.
 
+use std::collections::BTreeSet;
+
 use serde_json::{Value, json};
 
 use crate::browser::looks_well;
+use crate::recordings::read_mcap;
 use crate::support::{Workplace, absolute_scenario_text, number, numbers, scenario_text};
 use crate::uncertainties::expected_mm;
 
@@ -146,9 +149,13 @@ fn a_study_is_of_the_same_robots() {
     assert!(place.read("t.html").contains("Do virtual robots keep it?"));
     let page = place.read("out/s/study.html");
     assert!(page.contains("An absolute accuracy: where the loaded tool is"));
-    for ending in ["rrd", "mcap"] {
-        assert!(place.path(&format!("out/s/study.{ending}")).exists());
-    }
+    assert!(place.path("out/s/study.rrd").exists());
+    // There is no robot to show.
+    let recorded = std::fs::read(place.path("out/s/study.mcap")).expect("it is there");
+    let messages = read_mcap(&recorded).into_iter();
+    let topics: BTreeSet<String> = messages.map(|each| each.topic).collect();
+    let expected = ["/provenance", "/study", "/study/progress"].map(str::to_owned);
+    assert_eq!(topics, BTreeSet::from(expected));
 
     for shard in [1, 2] {
         place

@@ -232,6 +232,9 @@ fn every_command_works_with_passive_joints_slides_and_springs() {
         .ends_with(0)
         .json();
     assert_eq!(identified["parameters"].as_array().expect("names").len(), 4);
+    let printed = workplace.run("identify arm.toml --measurements measured.csv --quiet");
+    let unit = "compliance [1e-6 rad/(N m); slides 1e-6 m/N]";
+    assert!(printed.stdout.contains(unit), "{printed:#?}");
     workplace
         .run("compensate arm.toml --identified found.json --quiet")
         .ends_with(0);

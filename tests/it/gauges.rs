@@ -1,13 +1,17 @@
 //! Displacements along a direction, as a dial gauge reads them: plans and fits of them, on the virtual robot.
 
+use elastocal::calibration::calibrate;
 use elastocal::measurement::read_measurements;
 use elastocal::observation::DeflectionPrecision;
 use elastocal::plan::search::{Problem, random_plan};
-use elastocal::plan::{Criterion, Feasibility, Plan, read_plan};
+use elastocal::plan::{Criterion, Feasibility, Plan, UncertaintyBudget, read_plan};
 use elastocal::scenario::Scenario;
+use elastocal::view::mcap_file::write_mcap;
+use elastocal::view::recording::Recording;
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
 use serde_json::Value;
 
+use crate::recordings::read_mcap;
 use crate::search::cost_and_gradient;
 use crate::support::{Workplace, number, numbers, scenario, scenario_text};
 use crate::uncertainties::{assert_holds, loaded};
@@ -434,6 +438,51 @@ fn mixed_campaigns_are_predicted() {
     );
 }
 
+/// Recordings have no coordinates of what a gauge reads, and no one number stands for the noise of both.
+#[test]
+fn recordings_show_what_each_instrument_reads() {
+    let scenario = loaded(&beside(&scenario_text(GAUGE)));
+    let (plan, seed) = (of_both(&scenario), scenario.seed);
+    let found = calibrate(&scenario.task, &scenario.truth, &plan, seed, 0).expect("it works");
+    let posterior = &found.identification.posterior;
+    let budget = UncertaintyBudget::of_deflections(&scenario.task, &plan, posterior);
+    let noise = budget.expect("it is determined").sources[0].clone();
+    assert_eq!(noise.standard_uncertainty, None);
+    let both = "is 0.03 mm in a coordinate and 0.00501 mm of the gauge";
+    assert_eq!(noise.remark.as_deref(), Some(both));
+    let recording = Recording::new(&scenario, &[("plan".to_owned(), found)]).expect("it works");
+    let place = Workplace::new();
+    write_mcap(&place.path("run.mcap"), &recording).expect("written");
+    let bytes = std::fs::read(place.path("run.mcap")).expect("it is there");
+    let mut along = 0;
+    for message in read_mcap(&bytes) {
+        if message.topic != "/measurements" {
+            continue;
+        }
+        let json = &message.json;
+        let is_along = json["direction"].is_array();
+        along += u32::from(is_along);
+        for key in ["deflection_mm", "residual_mm"] {
+            assert_eq!(json[key].is_null(), is_along, "{key}");
+        }
+        let keys = [
+            "displacement_mm",
+            "true_displacement_mm",
+            "displacement_residual_mm",
+        ];
+        for key in keys {
+            assert_eq!(json[key].is_f64(), is_along, "{key}");
+        }
+        if is_along {
+            let [read, exact, _] = keys.map(|key| number(&json[key]));
+            assert!((read - exact).abs() < 6.0 * 0.00501, "{read} {exact}");
+            let z = number(&json["true_deflection_mm"][2]);
+            assert!((exact - z).abs() < 1e-12, "{exact} {z}");
+        }
+    }
+    assert_eq!(along, 3);
+}
+
 /// One file of both, one fit; a row is of one instrument.
 #[test]
 fn mixed_files_are_read_as_they_are_written() {
@@ -460,6 +509,9 @@ fn mixed_files_are_read_as_they_are_written() {
         );
     }
     let json = place.json("identify both.toml --measurements m.csv");
+    let printed = place.run("identify both.toml --measurements m.csv --quiet");
+    let sigmas = "given are 0.0300 mm of a coordinate, 0.0050 mm of the gauge";
+    assert!(printed.stdout.contains(sigmas), "{printed:#?}");
     let residuals = json["residuals"].as_array().expect("a list");
     let rows = |each: &Value| each["standardised"].as_array().map_or(0, Vec::len);
     let mut rows: Vec<usize> = residuals.iter().map(rows).collect();

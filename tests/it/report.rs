@@ -90,6 +90,7 @@ fn assert_agrees(page: &str, results: &Value) {
         percent(&results["efficiency"]),
         micro(&results["random_median_rho0_mm"]),
         micro(&results["uncompensated_mm"]),
+        "between the loaded tool and its place, predicted ".to_owned(),
         results["provenance"]["scenario_sha256"]
             .as_str()
             .expect("text")

@@ -10,6 +10,7 @@ use elastocal::identification::{
 use elastocal::measurement::{Measurement, Origin};
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::scenario::Scenario;
+use elastocal::task::Belief;
 use elastocal::text::wording::counted;
 use elastocal::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
 use serde_json::json;
@@ -90,13 +91,19 @@ impl Identify {
         let mut json = identified.json(scenario, &provenance, self.sigma_from_residuals)?;
         merge(&mut json, json!({ "simulated": simulated }));
         let (identification, residuals) = (&identified.identification, &identified.residuals);
-        let mut text = describe(identification);
-        if measurements.iter().any(|each| each.sigma_m.is_some()) {
+        let mut text = describe(identification, belief);
+        let is_own = measurements.iter().any(|each| each.sigma_m.is_some());
+        if is_own && belief.instrument.both_sigmas_m().is_none() {
             text += "  (sigma is the rms of those that the measurements bring)\n";
         }
         text += &format!(
             "\n{}",
-            residuals::describe(identification, residuals, &identified.rejected)
+            residuals::describe(
+                identification,
+                measurements,
+                residuals,
+                &identified.rejected
+            )
         );
         text += &patterns::describe(&identified.patterns);
         text += &repeats::describe(identified.repeats.as_ref(), "deflections");
@@ -169,7 +176,7 @@ fn uncertain(identification: &Identification) -> String {
 }
 
 /// An identification for a person.
-pub fn describe(identification: &Identification) -> String {
+pub fn describe(identification: &Identification, belief: &Belief) -> String {
     let micro = |value: f64| number(Some(value * 1e6), 4);
     let rows = identification.parameters.iter().map(|parameter| {
         let mut row = vec![parameter.name.clone()];
@@ -192,10 +199,11 @@ pub fn describe(identification: &Identification) -> String {
         }
         row
     });
-    let mut text = table(
-        "joint | compliance [1e-6 rad/(N m)] | standard error | 95 % interval",
-        rows,
+    let header = format!(
+        "joint | compliance [{}] | standard error | 95 % interval",
+        belief.compliance_unit("1e-6")
     );
+    let mut text = table(&header, rows);
     text += &uncertain(identification);
     text += &format!(
         "  sigma {:.4} mm, from residuals {} mm; condition number {:.2}\n",
@@ -203,6 +211,12 @@ pub fn describe(identification: &Identification) -> String {
         number(identification.residual_sigma_m.map(|sigma| sigma * 1e3), 4),
         identification.condition
     );
+    if let Some(both_m) = belief.instrument.both_sigmas_m() {
+        let [coordinate, along] = both_m.map(|value| value * 1e3);
+        text += &format!(
+            "  (sigma is the rms over all that is read: given are {coordinate:.4} mm of a coordinate, {along:.4} mm of the gauge)\n"
+        );
+    }
     if let Some(discrepancy) = identification.discrepancy {
         text += &format!(
             "  Model discrepancy {:.4} mm in each coordinate, which the standard errors count.\n",

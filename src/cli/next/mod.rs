@@ -114,7 +114,7 @@ impl Next {
             .or_else(|| given.as_ref().map(Plan::measurements))
             .unwrap_or(task.design.experiments);
         let mut conditions: Vec<Condition> = identified.conditions().collect();
-        let mut text = deflections::describe(identification);
+        let mut text = deflections::describe(identification, belief);
         text += &format!(
             "\n{} of {} so far: {}\n",
             counted(measured.into(), "measurement"),

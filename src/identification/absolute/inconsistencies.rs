@@ -258,7 +258,7 @@ impl SeriesEstimates {
             beside.found.push(Inconsistency {
                 name: parameter.name.clone(),
                 kind: parameter.kind,
-                unit: parameter.kind.quantity_unit(),
+                unit: parameter.quantity_unit(),
                 values: both.map(|each| quantity(each.value)),
                 intervals95: [interval(0), interval(1)],
                 probability,

@@ -155,6 +155,21 @@ impl AbsolutePlanning<'_> {
         self.set.parameters()[unknown].kind.words(&self.case.arm)
     }
 
+    /// The station or the target by its name that an unknown is of.
+    pub fn mounted(&self, unknown: usize) -> Option<String> {
+        match self.set.parameters()[unknown].kind {
+            ParameterKind::BasePosition { station, .. }
+            | ParameterKind::BaseRotation { station, .. } => {
+                let name = self.case.stations.get(station)?.as_ref()?;
+                Some(format!("station {name}"))
+            }
+            ParameterKind::ToolPosition { tool, .. } | ParameterKind::ToolRotation { tool, .. } => {
+                Some(format!("target {}", self.case.targets.get(tool)?))
+            }
+            _ => None,
+        }
+    }
+
     /// The names of the stations that candidates are read from; one without a name where they name none.
     pub fn stations(&self) -> &[Option<String>] {
         &self.case.stations

@@ -81,13 +81,21 @@ struct MeasurementRecord<'a> {
     experiment: usize,
     /// The number of the repeat, from 1.
     repeat: usize,
-    /// The measurement.
+    /// The measurement; its deflection is null where a gauge reads.
     #[serde(flatten)]
-    measurement: &'a MeasurementMessage,
+    measurement: MeasurementMessage,
+    /// What a gauge reads, positive along its direction (mm).
+    displacement_mm: Option<f64>,
+    /// The standard deviation of that, where it is of its own (mm).
+    displacement_std_mm: Option<f64>,
     /// The virtual robot's deflection, without the instrument's errors (mm); identification does not see it.
     true_deflection_mm: Option<[f64; 3]>,
-    /// Measured minus modelled deflection (mm).
+    /// What of that is along a gauge's direction (mm).
+    true_displacement_mm: Option<f64>,
+    /// Measured minus modelled deflection (mm); null where a gauge reads.
     residual_mm: Option<[f64; 3]>,
+    /// Measured minus modelled displacement (mm), where a gauge reads.
+    displacement_residual_mm: Option<f64>,
 }
 
 /// What the virtual robot does in a step.
@@ -185,7 +193,9 @@ impl<W: Write + Seek> Channels<W> {
             };
             self.write(&PLAN, start, &plan)?;
         }
-        self.write(&SCENE, start, &scene::scenery(recording, start))?;
+        if recording.shows_robot() {
+            self.write(&SCENE, start, &scene::scenery(recording, start))?;
+        }
         self.write_steps(recording)
     }
 
@@ -236,16 +246,30 @@ impl<W: Write + Seek> Channels<W> {
         };
         let record = &calibration.record;
         for (repeat, index) in (1..).zip(measurements.clone()) {
-            let Some(measurement) = record.measurements.get(index) else {
+            let Some(mut measurement) = record.measurements.get(index).cloned() else {
                 break;
             };
+            let read = |vector_mm: Option<[f64; 3]>| {
+                vector_mm.map_or((None, None), |each| calibration.as_read(index, each))
+            };
+            let displacement_mm;
+            (measurement.deflection_mm, displacement_mm) = read(measurement.deflection_mm);
+            let is_along = measurement.direction.is_some();
+            let own_mm = measurement.deflection_std_mm.take_if(|_| is_along);
+            let true_deflection_mm = record.truth.deflections_mm.get(index).copied();
+            let (residual_mm, displacement_residual_mm) =
+                read(record.identification.residuals_mm.get(index).copied());
             let message = MeasurementRecord {
                 calibration: &record.name,
                 experiment: *number,
                 repeat,
                 measurement,
-                true_deflection_mm: record.truth.deflections_mm.get(index).copied(),
-                residual_mm: record.identification.residuals_mm.get(index).copied(),
+                displacement_mm,
+                displacement_std_mm: own_mm.map(|[each, ..]| each),
+                true_deflection_mm,
+                true_displacement_mm: read(true_deflection_mm).1,
+                residual_mm,
+                displacement_residual_mm,
             };
             now = now.later(costs.reading_min);
             self.write(&MEASUREMENTS, now, &message)?;

@@ -1,4 +1,4 @@
-//! The MCAP file of a study: one calibration with each plan as in a run's file, then what the runs
+//! The MCAP file of a study: one calibration with each plan of deflections as in a run's file, then what the runs
 //! say. Snapshot k is at minute k, and the final record comes with the last one.
 
 use std::path::Path;

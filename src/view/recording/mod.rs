@@ -80,6 +80,8 @@ pub struct RecordedCalibration {
     pub record: CalibrationMessage,
     /// How the robot is commanded.
     pub commands: Commands,
+    /// The unit of the compliances as they are shown.
+    pub compliance_unit: String,
     /// The experiments, repeats left out, then the test poses.
     pub steps: Vec<Step>,
 }
@@ -181,6 +183,22 @@ impl Step {
 }
 
 impl RecordedCalibration {
+    /// A vector of a measurement (mm) as far as it is read: whole, or of a gauge what is along its direction.
+    pub fn as_read(
+        &self,
+        measurement: usize,
+        vector_mm: [f64; 3],
+    ) -> (Option<[f64; 3]>, Option<f64>) {
+        let direction = (self.record.measurements.get(measurement)).and_then(|each| each.direction);
+        match direction {
+            Some(along) => (
+                None,
+                Some(Vector3::from(along).dot(&Vector3::from(vector_mm))),
+            ),
+            None => (Some(vector_mm), None),
+        }
+    }
+
     /// What a step is, for people.
     pub fn title(&self, step: &Step) -> String {
         match &step.kind {
@@ -218,6 +236,7 @@ impl Recording {
             recorded.push(RecordedCalibration {
                 record: CalibrationMessage::new(&commands, name, calibration),
                 commands: commands.clone(),
+                compliance_unit: scenario.task.belief.compliance_unit("1e-6"),
                 steps,
             });
         }
@@ -239,6 +258,11 @@ impl Recording {
             costs: scenario.laboratory.costs,
             calibrations: recorded,
         })
+    }
+
+    /// Whether there is a robot to show: plans of absolute readings have no calibration here.
+    pub const fn shows_robot(&self) -> bool {
+        !self.calibrations.is_empty()
     }
 
     /// The force of a step as an arrow (m), if there is one: the largest of all steps with the same

@@ -349,14 +349,21 @@ fn unknowns(plan: &AbsolutePlanMessage) -> String {
                 |error| format!("{:.3e}", error * factor),
             ),
             micro_sign(unit),
-            unknown.what.clone(),
+            match &unknown.mounted {
+                Some(mounted) => format!("{} ({mounted})", unknown.what),
+                None => unknown.what.clone(),
+            },
         ]
     });
     let count = counted(rows.len() as u64, "unknown");
     let numbers = table("unknown | standard error | unit | what it is", rows);
     paragraph(&format!(
-        "{count}: the frames of stations and reflectors, which every such plan finds, and what else is unknown of the robot. Of a \
-         logarithm the unit is 1."
+        "{count}: the frames of stations and reflectors, which every such plan finds, and what else is unknown of the robot.{}",
+        if plan.unknowns.iter().any(|each| each.unit == "1") {
+            " Of a logarithm the unit is 1."
+        } else {
+            ""
+        }
     )) + &format!(
         "<details><summary>How well each is known afterwards</summary>\n{numbers}</details>\n"
     )

@@ -16,11 +16,13 @@ use crate::view::charts::{
 const HEIGHT: u32 = 620;
 /// The half width of a 95 % interval of a standard normal.
 const NORMAL_95: f64 = 1.96;
-/// Name, colour, mark (the colour is not all that tells them apart) and shift from the measurement's place of each coordinate.
-const AXES: [(&str, RGBColor, Mark, f64); 3] = [
+/// Name, colour, mark (the colour is not all that tells them apart) and shift from the measurement's place of each coordinate, and of
+/// what a gauge reads along its direction.
+const AXES: [(&str, RGBColor, Mark, f64); 4] = [
     ("x", COLOURS[0], Mark::Square, -0.2),
     ("y", COLOURS[1], Mark::Triangle, 0.0),
     ("z", COLOURS[2], Mark::Diamond, 0.2),
+    ("along the gauge", COLOURS[3], Mark::Dot, 0.0),
 ];
 
 /// `rho_0` against the number of measurements: what was searched, this plan, this plan repeated,
@@ -201,14 +203,18 @@ pub fn compliances_figure(estimates: &[RelativeEstimate]) -> Result<String, Plot
     })
 }
 
-/// Residuals in standard deviations of their own, of every measurement and coordinate.
-pub fn residuals_figure(standardised: &[[Option<f64>; 3]]) -> Result<String, PlotError> {
+/// Residuals in standard deviations of their own, of every measurement: of its coordinates, or of what a gauge reads.
+pub fn residuals_figure(standardised: &[[Option<f64>; 4]]) -> Result<String, PlotError> {
     let count = standardised.len() as f64;
     let all = standardised.iter().flatten().flatten();
     let largest = all.map(|value| value.abs());
     let high = largest.fold(2.6, f64::max) * 1.12;
     let x = 0.5..count + 0.5;
-    let series = AXES.map(|(name, colour, mark, _)| Series::new(name, colour, mark));
+    let is_read = |axis: &usize| standardised.iter().any(|each| each[*axis].is_some());
+    let read: Vec<usize> = (0..AXES.len()).filter(is_read).collect();
+    let series: Vec<Series> = (read.iter().map(|&axis| AXES[axis]))
+        .map(|(name, colour, mark, _)| Series::new(name, colour, mark))
+        .collect();
     drawing((HALF, HEIGHT), "Standardised residuals", |area| {
         let names = ["measurement", "standardised residual"];
         let axes = over_numbers(&x, ChartAxis::linear(-high..high, 6));
@@ -217,13 +223,14 @@ pub fn residuals_figure(standardised: &[[Option<f64>; 3]]) -> Result<String, Plo
         chart.draw_series([Rectangle::new(band, GRID.mix(0.6).filled())])?;
         chart.draw_series([PathElement::new([(x.start, 0.0), (x.end, 0.0)], INK)])?;
         let mut tips = Vec::new();
-        for (axis, (name, colour, _, offset)) in AXES.into_iter().enumerate() {
+        for (series, &axis) in series.iter().zip(&read) {
+            let (name, colour, _, offset) = AXES[axis];
             for (number, residual) in (1..).map(f64::from).zip(standardised) {
                 let Some(y) = residual[axis] else { continue };
                 let at = (number + offset, y);
                 let stem = [(at.0, 0.0), at];
                 chart.draw_series([PathElement::new(stem, colour.stroke_width(3))])?;
-                series[axis].draw(&mut chart, &[at])?;
+                series.draw(&mut chart, &[at])?;
                 tips.push(Tip::new(&chart, at, format!("{number}, {name}: {y:.2}")));
             }
         }
@@ -234,4 +241,20 @@ pub fn residuals_figure(standardised: &[[Option<f64>; 3]]) -> Result<String, Plo
 /// Axes over whole numbers.
 fn over_numbers(x: &Range<f64>, y: ChartAxis) -> [ChartAxis; 2] {
     [ChartAxis::new(x.clone(), whole_ticks(x.start, x.end)), y]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_gauge_reads_is_no_coordinate() -> Result<(), PlotError> {
+        let along = [None, None, None, Some(1.0)];
+        let svg = residuals_figure(&[along, along])?;
+        assert!(svg.contains("2, along the gauge: 1.00") && !svg.contains(", x: "));
+        let whole = [Some(1.0), Some(2.0), Some(-1.0), None];
+        let svg = residuals_figure(&[whole, along])?;
+        assert!(svg.contains("1, z: -1.00") && svg.contains("2, along the gauge"));
+        Ok(())
+    }
 }

@@ -17,12 +17,13 @@ mod sources;
 mod study;
 
 use super::charts::{self, PlotError};
-use super::markup::{card, escaped, figure, page, paragraph, section, table, table_of};
+use super::markup::{card, escaped, figure, micro_sign, page, paragraph, section, table, table_of};
 use crate::codes::Condition;
 use crate::plan::{Assessment, search::RepeatsNeeded};
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
+use crate::task::{Belief, Instrument};
 use crate::text::wording::{dash, micrometres, number, percent};
 use distances::{Line, Role, distances_figure, distances_table};
 use figures::{
@@ -71,11 +72,15 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     let budget = assessment.uncertainty_budget.as_ref();
     body += &sources::budget_section(budget, CONTRIBUTIONS);
     body += &pair(&[
-        section("compliances", "Compliances", &compliances(calibration)?),
+        section(
+            "compliances",
+            "Compliances",
+            &compliances(&run.scenario.task.belief, calibration)?,
+        ),
         section(
             "residuals",
             "Standardised residuals",
-            &residuals(calibration)?,
+            &residuals(&run.scenario.task.belief.instrument, calibration)?,
         ),
     ]);
     body += &section("plans", "The plans in this run", &plans(run));
@@ -238,7 +243,7 @@ fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<Strin
 }
 
 /// The identified compliances.
-fn compliances(calibration: &CalibrationMessage) -> Result<String, PlotError> {
+fn compliances(belief: &Belief, calibration: &CalibrationMessage) -> Result<String, PlotError> {
     let identification = &calibration.identification;
     let mut estimates = Vec::new();
     let mut rows = Vec::new();
@@ -273,15 +278,26 @@ fn compliances(calibration: &CalibrationMessage) -> Result<String, PlotError> {
     }
     let svg = compliances_figure(&estimates)?;
     let caption = "From this run's measurements of the virtual robot, beside the simulated truth of this run: 95 % of such intervals cover it.";
-    let header = "joint | compliance [\u{b5}rad/(N m)] | 95 % interval | simulated truth";
-    Ok(figure(&svg, caption) + &table(header, rows))
+    let unit = micro_sign(&belief.compliance_unit("1e-6"));
+    let header = format!("joint | compliance [{unit}] | 95 % interval | simulated truth");
+    Ok(figure(&svg, caption) + &table(&header, rows))
 }
 
 /// What the fit leaves of each measurement.
-fn residuals(calibration: &CalibrationMessage) -> Result<String, PlotError> {
+fn residuals(
+    instrument: &Instrument,
+    calibration: &CalibrationMessage,
+) -> Result<String, PlotError> {
     let identification = &calibration.identification;
-    let standardised: Vec<[Option<f64>; 3]> = (calibration.residuals.iter())
-        .map(|each| std::array::from_fn(|axis| each.standardised.get(axis).copied().flatten()))
+    let measured = calibration.residuals.iter().zip(&calibration.measurements);
+    let standardised: Vec<[Option<f64>; 4]> = measured
+        .map(|(each, measured)| {
+            let value = |row: usize| each.standardised.get(row).copied().flatten();
+            match measured.direction {
+                Some(_) => [None, None, None, value(0)],
+                None => [value(0), value(1), value(2), None],
+            }
+        })
         .collect();
     let numbers: usize = (calibration.residuals.iter())
         .map(|each| each.standardised.len())
@@ -292,9 +308,16 @@ fn residuals(calibration: &CalibrationMessage) -> Result<String, PlotError> {
          measurement less what the fit takes up. Of {numbers} degrees of freedom the fit takes up {effective:.1} (the effective \
          number of parameters). 95 % belong into the grey band (\u{b1}1.96)."
     );
+    let sigma = micrometres(Some(identification.sigma_mm));
+    let given = instrument.both_sigmas_m().map_or_else(
+        || format!("{sigma} as given"),
+        |both_m| {
+            let [coordinate, along] = both_m.map(|value| micrometres(Some(value * 1e3)));
+            format!("{coordinate} of a coordinate and {along} of the gauge as given, {sigma} rms over all that is read")
+        },
+    );
     let seen = format!(
-        "sigma: {} as given, {} from the residuals. Residuals at least this large have probability {}.",
-        micrometres(Some(identification.sigma_mm)),
+        "sigma: {given}; {} from the residuals. Residuals at least this large have probability {}.",
         micrometres(identification.residual_sigma_mm),
         number(identification.consistency, 3)
     );

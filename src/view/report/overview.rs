@@ -56,13 +56,13 @@ fn accuracy_card(calibration: &CalibrationMessage, assessment: &Assessment) -> S
         format!("at \u{201c}{}\u{201d} it bends by {bent}", pose.name)
     });
     let about = format!(
-        "\u{3c1}\u{2080}, the rms distance that {} between the loaded tool and its place{}: a relative accuracy, of what the load bends. Uncompensated, {}.",
+        "\u{3c1}\u{2080}, the rms distance between the loaded tool and its place, predicted {}{}: a relative accuracy, of what the load bends. Uncompensated, {}.",
         if (assessment.uncertainty_budget.as_ref())
             .is_some_and(UncertaintyBudget::has_more_than_noise)
         {
-            "predicted with the whole uncertainty budget:"
+            "with the whole uncertainty budget"
         } else {
-            "predicted for the measurements' noise alone:"
+            "for the measurements' noise alone"
         },
         (assessment.quantile95_m).map_or_else(String::new, |value_m| format!(
             "; 95 % stay below {}",

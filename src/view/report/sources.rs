@@ -64,10 +64,17 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
         number(budget.coverage_factor, 3)
     );
     let table = with_bars(&header, budget.sources.iter().map(row).collect());
+    let remark = |each: &BudgetSource| Some(format!("{} {}.", each.source, each.remark.as_ref()?));
+    let remarks: Vec<String> = budget.sources.iter().filter_map(remark).collect();
+    let remarks = if remarks.is_empty() {
+        String::new()
+    } else {
+        paragraph(&remarks.join(" "))
+    };
     section(
         "sources",
         "Uncertainty budget",
-        &(paragraph(&combined) + &table),
+        &(paragraph(&combined) + &table + &remarks),
     )
 }
 

@@ -8,6 +8,7 @@ mod study_text;
 mod text;
 pub mod viewer;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use re_log_types::{EntityPath, LogMsg, StoreId, StoreKind, entity_path};
@@ -26,10 +27,12 @@ const STEP: &str = "step";
 /// The timeline of measurements, repeats counted, numbered from 1.
 const MEASUREMENT: &str = "measurement";
 
-const AXES: [(&str, [u8; 3]); 3] = [
+/// The coordinates, and what a gauge reads along its direction.
+const AXES: [(&str, [u8; 3]); 4] = [
     ("x", [220, 60, 60]),
     ("y", [50, 160, 70]),
     ("z", [60, 110, 230]),
+    ("along", [150, 90, 20]),
 ];
 
 /// Writes a recording for the rerun viewer. The same recording gives the same bytes but for the
@@ -130,8 +133,12 @@ fn layout(recording: &Recording) -> ViewArea {
 
 fn log_recording(store: &mut Store, recording: &Recording) {
     scene::log_bodies(store, recording);
+    let plans = recording.calibrations.iter();
+    let measurements = plans.flat_map(|each| &each.record.measurements);
+    let is_along: BTreeSet<bool> = (measurements.map(|each| each.direction.is_some())).collect();
     for group in ["residual_mm", "deflection_mm"] {
-        for (axis, colour) in AXES {
+        let read = |(axis, _): &(&str, _)| is_along.contains(&(*axis == "along"));
+        for (axis, colour) in AXES.into_iter().filter(read) {
             let series = SeriesPoints::new()
                 .with_colors([colour])
                 .with_names([axis])
@@ -151,7 +158,7 @@ fn log_steps(store: &mut Store, recording: &Recording) {
     for (number, calibration, step) in recording.steps() {
         let now = [(STEP, i64::from(number))];
         if named != Some(&calibration.record.name) {
-            let results = TextDocument::from_markdown(text::results(&calibration.record));
+            let results = TextDocument::from_markdown(text::results(calibration));
             store.log("text/results", &now, &results);
             named = Some(&calibration.record.name);
         }
@@ -160,9 +167,11 @@ fn log_steps(store: &mut Store, recording: &Recording) {
             measurement += 1;
             let now = [(STEP, i64::from(number)), (MEASUREMENT, measurement)];
             for (group, values) in groups {
-                for ((axis, _), value) in AXES.iter().zip(values.into_iter().flatten()) {
-                    let path = entity_path!["measurements", group, axis];
-                    store.log(path, &now, &Scalars::single(value));
+                for ((axis, _), value) in AXES.iter().zip(values) {
+                    if let Some(value) = value {
+                        let path = entity_path!["measurements", group, axis];
+                        store.log(path, &now, &Scalars::single(value));
+                    }
                 }
             }
         }
@@ -182,8 +191,9 @@ fn log_step(
     store.log("text/step", now, &described);
 }
 
-/// What was measured in a step and what identification left of it (mm), measurement by measurement; none in a test pose.
-type Groups = [(&'static str, Option<[f64; 3]>); 2];
+/// What was measured in a step and what identification left of it (mm) along [`AXES`], measurement by measurement; none in a test
+/// pose.
+type Groups = [(&'static str, [Option<f64>; 4]); 2];
 
 fn measured(calibration: &RecordedCalibration, step: &Step) -> Vec<Groups> {
     let StepKind::Experiment { measurements, .. } = &step.kind else {
@@ -191,9 +201,19 @@ fn measured(calibration: &RecordedCalibration, step: &Step) -> Vec<Groups> {
     };
     let record = &calibration.record;
     let groups = |index: usize| {
-        let measured = (record.measurements.get(index)).map(|each| each.deflection_mm);
+        let along_axes = |vector_mm: Option<[f64; 3]>| match vector_mm
+            .map(|each| calibration.as_read(index, each))
+        {
+            Some((Some([x, y, z]), _)) => [Some(x), Some(y), Some(z), None],
+            Some((None, along)) => [None, None, None, along],
+            None => [None; 4],
+        };
+        let measured = (record.measurements.get(index)).and_then(|each| each.deflection_mm);
         let residual = record.identification.residuals_mm.get(index).copied();
-        [("deflection_mm", measured), ("residual_mm", residual)]
+        [
+            ("deflection_mm", along_axes(measured)),
+            ("residual_mm", along_axes(residual)),
+        ]
     };
     measurements.clone().map(groups).collect()
 }

@@ -130,7 +130,9 @@ impl StudyStream {
 
     fn log_beginning(&mut self, study: &StudyRecording) {
         let store = &mut self.store;
-        scene::log_bodies(store, &study.arms);
+        if study.arms.shows_robot() {
+            scene::log_bodies(store, &study.arms);
+        }
         let about = TextDocument::from_markdown(study_text::about(study));
         store.log_static("text/about", &about);
         for (index, name) in study.header.labels().iter().enumerate() {
@@ -153,16 +155,13 @@ impl StudyStream {
 fn layout(study: &StudyRecording) -> ViewArea {
     let view =
         |class, name: &str, content: &str| ViewArea::View(class, name.into(), content.into());
-    let left = ViewArea::Column(vec![
-        (2.2, view(SPACE, "robot", "world/**")),
-        (
-            1.0,
-            ViewArea::Tabs(vec![
-                view(TEXT, "about this study", "text/about"),
-                view(TEXT, "step", "text/step"),
-            ]),
-        ),
-    ]);
+    let about = view(TEXT, "about this study", "text/about");
+    let left = if study.arms.shows_robot() {
+        let texts = ViewArea::Tabs(vec![about, view(TEXT, "step", "text/step")]);
+        ViewArea::Column(vec![(2.2, view(SPACE, "robot", "world/**")), (1.0, texts)])
+    } else {
+        about
+    };
     let means = "mean distance over the number of runs, with 95 % bands [µm]";
     let mut tabs = sources(study);
     tabs.extend(distributions(study));

@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::task::AccuracyKind;
+use crate::text::markdown_text;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
 /// What is shown, and where it comes from.
@@ -9,13 +11,22 @@ pub(super) fn about(study: &StudyRecording) -> String {
     let provenance = &study.header.provenance;
     let mut text = format!(
         "## {}\n\n{}\n\n{}.\n\n",
-        provenance.scenario,
-        study.arms.description,
-        study.title()
+        markdown_text(&provenance.scenario),
+        markdown_text(&study.arms.description),
+        markdown_text(&study.title())
     );
-    text += "Each run measures a plan with fresh noise, identifies the compliances and compensates; \
+    text += match study.header.accuracy() {
+        AccuracyKind::Relative => {
+            "Each run measures a plan with fresh noise, identifies the compliances and compensates; \
              the *distance* is what then remains between the loaded tool and where it should be at \
-             the test pose. All plans see the same noise.\n\n";
+             the test pose."
+        }
+        AccuracyKind::Absolute => {
+            "Each run reads a plan of another virtual robot and identifies it; the *distance* is that of the \
+             loaded tool from where the identified robot predicts it at the test poses."
+        }
+    };
+    text += " All plans see the same noise.\n\n";
     if study.header.shards > 1 {
         let _ = writeln!(
             text,
@@ -23,9 +34,11 @@ pub(super) fn about(study: &StudyRecording) -> String {
             study.header.shards
         );
     }
-    text += "The robot walks through the plans' experiments and the test poses, one a snapshot; the \
-             timeline `step` has all of them. Red: force. Yellow: enlarged deflection. Translucent: \
-             the loaded arm. Green: the tracker's line of sight.\n\n";
+    if study.arms.shows_robot() {
+        text += "The robot walks through the plans' experiments and the test poses, one a snapshot; the \
+                 timeline `step` has all of them. Red: force. Yellow: enlarged deflection. Translucent: \
+                 the loaded arm. Green: the tracker's line of sight.\n\n";
+    }
     let _ = writeln!(
         text,
         "elastocal {}, commit {}, seed {}, scenario hash {}",
@@ -41,7 +54,7 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
     };
     let failed: u64 = snapshot.plans.iter().map(|plan| plan.failed).sum();
     let mut text = format!(
-        "**{} of {} runs**\n\n| plan | mean [µm] | 95 % interval | rms [µm] | predicted |\n|:--|--:|--:|--:|--:|\n",
+        "**{} of {} runs**\n\n| plan | mean [µm] | 95 % interval | rms [µm] | expected rms [µm] |\n|:--|--:|--:|--:|--:|\n",
         snapshot.runs, study.header.trials
     );
     for plan in &snapshot.plans {
@@ -52,7 +65,7 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
         let _ = writeln!(
             text,
             "| {} | {} | {interval} | {} | {} |",
-            plan.name,
+            markdown_text(&plan.name),
             micro(plan.mean_mm),
             micro(plan.rms_mm),
             micro(plan.predicted_rms_mm)
@@ -64,7 +77,7 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
             let _ = writeln!(
                 text,
                 "\n{}: predicted {predicted} µm; the prediction {verdict}.",
-                plan.name
+                markdown_text(&plan.name)
             );
         }
     }

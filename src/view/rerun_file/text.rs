@@ -4,38 +4,58 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 
-use crate::record::messages::{CalibrationMessage, TestPoseMessage};
+use crate::record::messages::TestPoseMessage;
+use crate::text::{markdown_text, wording::number};
+use crate::view::charts::short;
 use crate::view::recording::{RecordedCalibration, Recording, Step, StepKind};
 
 /// What the robot does in a step.
 pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
     let mut text = format!(
         "## {}: {}\n\nLoad {}. Translucent arm: deflections of joints **{} times** enlarged.\n\n",
-        calibration.record.name,
-        calibration.title(step),
+        markdown_text(&calibration.record.name),
+        markdown_text(&calibration.title(step)),
         step.load_label(),
         step.enlargement,
     );
-    text += "| | x | y | z | length |\n|:--|--:|--:|--:|--:|\n";
     match &step.kind {
-        StepKind::Experiment { measurements, .. } => {
+        StepKind::Experiment {
+            number,
+            measurements,
+        } => {
             let record = &calibration.record;
+            let direction = (record.plan.get(number - 1)).and_then(|each| each.direction);
+            let along = direction.map(|each| each.map(short).join(", "));
+            head(&mut text, along.as_deref());
             let measured: Vec<[f64; 3]> = (record.measurements.iter())
-                .map(|each| each.deflection_mm)
+                .map(|each| each.deflection_mm.unwrap_or_default())
                 .collect();
-            for (name, vectors) in [
-                ("true deflection [mm]", &record.truth.deflections_mm),
-                ("measured [mm]", &measured),
-                ("residual [mm]", &record.identification.residuals_mm),
+            for (name, vectors, is_whole) in [
+                ("true deflection [mm]", &record.truth.deflections_mm, true),
+                ("measured [mm]", &measured, false),
+                ("residual [mm]", &record.identification.residuals_mm, false),
             ] {
-                for vector in measurements.clone().filter_map(|index| vectors.get(index)) {
-                    row(&mut text, name, &Vector3::from(*vector));
+                let vector = |index| Some((index, *vectors.get(index)?));
+                for (index, vector) in measurements.clone().filter_map(vector) {
+                    let (read, along) = calibration.as_read(index, vector);
+                    row(
+                        &mut text,
+                        name,
+                        if is_whole { Some(vector) } else { read },
+                        along,
+                    );
                 }
             }
         }
         StepKind::TestPose { .. } => {
+            head(&mut text, None);
             let off = step.displacement_m() * 1e3;
-            row(&mut text, "off the wanted place [mm]", &off);
+            row(
+                &mut text,
+                "off the wanted place [mm]",
+                Some(off.into()),
+                None,
+            );
         }
     }
     let joints = calibration.commands.shown(step.commanded_rad.as_slice());
@@ -45,23 +65,39 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
     text
 }
 
-fn row(text: &mut String, name: &str, vector: &Vector3<f64>) {
-    let [x, y, z] = (*vector).into();
-    let _ = writeln!(
-        text,
-        "| {name} | {x:.3} | {y:.3} | {z:.3} | {:.3} |",
-        vector.norm()
-    );
+/// The columns of vectors, and of what is along a gauge's direction.
+fn head(text: &mut String, direction: Option<&str>) {
+    *text += "| | x | y | z | length |";
+    let _ = match direction {
+        Some(direction) => writeln!(text, " along {direction} |\n|:--|--:|--:|--:|--:|--:|"),
+        None => writeln!(text, "\n|:--|--:|--:|--:|--:|"),
+    };
+}
+
+/// A vector as far as it is known, and what of it is along the direction.
+fn row(text: &mut String, name: &str, vector: Option<[f64; 3]>, along: Option<f64>) {
+    let cells = vector.map_or([None; 4], |each| {
+        let [x, y, z] = each;
+        [x, y, z, Vector3::from(each).norm()].map(Some)
+    });
+    let along = along.map(Some);
+    let cells: Vec<String> = (cells.into_iter().chain(along))
+        .map(|value| number(value, 3))
+        .collect();
+    let _ = writeln!(text, "| {name} | {} |", cells.join(" | "));
 }
 
 /// What a calibration identified, and what that achieves.
-pub(super) fn results(record: &CalibrationMessage) -> String {
+pub(super) fn results(calibration: &RecordedCalibration) -> String {
+    let record = &calibration.record;
     let identified = &record.identification;
     let mut text = format!(
-        "#### {}: compliances [1e-6 rad/(N m)]\n\n| joint | compliance | standard error | 95 % interval | simulated truth |\n|:--|--:|--:|--:|--:|\n",
-        record.name
+        "#### {}: compliances [{}]\n\n| joint | compliance | standard error | 95 % interval | simulated truth |\n|:--|--:|--:|--:|--:|\n",
+        markdown_text(&record.name),
+        calibration.compliance_unit
     );
     for (index, joint) in identified.parameters.iter().enumerate() {
+        let joint = markdown_text(joint);
         let truth = (record.truth.compliance_rad_per_nm.get(index))
             .map_or_else(|| "-".to_owned(), |value| format!("{:.4}", value * 1e6));
         let _ = match (
@@ -86,7 +122,7 @@ pub(super) fn results(record: &CalibrationMessage) -> String {
         let _ = writeln!(
             text,
             "| {} | {:.1} µm | {:.2} µm | {} |",
-            pose.name,
+            markdown_text(&pose.name),
             pose.uncompensated_mm * 1e3,
             pose.residual_mm * 1e3,
             predicted(pose)
@@ -106,7 +142,8 @@ pub(super) fn overview(recording: &Recording) -> String {
     let provenance = &recording.provenance;
     let mut text = format!(
         "## {}\n\n{}\n\n",
-        provenance.scenario, recording.description
+        markdown_text(&provenance.scenario),
+        markdown_text(&recording.description)
     );
     text += "| plan | measurements | test pose | compensated | predicted rms |\n";
     text += "|:--|--:|:--|--:|--:|\n";
@@ -116,9 +153,9 @@ pub(super) fn overview(recording: &Recording) -> String {
             let _ = writeln!(
                 text,
                 "| {} | {} | {} | {:.2} µm | {} |",
-                record.name,
+                markdown_text(&record.name),
                 record.measurements.len(),
-                pose.name,
+                markdown_text(&pose.name),
                 pose.residual_mm * 1e3,
                 predicted(pose)
             );
