@@ -148,7 +148,7 @@ pub enum StudyError {
     #[error("the study was stopped")]
     Stopped,
     /// Nothing tells where the machining tool is.
-    #[error("no reading of the plan is of {0}, whose place is predicted: it is assumed exact")]
+    #[error("no reading of the plan is of {0}, whose place is predicted: no run can show it")]
     Unread(String),
     /// Nothing is predicted of a plan of absolute readings.
     #[error("there is no predicted accuracy: the plan does not determine the tool's place")]

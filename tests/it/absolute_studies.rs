@@ -333,7 +333,7 @@ fn what_does_not_fit_is_refused() {
         ),
         (
             "evaluate a.toml --parameters frames --plan c.csv --trials 10",
-            "no reading of the plan is of spindle, whose place is predicted: it is assumed exact",
+            "no reading of the plan is of spindle, whose place is predicted: no run can show it",
         ),
     ] {
         place

@@ -268,7 +268,7 @@ impl<'a> UncertaintyEntry<'a> {
                 let kind = self.table.kind.name();
                 let wrong = self.wrong("joints", format!("no joint is left for a {kind}"));
                 return Err(wrong.hint(
-                    "name the joints that are meant; std_mm is the size of those that slide",
+                    "name the joints that are meant, identified ones too; std_mm is the size of those that slide",
                 ));
             }
             return Ok(joints);
