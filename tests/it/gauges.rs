@@ -450,20 +450,18 @@ fn recordings_show_what_each_instrument_reads() {
     assert_eq!(noise.standard_uncertainty, None);
     let both = "is 0.03 mm in a coordinate and 0.00501 mm of the gauge";
     assert_eq!(noise.remark.as_deref(), Some(both));
-    let recording = Recording::new(&scenario, &[("plan".to_owned(), found)]).expect("it works");
+    let calibrations = [("plan".to_owned(), found)];
+    let recording = Recording::new(&scenario, &calibrations).expect("it works");
     let place = Workplace::new();
     write_mcap(&place.path("run.mcap"), &recording).expect("written");
     let bytes = std::fs::read(place.path("run.mcap")).expect("it is there");
+    let messages = read_mcap(&bytes).into_iter();
+    let messages = messages.filter(|each| each.topic == "/measurements");
     let mut along = 0;
-    for message in read_mcap(&bytes) {
-        if message.topic != "/measurements" {
-            continue;
-        }
+    for (message, measured) in messages.zip(&calibrations[0].1.measurements) {
         let json = &message.json;
-        let is_along = json["direction"].is_array();
-        along += u32::from(is_along);
         for key in ["deflection_mm", "residual_mm"] {
-            assert_eq!(json[key].is_null(), is_along, "{key}");
+            assert_eq!(json[key].is_null(), measured.direction.is_some(), "{key}");
         }
         let keys = [
             "displacement_mm",
@@ -471,13 +469,18 @@ fn recordings_show_what_each_instrument_reads() {
             "displacement_residual_mm",
         ];
         for key in keys {
-            assert_eq!(json[key].is_f64(), is_along, "{key}");
+            assert_eq!(json[key].is_f64(), measured.direction.is_some(), "{key}");
         }
-        if is_along {
-            let [read, exact, _] = keys.map(|key| number(&json[key]));
-            assert!((read - exact).abs() < 6.0 * 0.00501, "{read} {exact}");
-            let z = number(&json["true_deflection_mm"][2]);
-            assert!((exact - z).abs() < 1e-12, "{exact} {z}");
+        if let Some(direction) = measured.direction {
+            along += 1;
+            let shown_mm = direction.dot(&measured.deflection_m) * 1e3;
+            assert!((number(&json["displacement_mm"]) - shown_mm).abs() < 1e-12);
+            // All are read along z.
+            let [exact, z] = [
+                &json["true_displacement_mm"],
+                &json["true_deflection_mm"][2],
+            ];
+            assert!((number(exact) - number(z)).abs() < 1e-12, "{exact} {z}");
         }
     }
     assert_eq!(along, 3);
