@@ -25,7 +25,7 @@ pub struct Compare {
     /// Allow no change at all on the same platform.
     #[arg(long)]
     exact: bool,
-    /// Allow so small a share of each number to change on the same platform, as "1e-9" for rounding.
+    /// Allow so small a share of each number to change, on the same platform, as "1e-9" for rounding.
     #[arg(long, value_name = "SHARE", value_parser = share, conflicts_with = "exact")]
     within: Option<f64>,
     /// Where to write a summary in Markdown.

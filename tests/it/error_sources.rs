@@ -52,7 +52,7 @@ fn reports_show_what_a_prediction_is_made_of() {
     for part in [
         TITLE,
         "load_scale",
-        "predicted with the whole uncertainty budget:",
+        "predicted with the whole uncertainty budget",
         "; 95 % stay below ",
     ] {
         assert!(page.contains(part), "{part}");

@@ -58,6 +58,9 @@ experiments = {experiments}
     )
 }
 
+/// What is known of the compliances that are identified.
+const KNOWN: &str = "kind = \"compliance\"\njoints = [\"lift\", \"soft\", \"bend\"]\n";
+
 fn place(is_driven: bool, text: impl AsRef<[u8]>) -> Workplace {
     let place = Workplace::new();
     place.write("arm.xml", arm(is_driven));
@@ -175,11 +178,10 @@ fn campaigns_read_one_robot_anew() {
 #[test]
 fn a_load_in_the_tools_frame_is_compensated_exactly() {
     for is_driven in [true, false] {
-        let source = "kind = \"compliance\"\nstd_relative = 0.05";
-        let own = text(is_driven, "relative", 6, source)
+        let source = format!("{KNOWN}std_relative = 0.05");
+        let own = text(is_driven, "relative", 6, &source)
             .replace("force_n = [70, 20, -140]", "tool_force_n = [70, 20, -140]")
             .replace("sigma_mm = 0.02", "sigma_mm = 0.0002")
-            .replace("parameters = [\"lift\"", "parameters = [\"turn\", \"lift\"")
             + "[study]\nlevel = \"robot\"\ntrials = 600\n[[study.plan]]\nkind = \"optimal\"\nname = \"optimal\"\n";
         let place = place(is_driven, own);
         let plan = &place.json("study arm.toml")["plans"][0];
@@ -191,9 +193,8 @@ fn a_load_in_the_tools_frame_is_compensated_exactly() {
 /// adds to it, and no plan is beyond the bound.
 #[test]
 fn proved_bounds_count_what_sources_know_of_compliances() {
-    let source = "kind = \"compliance\"\nstd_relative = 0.002";
-    let own = text(true, "relative", 1, source)
-        .replace("parameters = [\"lift\"", "parameters = [\"turn\", \"lift\"");
+    let source = format!("{KNOWN}std_relative = 0.002");
+    let own = text(true, "relative", 1, &source);
     let place = place(true, own);
     let json = place.json("plan arm.toml --prove-time 5 --plan-out plan.csv");
     let [rho0, bound] = ["rho0_mm", "proved_lower_bound_rho0_mm"].map(|key| number(&json[key]));
