@@ -624,13 +624,13 @@ fn shards_and_resumption_change_no_bit() {
     fails("merge 1.json s.toml", "is not a tally");
     fails(
         &format!("{study} --seed 7 --resume r.json"),
-        "seed is 1 and not 7",
+        "seed is 1 there, 7 here",
     );
     let other = "study s.toml --quiet --trials 9002 --shard 2/3 --tally-out other.json";
     workplace.run(other).ends_with(0);
     fails(
         "merge 1.json other.json 3.json",
-        "trials is 9002 and not 9001",
+        "trials is 9002 there, 9001 here",
     );
     workplace
         .run(&format!("{study} --shard 4/3 --tally-out t.json"))
