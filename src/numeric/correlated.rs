@@ -31,6 +31,10 @@ pub struct CorrelatedList {
     pub processes: Vec<[f64; 2]>,
     /// All of them.
     pub readings: Vec<CorrelatedReading>,
+    /// The first so many may be chosen,
+    pub choosable: usize,
+    /// and the last so many are read already. Others are predicted alone.
+    pub known: usize,
 }
 
 impl CorrelatedList {
@@ -149,7 +153,7 @@ impl<'a> KnownOfReadings<'a> {
         let read: Vec<usize> = (self.chosen())
             .filter_map(|each| self.place_among_wanted[each])
             .collect();
-        let others = (0..self.own.len()).into_par_iter().filter_map(|each| {
+        let others = (0..self.list.choosable).into_par_iter().filter_map(|each| {
             let mine = self.place_among_wanted[each];
             let left = count - usize::from(mine.is_some());
             if self.is_chosen[each] || left == 0 {
@@ -256,6 +260,8 @@ pub(crate) mod tests {
         CorrelatedList {
             processes: vec![[0.5, 0.2], [0.5, 0.3]],
             readings: (0..20).map(reading).collect(),
+            choosable: 20,
+            known: 0,
         }
     }
 

@@ -103,6 +103,66 @@ pub fn sampled(places: &[f64], length: f64, random: &mut ChaCha8Rng) -> Vec<f64>
     values
 }
 
+/// A sample of the process of unit variance as a function: its value at a place depends on its random numbers and on the place alone,
+/// whatever else it is asked for (P. Levy's construction: halves of a range, each middle given both ends).
+#[derive(Debug, Clone)]
+pub struct SampledFunction {
+    length: f64,
+    /// The cipher of its numbers, and where in it they begin.
+    random: ChaCha8Rng,
+    first: u128,
+}
+
+/// A sampled function is known within this distance from zero, and as at the ends beyond; its range is halved so often.
+const HALF_RANGE: f64 = 1024.0;
+const HALVINGS: usize = 40;
+/// A node's numbers are so many words apart, and a function's more than all nodes of one need.
+const NODE_WORDS: u128 = 16;
+const FUNCTION_WORDS: u128 = 1 << 56;
+
+impl SampledFunction {
+    /// The function of such a number among those of a generator, with this length.
+    pub const fn new(length: f64, random: ChaCha8Rng, number: usize) -> Self {
+        let first = number as u128 * FUNCTION_WORDS;
+        Self {
+            length,
+            random,
+            first,
+        }
+    }
+
+    fn normal(&self, node: u64) -> f64 {
+        let mut random = self.random.clone();
+        random.set_word_pos(self.first + u128::from(node) * NODE_WORDS);
+        StandardNormal.sample(&mut random)
+    }
+
+    /// Its value at a place.
+    pub fn at(&self, place: f64) -> f64 {
+        let step = |distance: f64| (-distance / self.length).exp();
+        let mut ends = [-HALF_RANGE, HALF_RANGE];
+        let kept = step(2.0 * HALF_RANGE);
+        let first = self.normal(0);
+        let mut values = [
+            first,
+            kept * first + (1.0 - kept * kept).sqrt() * self.normal(1),
+        ];
+        let mut node = 2;
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(ends[0], ends[1]);
+            let half = 0.5 * (ends[1] - ends[0]);
+            let near = step(half);
+            let spare = -(-2.0 * half / self.length).exp_m1() / (1.0 + near * near);
+            let mean = near / (1.0 + near * near) * (values[0] + values[1]);
+            let value = mean + spare.sqrt() * self.normal(node);
+            let side = usize::from(place < middle);
+            (ends[side], values[side]) = (middle, value);
+            node = 2 * node + side as u64;
+        }
+        f64::midpoint(values[0], values[1])
+    }
+}
+
 impl OrnsteinUhlenbeck {
     /// A value at any place.
     pub fn between(&self, at: f64) -> Between {
@@ -251,6 +311,31 @@ mod tests {
                 let expected = (-(one - other).abs() / 0.4_f64).exp();
                 let error = (1.0 + expected * expected).sqrt() / f64::from(count).sqrt();
                 assert!((products[(row, column)] - expected).abs() < 4.0 * error);
+            }
+        }
+    }
+
+    /// A sampled function is the process, and the same whenever it is asked.
+    #[test]
+    fn sampled_functions_are_the_process() {
+        let places = [0.3, -0.2, 0.0, 0.300_001, -6.1];
+        let count = 20_000;
+        let mut products = DMatrix::zeros(5, 5);
+        for run in 0..count {
+            let random = crate::numeric::random::generator(5, run);
+            let functions = [0, 1].map(|each| SampledFunction::new(0.4, random.clone(), each));
+            let value = |place: f64| functions[0].at(place);
+            let values = DMatrix::from_iterator(5, 1, places.map(value));
+            assert!((value(places[1]) - values[1]).abs() < f64::EPSILON);
+            assert!((functions[1].at(0.3) - values[0]).abs() > f64::EPSILON);
+            products += &values * values.transpose() / count as f64;
+        }
+        for (row, one) in places.iter().enumerate() {
+            for (column, other) in places.iter().enumerate() {
+                let expected = (-(one - other).abs() / 0.4_f64).exp();
+                let error = (1.0 + expected * expected).sqrt() / (count as f64).sqrt();
+                let off = products[(row, column)] - expected;
+                assert!(off.abs() < 4.0 * error, "{row} {column}: {off}");
             }
         }
     }

@@ -119,10 +119,15 @@ impl ReadingErrors {
         self.visit.ncols() + self.configuration.ncols() > 0
     }
 
-    /// The covariance of them all in one reading by itself (m^2, m rad, rad^2).
-    pub fn covariance(&self) -> Matrix6<f64> {
+    /// The covariance of what other readings may share in one reading by itself (m^2, m rad, rad^2),
+    pub fn effects_covariance(&self) -> Matrix6<f64> {
         let squared = |columns: &Matrix6xX<f64>| columns * columns.transpose();
-        self.reading + squared(&self.visit) + squared(&self.configuration)
+        squared(&self.visit) + squared(&self.configuration)
+    }
+
+    /// and that of them all.
+    pub fn covariance(&self) -> Matrix6<f64> {
+        self.reading + self.effects_covariance()
     }
 }
 

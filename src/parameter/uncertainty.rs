@@ -196,6 +196,14 @@ impl ReadingSource {
         }
     }
 
+    /// The joints' errors as functions of their own angles, where it is such: those of joints with an error, in their order.
+    pub fn functions(&self) -> Vec<JointFunction> {
+        match self {
+            Self::TransmissionError(error) => error.functions().collect(),
+            _ => Vec::new(),
+        }
+    }
+
     /// Whether all deflections of one configuration share it, under whatever load, so that repeats do not average it.
     pub const fn is_of_configuration(&self) -> bool {
         matches!(self, Self::TransmissionError(_) | Self::Discrepancy(_))
@@ -220,7 +228,7 @@ impl ReadingSource {
                 correlation_rad: Some(_),
                 ..
             }) => Some(
-                "is taken as new in each configuration; select alone counts its correlation_deg",
+                "is taken as new in each configuration; absolute readings count its correlation_deg",
             ),
             _ => None,
         }

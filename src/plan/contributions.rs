@@ -86,7 +86,10 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     Squares {
         noise: (input.filter(|_| is_of_positions), noise),
         before: belief.prior.as_ref().map(|prior| before(&prior.precision)),
-        readings,
+        readings: (extended.into_iter().flat_map(Extended::sources))
+            .map(|(_, source)| source.level())
+            .zip(readings)
+            .collect(),
         parameters: of_groups.map(|(_, places)| of_group(places)).collect(),
     }
 }

@@ -137,7 +137,7 @@ impl BudgetSource {
         name: &str,
         source: &ReadingSource,
         extended: &Extended,
-        variance_m2: f64,
+        (level, variance_m2): (SourceLevel, f64),
     ) -> Self {
         let of_joints = |deviations: &[f64]| {
             let joints = deviations.iter().zip(&extended.arm().chain.joints);
@@ -163,8 +163,10 @@ impl BudgetSource {
         };
         Self {
             distribution: extended.distribution(name).name().to_owned(),
-            remark: source.remark().map(str::to_owned),
-            ..Self::new(name, source.level(), input, variance_m2)
+            remark: (source.remark())
+                .filter(|_| level == source.level())
+                .map(str::to_owned),
+            ..Self::new(name, level, input, variance_m2)
         }
     }
 
@@ -226,8 +228,8 @@ pub(super) struct Squares {
     pub noise: (Option<Input>, f64),
     /// What is known before without a source of its own, where there is such.
     pub before: Option<f64>,
-    /// Errors of readings.
-    pub readings: Vec<f64>,
+    /// Errors of readings, with the level at which they count.
+    pub readings: Vec<(SourceLevel, f64)>,
     /// Groups of parameters.
     pub parameters: Vec<f64>,
 }

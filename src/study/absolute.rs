@@ -7,7 +7,7 @@
 //! the loaded tool's place is compared with where the virtual robot has it.
 
 use nalgebra::{
-    Isometry3, Matrix3, Matrix6, Matrix6xX, Point3, Rotation3, SymmetricEigen, Vector3,
+    Isometry3, Matrix3, Matrix6, Matrix6xX, Point3, Rotation3, SymmetricEigen, Vector3, Vector6,
 };
 
 use super::tally::{FailedRun, Failure, Outcome};
@@ -17,7 +17,7 @@ use crate::files::FileError;
 use crate::identification::{AbsoluteCase, AbsoluteFit, ReadingWeights};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::tolerance::CHI_SQUARE_95;
-use crate::observation::{Form, ObservationModel, ReadingKind, Setup, SharedErrors};
+use crate::observation::{Form, ObservationModel, ReadingKind, Setup};
 use crate::parameter::{
     ElasticArm, ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty,
 };
@@ -186,11 +186,29 @@ impl<'a> ReadingRuns<'a> {
         let no_fit = |error| Failure::Identification.because(&error);
         let mut case = AbsoluteCase::new(&self.task.belief, &readings)
             .map_err(no_fit)?
-            .sharing(self.sharing(&frames));
+            .sharing((self.studied.planning).shared_errors(&self.read.groups, &frames));
         let fit = case
             .fit(self.studied.groups, ReadingWeights::AsNeeded)
             .map_err(no_fit)?;
-        let residuals_m = self.residuals(robots, &frames, (&case, &fit.arm))?;
+        let mut residuals_m = self.residuals(robots, &frames, (&case, &fit.arm))?;
+        let left = self.read.groups.iter().flatten().zip(&fit.left);
+        let left: Vec<Vector6<f64>> = left
+            .map(|(each, left)| {
+                let axes = frames[self.studied.planning.station_of(each.place)]
+                    .rotation
+                    .inverse();
+                let (moved, turned) = (left.position_m, left.rotation_rad.unwrap_or_default());
+                let [moved, turned] = [axes * moved, axes * turned];
+                Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z)
+            })
+            .collect();
+        let moved = self
+            .studied
+            .planning
+            .moved_by_functions(&self.studied.plan, &left);
+        for (residual_m, moved_m) in residuals_m.iter_mut().zip(moved) {
+            *residual_m -= moved_m;
+        }
         Ok(ReadingsRun {
             readings,
             fit,
@@ -295,22 +313,6 @@ impl<'a> ReadingRuns<'a> {
         };
         let read = self.read.read(self.task, robots, frames, numbers)?;
         Ok(read.into_iter().map(of_one).collect())
-    }
-
-    /// The errors that readings share, from an instrument with these frames.
-    fn sharing(&self, frames: &[Isometry3<f64>]) -> SharedErrors {
-        let mut next = 0;
-        let of_group = |group: &Vec<RepeatedReading>| {
-            let mut sharing = self.studied.planning.sharing(group, frames);
-            for reading in &mut sharing.readings {
-                *reading += next;
-            }
-            next += group.len();
-            sharing
-        };
-        SharedErrors {
-            groups: self.read.groups.iter().map(of_group).collect(),
-        }
     }
 }
 

@@ -262,11 +262,8 @@ impl Extended {
 
     /// The joints' errors as functions of their own angles, in the joints' order, with how well they return.
     pub fn joint_functions(&self) -> Vec<JointFunction> {
-        let of_one = |source: &ReadingSource| match source {
-            ReadingSource::TransmissionError(error) => error.functions().collect(),
-            _ => Vec::new(),
-        };
-        let mut functions: Vec<JointFunction> = self.sources.iter().flat_map(of_one).collect();
+        let each = self.sources.iter().flat_map(ReadingSource::functions);
+        let mut functions: Vec<JointFunction> = each.collect();
         functions.sort_by_key(|each| each.joint);
         for function in &mut functions {
             let squares = self.sources.iter().filter_map(|source| match source {

@@ -8,10 +8,12 @@ use nalgebra::{DVector, Isometry3, Rotation3, Vector3};
 use crate::experiment::{Experiment, Plan};
 use crate::measurement::Measurement;
 use crate::mujoco::{ModelChange, TorqueLaw};
+use crate::numeric::ornstein_uhlenbeck::SampledFunction;
 use crate::numeric::random::normal::LANES;
+use crate::numeric::random::{generator, streams};
 use crate::parameter::{
-    Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, RangeNoise,
-    ReadingSource, Source, SourceLevel, TransmissionError, Uncertainty, Unloaded,
+    Axis, ElasticArm, FrameChange, JointFunction, ParameterError, ParameterKind, ParameterSet,
+    RangeNoise, ReadingSource, Source, SourceLevel, Uncertainty, Unloaded,
 };
 use crate::robot::{Approach, Load};
 use crate::task::Instrument;
@@ -35,6 +37,10 @@ pub struct Circumstances {
     values: Vec<f64>,
     /// The nominal arm with that.
     here: ElasticArm,
+    /// Of absolute readings: the joints' error functions,
+    functions: Vec<JointFunction>,
+    /// and as they are in this run.
+    sampled_functions: Vec<SampledFunction>,
 }
 
 impl Circumstances {
@@ -71,7 +77,29 @@ impl Circumstances {
             shared,
             sources,
             unloaded: Unloaded::Own,
+            functions: Vec::new(),
+            sampled_functions: Vec::new(),
         })
+    }
+
+    /// The same where targets are read by themselves: joints then err by functions of their angles, which the robot keeps, where
+    /// sources say so. Deflections hardly show them: there they are new in each configuration.
+    pub fn of_single_readings(mut self) -> Self {
+        self.functions = (self.sources.iter())
+            .flat_map(ReadingSource::functions)
+            .collect();
+        self
+    }
+
+    /// Samples the joints' error functions of a run under a seed.
+    pub fn sample_functions(&mut self, [seed, run]: [u64; 2]) {
+        let random = generator(seed, streams::joint_functions(run));
+        let numbered = self.functions.iter().enumerate();
+        self.sampled_functions = numbered
+            .map(|(number, each)| {
+                SampledFunction::new(each.correlation_rad, random.clone(), number)
+            })
+            .collect();
     }
 
     /// The same where deflections rest on such readings without the load.
@@ -233,7 +261,13 @@ impl Circumstances {
             0
         };
         let offsets = (self.here).offsets_rad(q.as_slice(), tool, load, approach);
-        DVector::from_iterator(q.len(), q.iter().zip(offsets).map(|(q, offset)| q + offset))
+        let mut commanded =
+            DVector::from_iterator(q.len(), q.iter().zip(offsets).map(|(q, offset)| q + offset));
+        for (function, sampled) in self.functions.iter().zip(&self.sampled_functions) {
+            let joint = function.joint;
+            commanded[joint] += function.deviation_rad * sampled.at(q[joint]);
+        }
+        commanded
     }
 
     /// Measures a plan on a virtual robot in this laboratory, without the instrument's own noise.
@@ -495,16 +529,17 @@ impl Circumstances {
                         turn(OffBy::Return, joint, next(deviation * of_deflection));
                     }
                 }
-                ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
-                    for (joint, &deviation) in deviations.iter().enumerate() {
-                        turn(OffBy::Gear, joint, next(deviation));
+                ReadingSource::TransmissionError(error) => {
+                    let is_function = !self.functions.is_empty() && error.correlation_rad.is_some();
+                    let own = if is_function { 0.0 } else { 1.0 };
+                    for (joint, &deviation) in error.deviations.iter().enumerate() {
+                        turn(OffBy::Gear, joint, next(own * deviation));
                     }
                 }
                 ReadingSource::Discrepancy(deviation) => discrepancy_m += three(*deviation),
                 ReadingSource::LoadDirection(deviation) => {
                     let turn = Rotation3::new(three(*deviation));
-                    load.force_n = turn * load.force_n;
-                    load.torque_nm = turn * load.torque_nm;
+                    *load = load.turned(turn.matrix());
                 }
                 ReadingSource::LoadPoint(deviation) => {
                     load.torque_nm += three(*deviation).cross(&load.force_n);

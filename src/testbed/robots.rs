@@ -68,7 +68,9 @@ impl TrueRobots {
         truth: &Truth,
         targets: impl IntoIterator<Item = &'a str>,
     ) -> Result<Self, FileError> {
-        Self::with_targets(belief, truth, Unloaded::Own, targets)
+        let mut robots = Self::with_targets(belief, truth, Unloaded::Own, targets)?;
+        robots.laboratory = robots.laboratory.of_single_readings();
+        Ok(robots)
     }
 
     fn with_targets<'a>(
@@ -174,6 +176,7 @@ impl TrueRobots {
             let kept = self.numbers(0);
             fill_normals(Stream::Circumstances, seed, run, &mut normals[..kept]);
         }
+        self.laboratory.sample_functions([seed, run]);
         self.become_run(&compliances_of_run(truth, seed, run), &normals, 0)?;
         self.normals.clone_from(&normals);
         Ok(normals)

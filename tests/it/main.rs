@@ -56,6 +56,7 @@
 //! - `small_arms`: arms of four joints where one term of a prediction decides; campaigns on one virtual robot.
 //! - `simulated`: files by the hundred: false alarms, patterns that are found, models that are chosen.
 //! - `backlash`: gaps of joints: sides of approach in files, belief and truth, and loads that turn joints over.
+//! - `kept_gears`: transmission errors that robots keep as functions of angles, in predictions, plans and virtual robots of absolute readings.
 //! - `gear_waves`: gear error as waves over the joint's own angle, in predictions and found in absolute readings.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
@@ -166,6 +167,7 @@ mod interruptions;
 mod joint_errors;
 mod judge;
 mod judges;
+mod kept_gears;
 mod kept_models;
 mod known_optima;
 mod laboratory;

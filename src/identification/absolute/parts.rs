@@ -182,6 +182,8 @@ impl PartsOfReadings<'_> {
             processes: (self.known.functions.iter())
                 .map(|each| [each.deviation_rad, each.correlation_rad])
                 .collect(),
+            choosable: rows.len(),
+            known: 0,
             readings: (self.case.observations.iter().zip(rows))
                 .map(reading)
                 .collect(),

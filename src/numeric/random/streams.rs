@@ -34,6 +34,11 @@ pub const fn frames_of_trial(index: u64) -> u64 {
     (1 << 59) + index
 }
 
+/// The joints' error functions of the virtual robot of run number `index`.
+pub const fn joint_functions(index: u64) -> u64 {
+    (1 << 56) + index
+}
+
 /// Candidates that are drawn for a plan of absolute readings, in round number `index`.
 pub const fn drawn_candidates(index: u64) -> u64 {
     (1 << 58) + index

@@ -4,16 +4,18 @@
 //! adds `R_s` to the covariance R of readings leaves trace(K (sum J^T R^-1 `R_s` R^-1 J) K^T), and what is known before
 //! trace(K `M_0` K^T). Squares add up.
 
-use nalgebra::{Cholesky, DMatrix, Matrix6, Matrix6xX, MatrixXx6};
+use nalgebra::{DMatrix, Matrix6, Matrix6xX, MatrixXx6};
 
+use super::joint_functions::inverse_among;
 use super::{
     AbsolutePlanning, PlaceRows, PredictedAccuracy, RepeatedReading, in_units, place_rows, stacked,
 };
 use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_rows};
-use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, Source, Uncertainty};
+use crate::parameter::{
+    ParameterKind, ParameterSet, ReadingSource, Source, SourceLevel, Uncertainty,
+};
 use crate::plan::uncertainty_budget::{Input, Squares, common};
 use crate::plan::{CommonSources, UncertaintyBudget};
-use crate::robot::Load;
 use crate::task::{Extended, Task};
 
 /// Less than this share of the square of the whole is rounding.
@@ -69,18 +71,37 @@ impl WeighedReadings {
 }
 
 impl AbsolutePlanning<'_> {
-    fn setup(&self, place: usize) -> (&Setup, ReadingKind) {
+    pub(super) fn setup(&self, place: usize) -> (&Setup, ReadingKind) {
         let observation = &self.case.observations[place];
         (&observation.setup, observation.reading.kind())
     }
 
     fn weighed(&self, plan: &[(usize, u32)], prediction: &PredictedAccuracy) -> WeighedReadings {
         let scales = self.set.scales();
-        let rows = in_units(stacked(&self.poses, prediction.station), &scales);
-        let mut gain = rows * &prediction.posterior.covariance;
+        let tied = self.tied(plan);
+        let rows = match &tied {
+            None => stacked(&self.poses, prediction.station),
+            Some(tied) => tied.stacked(&self.poses, prediction.station),
+        };
+        let mut gain = in_units(rows, &scales) * &prediction.posterior.covariance;
         // By typical sizes: a gain in units over sizes.
         for (mut column, scale) in gain.column_iter_mut().zip(&scales) {
             column /= *scale;
+        }
+        if let Some(tied) = tied {
+            let weights = tied.weights(&self.poses, &gain);
+            let mut next = 0;
+            let weight = |each: RepeatedReading| {
+                next += 6;
+                (each, weights.fixed_columns::<6>(next - 6).into_owned())
+            };
+            let mut weight = weight;
+            let groups = tied.groups.into_iter();
+            let groups = groups.map(|group| group.into_iter().map(&mut weight).collect());
+            return WeighedReadings {
+                groups: groups.collect(),
+                gain,
+            };
         }
         let mean = &self.set.prior().mean;
         let weigh = |group: Vec<RepeatedReading>| {
@@ -89,7 +110,7 @@ impl AbsolutePlanning<'_> {
             let derivatives = planned_rows(&self.set, &self.case.arm, mean, &setups);
             let columns = derivatives.iter().map(|rows| &gain * rows.transpose());
             let columns: Vec<MatrixXx6<f64>> = columns.collect();
-            let precision = self.precision(&group);
+            let precision = inverse_among(&self.covariance_of(&group), &self.rows_of(&group));
             let weight = |place: usize| -> MatrixXx6<f64> {
                 let parts = columns.iter().enumerate().map(|(other, column)| {
                     column * precision.fixed_view::<6, 6>(6 * other, 6 * place)
@@ -103,44 +124,48 @@ impl AbsolutePlanning<'_> {
         WeighedReadings { gain, groups }
     }
 
-    /// The inverse of the covariance of all mean readings of a configuration (6 n x 6 n), and nothing of what is not read.
-    fn precision(&self, group: &[RepeatedReading]) -> DMatrix<f64> {
-        let rows: Vec<usize> = (group.iter().enumerate())
-            .flat_map(|(index, each)| {
-                let count = self.setup(each.place).1.rows();
-                (0..count).map(move |row| 6 * index + row)
-            })
-            .collect();
+    /// The rows that readings have, of six each.
+    pub(super) fn rows_of<'r>(
+        &self,
+        readings: impl IntoIterator<Item = &'r RepeatedReading>,
+    ) -> Vec<usize> {
+        let readings = readings.into_iter().enumerate();
+        let rows = readings.flat_map(|(index, each)| {
+            let count = self.setup(each.place).1.rows();
+            (0..count).map(move |row| 6 * index + row)
+        });
+        rows.collect()
+    }
+
+    /// The covariance of all mean readings of a configuration by themselves (6 n x 6 n), in the world frame.
+    pub(super) fn covariance_of(&self, group: &[RepeatedReading]) -> DMatrix<f64> {
         let here = vec![nalgebra::Isometry3::identity(); self.case.stations.len()];
         let effects = self.sharing(group, &here).effects;
-        let covariance = DMatrix::from_fn(rows.len(), rows.len(), |row, column| {
-            let [(one, row), (other, column)] =
-                [rows[row], rows[column]].map(|place| (place / 6, place % 6));
-            let shared = effects[one].row(row).dot(&effects[other].row(column));
-            if one == other {
-                let own = self.own_covariance(group[one].place, group[one].times);
-                return shared + own[(row, column)];
+        let mut covariance = DMatrix::zeros(6 * group.len(), 6 * group.len());
+        for (row, one) in effects.iter().enumerate() {
+            for (column, other) in effects.iter().enumerate() {
+                let mut block = covariance.fixed_view_mut::<6, 6>(6 * row, 6 * column);
+                block.copy_from(&(one * other.transpose()));
             }
-            shared
-        });
-        let mut precision = DMatrix::zeros(6 * group.len(), 6 * group.len());
-        if let Some(factor) = Cholesky::new(covariance) {
-            let inverse = factor.inverse();
-            for (row, &to_row) in rows.iter().enumerate() {
-                for (column, &to_column) in rows.iter().enumerate() {
-                    precision[(to_row, to_column)] = inverse[(row, column)];
-                }
-            }
+            let own = self.own_covariance(group[row].place, group[row].times);
+            let mut block = covariance.fixed_view_mut::<6, 6>(6 * row, 6 * row);
+            block += own;
         }
-        precision
+        covariance
     }
 
     /// What a source of errors leaves (m^2).
     fn left_by_source(&self, weighed: &WeighedReadings, source: &ReadingSource) -> f64 {
-        weighed.left_by(|place| {
-            let load = self.candidates[place].load.unwrap_or(Load::NONE);
-            self.case.disturbed(place, &load, [source])
-        })
+        if !source.functions().is_empty() {
+            let readings: Vec<&RepeatedReading> =
+                weighed.readings().map(|(each, _)| each).collect();
+            let mut weights = DMatrix::zeros(weighed.gain.nrows(), 6 * readings.len());
+            for (place, (_, weight)) in weighed.readings().enumerate() {
+                weights.columns_mut(6 * place, 6).copy_from(weight);
+            }
+            return self.left_by_functions(&readings, &weights, source);
+        }
+        weighed.left_by(|place| (self.case).disturbed(place, &self.load(place), [source]))
     }
 
     /// The uncertainty budget of a plan with this predicted accuracy; `None` where it predicts nothing.
@@ -158,8 +183,17 @@ impl AbsolutePlanning<'_> {
         let belief = self.case.belief;
         let extended = belief.uncertain.as_ref();
         let of_readings = extended.into_iter().flat_map(Extended::sources);
-        let readings = of_readings.map(|(_, source)| self.left_by_source(&weighed, source));
-        let mut before = (&weighed.gain * &self.before * weighed.gain.transpose()).trace();
+        let readings = of_readings.map(|(_, source)| {
+            let is_kept = !source.functions().is_empty();
+            let level = if is_kept {
+                SourceLevel::Robot
+            } else {
+                source.level()
+            };
+            (level, self.left_by_source(&weighed, source))
+        });
+        let known = self.known_before();
+        let mut before = (&weighed.gain * known * weighed.gain.transpose()).trace();
         let mut parameters = Vec::new();
         if let Some(extended) = extended {
             let of_task = self.of_task(extended);
@@ -264,6 +298,7 @@ impl AbsolutePlanning<'_> {
         weighed: &WeighedReadings,
         parameters: &[(ParameterKind, f64)],
     ) -> Option<f64> {
+        let known_before = self.known_before();
         let mut known = 0.0;
         let mut foreign = Vec::new();
         for &(kind, deviation) in parameters {
@@ -271,7 +306,7 @@ impl AbsolutePlanning<'_> {
                 Some(own) => {
                     // K M_0 d: what is believed of it pulls at it.
                     let size = self.set.parameters()[own].scale;
-                    let pulled = &weighed.gain * self.before.column(own) * (deviation / size);
+                    let pulled = &weighed.gain * known_before.column(own) * (deviation / size);
                     known += pulled.norm_squared();
                 }
                 None => foreign.push((kind, Some(deviation))),

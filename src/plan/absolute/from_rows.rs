@@ -1,5 +1,6 @@
 //! What may be planned: rows of a file of candidates, the readings of one plan, and what else is measured already.
 
+use super::joint_functions::RobotFunctions;
 use super::readable::{check_stations, from_stations, possible, reading_of};
 use super::together::Neighbours;
 use super::{AbsolutePlanError, AbsolutePlanning, place_rows, setup_of};
@@ -53,10 +54,12 @@ impl<'a> AbsolutePlanning<'a> {
         let mut case = AbsoluteCase::placed(&task.belief, &readings).map_err(of_lines)?;
         let sources = task.belief.uncertain.iter().flat_map(Extended::sources);
         let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();
+        let (kept, new): (Vec<&ReadingSource>, Vec<&ReadingSource>) =
+            (sources.into_iter()).partition(|source| !source.functions().is_empty());
         let errors = (candidates.iter().enumerate())
             .map(|(place, candidate)| {
                 let load = candidate.load.unwrap_or(Load::NONE);
-                case.disturbed(place, &load, sources.iter().copied())
+                case.disturbed(place, &load, new.iter().copied())
             })
             .collect();
         let machining = &task.belief.machining_tool;
@@ -78,7 +81,13 @@ impl<'a> AbsolutePlanning<'a> {
         });
         let asked: Vec<PlannedReading> = asked.collect();
         let set = case.unknowns_beside(groups, &asked).map_err(of_lines)?;
+        let loads = candidates
+            .iter()
+            .map(|each| each.load.unwrap_or(Load::NONE));
+        let loads: Vec<Load> = loads.collect();
         let planning = Self {
+            functions: RobotFunctions::new(task, (&case, target), &loads, &kept),
+            task,
             poses: place_rows(task, &case, &set, target),
             target,
             before: relative_precision(&set),

@@ -13,8 +13,10 @@ mod distances;
 mod drawn;
 mod error;
 mod from_rows;
+mod joint_functions;
 mod predicted_accuracy;
 mod readable;
+mod tied_choice;
 mod together;
 
 use nalgebra::{DMatrix, DVector, Matrix3xX};
@@ -35,7 +37,7 @@ use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_positions};
 use crate::parameter::{ParameterKind, ParameterSet};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
-use crate::task::Task;
+use crate::task::{Extended, Task};
 
 pub use budget::RestOfReadings;
 pub use drawn::{DrawnWanted, sampled_candidates};
@@ -44,6 +46,7 @@ pub use predicted_accuracy::PredictedAccuracy;
 
 use contributions::is_of_task;
 use error::some_of;
+use joint_functions::RobotFunctions;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
 use readable::reading_of;
@@ -65,9 +68,12 @@ pub struct AbsolutePlanning<'a> {
     pub offer: OfferedCandidates,
     /// Those that are possible.
     pub candidates: Vec<Candidate>,
+    task: &'a Task,
     case: AbsoluteCase<'a>,
     set: ParameterSet,
-    /// The errors of a reading of each candidate besides the instrument's noise,
+    /// The joints' errors that the robot keeps, which tie all readings;
+    functions: RobotFunctions,
+    /// all other errors of a reading of each candidate besides the instrument's noise,
     errors: Vec<ReadingErrors>,
     /// and with which they are shared.
     neighbours: Neighbours,
@@ -208,7 +214,16 @@ impl AbsolutePlanning<'_> {
             let drifts = drifts.filter(|(_, places)| places.iter().any(is_drift));
             words.extend(drifts.map(|(name, _)| format!("{name}, which is of deflections")));
         }
+        let kept = self.kept_errors().into_iter();
+        words.extend(kept.map(|name| format!("{name}, by the bound alone")));
         words
+    }
+
+    /// The names of the joints' errors that the robot keeps.
+    fn kept_errors(&self) -> Vec<String> {
+        let sources = self.case.belief.uncertain.iter().flat_map(Extended::sources);
+        let kept = sources.filter(|(_, source)| !source.functions().is_empty());
+        kept.map(|(name, _)| name.to_owned()).collect()
     }
 
     /// The machining tool, where no candidate reads it.
@@ -374,7 +389,19 @@ impl AbsolutePlanning<'_> {
             found.as_ref().map_or(f64::INFINITY, |found| found.cost)
         };
         let best = (designs.into_iter()).min_by(|one, other| cost(one).total_cmp(&cost(other)));
-        let best = best.unwrap_or_else(|| Err(CandidateError::undetermined()))?;
+        let mut best = best.unwrap_or_else(|| Err(CandidateError::undetermined()))?;
+        let stations = shown.test_poses.iter().map(|&(station, _)| station);
+        for station in stations {
+            let sizes = [measurements, configurations];
+            let tied = self.tied_choice(station, sizes, seed, watch.stop);
+            let rho0_m = |plan: &CandidatePlan| self.prediction(plan).rho0_m();
+            if let Some(plan) = tied
+                && let Some(tied_m) = rho0_m(&plan)
+                && rho0_m(&best.plan).is_none_or(|known_m| tied_m < known_m)
+            {
+                best.plan = plan;
+            }
+        }
         if let Err(names) = self.prediction(&best.plan).left {
             let problem = format!(
                 "no {measurements} readings of the candidates were found that determine the tool's place at the test poses: it depends on {} besides",
@@ -466,17 +493,21 @@ impl AbsolutePlanning<'_> {
         let each = (bounds.iter()).map(|bound| bound.as_ref()?.least_cost(measurements));
         let least = each.reduce(|one, other| Some(one?.min(other?)))??;
         let best = (least + stacked_task(&self.poses).norm_squared()).sqrt();
-        Some(PlanBound::of_all(best, self.places().len(), Vec::new()))
+        let places = self.places().len();
+        Some(PlanBound::of_all(best, places, self.kept_errors()))
     }
 
     /// The predicted accuracy of a plan: candidates by their places, and how often each is read.
     pub fn prediction(&self, plan: &[(usize, u32)]) -> PredictedAccuracy {
+        let count = plan.iter().map(|(_, times)| times).sum();
+        if let Some(tied) = self.tied(plan) {
+            return self.prediction_of(&tied, count);
+        }
         let mut information = self.before.clone();
         for told in self.told_of(&self.neighbours.groups(plan)) {
             information += told;
         }
         let posterior = known_after(&self.set, &information);
-        let count = plan.iter().map(|(_, times)| times).sum();
         PredictedAccuracy::new(posterior, &self.poses, &self.set.scales(), count)
     }
 }

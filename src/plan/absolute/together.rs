@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::AbsolutePlanning;
 use crate::experiment::{Candidate, is_one_configuration, numbered};
 use crate::observation::{
-    ConfigurationEquations, PlannedReading, SharingReading, SharingReadings, Together, Visits,
-    Whitener, visits_of,
+    ConfigurationEquations, PlannedReading, SharedErrors, SharingReading, SharingReadings,
+    Together, Visits, Whitener, visits_of,
 };
 use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds};
 use crate::robot::Load;
@@ -107,8 +107,37 @@ impl AbsolutePlanning<'_> {
         (self.case.covariances[place] + self.errors[place].reading) / f64::from(times.max(1))
     }
 
+    /// The errors that readings of a plan share, by its configurations in their order, each seen in its instrument's frame.
+    pub fn shared_errors(
+        &self,
+        groups: &[Vec<RepeatedReading>],
+        frames: &[Isometry3<f64>],
+    ) -> SharedErrors {
+        if !self.functions.each.is_empty() {
+            return SharedErrors {
+                groups: vec![self.tied_sharing(groups, frames)],
+            };
+        }
+        let mut next = 0;
+        let of_group = |group: &Vec<RepeatedReading>| {
+            let mut sharing = self.sharing(group, frames);
+            for reading in &mut sharing.readings {
+                *reading += next;
+            }
+            next += group.len();
+            sharing
+        };
+        SharedErrors {
+            groups: groups.iter().map(of_group).collect(),
+        }
+    }
+
     /// The errors that readings of one configuration share, each seen in its instrument's frame.
-    pub fn sharing(&self, group: &[RepeatedReading], frames: &[Isometry3<f64>]) -> SharingReadings {
+    pub(super) fn sharing(
+        &self,
+        group: &[RepeatedReading],
+        frames: &[Isometry3<f64>],
+    ) -> SharingReadings {
         let visits = 1 + group.iter().map(|each| each.visits).max().unwrap_or(0);
         let of_one = |each: &RepeatedReading| {
             let effects = self.errors[each.place].effects([each.visits, visits], each.times);
@@ -173,6 +202,9 @@ impl AbsolutePlanning<'_> {
 
     /// Whether readings that may be chosen share errors with such as are measured already: what they tell is then not bounded.
     pub(super) fn shares_with_measured(&self) -> bool {
+        if !self.functions.each.is_empty() && !self.measured.is_empty() {
+            return true;
+        }
         let configurations = &self.neighbours.configurations;
         let here = |place: usize| {
             let is_here = |&(each, _): &(usize, u32)| configurations[each] == configurations[place];
@@ -251,7 +283,7 @@ impl AbsolutePlanning<'_> {
 }
 
 /// Columns of the world frame (6 x k; m, rad) in an instrument's.
-fn turned_columns(columns: &Matrix6xX<f64>, frame: &Isometry3<f64>) -> Matrix6xX<f64> {
+pub(super) fn turned_columns(columns: &Matrix6xX<f64>, frame: &Isometry3<f64>) -> Matrix6xX<f64> {
     let axes = frame.rotation.to_rotation_matrix();
     let mut turned = columns.clone();
     for (mut part, own) in turned.column_iter_mut().zip(columns.column_iter()) {

@@ -1,7 +1,7 @@
 //! The best choice from a long list of readings that follow unknowns and functions of joints' angles: the greedy choice and random ones,
 //! bettered by exchanges until none helps.
 //!
-//! What is minimised is the mean square error of the positions that are not chosen; all candidates are tried for every exchange, which
+//! What is minimised is the mean square error of the positions that are not chosen, or of those that cannot be; all candidates are tried for every exchange, which
 //! updates of low rank make cheap: see [`KnownOfReadings`].
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,15 +29,19 @@ pub fn best_choice(
     seed: u64,
     stop: &AtomicBool,
 ) -> Option<Vec<usize>> {
-    if size > list.readings.len() {
+    if size > list.choosable {
         return None;
     }
-    let nothing = KnownOfReadings::before(list, &wanted_of(list, seed), size);
+    let all = list.readings.len();
+    let mut nothing = KnownOfReadings::before(list, &wanted_of(list, seed), size + list.known);
+    for (place, read) in (all - list.known..all).enumerate() {
+        nothing.add(size + place, read)?;
+    }
     let searched = (0..searches.max(1)).filter_map(|search| {
         let mut start = Vec::new();
         if search > 0 {
             let mut random = generator(seed, streams::candidate_search(search as u64));
-            start = index::sample(&mut random, list.readings.len(), size).into_vec();
+            start = index::sample(&mut random, list.choosable, size).into_vec();
         }
         improved(&nothing, size, start, stop)
     });
@@ -48,8 +52,12 @@ pub fn best_choice(
     })
 }
 
-/// The readings whose positions are predicted, in rising order.
+/// The readings whose positions are predicted, in rising order: those that cannot be chosen, or else some of all.
 fn wanted_of(list: &CorrelatedList, seed: u64) -> Vec<usize> {
+    let others = list.choosable..list.readings.len() - list.known;
+    if !others.is_empty() {
+        return others.collect();
+    }
     let rows = list.readings.iter().map(|each| each.new.nrows());
     let most = MOST_NUMBERS / (3 * rows.sum::<usize>()).max(1);
     let count = list.readings.len().min(most.clamp(1, MOST_WANTED));
@@ -85,12 +93,12 @@ fn improved(
             known.add(place, if is_better { best } else { own })?;
         }
         // Updates lose digits.
-        known = nothing.informed(known.chosen())?;
+        known = nothing.informed(known.chosen().take(size))?;
         if known.cost() >= before * (1.0 - GAIN) {
             break;
         }
     }
-    Some((known.cost(), known.chosen().collect()))
+    Some((known.cost(), known.chosen().take(size).collect()))
 }
 
 #[cfg(test)]

@@ -82,10 +82,7 @@ impl Checker<'_> {
             ));
         }
         let load = self.load(key, ["tool_force_n", "tool_torque_nm"], in_tool)?;
-        Ok(Load {
-            force_n: axes * load.force_n,
-            torque_nm: axes * load.torque_nm,
-        })
+        Ok(load.turned(axes))
     }
 
     /// The direction along which alone the error counts, in the world frame.

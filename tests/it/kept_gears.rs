@@ -1,0 +1,89 @@
+//! Transmission errors that robots keep as functions of their joints' angles: predicted, planned for, split and observed in MuJoCo where
+//! readings are absolute.
+
+use crate::absolute_trials::holds;
+use crate::support::{Workplace, absolute_scenario_text, number};
+use crate::uncertainties::expected_mm;
+
+/// Readings of two targets, from a station that is known; joints return, and do not.
+const KNOWN: &str = r#"
+[[uncertainty]]
+kind = "joint_zero"
+std_mrad = 1
+
+[[uncertainty]]
+kind = "joint_repeatability"
+std_mrad = 0.03
+
+[[uncertainty]]
+kind = "discrepancy"
+std_mm = 0.01
+"#;
+
+fn gears(length: &str, more: &str) -> String {
+    format!(
+        "\n[[uncertainty]]\nkind = \"transmission_error\"\nname = \"gears\"\nstd_mrad = 0.2\n{length}\n{more}\n"
+    )
+}
+
+fn absolute(more: &str) -> String {
+    absolute_scenario_text("ur10").replace("experiments = 4", "experiments = 20") + KNOWN + more
+}
+
+/// Robots that keep their gears' errors over 40 degrees err as predicted, far more than robots whose errors are new in each configuration
+/// are predicted to; a plan for them is better than one for those, and no bound is beaten.
+#[test]
+fn robots_that_keep_their_errors_err_as_predicted() {
+    let place = Workplace::new();
+    let kept = gears("correlation_deg = 40", "");
+    place.write("new.toml", absolute(&gears("", "")));
+    place.write("kept.toml", absolute(&kept));
+    place.json("plan new.toml --parameters zeros --draw 40 --plan-out new.csv");
+    let evaluate = "evaluate kept.toml --parameters zeros --plan new.csv --trials 400";
+    let found = place.json(evaluate);
+    holds(&found["trials"]);
+    let new = place.json("evaluate new.toml --parameters zeros --plan new.csv");
+    let rho0_mm = number(&found["rho0_mm"]);
+    assert!(rho0_mm > 1.3 * number(&new["rho0_mm"]), "{rho0_mm}");
+
+    let budget = &found["uncertainty_budget"]["sources"];
+    let budget = budget.as_array().expect("sources");
+    let square = |each: &serde_json::Value| number(&each["contribution_um"]).powi(2);
+    let sum = budget.iter().map(square).sum::<f64>().sqrt() * 1e-3;
+    assert!((sum / rho0_mm - 1.0).abs() < 1e-6, "{sum} {rho0_mm}");
+    let own = (budget.iter().find(|each| each["source"] == "gears")).expect("the gears");
+    assert_eq!(own["level"], "robot");
+    assert!(own.get("remark").is_none_or(serde_json::Value::is_null), "{own}");
+
+    let planned = place.json("plan kept.toml --parameters zeros --draw 40 --plan-out kept.csv");
+    let planned_mm = number(&planned["rho0_mm"]);
+    assert!(planned_mm < rho0_mm, "{planned_mm} {rho0_mm}");
+    assert!(number(&planned["bound_mm"]) <= planned_mm);
+    let again = place.json(
+        "evaluate kept.toml --parameters zeros --plan kept.csv --trials 400 --seed 3",
+    );
+    assert!((number(&again["rho0_mm"]) / planned_mm - 1.0).abs() < 1e-6);
+    holds(&again["trials"]);
+}
+
+/// What hidden functions leave is told to first order; and with a correlation over hundreds of turns a joint's error is its zero.
+#[test]
+fn hidden_functions_leave_what_is_told() {
+    let place = Workplace::new();
+    place.write("none.toml", absolute(""));
+    place.json("plan none.toml --parameters zeros --draw 40 --plan-out p.csv");
+    place.write(
+        "hidden.toml",
+        absolute(&gears("correlation_deg = 40", "hidden = true")),
+    );
+    let evaluate = "--parameters zeros --plan p.csv --trials 400";
+    let hidden = place.json_with_conditions(&format!("evaluate hidden.toml {evaluate}"));
+    let trials = &hidden["trials"];
+    let [observed, error] = ["rms_mm", "rms_std_mm"].map(|key| number(&trials[key]));
+    let expected = expected_mm(trials);
+    assert!(
+        (observed - expected).abs() < 3.0 * error + 0.03 * expected,
+        "{observed} {expected} {trials}"
+    );
+    assert!(observed > 2.0 * number(&trials["predicted_rms_mm"]));
+}
