@@ -14,7 +14,7 @@ use super::tally::{FailedRun, Failure, Outcome};
 use super::virtual_readings::{ReadPlan, TargetReading, VirtualReadingError};
 use super::{Setting, StudiedReadings, StudyError};
 use crate::files::FileError;
-use crate::identification::{AbsoluteCase, AbsoluteFit, ReadingWeights};
+use crate::identification::{AbsoluteCase, AbsoluteFit, JointError, ReadingWeights};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup};
@@ -190,7 +190,7 @@ impl<'a> ReadingRuns<'a> {
         let fit = case
             .fit(self.studied.groups, ReadingWeights::AsNeeded)
             .map_err(no_fit)?;
-        let mut residuals_m = self.residuals(robots, &frames, (&case, &fit.arm))?;
+        let mut residuals_m = self.residuals(robots, &frames, (&case, &fit.arm, &[]))?;
         let left = self.read.groups.iter().flatten().zip(&fit.left);
         let left: Vec<Vector6<f64>> = left
             .map(|(each, left)| {
@@ -234,8 +234,8 @@ impl<'a> ReadingRuns<'a> {
         self.read.frames(numbers)
     }
 
-    /// By how much the tool of the robot of a run is elsewhere than an arm says at each test pose (m, world frame), of it what counts,
-    /// with the run's frames; the arm has the targets and stations of a case.
+    /// By how much the tool of the robot of a run is elsewhere than an arm whose joints are off says at each test pose (m, world frame), of
+    /// it what counts, with the run's frames; the arm has the targets and stations of a case.
     ///
     /// # Errors
     /// The case has no reading of the tool, or from the station that counts; the robot or the arm does not rest.
@@ -243,7 +243,7 @@ impl<'a> ReadingRuns<'a> {
         &self,
         robots: &mut TrueRobots,
         frames: &[Isometry3<f64>],
-        (case, arm): (&AbsoluteCase<'_>, &ElasticArm),
+        (case, arm, joints): (&AbsoluteCase<'_>, &ElasticArm, &[JointError]),
     ) -> Result<Vec<Vector3<f64>>, FailedRun> {
         let frame = self.prediction.station;
         let own = &self.studied.planning.stations()[frame];
@@ -269,6 +269,10 @@ impl<'a> ReadingRuns<'a> {
                     station,
                     approach: None,
                 };
+                for each in joints {
+                    let commanded_rad = pose.configuration_rad[each.joint];
+                    setup.commanded_rad[each.joint] += each.at(commanded_rad);
+                }
                 let mut rest = |setup: &Setup| {
                     let kind = ReadingKind::Position;
                     let found = model.predict(Form::AtRest, setup, kind, &mut ignored);

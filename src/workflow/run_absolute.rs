@@ -107,9 +107,10 @@ pub fn run_absolute<'a>(
 
     // Compensate, and see where the tool is.
     let frames = runs.frames(numbers);
-    let mut seen = |arm| runs.residuals(&mut robots, &frames, (case, arm));
-    let before_m = seen(&nominal).map_err(|error| unread(&error))?;
-    let after_m = seen(&fit.arm).map_err(|error| unread(&error))?;
+    let mut seen = |arm, joints| runs.residuals(&mut robots, &frames, (case, arm, joints));
+    let before_m = seen(&nominal, &[]).map_err(|error| unread(&error))?;
+    // What joints are off by counts as the prediction has it: where the planner's model has it as functions.
+    let after_m = seen(&fit.arm, fit.known_joint_errors(belief)).map_err(|error| unread(&error))?;
     let tool = (case.targets.iter()).position(|name| *name == belief.machining_tool.name);
     let compensated = |(place, pose): (usize, &TestPose)| {
         let method = belief.method;

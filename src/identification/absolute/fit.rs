@@ -1,6 +1,6 @@
 //! The fit of absolute readings, its residuals and its conditions.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::{Told, impossible_compliance, left_out, too_large};
@@ -13,12 +13,13 @@ use super::super::outliers::{self, IMPLAUSIBLE};
 use super::outliers::is_pulled;
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
-    AbsoluteCase, AbsoluteError, CopiedReadings, ParameterGroup, ReadingResidual, RejectedReading,
-    Unexplained,
+    AbsoluteCase, AbsoluteError, CopiedReadings, JointError, ParameterGroup, ReadingResidual,
+    RejectedReading, Unexplained,
 };
 use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::task::Belief;
 use crate::text::wording::p_value;
 
 /// Robots leave less than this share of how far positions reach in each coordinate: 2 mm of a metre.
@@ -125,19 +126,13 @@ impl<'a> AbsoluteCase<'a> {
             {
                 found = others;
             }
-            let posterior = &found.weighed.fit.posterior;
+            let mean = found.weighed.fit.posterior.mean.clone();
             let nominal =
-                |covariance, unknown| with_nominal(&set, &posterior.mean, covariance, unknown);
-            let mut other = nominal(&posterior.covariance, UNKNOWN);
+                |covariance: &DMatrix<f64>, unknown| with_nominal(&set, &mean, covariance, unknown);
+            let mut other = nominal(&found.weighed.fit.posterior.covariance, UNKNOWN);
             let mut discrepancy_model = None;
-            if other.is_none()
-                && let Some(discrepancy) = found.weighed.discrepancy
-            {
-                let is_rejected = outliers::rejected_of(self.observations.len(), &found.rejected);
-                let far_out = self.part_of(|index| is_rejected[index]);
-                let fit = &found.weighed.fit;
-                discrepancy_model =
-                    (found.case).discrepancy_model(&set, fit, discrepancy, &far_out);
+            if other.is_none() {
+                discrepancy_model = self.unexplained(&set, &mut found);
                 other = (discrepancy_model.as_ref())
                     .and_then(|model| nominal(&model.covariance, UNKNOWN_TOGETHER));
             }
@@ -146,6 +141,24 @@ impl<'a> AbsoluteCase<'a> {
                 None => return self.told(found, (set, left_out), discrepancy_model),
             }
         }
+    }
+
+    /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
+    fn unexplained(&self, set: &ParameterSet, found: &mut KeptFit<'a>) -> Option<Unexplained> {
+        let is_rejected = outliers::rejected_of(self.observations.len(), &found.rejected);
+        let WeighedFit {
+            fit, discrepancy, ..
+        } = &mut found.weighed;
+        let told = discrepancy.and_then(|discrepancy| {
+            let far_out = self.part_of(|index| is_rejected[index]);
+            (found.case).discrepancy_model(set, fit, discrepancy, &far_out)
+        });
+        let rest = told.as_ref().map(|told| &told.model.rest);
+        let rest = rest.map_or([0.0; 2], |rest| [rest.position_m, rest.rotation_rad]);
+        let Some(known) = self.known_components(rest) else {
+            return told;
+        };
+        found.case.with_known(set, fit, &known).or(told)
     }
 
     /// The readings that no fit begins with.
@@ -317,6 +330,14 @@ impl AbsoluteFit {
     pub fn explains_all(&self) -> bool {
         let is_plausible = self.consistency.is_some_and(|each| each >= IMPLAUSIBLE);
         is_plausible && self.discrepancy.is_none() && self.rejected.is_empty()
+    }
+
+    /// What joints are off by, where the planner's model has joint error functions.
+    pub fn known_joint_errors(&self, belief: &Belief) -> &[JointError] {
+        let uncertain = belief.uncertain.as_ref();
+        let are_known = uncertain.is_some_and(|each| !each.joint_functions().is_empty());
+        let model = self.discrepancy_model.as_ref().filter(|_| are_known);
+        model.map_or(&[], |each| &each.model.joints)
     }
 
     /// The quantity of a parameter in its own unit: ratios of logarithms become quantities.

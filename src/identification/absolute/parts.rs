@@ -18,7 +18,6 @@ use crate::observation::{
 };
 use crate::parameter::{JointFunction, ParameterSet, relative_precision};
 use crate::robot::EquilibriumError;
-use crate::task::Extended;
 
 /// What stands for nothing known: this share of what a reading tells in the mean, and of typical sizes where none tells anything.
 const FAINT: f64 = 1e-4;
@@ -69,22 +68,20 @@ impl<'a> AbsoluteCase<'a> {
         }
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
+        let model = all.discrepancy_model.as_ref();
+        let rest = model.map_or(all.discrepancy.unwrap_or_default(), |each| {
+            [each.model.rest.position_m, each.model.rest.rotation_rad]
+        });
         // What readings share by the planner's model is in their weights already.
-        let uncertain = (self.belief.uncertain.as_ref()).filter(|_| !self.is_sharing_known);
-        let mut known = VarianceComponents {
-            functions: uncertain.map_or_else(Vec::new, Extended::joint_functions),
-            rest: all.discrepancy.unwrap_or_default(),
+        let known = self.known_components(rest);
+        let left = match (&known, model) {
+            (Some(_), Some(model)) => &model.left,
+            _ => &all.left,
         };
-        let mut left = &all.left;
-        if let Some(model) =
-            (all.discrepancy_model.as_ref()).filter(|_| !known.functions.is_empty())
-        {
-            known.rest = [model.model.rest.position_m, model.model.rest.rotation_rad];
-            if let Some(said) = uncertain.and_then(Extended::discrepancy_m) {
-                known.rest[0] = said;
-            }
-            left = &model.left;
-        }
+        let known = known.unwrap_or_else(|| VarianceComponents {
+            functions: Vec::new(),
+            rest: all.discrepancy.unwrap_or_default(),
+        });
         // The fit leaves the readings with their own weights.
         if all.discrepancy.is_some() || !known.functions.is_empty() {
             self.weigh(known.rest);

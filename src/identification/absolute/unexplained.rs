@@ -1,9 +1,11 @@
 //! What parameters leave of readings, told apart by a mixed model: errors of joints, and what is new at each visit.
 
+use nalgebra::DMatrix;
+
 use super::super::gauss_newton::ParameterFit;
 use super::mixed::{MixedModel, VarianceComponents};
 use super::residuals::LinearReading;
-use super::{AbsoluteCase, AbsoluteFit, Unexplained};
+use super::{AbsoluteCase, AbsoluteFit, DiscrepancyModel, ReadingResidual, Unexplained};
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::ParameterSet;
@@ -35,6 +37,47 @@ impl AbsoluteCase<'_> {
         let kept = self.kept(fit);
         let (_, mixed) = kept.mixed_of(&fit.set, &fit.posterior, joints, fit.discrepancy?)?;
         mixed.components(&turns)
+    }
+
+    /// What the planner's model says of what the parameters leave: joint error functions, with what is new at each visit where it says that
+    /// and `rest` where it does not; none where it has no functions, or weighs readings by them already.
+    pub(super) fn known_components(&self, rest: [f64; 2]) -> Option<VarianceComponents> {
+        let uncertain = self.belief.uncertain.as_ref();
+        let uncertain = uncertain.filter(|_| !self.is_sharing_known)?;
+        let functions = uncertain.joint_functions();
+        (!functions.is_empty()).then(|| VarianceComponents {
+            functions,
+            rest: [uncertain.discrepancy_m().unwrap_or(rest[0]), rest[1]],
+        })
+    }
+
+    /// The likeliest parameters, near a fit of them, together with functions and sizes that are known, and what these say of what they leave.
+    pub(super) fn with_known(
+        &self,
+        set: &ParameterSet,
+        fit: &mut ParameterFit,
+        known: &VarianceComponents,
+    ) -> Option<Unexplained> {
+        let (rows, mixed) = self.mixed_of(set, &fit.posterior, known.joints(), known.rest)?;
+        let mut model = mixed.with_known(known)?;
+        let left = self.left_of(&rows, &model);
+        // From here on parameters count from where they are likeliest.
+        for (value, shift) in fit.posterior.mean.iter_mut().zip(&model.shift) {
+            *value += shift;
+        }
+        fit.belief = set.apply(&self.arm, &fit.posterior.mean);
+        model.shift.fill(0.0);
+        let count = set.len();
+        let covariance = model.covariance.view((0, 0), (count, count)).into_owned();
+        Some(Unexplained {
+            left,
+            visits: self.visits.len(),
+            effective_sample_size: self.effective_sample_size(&fit.posterior, &covariance),
+            predicted_by_others: [None; 2],
+            covariance: symmetric(&covariance),
+            degrees: vec![f64::INFINITY; count],
+            model,
+        })
     }
 
     /// The same with errors of these joints, however many readings there are; none where visits have several distances, which share what is
@@ -71,29 +114,39 @@ impl AbsoluteCase<'_> {
         let found = mixed.fit(&mixed.visits_of(left_out, &others.ok()?))?;
         let turns = self.commanded_turns();
         let (covariance, degrees) = mixed.with_waves(&turns).of_parameters()?;
-        let places: Vec<usize> = (0..set.len()).collect();
-        let prognoses = (rows.iter().zip(&self.observations)).map(|(rows, each)| {
+        Some(Unexplained {
+            left: self.left_of(&rows, &found.model),
+            visits: self.visits.len(),
+            effective_sample_size: self.effective_sample_size(&fit.posterior, &covariance),
+            predicted_by_others: found.predicted_by_others,
+            covariance: symmetric(&covariance),
+            degrees,
+            model: found.model,
+        })
+    }
+
+    /// What a model leaves of the readings, with what joints are off by.
+    fn left_of(&self, rows: &[LinearReading], model: &DiscrepancyModel) -> Vec<ReadingResidual> {
+        let places: Vec<usize> = (0..model.shift.len()).collect();
+        let readings = rows.iter().zip(&self.observations);
+        let prognoses = readings.map(|(rows, each)| {
             let q = each.setup.commanded_rad.as_slice();
-            let (left, covariance) = found.model.prognosis(rows, &places, q);
-            found.model.judged(&left, &covariance, q).left
+            let (left, covariance) = model.prognosis(rows, &places, q);
+            model.judged(&left, &covariance, q).left
         });
-        // How much smaller the parameters' variances are if readings are independent: a geometric mean.
-        let independent = &fit.posterior;
-        let logarithms = (0..set.len())
+        prognoses.collect()
+    }
+
+    /// As many visits as tell as much of the parameters where readings are independent as all do with this covariance: by how much smaller the
+    /// parameters' variances are then, a geometric mean.
+    fn effective_sample_size(&self, independent: &Posterior, covariance: &DMatrix<f64>) -> f64 {
+        let logarithms = (0..covariance.nrows())
             .filter(|&index| independent.standard_error(index).is_some())
             .map(|index| {
                 (independent.covariance[(index, index)] / covariance[(index, index)]).ln()
             });
         let logarithms: Vec<f64> = logarithms.filter(|each| each.is_finite()).collect();
         let ratio = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
-        Some(Unexplained {
-            left: prognoses.collect(),
-            visits: self.visits.len(),
-            effective_sample_size: self.visits.len() as f64 * ratio.exp().min(1.0),
-            predicted_by_others: found.predicted_by_others,
-            covariance: symmetric(&covariance),
-            degrees,
-            model: found.model,
-        })
+        self.visits.len() as f64 * ratio.exp().min(1.0)
     }
 }

@@ -221,7 +221,12 @@ impl AbsolutePlanning<'_> {
 
     /// The names of the joints' errors that the robot keeps.
     fn kept_errors(&self) -> Vec<String> {
-        let sources = self.case.belief.uncertain.iter().flat_map(Extended::sources);
+        let sources = self
+            .case
+            .belief
+            .uncertain
+            .iter()
+            .flat_map(Extended::sources);
         let kept = sources.filter(|(_, source)| !source.functions().is_empty());
         kept.map(|(name, _)| name.to_owned()).collect()
     }

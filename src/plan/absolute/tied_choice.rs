@@ -67,8 +67,7 @@ impl AbsolutePlanning<'_> {
         let chosen = places.iter().map(|&place| reading(place, share));
         let mut readings = chosen.collect::<Option<Vec<CorrelatedReading>>>()?;
         let measured = self.measured.iter();
-        let measured =
-            measured.map(|&(place, times)| reading(place, f64::from(times).recip()));
+        let measured = measured.map(|&(place, times)| reading(place, f64::from(times).recip()));
         let measured = measured.collect::<Option<Vec<CorrelatedReading>>>()?;
         readings.extend(
             (self.poses.iter().zip(&self.functions.poses)).map(|(pose, point)| {
