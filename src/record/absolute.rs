@@ -79,6 +79,9 @@ pub struct AbsoluteMessage {
     pub discrepancy_mm: Option<f64>,
     /// The same of rotations (mrad).
     pub discrepancy_mrad: Option<f64>,
+    /// The degrees of freedom of a coordinate's variance with that; null where it was known before.
+    #[serde(default)]
+    pub discrepancy_degrees: Option<f64>,
     /// The sum of squares of the weighted residuals.
     pub square: f64,
     /// The probability of residuals at least as large.
@@ -187,6 +190,7 @@ impl AbsoluteMessage {
             discrepancy_mrad: (fit.discrepancy.filter(|_| angles.is_some()))
                 .map(|[_, rad]| rad * 1e3),
             square: fit.square,
+            discrepancy_degrees: Some(fit.degrees).filter(|degrees| degrees.is_finite()),
             consistency: fit.consistency,
             iterations: fit.iterations,
             residuals_mm: (fit.left.iter())

@@ -296,7 +296,15 @@ impl StoredRobot {
             ];
             let rest = rest(sizes.map(|(key, size)| (key, size.unwrap_or(0.0))))
                 .map_err(|(key, problem)| wrong(key, problem))?;
-            return Ok(DiscrepancyModel::plain(relative(key, rows)?, rest));
+            let plain = DiscrepancyModel::plain(relative(key, rows)?, rest);
+            return Ok(match message.discrepancy_degrees {
+                Some(degrees) if degrees > 0.0 => plain.estimated(degrees),
+                Some(degrees) => {
+                    let problem = format!("found {degrees}; a positive number is needed");
+                    return Err(wrong("discrepancy_degrees".to_owned(), problem));
+                }
+                None => plain,
+            });
         };
         let discrepancy_model = |(key, problem)| wrong(format!("discrepancy_model.{key}"), problem);
         let joints = joint_errors(&found.joints, arm).map_err(discrepancy_model)?;

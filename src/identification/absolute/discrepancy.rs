@@ -141,6 +141,20 @@ impl AbsoluteCase<'_> {
         Ok(self.discrepancy_of(&left, fit))
     }
 
+    /// The degrees of freedom of the variance that a coordinate has with a discrepancy (m) from a fit's residuals (Welch-Satterthwaite): the
+    /// readings' own part is known, and readings of one visit count as one.
+    pub(super) fn degrees_of(&self, [position_m, _]: [f64; 2], fit: &ParameterFit) -> f64 {
+        let own = self
+            .covariances
+            .iter()
+            .map(|each| each[(0, 0)])
+            .sum::<f64>();
+        let own = own / self.covariances.len() as f64;
+        let alone = self.visits.len() as f64 / self.observations.len() as f64;
+        let found = position_m.max(LEAST_DISCREPANCY).powi(2);
+        fit.degrees_of_freedom().max(1.0) * alone * (1.0 + own / found).powi(2)
+    }
+
     fn discrepancy_of(&self, left: &[ReadingResidual], fit: &ParameterFit) -> [f64; 2] {
         // Each reading has its part in what was fitted.
         let coordinates = if self.reads_distances() { 1 } else { 3 };

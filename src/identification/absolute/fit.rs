@@ -76,6 +76,8 @@ pub struct AbsoluteFit {
     /// The standard deviations of what no parameter explains, of positions (m) and rotations (rad), where they were taken
     /// from the residuals.
     pub discrepancy: Option<[f64; 2]>,
+    /// The degrees of freedom of a coordinate's variance then; infinite where it was known before.
+    pub degrees: f64,
     /// What that consists of, where there are readings enough to tell: the covariance counts it then.
     pub discrepancy_model: Option<Unexplained>,
     /// The number of scalar readings.
@@ -186,6 +188,7 @@ impl<'a> AbsoluteCase<'a> {
                 .covariance
                 .clone_from(&discrepancy_model.covariance);
         }
+        let degrees = discrepancy.map(|each| found.case.degrees_of(each, &fit));
         self.arm = found.case.arm;
         self.within = found.case.within;
         let left = self.left(&fit.belief)?;
@@ -202,6 +205,7 @@ impl<'a> AbsoluteCase<'a> {
             rejected: found.rejected,
             copies: self.copies.clone(),
             reach_m: reach(&self.sights()),
+            degrees: degrees.unwrap_or(f64::INFINITY),
             discrepancy,
             discrepancy_model,
             rows: fit.rows,
@@ -359,8 +363,16 @@ impl AbsoluteFit {
 
     /// By how many standard errors the interval of 95 % of a parameter reaches to either side.
     pub fn reach95(&self, index: usize) -> f64 {
-        let discrepancy_model = self.discrepancy_model.as_ref();
-        two_sided_student(discrepancy_model.map_or(f64::INFINITY, |each| each.degrees[index]))
+        let degrees = match &self.discrepancy_model {
+            Some(model) => model.degrees[index],
+            None => {
+                // What is known before is no estimate.
+                let known = self.set.prior().precision[(index, index)];
+                let told = 1.0 - self.posterior.covariance[(index, index)] * known;
+                self.degrees / told.max(f64::EPSILON).powi(2)
+            }
+        };
+        two_sided_student(degrees)
     }
 
     /// The standard errors of three parameters together, where all are in the fit and determined.

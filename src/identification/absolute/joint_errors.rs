@@ -13,6 +13,8 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+
 use super::super::spread::logarithm;
 use super::residuals::{LinearReading, three_rows};
 use super::{Discrepancy, ReadingResidual};
@@ -135,6 +137,17 @@ impl DiscrepancyModel {
             covariance,
             rest,
             scale: [1.0; 2],
+        }
+    }
+
+    /// The same where the variances were estimated with so many degrees of freedom: regions hold 95 % by Fisher's F.
+    pub fn estimated(self, degrees: f64) -> Self {
+        let fisher = FisherSnedecor::new(3.0, degrees).map(|fisher| 3.0 * fisher.inverse_cdf(0.95));
+        let scale = fisher.ok().filter(|square| square.is_finite());
+        let scale = scale.map_or(1.0, |square| square / SQUARE_95);
+        Self {
+            scale: [scale; 2],
+            ..self
         }
     }
 
