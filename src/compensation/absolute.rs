@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 
 use crate::parameter::ElasticArm;
-use crate::robot::{EquilibriumSolver, Load, SerialChain, Tool, rotation_vector};
+use crate::robot::{EquilibriumSolver, Load, SerialChain, rotation_vector};
 
 /// The tool is where it should be when it is as near as this (m, rad).
 const REACHED: f64 = 1e-10;
@@ -17,6 +17,8 @@ const FIRST_DAMPING: f64 = 1e-6;
 const LEAST_DAMPING: f64 = 1e-13;
 /// A joint's limit is kept but for rounding (rad, m).
 const ROUNDING: f64 = 1e-9;
+/// Commands are corrected so often by what joints stand off: each step leaves the share by which that changes with the angle.
+const OFFSET_STEPS: usize = 20;
 /// So many configurations all over the joints' ranges are started from where others do not lead there.
 const STARTS: usize = 48;
 
@@ -71,15 +73,15 @@ impl AbsoluteTarget {
 pub struct InverseKinematics<'a> {
     arm: &'a ElasticArm,
     chain: SerialChain,
-    tool: &'a Tool,
+    tool: usize,
     commanded: Vec<usize>,
     solver: EquilibriumSolver,
     response: DMatrix<f64>,
 }
 
 impl<'a> InverseKinematics<'a> {
-    /// For one of the arm's tools.
-    pub fn new(arm: &'a ElasticArm, tool: &'a Tool) -> Self {
+    /// For one of the arm's tools, by its place.
+    pub fn new(arm: &'a ElasticArm, tool: usize) -> Self {
         let chain = arm.loaded_chain();
         Self {
             commanded: chain.commanded().collect(),
@@ -108,6 +110,7 @@ impl<'a> InverseKinematics<'a> {
             // Where the free way leaves the ranges, one along their ends may not.
             for keeps_ranges in [false, true] {
                 let found = (self.search(target, start, keeps_ranges))
+                    .map(|found| self.before_offsets(found, &target.load))
                     .and_then(|found| self.within_range(found, &near));
                 match found {
                     Ok(commands) => return Ok(commands),
@@ -132,7 +135,7 @@ impl<'a> InverseKinematics<'a> {
             .map(|(q, zero)| q + zero)
             .collect();
         let compliance = &self.arm.compliance_rad_per_nm;
-        let mut arm = self.chain.at(self.tool);
+        let mut arm = self.chain.at(&self.arm.tools[self.tool]);
         (self
             .solver
             .solve(&mut arm, compliance, &standing, &target.load))
@@ -200,6 +203,22 @@ impl<'a> InverseKinematics<'a> {
             distance_m: left.rows(0, 3).norm(),
             angle_rad: turned.norm(),
         })
+    }
+
+    /// What to command so that joints with their gears, their gaps and what they give besides their springs stand where others would with
+    /// these commands; approached with all joints turning positively.
+    fn before_offsets(&self, wanted: DVector<f64>, load: &Load) -> DVector<f64> {
+        if !self.arm.leans() && self.arm.gear_waves.is_empty() {
+            return wanted;
+        }
+        let mut commands = wanted.clone();
+        for _ in 0..OFFSET_STEPS {
+            let offsets = (self.arm).offsets_rad(commands.as_slice(), self.tool, load, None);
+            for &joint in &self.commanded {
+                commands[joint] = wanted[joint] + self.arm.zero_rad[joint] - offsets[joint];
+            }
+        }
+        commands
     }
 
     /// The same commands with hinges turned by whole turns into their ranges, as near as can be to others.

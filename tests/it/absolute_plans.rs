@@ -424,3 +424,27 @@ fn commands_plan_absolute_readings() {
     let outcome = place.run("check wrong.toml").ends_with(1);
     assert!(outcome.stderr.contains("accuracy"), "{}", outcome.stderr);
 }
+
+/// Rows that are alike are visits of their own, as repeats are: the k-th reading of each target belongs to visit k.
+#[test]
+fn rows_that_are_alike_are_repeats() {
+    let scenario = scenario("ur10");
+    let known = "\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 1\n\n\
+                 [[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.1\n";
+    let place = Workplace::new();
+    place.write("s.toml", absolute_scenario_text("ur10") + known);
+    let once = table(&rows(&scenario, 8), "east");
+    let (head, lines) = once.split_once('\n').expect("a header");
+    place.write("alike.csv", format!("{head}\n{lines}{lines}{lines}"));
+    let thrice = lines.lines().map(|line| format!("{line},3\n"));
+    let thrice: String = thrice.collect();
+    place.write("repeats.csv", format!("{head},repeats\n{thrice}"));
+    let rho0_mm = ["alike", "repeats"].map(|plan| {
+        let evaluate =
+            format!("evaluate s.toml --plan {plan}.csv --parameters zeros --quiet --json");
+        place.run(&evaluate).json()["rho0_mm"]
+            .as_f64()
+            .expect("rho0")
+    });
+    assert!((rho0_mm[0] / rho0_mm[1] - 1.0).abs() < 1e-9, "{rho0_mm:?}");
+}

@@ -123,6 +123,10 @@ impl Compensate {
                 largest * 1e3
             );
         }
+        if robot.arm.leans() || !robot.arm.gear_waves.is_empty() {
+            text += "Commands correct the joints' transmission error, backlash and nonlinear stiffness, approached with all joints turning \
+                     positively.\n";
+        }
         if let Some(path) = &self.angles_out {
             write_whole(path, csv.as_bytes())?;
             text += &format!("wrote {}\n", path.display());
@@ -242,7 +246,7 @@ fn commands(
 ) -> Vec<FoundCommands> {
     let errors = robot.with_joint_errors.as_ref();
     let arm = errors.map_or(&robot.arm, |errors| &errors.arm);
-    let mut solver = InverseKinematics::new(arm, &arm.tools[tool]);
+    let mut solver = InverseKinematics::new(arm, tool);
     let own = (scenario.task.test_poses.iter()).map(|pose| pose.configuration_rad.clone());
     let mut starts: Vec<DVector<f64>> = own.collect();
     let count = starts.len();

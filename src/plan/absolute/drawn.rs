@@ -53,7 +53,7 @@ impl<'a> AbsolutePlanning<'a> {
         groups: &[ParameterGroup],
         wanted: DrawnWanted,
     ) -> Result<Self, AbsolutePlanError> {
-        Self::new(task, groups, &sampled_candidates(task, wanted)?)
+        Self::of_rows(task, groups, &[], &sampled_candidates(task, wanted)?)
     }
 
     /// The median of the rms distances (m) that so many random plans predict, sampled on all threads.
@@ -134,7 +134,7 @@ impl<'a> AbsolutePlanning<'a> {
         watch: Watch<'_>,
     ) -> Result<(Self, AbsolutePlan), AbsolutePlanError> {
         let mut rows = sampled_candidates(task, wanted)?;
-        let planning = Self::new(task, groups, &rows)?;
+        let planning = Self::of_rows(task, groups, &[], &rows)?;
         let rounds = STEPS.len() + 1;
         let search = |planning: &Self, round: usize| {
             let here = Watch {
@@ -159,7 +159,8 @@ impl<'a> AbsolutePlanning<'a> {
             }
             let round = round + 1;
             let near = near(task, &best, *step, [wanted.seed, round as u64]);
-            let searched = Self::new(task, groups, &near).and_then(|local| search(&local, round));
+            let searched =
+                Self::of_rows(task, groups, &[], &near).and_then(|local| search(&local, round));
             let Ok((searched, chosen, rho0_m)) = searched else {
                 continue;
             };
@@ -169,7 +170,7 @@ impl<'a> AbsolutePlanning<'a> {
         }
         let offered = rows.len();
         rows.extend(best);
-        let all = Self::new(task, groups, &rows)?;
+        let all = Self::of_rows(task, groups, &[], &rows)?;
         // Those that were chosen are possible, and stand behind all others.
         let chosen = all.candidates.len() - (rows.len() - offered);
         for (index, (place, _)) in found.plan.iter_mut().enumerate() {

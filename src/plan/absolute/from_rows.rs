@@ -14,7 +14,7 @@ use crate::robot::Load;
 use crate::task::{Extended, Task};
 
 impl<'a> AbsolutePlanning<'a> {
-    /// For a task, the unknowns that groups name besides those of the belief, and candidates.
+    /// For a task, the unknowns that groups name besides those of the belief, and candidates; rows that are alike are one.
     pub fn new(
         task: &'a Task,
         groups: &[ParameterGroup],
@@ -29,6 +29,16 @@ impl<'a> AbsolutePlanning<'a> {
     /// # Errors
     /// As [`new`](Self::new).
     pub fn beside(
+        task: &'a Task,
+        groups: &[ParameterGroup],
+        measured: &[AbsoluteReading],
+        rows: &[Candidate],
+    ) -> Result<Self, AbsolutePlanError> {
+        Self::of_rows(task, groups, measured, &merged(rows))
+    }
+
+    /// The same where rows that are alike stay apart.
+    pub(super) fn of_rows(
         task: &'a Task,
         groups: &[ParameterGroup],
         measured: &[AbsoluteReading],
@@ -121,7 +131,11 @@ impl<'a> AbsolutePlanning<'a> {
         rows: &[Candidate],
     ) -> Result<Self, AbsolutePlanError> {
         check_stations(task, rows)?;
-        let planning = Self::new(task, groups, rows)?;
+        let once = rows.iter().map(|row| Candidate {
+            most: row.most.or(Some(1)),
+            ..row.clone()
+        });
+        let planning = Self::new(task, groups, &once.collect::<Vec<_>>())?;
         if planning.offer.left_out.is_empty() {
             return Ok(planning);
         }
@@ -138,6 +152,29 @@ impl<'a> AbsolutePlanning<'a> {
             .map(|place| (place, self.candidates[place].most.unwrap_or(1)))
             .collect()
     }
+}
+
+/// Rows that read one target, under one load, from one station and in one configuration as one that is read as often as all.
+fn merged(rows: &[Candidate]) -> Vec<Candidate> {
+    let q = |place: usize| &rows[place].configuration_rad;
+    let is_same = |one: usize, other: usize| {
+        let [one, other] = [&rows[one], &rows[other]];
+        (one.load, &one.target, &one.station) == (other.load, &other.target, &other.station)
+            && is_one_configuration(
+                (&one.configuration_rad, one.approach.as_ref()),
+                (&other.configuration_rad, other.approach.as_ref()),
+            )
+    };
+    let groups = together(rows.len(), q, is_same).into_iter();
+    let times = |group: &[usize]| -> Option<u32> {
+        let each: Option<Vec<u32>> = group.iter().map(|&place| rows[place].most).collect();
+        each.map(|each| each.into_iter().fold(0, u32::saturating_add))
+    };
+    let row = |group: Vec<usize>| Candidate {
+        most: times(&group),
+        ..rows[group[0]].clone()
+    };
+    groups.map(row).collect()
 }
 
 /// Readings of one target, under one load, from one station and in one configuration as one, with how often it is taken.
