@@ -87,8 +87,7 @@ impl Evaluate {
         let bound = match &candidates {
             Some(candidates) => candidates.bound(task, self.criterion, &plan),
             None => args.proof.with_effort(&args.common, &STOP, |proof| {
-                let sizes = [plan.measurements()];
-                Bound::search_and_prove(task, self.criterion, seed, &sizes, proof)
+                Bound::search_for(&plan, task, self.criterion, seed, proof)
             }),
         };
         proceed()?;
@@ -97,7 +96,7 @@ impl Evaluate {
         } else {
             let rho0 = match &candidates {
                 Some(candidates) => candidates.bound(task, Criterion::TestPose, &plan),
-                None => Bound::search(task, seed),
+                None => Bound::search_for(&plan, task, Criterion::TestPose, seed, None),
             };
             Assessment::new(task, &plan, Some(&rho0)).beside(&bound, &plan)
         };

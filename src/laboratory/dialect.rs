@@ -178,7 +178,10 @@ impl Dialect {
             });
         }
         let is_external = |slides: bool| slides && !self.in_model_order;
-        let slides = commands.slides().filter(|&slides| is_external(slides)).count();
+        let slides = commands
+            .slides()
+            .filter(|&slides| is_external(slides))
+            .count();
         let Some((sliding, further)) = external.split_at_checked(slides) else {
             return Err(DialectError::Slides {
                 name: self.name.clone(),

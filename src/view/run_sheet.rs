@@ -158,7 +158,10 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
         text = format!("<p class=\"lead\">{}</p>\n", escaped(&scenario.description)) + &text;
     }
     for condition in campaign.conditions(&scenario.laboratory) {
-        text += &format!("<p class=\"alarm\">{}</p>\n", escaped(&condition.to_string()));
+        text += &format!(
+            "<p class=\"alarm\">{}</p>\n",
+            escaped(&condition.to_string())
+        );
     }
     if !campaign.is_checked {
         text += "<p class=\"alarm\">Moves were not looked at for collisions: the scenario names no \
