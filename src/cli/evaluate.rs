@@ -11,7 +11,7 @@ use elastocal::plan::search::Bound;
 use elastocal::plan::{Assessment, Criterion, read_plan};
 use elastocal::record::json::merge;
 use elastocal::record::robot_trials::RobotTrials;
-use elastocal::robot::Load;
+use elastocal::robot::{Approach, Load};
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
 use serde_json::json;
@@ -176,6 +176,6 @@ fn is_same(candidate: &Candidate, row: &Candidate) -> bool {
     let wrench = |row: &Candidate| row.load.unwrap_or(Load::NONE).wrench();
     apart.amax() <= SAME_RAD
         && wrench(candidate) == wrench(row)
-        && (&candidate.target, &candidate.station, &candidate.approach)
-            == (&row.target, &row.station, &row.approach)
+        && (&candidate.target, &candidate.station) == (&row.target, &row.station)
+        && Approach::is_same(candidate.approach.as_ref(), row.approach.as_ref())
 }
