@@ -38,7 +38,7 @@ fn suitable(
     scenario: &Scenario,
 ) -> Result<Result<Dialect, DialectError>, FileError> {
     let dialect = named(option, scenario).map_err(|wrong| wrong.or_code(ErrorCode::Program))?;
-    let checked = dialect.check_joints(scenario.task.belief.commands().len());
+    let checked = dialect.axes_of(&scenario.task.belief.commands()).map(drop);
     Ok(checked.map(|()| dialect))
 }
 

@@ -11,7 +11,7 @@ use elastocal::plan::search::Bound;
 use elastocal::plan::{Assessment, Criterion, read_plan};
 use elastocal::record::json::merge;
 use elastocal::record::robot_trials::RobotTrials;
-use elastocal::robot::Load;
+use elastocal::robot::{Approach, Load};
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
 use serde_json::json;
@@ -87,8 +87,7 @@ impl Evaluate {
         let bound = match &candidates {
             Some(candidates) => candidates.bound(task, self.criterion, &plan),
             None => args.proof.with_effort(&args.common, &STOP, |proof| {
-                let sizes = [plan.measurements()];
-                Bound::search_and_prove(task, self.criterion, seed, &sizes, proof)
+                Bound::search_for(&plan, task, self.criterion, seed, proof)
             }),
         };
         proceed()?;
@@ -97,7 +96,7 @@ impl Evaluate {
         } else {
             let rho0 = match &candidates {
                 Some(candidates) => candidates.bound(task, Criterion::TestPose, &plan),
-                None => Bound::search(task, seed),
+                None => Bound::search_for(&plan, task, Criterion::TestPose, seed, None),
             };
             Assessment::new(task, &plan, Some(&rho0)).beside(&bound, &plan)
         };
@@ -177,6 +176,6 @@ fn is_same(candidate: &Candidate, row: &Candidate) -> bool {
     let wrench = |row: &Candidate| row.load.unwrap_or(Load::NONE).wrench();
     apart.amax() <= SAME_RAD
         && wrench(candidate) == wrench(row)
-        && (&candidate.target, &candidate.station, &candidate.approach)
-            == (&row.target, &row.station, &row.approach)
+        && (&candidate.target, &candidate.station) == (&row.target, &row.station)
+        && Approach::is_same(candidate.approach.as_ref(), row.approach.as_ref())
 }

@@ -87,7 +87,7 @@ impl Lab {
 
         let chain = &scenario.task.belief.nominal.chain;
         let axes = match &dialect {
-            Some(dialect) => dialect.axes_of(&commands),
+            Some(dialect) => dialect.axes_of(&commands)?,
             None => (chain.commanded())
                 .map(|joint| chain.joints[joint].name.as_str())
                 .collect(),
@@ -122,7 +122,7 @@ impl Lab {
         let [to_fill, record] = FILES.map(|name| folder.join(name));
         text += &written.save(&to_fill, &table);
         conditions.extend(no_program);
-        conditions.extend(doubts(&scenario, &campaign));
+        conditions.extend(campaign.conditions(&scenario.laboratory));
         let record_text = record_text(&mut json, &conditions)?;
         text += &written.save(&record, &record_text);
         conditions.extend(written.conditions());
@@ -187,28 +187,6 @@ impl Lab {
             campaign,
         })
     }
-}
-
-/// What must be looked at of a plan as it is carried out.
-fn doubts(scenario: &Scenario, campaign: &Campaign) -> Vec<Condition> {
-    let mut conditions = Vec::new();
-    let without = (campaign.stops.iter())
-        .filter(|stop| stop.approach.is_none() && !stop.is_in_place())
-        .flat_map(|stop| &stop.experiments)
-        .map(|index| (index + 1).to_string())
-        .collect::<std::collections::BTreeSet<_>>();
-    if !without.is_empty() && scenario.laboratory.approach > 0.0 {
-        let without: Vec<String> = without.into_iter().collect();
-        conditions.push(ConditionCode::OneSidedApproach.with(format!(
-            "there is no room to approach experiment {} from one side",
-            without.join(", ")
-        )));
-    }
-    if campaign.home.is_some() && campaign.return_way.is_none() {
-        let words = "no way is found back to the first safe pose";
-        conditions.push(ConditionCode::NoWay.with(words));
-    }
-    conditions
 }
 
 /// Whether a table says from which side configurations are approached.

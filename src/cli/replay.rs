@@ -4,16 +4,17 @@ use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::make_folder;
 use elastocal::plan::search::random_plan;
+use elastocal::quantities::units::thousandths;
 use elastocal::record::absolute_plan::readings_run_json;
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::absolute::ReadingRuns;
-use elastocal::study::{Entry, EntryKind, Setting};
+use elastocal::study::{Conditions, Entry, EntryKind, Setting};
 use elastocal::view::recording::Recording;
 use serde_json::{Value, json};
 
 use super::interruption::proceed;
-use super::study::StudyPlansArgs;
+use super::study::{StudyPlansArgs, results::noted};
 use super::table::table_of;
 use super::views::{REPLAY_ENDINGS, write_recording};
 use super::written::Written;
@@ -58,7 +59,7 @@ impl Replay {
         roles.check()?;
         make_folder(&folder)?;
         // The first conditions of a sweep stand for all.
-        scenario.study.conditions.truncate(1);
+        let others = scenario.study.conditions.split_off(1);
         let settings = scenario.settings();
         let candidates = self.plans.candidates(&scenario)?;
         let entries = (self.plans).entries(common, &scenario, &settings, candidates.as_deref())?;
@@ -72,9 +73,18 @@ impl Replay {
             .map(|entry| self.replayed(&settings[0], scenario.seed, entry))
             .collect::<anyhow::Result<Vec<_>>>()?;
         let records: Vec<&Value> = plans.iter().map(|plan| &plan.record).collect();
-        let keys = json!({ "run": self.run, "plans": records });
+        let shown = settings[0].conditions;
+        let notes: Vec<String> = of_sweep(&shown, &others).into_iter().collect();
+        let keys = json!({
+            "run": self.run,
+            "experiments": shown.experiments,
+            "sigma_mm": thousandths(shown.sigma_m),
+            "load_scale": shown.load_scale,
+            "notes": notes,
+            "plans": records,
+        });
         let json = results("replay", &ProvenanceMessage::new(&scenario), keys);
-        let mut text = describe(&scenario, &plans);
+        let mut text = describe(&scenario, &plans) + &noted(&notes);
         let mut written = Written::default();
         let record = folder.join(record);
         written.save(&record, &(serde_json::to_string_pretty(&json)? + "\n"));
@@ -136,6 +146,17 @@ impl Replay {
             calibration: Some(calibration),
         })
     }
+}
+
+/// Of which conditions of a sweep a run is shown, and of which it is not.
+fn of_sweep(shown: &Conditions, others: &[Conditions]) -> Option<String> {
+    let names: Vec<String> = others.iter().map(ToString::to_string).collect();
+    (!others.is_empty()).then(|| {
+        format!(
+            "the run is shown under the first conditions of study.sweep: {shown}. The others: {}",
+            names.join("; ")
+        )
+    })
 }
 
 /// The distance that each plan leaves at each test pose.

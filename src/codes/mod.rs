@@ -66,6 +66,7 @@ codes! {
         Inconsistency = "C0213",
         GeometryBeyondTolerance = "C0214",
         MassFarFromPrior = "C0215",
+        UnknownApproach = "C0216",
         PredictionFailed = "C0301",
         Coverage = "C0302",
         StationMoved = "C0303",

@@ -5,8 +5,8 @@ use std::path::Path;
 use nalgebra::DVector;
 
 use super::file::{
-    APPROACH, LOAD, add_approach, approach, blank_directions, configuration, direction, load,
-    reading_columns, reading_fields,
+    APPROACH, DIRECTION, LOAD, add_approach, blank_directions, configuration, direction, load,
+    planned_approach, reading_columns, reading_fields,
 };
 use super::{Experiment, Plan};
 use crate::codes::ErrorCode;
@@ -65,9 +65,18 @@ pub fn read_candidates(
 }
 
 fn candidates_of(path: &Path, commands: &Commands) -> Result<Vec<Candidate>, FileError> {
-    let numbers = [&LOAD[..], &[REPEATS]].concat();
+    let numbers = [&LOAD[..], &[REPEATS], &DIRECTION].concat();
     let words = [&PLACES[..], &[APPROACH]].concat();
-    let table = Table::read_with(path, &Columns::of(commands.columns(), &numbers, &words))?;
+    let mut columns = Columns::of(commands.columns(), &numbers, &words);
+    columns.blank = DIRECTION.map(str::to_owned).into();
+    let table = Table::read_with(path, &columns)?;
+    if DIRECTION.iter().any(|column| table.has(&[column])) {
+        let columns = DIRECTION.join(",");
+        let problem = format!(
+            "found {columns}; candidates have no directions, a gauge reads each along any of instrument.directions"
+        );
+        return Err(FileError::new(path, problem).hint("leave these columns out"));
+    }
     let has_load = table.has_group(&LOAD)?;
     let has_repeats = table.has(&[REPEATS]);
     let candidate = |row: Row<'_>| {
@@ -81,7 +90,7 @@ fn candidates_of(path: &Path, commands: &Commands) -> Result<Vec<Candidate>, Fil
             most,
             target: target?,
             station: station?,
-            approach: approach(&row, commands)?,
+            approach: planned_approach(&row, commands)?,
         })
     };
     let candidates = table.rows().map(candidate).collect::<Result<Vec<_>, _>>()?;
@@ -117,7 +126,7 @@ fn plan_of(path: &Path, commands: &Commands) -> Result<Plan, FileError> {
             configuration_rad: configuration(&row, commands),
             load,
             repeats,
-            approach: approach(&row, commands)?,
+            approach: planned_approach(&row, commands)?,
             direction: direction(&row, commands)?,
         })
     };

@@ -64,6 +64,17 @@ pub fn approach(row: &Row<'_>, commands: &Commands) -> Result<Option<Approach>, 
     })
 }
 
+/// The same of a plan, all of whose joints turn positively where a column of sides has nothing.
+///
+/// # Errors
+/// As [`approach`].
+pub fn planned_approach(row: &Row<'_>, commands: &Commands) -> Result<Option<Approach>, FileError> {
+    let usual = row
+        .word(APPROACH)
+        .map(|_| Approach(vec![true; commands.len()]));
+    Ok(approach(row, commands)?.or(usual))
+}
+
 /// The fields of a configuration and a load, in the order of [`experiment_columns`].
 pub fn experiment_fields(
     commands: &Commands,

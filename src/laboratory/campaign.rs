@@ -11,6 +11,8 @@
 //! its frame is another afterwards; there, one load hangs after the other, beginning with the one that hangs already. The k-th visits
 //! of all configurations are one round, so that the robot leaves a configuration before it comes there again.
 
+use std::collections::BTreeSet;
+
 use nalgebra::DVector;
 use thiserror::Error;
 
@@ -19,6 +21,7 @@ use super::order::shortest;
 use super::side::{Side, wanted_side};
 use super::ways::{Way, Ways, apart};
 use super::{Costs, Laboratory};
+use crate::codes::{Condition, ConditionCode};
 use crate::experiment::{Plan, in_words};
 use crate::plan::absolute::AbsolutePlanning;
 use crate::robot::Load;
@@ -173,6 +176,29 @@ impl Campaign {
         };
         campaign.minutes = campaign.minutes_of(laboratory);
         Ok(campaign)
+    }
+
+    /// What must be looked at as it is carried out.
+    pub fn conditions(&self, laboratory: &Laboratory) -> Vec<Condition> {
+        let mut conditions = Vec::new();
+        let without: BTreeSet<usize> = (self.stops.iter())
+            .filter(|stop| stop.approach.is_none() && !stop.is_in_place())
+            .flat_map(|stop| stop.experiments.iter().copied())
+            .collect();
+        if !without.is_empty() && laboratory.approach > 0.0 {
+            let without: Vec<String> = (without.iter())
+                .map(|index| (index + 1).to_string())
+                .collect();
+            conditions.push(ConditionCode::OneSidedApproach.with(format!(
+                "there is no room to approach experiment {} from one side",
+                without.join(", ")
+            )));
+        }
+        if self.home.is_some() && self.return_way.is_none() {
+            let words = "no way is found back to the first safe pose";
+            conditions.push(ConditionCode::NoWay.with(words));
+        }
+        conditions
     }
 
     /// How many times the instrument is set up: once, or at each station, or a gauge for each measurement.

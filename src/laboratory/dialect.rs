@@ -4,6 +4,7 @@ use serde::Deserialize;
 use thiserror::Error;
 
 use crate::robot::Commands;
+use crate::text::wording::counted;
 
 /// The dialects that come along.
 const KNOWN: [(&str, &str); 2] = [
@@ -30,9 +31,12 @@ pub struct Dialect {
     pub name: String,
     /// The names of the axes: a program has a value for each.
     pub axes: Vec<String>,
-    /// Those of further joints, of sliding ones first.
+    /// Those of joints that slide, then of further ones that turn.
     #[serde(default)]
     pub external_axes: Vec<String>,
+    /// Whether the axes, external ones after the others, are those of the model's joints in their order, whether these turn or slide.
+    #[serde(default)]
+    pub in_model_order: bool,
     /// In what angles are written.
     pub angles: Angles,
     /// With how many decimals.
@@ -92,6 +96,16 @@ pub enum DialectError {
         /// How many joints of the robot are commanded.
         joints: usize,
     },
+    /// More of the robot's joints slide.
+    #[error("the dialect {name} is for {axes} that slide; the robot has {slides}")]
+    Slides {
+        /// The dialect.
+        name: String,
+        /// How many joints may slide, in words.
+        axes: String,
+        /// How many commanded joints slide.
+        slides: usize,
+    },
 }
 
 impl DialectError {
@@ -144,34 +158,45 @@ impl Dialect {
         Ok(dialect)
     }
 
-    /// Checks that it is for so many joints.
-    pub fn check_joints(&self, joints: usize) -> Result<(), DialectError> {
-        let (own, external) = (self.axes.len(), self.external_axes.len());
-        if (own..=own + external).contains(&joints) {
-            return Ok(());
-        }
-        let axes = match external {
-            0 => own.to_string(),
-            _ => format!("{own} to {}", own + external),
-        };
-        Err(DialectError::OtherAxes {
-            name: self.name.clone(),
-            axes,
-            joints,
-        })
-    }
-
     /// The axis of each commanded joint.
-    pub fn axes_of(&self, commands: &Commands) -> Vec<&str> {
-        let (mut own, mut external) = (self.axes.iter(), self.external_axes.iter());
-        let has_more = commands.len() > self.axes.len();
-        let axes = commands.columns().into_iter().filter_map(|column| {
-            if column.ends_with("_mm") && has_more {
-                external.next().or_else(|| own.next())
+    ///
+    /// # Errors
+    /// The robot has fewer joints, or more, or more that slide.
+    pub fn axes_of(&self, commands: &Commands) -> Result<Vec<&str>, DialectError> {
+        let (own, external, joints) = (&self.axes, &self.external_axes, commands.len());
+        let (least, most) = (own.len(), own.len() + external.len());
+        if !(least..=most).contains(&joints) {
+            let axes = if least == most {
+                least.to_string()
             } else {
-                own.next().or_else(|| external.next())
+                format!("{least} to {most}")
+            };
+            return Err(DialectError::OtherAxes {
+                name: self.name.clone(),
+                axes,
+                joints,
+            });
+        }
+        let is_external = |slides: bool| slides && !self.in_model_order;
+        let slides = commands
+            .slides()
+            .filter(|&slides| is_external(slides))
+            .count();
+        let Some((sliding, further)) = external.split_at_checked(slides) else {
+            return Err(DialectError::Slides {
+                name: self.name.clone(),
+                axes: counted(external.len() as u64, "joint"),
+                slides,
+            });
+        };
+        let (mut sliding, mut turning) = (sliding.iter(), own.iter().chain(further));
+        let axes = commands.slides().filter_map(|slides| {
+            if is_external(slides) {
+                sliding.next()
+            } else {
+                turning.next()
             }
         });
-        axes.map(String::as_str).collect()
+        Ok(axes.map(String::as_str).collect())
     }
 }

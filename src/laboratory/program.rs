@@ -163,7 +163,7 @@ impl Program {
     /// The files of the program in a dialect.
     ///
     /// # Errors
-    /// The dialect is for another number of joints.
+    /// The dialect is for other joints.
     pub fn files(
         &self,
         dialect: &Dialect,
@@ -171,7 +171,7 @@ impl Program {
         commands: &Commands,
         name: &str,
     ) -> Result<Vec<ProgramFile>, DialectError> {
-        dialect.check_joints(commands.len())?;
+        let axes = dialect.axes_of(commands)?;
         let name = identifier(name, dialect.longest_name);
         let speed = laboratory.speed_percent.to_string();
         let mut logs = 0_usize;
@@ -179,7 +179,7 @@ impl Program {
             .map(|step| match step {
                 ProgramStep::Remark(text) => dialect.comment.replace("<text>", &plain(text)),
                 ProgramStep::Move(q) => (dialect.movement)
-                    .replace("<target>", &target(dialect, commands, q))
+                    .replace("<target>", &target(dialect, &axes, commands, q))
                     .replace("<speed>", &speed),
                 ProgramStep::Payload(Some(mass_kg)) => (dialect.payload)
                     .replace("<mass>", &format!("{mass_kg:.3}"))
@@ -214,16 +214,14 @@ impl Program {
     }
 }
 
-fn target(dialect: &Dialect, commands: &Commands, q: &DVector<f64>) -> String {
-    let written = commands.columns();
-    let values = (written.iter().zip(commands.numbers(q.as_slice()))).map(|(column, value)| {
-        match dialect.angles {
-            Angles::Degrees => value,
-            Angles::Radians if column.ends_with("_mm") => value * 1e-3,
-            Angles::Radians => value.to_radians(),
-        }
+fn target(dialect: &Dialect, axes: &[&str], commands: &Commands, q: &DVector<f64>) -> String {
+    let written = commands.numbers(q.as_slice());
+    let values = (commands.slides().zip(written)).map(|(slides, value)| match dialect.angles {
+        Angles::Degrees => value,
+        Angles::Radians if slides => value * 1e-3,
+        Angles::Radians => value.to_radians(),
     });
-    let axes: Vec<String> = (dialect.axes_of(commands).into_iter().zip(values))
+    let axes: Vec<String> = (axes.iter().zip(values))
         .map(|(axis, value)| {
             let number = format!("{value:.*}", dialect.decimals);
             let number = number.trim_end_matches('0').trim_end_matches('.');

@@ -47,6 +47,14 @@ pub(super) fn wanted_side(task: &Task, approach: Option<&Approach>) -> Option<Ve
 }
 
 impl Side {
+    /// How a configuration is approached, in words: "with all joints +", or "as it comes".
+    pub fn words(&self) -> String {
+        match self.as_approach() {
+            Some(_) => format!("with {self}"),
+            None => self.to_string(),
+        }
+    }
+
     /// As a file has it; `None` where the configuration is reached as it comes. For joints that are commanded.
     pub fn as_approach(&self) -> Option<Approach> {
         let signs: Vec<bool> = (self.0.iter())

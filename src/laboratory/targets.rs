@@ -54,7 +54,7 @@ pub fn program_to(
         let judge = ways.judge();
         let (wanted, by) = (wanted_side(task, None), laboratory.approach);
         let (side, approach) = Side::free(task, by, judge, q, &[Load::NONE], wanted.as_deref());
-        let remark = format!("{name}, approached with {side}");
+        let remark = format!("{name}, approached {}", side.words());
         steps.push(ProgramStep::Remark(remark));
         if let Some(last) = &last {
             let via = via(&mut ways, last, name, approach.as_ref().unwrap_or(q))?;

@@ -25,14 +25,10 @@ impl UncertaintyBudget {
         let radius95_m = quantile95_m(task, posterior)?;
         let mut budget = squares(task, plan, posterior).budget(&task.belief, Some(radius95_m));
         let noise = &mut budget.sources[0];
-        if let (None, Some(both_m)) = (
-            noise.standard_uncertainty,
-            task.belief.instrument.both_sigmas_m(),
-        ) {
-            let [coordinate, along] = both_m.map(|value| significant(value * 1e3, 3));
-            noise.remark = Some(format!(
-                "is {coordinate} mm in a coordinate and {along} mm of the gauge"
-            ));
+        if noise.standard_uncertainty.is_none() {
+            let shown = |value: f64| format!("{} mm", significant(value * 1e3, 3));
+            let both = task.belief.instrument.both_sigmas(shown);
+            noise.remark = both.map(|both| format!("is {both}"));
         }
         Some(budget)
     }

@@ -157,13 +157,7 @@ impl Header {
         let label = |plan: &PlanHeader| {
             let same = |other: &&PlanHeader| other.name == plan.name;
             match (self.plans.iter().filter(same).count(), plan.conditions) {
-                (2.., conditions) => format!(
-                    "{}, {} measurements, sigma {:.4} mm, load {}",
-                    plan.name,
-                    conditions.experiments,
-                    conditions.sigma_m * 1e3,
-                    conditions.load_scale
-                ),
+                (2.., conditions) => format!("{}, {conditions}", plan.name),
                 _ => plan.name.clone(),
             }
         };

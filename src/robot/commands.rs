@@ -104,13 +104,18 @@ impl Commands {
         (self.drives.iter().enumerate()).filter(|(_, drive)| drive.passive_at.is_none())
     }
 
+    /// Whether each commanded joint slides.
+    pub fn slides(&self) -> impl Iterator<Item = bool> {
+        self.written().map(|(_, drive)| drive.slides)
+    }
+
     /// The names of the columns: `q1_deg`, or `q3_mm` for a joint that slides.
     pub fn columns(&self) -> Vec<String> {
-        let column = |(number, (_, drive)): (usize, (usize, &Drive))| {
-            let unit = if drive.slides { "mm" } else { "deg" };
+        let column = |(number, slides): (usize, bool)| {
+            let unit = if slides { "mm" } else { "deg" };
             format!("q{number}_{unit}")
         };
-        (1..).zip(self.written()).map(column).collect()
+        (1..).zip(self.slides()).map(column).collect()
     }
 
     /// The column of a joint; none where it is passive.
@@ -121,7 +126,7 @@ impl Commands {
 
     /// The unit of shown numbers, for a heading.
     pub fn unit(&self) -> &'static str {
-        if self.written().any(|(_, drive)| drive.slides) {
+        if self.slides().any(|slides| slides) {
             "deg, mm"
         } else {
             "deg"

@@ -1,10 +1,13 @@
 //! What a study is made of: its runs, the conditions, and the plans that it compares.
 
+use std::fmt::{Display, Formatter};
+
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::Candidate;
 use crate::plan::{Criterion, Plan};
 use crate::task::Task;
+use crate::text::wording::counted;
 
 /// What the runs of a study are made of.
 #[derive(
@@ -60,6 +63,18 @@ pub struct Conditions {
     pub experiments: u32,
     /// All calibration loads are so many times what the scenario and its plans say.
     pub load_scale: f64,
+}
+
+impl Display for Conditions {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(
+            formatter,
+            "{}, sigma {:.4} mm, load {}",
+            counted(self.experiments.into(), "measurement"),
+            self.sigma_m * 1e3,
+            self.load_scale
+        )
+    }
 }
 
 impl Conditions {

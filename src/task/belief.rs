@@ -50,9 +50,12 @@ impl Instrument {
         }
     }
 
-    /// The standard deviations (m) of a deflection's coordinate and of what a gauge beside reads, where there is one.
-    pub fn both_sigmas_m(&self) -> Option<[f64; 2]> {
-        Some([self.sigma_m, self.gauge?.beside_m?])
+    /// The standard deviations (m) of a deflection's coordinate and of what a gauge beside reads, in words; none without one.
+    pub fn both_sigmas(&self, shown: impl Fn(f64) -> String) -> Option<String> {
+        let [coordinate, along] = [self.sigma_m, self.gauge?.beside_m?].map(shown);
+        Some(format!(
+            "{coordinate} of a coordinate and {along} of the gauge"
+        ))
     }
 
     /// The standard deviation of a displacement along a direction (m).

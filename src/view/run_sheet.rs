@@ -127,14 +127,21 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
     let of_gauge = "For each measurement in turn, without moving the robot in between: set the gauge against the tool along the \
          direction that is given (world frame) and to zero, hang the load, and write down what the gauge shows, positive \
          along its direction (mm). Then take the load off and the gauge away, and let the program go on.";
-    let of_positions = "Without a load first, then under each load in turn: what is identified from is the difference of the \
-         two positions at the same commanded angles. Every configuration is approached from the same side both \
-         times. The robot halts at each stop: wait until it has come to rest, read the instrument, write \
-         the position of the reflector down (world frame, mm), tick the stop, and let the program go on.";
+    let is_sided = (campaign.stops.iter()).all(|stop| stop.side.as_approach().is_some());
+    let sides = if is_sided {
+        "Every configuration is approached from the same side both times."
+    } else {
+        "A configuration is approached from the same side both times where a side is given."
+    };
+    let of_positions = format!(
+        "Without a load first, then under each load in turn: what is identified from is the difference of the \
+         two positions at the same commanded angles. {sides} The robot halts at each stop: wait until it has come to rest, read the instrument, write \
+         the position of the reflector down (world frame, mm), tick the stop, and let the program go on."
+    );
     let how = if is_absolute {
         "The robot halts at each stop: wait until it has come to rest, read each target of the stop, write down what the \
          instrument shows in a frame of its own, tick the stop, and let the program go on. A configuration that comes again is \
-         another visit of the robot, always from the same side. The instrument stays where it is until the sheet asks for \
+         another visit of the robot, from the same side where one is given. The instrument stays where it is until the sheet asks for \
          another station."
             .to_owned()
     } else {
@@ -143,12 +150,18 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
             ReadsAlong::Sometimes => {
                 format!("{of_positions} At the end, with the gauge: {of_gauge}")
             }
-            ReadsAlong::Never => of_positions.to_owned(),
+            ReadsAlong::Never => of_positions,
         }
     };
     let mut text = paragraph(&what) + &paragraph(&how);
     if !scenario.description.is_empty() {
         text = format!("<p class=\"lead\">{}</p>\n", escaped(&scenario.description)) + &text;
+    }
+    for condition in campaign.conditions(&scenario.laboratory) {
+        text += &format!(
+            "<p class=\"alarm\">{}</p>\n",
+            escaped(&condition.to_string())
+        );
     }
     if !campaign.is_checked {
         text += "<p class=\"alarm\">Moves were not looked at for collisions: the scenario names no \
@@ -243,11 +256,11 @@ fn configurations(
         ];
         format!(
             "<article class=\"place\"><h3>Configuration {}: stops {}</h3>\n{}\
-             <p>Approached with {}.</p>\n{}</article>\n",
+             <p>Approached {}.</p>\n{}</article>\n",
             index + 1,
             numbers.join(", "),
             picture,
-            escaped(&stop.side.to_string()),
+            escaped(&stop.side.words()),
             table_of(&header, rows)
         )
     };

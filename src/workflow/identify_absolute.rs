@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use crate::codes::Condition;
+use crate::identification::input_errors::unknown_approaches;
 use crate::identification::patterns::Patterns;
 use crate::identification::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, Inconsistencies, ModelSelection,
@@ -174,6 +175,10 @@ impl<'a> IdentifiedRobot<'a> {
     pub fn conditions(&self) -> Vec<Condition> {
         let mut conditions: Vec<Condition> = self.likely.iter().cloned().collect();
         conditions.extend(self.fit.conditions());
+        let (belief, readings) = (self.case.belief, self.case.observations.iter());
+        let sides = readings.map(|each| each.setup.approach.as_ref());
+        let uncertain = belief.uncertain.as_ref();
+        conditions.extend(unknown_approaches(uncertain, "reading", sides));
         let inconsistencies = self.inconsistencies.iter();
         conditions.extend(inconsistencies.flat_map(Inconsistencies::conditions));
         conditions

@@ -51,8 +51,9 @@ fn plan_files_say_from_which_side() {
     let words: Vec<Option<String>> = (plan.experiments.iter())
         .map(|each| each.approach.as_ref().map(Approach::word))
         .collect();
-    let expected = [Some("++++++"), Some("------"), Some("+-++-+"), None];
-    assert_eq!(words, expected.map(|word| word.map(str::to_owned)));
+    // Where a column of sides has nothing, all joints turn positively.
+    let expected = ["++++++", "------", "+-++-+", "++++++"];
+    assert_eq!(words, expected.map(|word| Some(word.to_owned())));
     write_plan(&place.path("again.csv"), 6, &plan).expect("written");
     assert_eq!(read_plan(&place.path("again.csv"), 6), Ok(plan.clone()));
     let mut silent = plan;
@@ -86,7 +87,7 @@ fn measurements_say_from_which_side() {
         .map(|each| each.approach.as_ref().map(Approach::word))
         .collect();
     assert_eq!(words[1].as_deref(), Some("------"));
-    assert_eq!(words[3], None);
+    assert_eq!(words[3].as_deref(), Some("++++++"));
     // Whoever identifies from another side is told other compliances.
     let identified = |file: &str| {
         let arguments = format!("identify s.toml --measurements {file} --json --quiet");
@@ -95,6 +96,14 @@ fn measurements_say_from_which_side() {
     let text = place.read("m.csv").replace("------", "++++++");
     place.write("other.csv", &text);
     assert_ne!(identified("m.csv"), identified("other.csv"));
+    // Of a measurement an empty side is one that nobody knows.
+    let text = place.read("m.csv");
+    place.write("blank.csv", text.replace(",'------", ","));
+    let blank = place.run("identify s.toml --measurements blank.csv --quiet");
+    let says = "condition C0216: 1 of 4 measurements do not say from which side";
+    blank.ends_with(3).says(says);
+    place.write("s.toml", with("", "model", 64));
+    (place.run("identify s.toml --measurements blank.csv --quiet")).ends_with(0);
 }
 
 /// With the same side unloaded and loaded a gap hardly shows in deflections; one that a load turns over does, where the arm's
@@ -254,6 +263,12 @@ fn absolute_readings_find_gaps() {
         place.run("identify s.toml --parameters zeros --measurements m.csv --json --quiet");
     let found = outcome.json();
     let unknowns = found["unknowns"].as_array().expect("unknowns");
+    for each in &mut readings[..2] {
+        each.approach = None;
+    }
+    place.write("m.csv", absolute_table(&6.into(), &readings));
+    let blank = place.run("identify s.toml --parameters zeros --measurements m.csv --quiet");
+    blank.says("condition C0216: 2 of 120 readings do not say from which side");
     for (joint, half) in gaps.iter().enumerate() {
         let name = &scenario.task.belief.nominal.chain.joints[joint].name;
         let name = format!("{name}.backlash");

@@ -191,8 +191,14 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
         found: 0,
         needed: 3,
     };
-    assert_eq!(reason, NoBound::NotMandatory(expected));
+    let expected = NoBound::NotMandatory(expected);
+    assert_eq!(reason, expected);
     assert_eq!(efficiency(&scenario, &bound, &table4(12)), None);
+    // Of such a plan nothing is searched.
+    let (task, seed) = (&scenario.task, scenario.seed);
+    let none = Bound::search_for(&table4(12), task, Criterion::TestPose, seed, None);
+    assert_eq!(none.basis(), &Basis::Nothing(expected.clone()));
+    assert_eq!(none.of_plan(&table4(12)), Err(expected));
 
     let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let (_, best) = designed(&problem, 6, 6, 1).expect("there is a plan");

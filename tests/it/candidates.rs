@@ -262,6 +262,11 @@ fn wrong_candidates_are_refused() {
         ("s", format!("{header},where\n{row},1\n"), "where"),
         (
             "s",
+            format!("{header},direction_x,direction_y,direction_z\n{row},0,0,1\n"),
+            "candidates have no directions, a gauge reads each along any of instrument.directions",
+        ),
+        (
+            "s",
             format!("{header}\n0,0,0,0,0,0\n"),
             "none of 1 candidates is possible",
         ),

@@ -203,7 +203,11 @@ fn a_side_without_room_is_named() {
         .collect();
     place.write("p.csv", rows.join("\n"));
     let lab = place.run("lab s.toml --quiet --plan p.csv").ends_with(3);
-    lab.says("condition C0109: there is no room to approach experiment 1, 2, 3 from one side");
+    let named = "C0109: there is no room to approach experiment 1, 2, 3 from one side";
+    lab.says(&format!("condition {named}"));
+    let sheet = place.read("out/s/lab/run_sheet.html");
+    assert!(sheet.contains(named) && sheet.contains("Approached as it comes."));
+    assert!(!sheet.contains("Every configuration is approached from the same side"));
 }
 
 /// Loads under which soft robots do not stand, among robots of which some are soft.

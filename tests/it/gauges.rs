@@ -448,7 +448,7 @@ fn recordings_show_what_each_instrument_reads() {
     let budget = UncertaintyBudget::of_deflections(&scenario.task, &plan, posterior);
     let noise = budget.expect("it is determined").sources[0].clone();
     assert_eq!(noise.standard_uncertainty, None);
-    let both = "is 0.03 mm in a coordinate and 0.00501 mm of the gauge";
+    let both = "is 0.03 mm of a coordinate and 0.00501 mm of the gauge";
     assert_eq!(noise.remark.as_deref(), Some(both));
     let calibrations = [("plan".to_owned(), found)];
     let recording = Recording::new(&scenario, &calibrations).expect("it works");
@@ -513,7 +513,7 @@ fn mixed_files_are_read_as_they_are_written() {
     }
     let json = place.json("identify both.toml --measurements m.csv");
     let printed = place.run("identify both.toml --measurements m.csv --quiet");
-    let sigmas = "given are 0.0300 mm of a coordinate, 0.0050 mm of the gauge";
+    let sigmas = "given are 0.0300 mm of a coordinate and 0.0050 mm of the gauge";
     assert!(printed.stdout.contains(sigmas), "{printed:#?}");
     let residuals = json["residuals"].as_array().expect("a list");
     let rows = |each: &Value| each["standardised"].as_array().map_or(0, Vec::len);

@@ -3,7 +3,7 @@
 use elastocal::laboratory::{Campaign, Dialect, Program, ProgramStep};
 use elastocal::mujoco::State;
 use elastocal::plan::{Plan, read_plan};
-use elastocal::robot::{EquilibriumSolver, Load};
+use elastocal::robot::{Commands, EquilibriumSolver, Load};
 use elastocal::scenario::Scenario;
 use nalgebra::DVector;
 use serde_json::Value;
@@ -501,6 +501,25 @@ fn more_than_six_joints_are_external_axes() {
     let text = &files.expect("a program")[0].text;
     let says = "PTP {E1 1500,A1 0,A2 0,A3 0,A4 0,A5 0,A6 0,E2 1}";
     assert!(text.contains(says), "{text}");
+}
+
+/// Joints that slide are no axes that turn, of six joints neither.
+#[test]
+fn slides_are_never_axes_that_turn() {
+    let slides =
+        |count: usize| Commands::from_iter((0..6).map(|joint| (2..2 + count).contains(&joint)));
+    let [krl, urscript] = ["krl", "urscript"].map(|name| Dialect::known(name).expect("a dialect"));
+    let axes = Ok(vec!["A1", "A2", "E1", "A3", "A4", "A5"]);
+    assert_eq!(krl.axes_of(&slides(1)), axes);
+    let says = "the dialect urscript is for 0 joints that slide; the robot has 1";
+    let refused = urscript.axes_of(&slides(1)).expect_err("none slides");
+    assert_eq!(refused.to_string(), says);
+    assert!(urscript.axes_of(&slides(0)).is_ok());
+    let own = Dialect {
+        in_model_order: true,
+        ..urscript
+    };
+    assert_eq!(own.axes_of(&slides(1)), own.axes_of(&slides(0)));
 }
 
 /// Dialects are data: a file of one's own serves another robot.

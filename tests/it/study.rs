@@ -187,6 +187,14 @@ fn a_replay_is_the_run_of_the_study() {
         .json();
     assert_ne!(other["plans"], replay["plans"]);
     workplace.run("replay s.toml").ends_with(2);
+    // Of a sweep it says which conditions are shown, and which are not.
+    let swept = "[study]\nsweep = { sigma_mm = [0.05, 0.03] }";
+    workplace.write("s.toml", with_study(&SMALL.replacen("[study]", swept, 1)));
+    let replay = workplace.json("replay s.toml --run 0");
+    assert_eq!(replay["sigma_mm"], 0.05);
+    let says = "the run is shown under the first conditions of study.sweep: 6 measurements, sigma 0.0500 mm, load 1. \
+                The others: 6 measurements, sigma 0.0300 mm, load 1";
+    assert_eq!(replay["notes"], serde_json::json!([says]));
 }
 
 /// Any run can be measured by itself: as its replay measures, true compliances included.

@@ -9,6 +9,7 @@ use elastocal::identification::{
 };
 use elastocal::measurement::{Measurement, Origin};
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
+use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use elastocal::text::wording::counted;
@@ -93,7 +94,7 @@ impl Identify {
         let (identification, residuals) = (&identified.identification, &identified.residuals);
         let mut text = describe(identification, belief);
         let is_own = measurements.iter().any(|each| each.sigma_m.is_some());
-        if is_own && belief.instrument.both_sigmas_m().is_none() {
+        if is_own && belief.instrument.reads_along() != ReadsAlong::Sometimes {
             text += "  (sigma is the rms of those that the measurements bring)\n";
         }
         text += &format!(
@@ -211,11 +212,9 @@ pub fn describe(identification: &Identification, belief: &Belief) -> String {
         number(identification.residual_sigma_m.map(|sigma| sigma * 1e3), 4),
         identification.condition
     );
-    if let Some(both_m) = belief.instrument.both_sigmas_m() {
-        let [coordinate, along] = both_m.map(|value| value * 1e3);
-        text += &format!(
-            "  (sigma is the rms over all that is read: given are {coordinate:.4} mm of a coordinate, {along:.4} mm of the gauge)\n"
-        );
+    let shown = |value: f64| format!("{:.4} mm", value * 1e3);
+    if let Some(both) = belief.instrument.both_sigmas(shown) {
+        text += &format!("  (sigma is the rms over all that is read: given are {both})\n");
     }
     if let Some(discrepancy) = identification.discrepancy {
         text += &format!(

@@ -24,9 +24,9 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use super::super::copies::{CopiedReadings, ReadBits};
 use super::super::frames::nearest;
 use super::super::{Case, Identification};
-use super::LikelyInputError;
 use super::catalogue::{self, Correction, InputError, right_angles};
 use super::evidence::{ReadingEvidence, most_probable};
+use super::{LikelyInputError, unknown_approaches};
 use crate::codes::{Condition, ConditionCode};
 use crate::measurement::Measurement;
 use crate::robot::{Load, ObservationMatrix};
@@ -55,10 +55,14 @@ const STARTS: usize = 3;
 /// Directions in which all deflections are smaller than this share of the largest do not tell a rotation.
 const FLAT: f64 = 1e-3;
 
-/// What the table shows by itself: angles outside the joint limits, copied rows.
+/// What the table shows by itself: angles outside the joint limits, rows without a side of approach, copied rows.
 pub fn conditions_of_table(case: &Case<'_>) -> Vec<Condition> {
     let copies = copied(case).conditions("measurement");
-    outside_limits(case).into_iter().chain(copies).collect()
+    let sides = case.measurements.iter().map(|each| each.approach.as_ref());
+    let unknown = unknown_approaches(case.uncertain, "measurement", sides);
+    (outside_limits(case).into_iter().chain(unknown))
+        .chain(copies)
+        .collect()
 }
 
 fn outside_limits(case: &Case<'_>) -> Option<Condition> {

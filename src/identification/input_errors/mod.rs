@@ -11,6 +11,9 @@ mod frames;
 use serde::Serialize;
 
 use crate::codes::{Condition, ConditionCode};
+use crate::robot::Approach;
+use crate::task::Extended;
+use crate::text::wording::counted;
 
 pub use deflections::{conditions_of_table, likely_input_errors, suspected_input_errors};
 
@@ -31,6 +34,33 @@ impl LikelyInputError {
         condition(&self.text)
     }
 }
+
+/// Where joints have gaps by what is believed, the rows that do not say from which side they were approached as others do.
+pub fn unknown_approaches<'a>(
+    uncertain: Option<&Extended>,
+    noun: &str,
+    sides: impl Iterator<Item = Option<&'a Approach>>,
+) -> Option<Condition> {
+    let has_backlash = uncertain.is_some_and(Extended::has_backlash);
+    let (said, unsaid): (Vec<_>, Vec<_>) = (1..)
+        .zip(sides)
+        .partition(|(_, side): &(usize, _)| side.is_some());
+    (has_backlash && !said.is_empty() && !unsaid.is_empty()).then(|| {
+        let mut numbers: Vec<String> = unsaid.iter().map(|(row, _)| row.to_string()).collect();
+        numbers.truncate(SHOWN);
+        let words = format!(
+            "{} of {} do not say from which side they were approached: all joints are taken to have turned positively, \
+             and backlash may have either sign (the first: {})",
+            unsaid.len(),
+            counted((said.len() + unsaid.len()) as u64, noun),
+            numbers.join(", ")
+        );
+        ConditionCode::UnknownApproach.with(words)
+    })
+}
+
+/// So many rows are named.
+const SHOWN: usize = 5;
 
 fn condition(text: &str) -> Condition {
     ConditionCode::InputError.with(format!("likely input error: {text}"))

@@ -130,8 +130,8 @@ pub enum Basis {
     Searches(Certificate),
     /// All candidates of a list, of which alone plans may be.
     Candidates(Enumerated),
-    /// There is no bound: no design was found, or plans are not optimised by the criterion.
-    Nothing(SearchError),
+    /// There is no bound: no design was found, plans are not optimised by the criterion, or the plan is not of the class.
+    Nothing(NoBound),
 }
 
 /// Candidates of which alone plans may be, and what none of these is better than.
@@ -260,7 +260,26 @@ impl Bound {
                 let bound = Self::by(task, criterion, &approximate);
                 bound.prove(&approximate, seed, sizes, proof)
             }
-            Err(error) => Self::resting_on(task, criterion, Basis::Nothing(error)),
+            Err(error) => {
+                let nothing = Basis::Nothing(NoBound::NotFound(error));
+                Self::resting_on(task, criterion, nothing)
+            }
+        }
+    }
+
+    /// The same for a plan: nothing is searched where the class does not have it, unless a proof is to be recorded.
+    pub fn search_for(
+        plan: &Plan,
+        task: &Task,
+        criterion: Criterion,
+        seed: u64,
+        proof: Option<(ProofLimits<'_>, bool)>,
+    ) -> Self {
+        let nothing = |reason| Self::resting_on(task, criterion, Basis::Nothing(reason));
+        let class = nothing(NoBound::outside("nothing is searched"));
+        match class.check(plan) {
+            Err(reason) if proof.is_none_or(|(_, records)| !records) => nothing(reason),
+            _ => Self::search_and_prove(task, criterion, seed, &[plan.measurements()], proof),
         }
     }
 
@@ -394,7 +413,7 @@ impl Bound {
         let mut certificate = match &self.basis {
             Basis::Searches(certificate) => *certificate,
             Basis::Candidates(enumerated) => return self.of_candidates(enumerated, measurements),
-            Basis::Nothing(error) => return Err(NoBound::NotFound(error.clone())),
+            Basis::Nothing(reason) => return Err(reason.clone()),
         };
         let too_few = NoBound::TooFew {
             mandatory: certificate.mandatory.0,
@@ -454,6 +473,12 @@ impl Bound {
     /// The plan is not of the class, or there is no bound.
     pub fn of_plan(&self, plan: &Plan) -> Result<PlanBound, NoBound> {
         let bound = self.of_size(plan.measurements())?;
+        self.check(plan)?;
+        Ok(bound)
+    }
+
+    /// Whether a plan is of the class.
+    fn check(&self, plan: &Plan) -> Result<(), NoBound> {
         one_load_each(&self.class, self.criterion, plan)?;
         let mandatory = &self.class.design.mandatory;
         let free = plan
@@ -493,7 +518,7 @@ impl Bound {
                 return Err(NoBound::outside(&violation.to_string()));
             }
         }
-        Ok(bound)
+        Ok(())
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::bound::{Basis, Bound, Enumerated};
+use super::bound::{Basis, Bound, Enumerated, NoBound};
 use super::candidate_error::{CandidateError, LeftOutCandidates, OfferedCandidates};
 use super::candidate_information::CandidateInformation;
 use super::exact::{ExactDesign, Watch};
@@ -179,7 +179,10 @@ impl Candidates {
         });
         match found {
             Ok(bound) => self.bound_of(&problem, bound),
-            Err(error) => Bound::resting_on(task, criterion, Basis::Nothing(error)),
+            Err(error) => {
+                let nothing = Basis::Nothing(NoBound::NotFound(error));
+                Bound::resting_on(task, criterion, nothing)
+            }
         }
     }
 

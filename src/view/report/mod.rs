@@ -309,12 +309,10 @@ fn residuals(
          number of parameters). 95 % belong into the grey band (\u{b1}1.96)."
     );
     let sigma = micrometres(Some(identification.sigma_mm));
-    let given = instrument.both_sigmas_m().map_or_else(
+    let both = instrument.both_sigmas(|value| micrometres(Some(value * 1e3)));
+    let given = both.map_or_else(
         || format!("{sigma} as given"),
-        |both_m| {
-            let [coordinate, along] = both_m.map(|value| micrometres(Some(value * 1e3)));
-            format!("{coordinate} of a coordinate and {along} of the gauge as given, {sigma} rms over all that is read")
-        },
+        |both| format!("{both} as given, {sigma} rms over all that is read"),
     );
     let seen = format!(
         "sigma: {given}; {} from the residuals. Residuals at least this large have probability {}.",
