@@ -114,8 +114,10 @@ pub fn read_identified(
     for (&joint, value) in belief.parameters.iter().zip(&posterior.mean) {
         compliance_rad_per_nm[joint] = *value;
     }
-    for (name, value) in expected.iter().zip(&posterior.mean) {
-        let impossible = impossible_compliance(name, *value);
+    for (place, name) in expected.iter().enumerate() {
+        let joint = &belief.nominal.chain.joints[belief.parameters[place]];
+        let compliance = (posterior.mean[place], joint.drive.compliance_unit());
+        let impossible = impossible_compliance(name, compliance);
         let is_said = |other: &Condition| {
             let is_it = |own: &Condition| own.code == other.code && other.text.contains(&own.text);
             impossible.as_ref().is_some_and(is_it)

@@ -202,16 +202,8 @@ fn truth_words(belief: &Belief, truth: &TruthMessage) -> String {
     let compliances = belief.parameters.iter().zip(&truth.compliance_rad_per_nm);
     let compliance = |(&joint, value): (&usize, &f64)| {
         let joint = &belief.nominal.chain.joints[joint];
-        let unit = if joint.drive.slides {
-            "1e-6 m/N"
-        } else {
-            "1e-6 rad/(N m)"
-        };
-        vec![
-            joint.name.clone(),
-            format!("{:.4}", value * 1e6),
-            unit.to_owned(),
-        ]
+        let unit = format!("1e-6 {}", joint.drive.compliance_unit());
+        vec![joint.name.clone(), format!("{:.4}", value * 1e6), unit]
     };
     let sampled = truth.sampled.iter().map(|each| {
         let unit = if each.unit == "1" { "ln" } else { each.unit };

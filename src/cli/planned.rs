@@ -284,9 +284,7 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
         message.uncertainty_budget.as_ref(),
         common.map(|common| (&*common.names, common.rho0_mm)),
     );
-    for certain in &message.assumed_exact {
-        text += &format!("Assumed exact: {certain}\n");
-    }
+    text += &left_out(message);
     if message.test_poses.len() > 1 {
         let rows = (message.test_poses.iter())
             .map(|pose| vec![pose.name.clone(), number(pose.rho0_mm, 5)]);
@@ -299,6 +297,15 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
     });
     text += &format!("\n{}\n", table("unknown | standard error | unit", rows));
     text
+}
+
+/// What a prediction leaves out, a line of each.
+pub fn left_out(message: &AbsolutePlanMessage) -> String {
+    let exact = message.assumed_exact.iter();
+    let exact = exact.map(|each| format!("Assumed exact: {each}\n"));
+    let not_counted = message.not_counted.iter();
+    let not_counted = not_counted.map(|each| format!("Not counted: {each}\n"));
+    exact.chain(not_counted).collect()
 }
 
 /// What was seen of a prediction, for a person.

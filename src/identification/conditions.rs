@@ -47,12 +47,12 @@ pub(super) fn too_large(words: &str, left_and_usual_m: Option<[f64; 2]>) -> Told
     told(ConditionCode::ResidualsTooLarge, words, !is_usual)
 }
 
-/// A compliance (rad/(N m)) that no joint has.
-pub fn impossible_compliance(joint: &str, value: f64) -> Option<Condition> {
+/// A compliance in its unit that no joint has.
+pub fn impossible_compliance(joint: &str, (value, unit): (f64, &str)) -> Option<Condition> {
     let is_negative = if value < 0.0 { "negative, " } else { "" };
     (!ELASTIC_COMPLIANCE.allows(value)).then(|| {
         ConditionCode::ImpossibleCompliance.with(format!(
-            "the compliance of {joint} is {is_negative}{value:.3e} rad/(N m), which no joint has"
+            "the compliance of {joint} is {is_negative}{value:.3e} {unit}, which no joint has"
         ))
     })
 }
@@ -84,7 +84,7 @@ impl Identification {
     fn told(&self) -> Vec<Told> {
         let estimates = (self.parameters.iter()).filter_map(|each| Some((each, each.estimate?)));
         let impossible = estimates.filter_map(|(parameter, estimate)| {
-            impossible_compliance(&parameter.name, estimate.value).map(Ok)
+            impossible_compliance(&parameter.name, (estimate.value, parameter.unit)).map(Ok)
         });
         let nominal = (self.stays_nominal.iter()).map(|each: &NominalCompliance| {
             let code = ConditionCode::NegativeCompliance;

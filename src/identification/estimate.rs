@@ -23,6 +23,8 @@ pub struct ParameterEstimate {
     pub joint: usize,
     /// The joint's name.
     pub name: String,
+    /// The unit of its compliance.
+    pub unit: &'static str,
     /// The estimate with its standard error and 95 % interval (rad/(N m)); `None` where the
     /// measurements do not determine it.
     pub estimate: Option<Estimate>,
@@ -282,6 +284,7 @@ fn report(
         .map(|(index, &joint)| ParameterEstimate {
             joint,
             name: posterior.names[index].clone(),
+            unit: source.nominal.chain.joints[joint].drive.compliance_unit(),
             estimate: Estimate::of(compliances, index, quantile),
         })
         .collect();
@@ -347,8 +350,10 @@ pub(super) fn two_sided_student(freedom: f64) -> f64 {
 pub struct NominalCompliance {
     /// The joint's name.
     pub name: String,
-    /// What it would be.
+    /// What it would be,
     pub instead_of: Estimate,
+    /// and its unit.
+    pub unit: &'static str,
 }
 
 impl NominalCompliance {
@@ -370,8 +375,8 @@ impl NominalCompliance {
             "less certain than that"
         };
         format!(
-            "the compliance of {} stays nominal: its estimate {value:.3e} +- {standard_error:.1e} rad/(N m) is {why}",
-            self.name
+            "the compliance of {} stays nominal: its estimate {value:.3e} +- {standard_error:.1e} {} is {why}",
+            self.name, self.unit
         )
     }
 }

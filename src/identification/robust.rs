@@ -90,6 +90,7 @@ impl<'a> Case<'a> {
                 Some(NominalCompliance {
                     name: now.parameters[place].name.clone(),
                     instead_of: now.parameters[place].estimate?,
+                    unit: now.parameters[place].unit,
                 })
             }));
             let with_held = Case {

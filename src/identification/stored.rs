@@ -145,9 +145,13 @@ impl StoredIdentification {
         check_agreement(path, &stored)?;
         let nominal = |place: usize| robot.compliance_rad_per_nm[joints[place]];
         for place in hold_impossible(&mut posterior, others.as_mut(), nominal) {
+            let unit = robot.chain.joints[joints[place]].drive.compliance_unit();
             stored.conditions.push(nominal_instead(
                 &stored.parameters[place],
-                stored.compliance_rad_per_nm[place].unwrap_or_default(),
+                (
+                    stored.compliance_rad_per_nm[place].unwrap_or_default(),
+                    unit,
+                ),
             ));
         }
         let discrepancy = Discrepancy {
@@ -174,10 +178,10 @@ impl StoredIdentification {
     }
 }
 
-/// That an identified compliance (rad/(N m)) is none.
-pub fn nominal_instead(joint: &str, value: f64) -> Condition {
+/// That an identified compliance in its unit is none.
+pub fn nominal_instead(joint: &str, (value, unit): (f64, &str)) -> Condition {
     ConditionCode::ImpossibleCompliance.with(format!(
-        "the identified compliance of {joint} is {value:.3e} rad/(N m), which no joint has: replaced by the nominal value, the \
+        "the identified compliance of {joint} is {value:.3e} {unit}, which no joint has: replaced by the nominal value, the \
          other parameters conditioned on it"
     ))
 }

@@ -99,19 +99,38 @@ impl Model {
     /// The same model in which no actuator acts, no force of a joint's drive is cut off, and no hinge or
     /// slide has dry friction: what a simulation needs of them is not a stiffness.
     pub fn without_actuators(&self) -> Self {
-        let mut model = (*self.inner).clone();
+        let mut model = self.without_friction_and_limits();
         model.actuator_group_mut().fill(IDLE);
         model.opt_mut().disableactuator |= 1 << IDLE;
+        Self {
+            without_actuators: true,
+            ..self.changed(model)
+        }
+    }
+
+    /// The same model in which position actuators do no more than hold their joints: without limits, constant forces, and the joints'
+    /// dry friction.
+    pub fn with_plain_actuators(&self) -> Self {
+        let mut model = self.without_friction_and_limits();
+        model.actuator_forcelimited_mut().fill(false);
+        model.actuator_ctrllimited_mut().fill(false);
+        for joint in 0..self.joints() {
+            if let Some(servo) = self.position(joint) {
+                model.actuator_biasprm_mut()[servo.actuator][0] = 0.0;
+            }
+        }
+        self.changed(model)
+    }
+
+    fn without_friction_and_limits(&self) -> MjModel {
+        let mut model = (*self.inner).clone();
         model.jnt_actfrclimited_mut().fill(false);
         for joint in 0..self.joints() {
             if self.is_hinge(joint) || self.is_slide(joint) {
                 model.dof_frictionloss_mut()[self.degree_of_joint(joint)] = 0.0;
             }
         }
-        Self {
-            without_actuators: true,
-            ..self.changed(model)
-        }
+        model
     }
 
     /// Whether it is such a model.

@@ -234,6 +234,12 @@ impl ParameterSet {
         self
     }
 
+    /// The same set, in which none stays so.
+    pub fn without_nominal(mut self) -> Self {
+        self.nominal.clear();
+        self
+    }
+
     /// The parameters that stay as they are believed to be, as indices, in order.
     pub fn nominal(&self) -> &[usize] {
         &self.nominal

@@ -16,7 +16,8 @@ use super::{ParameterKind, SourceLevel};
 )]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorDistribution {
-    /// All values within bounds alike.
+    /// All values within bounds alike; `rectangular`, as the GUM says, is another word for it.
+    #[serde(alias = "rectangular")]
     Uniform,
     /// Values at the middle of the bounds most often.
     Triangular,

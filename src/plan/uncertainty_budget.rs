@@ -96,7 +96,8 @@ impl UncertaintyBudget {
     pub fn shared_m(&self) -> f64 {
         let shared = (self.sources.iter()).filter(|each| each.level.is_shared_by_plan());
         let square_um2: f64 = shared.map(|each| each.contribution_um.powi(2)).sum();
-        square_um2.sqrt() * 1e-6
+        // A sum of nothing is -0.
+        square_um2.abs().sqrt() * 1e-6
     }
 }
 

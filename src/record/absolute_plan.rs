@@ -97,6 +97,8 @@ pub struct AbsolutePlanMessage {
     pub drawn: Option<DrawnWanted>,
     /// What the prediction takes for certain although it is not, in words.
     pub assumed_exact: Vec<String>,
+    /// What the scenario says and the prediction does not count, in words.
+    pub not_counted: Vec<String>,
 }
 
 impl PlannedReadingMessage {
@@ -228,6 +230,7 @@ impl AbsolutePlanMessage {
             candidates: planning.offer.clone(),
             drawn: None,
             assumed_exact: planning.assumed_exact(),
+            not_counted: planning.not_counted(),
         }
     }
 }

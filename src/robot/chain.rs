@@ -16,6 +16,11 @@ pub struct Drive {
 }
 
 impl Drive {
+    /// The unit of its compliance.
+    pub const fn compliance_unit(self) -> &'static str {
+        if self.slides { "m/N" } else { "rad/(N m)" }
+    }
+
     /// A coordinate, or a difference of two, as a person reads it: in degrees, or in millimetres where the
     /// joint slides.
     pub fn shown(self, value: f64) -> (f64, &'static str) {

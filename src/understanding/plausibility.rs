@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::{Understanding, UnderstoodPose, bent as bent_at};
 use crate::codes::{Condition, ConditionCode};
 use crate::experiment::Loads;
-use crate::robot::{EquilibriumError, Load};
+use crate::robot::{EquilibriumError, Joint, Load};
 use crate::scenario::Scenario;
 use crate::task::{Task, TestPose};
 
@@ -56,15 +56,13 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
     warnings.extend(sizes(understood));
     warnings.extend(impossible(scenario, understood).map(|each| each.text));
     warnings.extend(ranges(scenario));
-    let names: Vec<String> = (understood.joints.iter())
-        .map(|joint| joint.name.clone())
-        .collect();
-    let soft = compliances("robot", &names, &nominal.compliance_rad_per_nm);
+    let joints = &nominal.chain.joints;
+    let soft = compliances("robot", joints, &nominal.compliance_rad_per_nm);
     let is_soft = soft.is_some();
     warnings.extend(soft);
     if truth.compliance_rad_per_nm != nominal.compliance_rad_per_nm {
         let given = &truth.compliance_rad_per_nm;
-        warnings.extend(compliances("true_robot", &truth.joint_names(), given));
+        warnings.extend(compliances("true_robot", joints, given));
     }
     let poses = scenario.task.test_poses.iter().zip(&understood.poses);
     for (index, (pose, bends)) in poses.enumerate() {
@@ -203,17 +201,19 @@ fn ranges(scenario: &Scenario) -> Option<String> {
 }
 
 /// The first compliance that is none.
-fn compliances(table: &str, names: &[String], compliance_rad_per_nm: &[f64]) -> Option<String> {
-    let mut all = names.iter().zip(compliance_rad_per_nm);
-    let (name, compliance) = all.find(|each| *each.1 > COMPLIANCE_RAD_PER_NM)?;
-    let stiffness = compliance.recip();
+fn compliances(table: &str, joints: &[Joint], compliance_rad_per_nm: &[f64]) -> Option<String> {
+    let mut all = joints.iter().zip(compliance_rad_per_nm);
+    let (Joint { name, drive, .. }, compliance) =
+        all.find(|each| *each.1 > COMPLIANCE_RAD_PER_NM)?;
+    let (stiffness, unit) = (compliance.recip(), drive.compliance_unit());
+    let inverse = if drive.slides { "N/m" } else { "N m/rad" };
     Some(if *compliance > 1.0 {
         format!(
-            "{table}: the compliance of {name} is {compliance} rad/(N m): is that its stiffness in N m/rad? Then its compliance is {stiffness:.4e}"
+            "{table}: the compliance of {name} is {compliance} {unit}: is that its stiffness in {inverse}? Then its compliance is {stiffness:.4e}"
         )
     } else {
         format!(
-            "{table}: the compliance of {name} is {compliance:.3e} rad/(N m), a stiffness of {stiffness:.4} N m/rad: is it a gain for simulation, or in another unit? Joints of robots have 1e4 to 1e7 N m/rad"
+            "{table}: the compliance of {name} is {compliance:.3e} {unit}, a stiffness of {stiffness:.4} {inverse}: is it a gain for simulation, or in another unit? Joints of robots have 1e4 to 1e7 {inverse}"
         )
     })
 }

@@ -109,11 +109,7 @@ impl CalibratedRobot {
         let parameters = (belief.uncertain.as_ref()).map(|extended| extended.set().parameters());
         let of_compliance = |index: usize| {
             let joint = &nominal.chain.joints[belief.parameters[index]];
-            if joint.drive.slides {
-                "m/N"
-            } else {
-                "rad/(N m)"
-            }
+            joint.drive.compliance_unit()
         };
         let unit =
             |index: usize| parameters.map_or_else(|| of_compliance(index), |all| all[index].unit());

@@ -206,7 +206,10 @@ impl StoredRobot {
             (0..count).find(|place| !held.contains(place) && is_impossible(&robot, *place))
         {
             let unknown = &robot.message.unknowns[place];
-            done.push(nominal_instead(&unknown.name, unknown.value));
+            done.push(nominal_instead(
+                &unknown.name,
+                (unknown.value, &unknown.unit),
+            ));
             let off = unknown.nominal - unknown.value;
             robot = robot.moved(shift_with(&covariance, place, off).as_slice());
             held.push(place);

@@ -19,7 +19,7 @@ use elastocal::workflow::run_absolute::{AbsoluteRun, RUN, run_absolute};
 use super::{FILES, Run, say_laboratory};
 use crate::cli::identify::absolute::describe;
 use crate::cli::interruption::{STOP, proceed};
-use crate::cli::planned::PlannedAccuracy;
+use crate::cli::planned::{PlannedAccuracy, left_out};
 use crate::cli::progress::{bar, show};
 use crate::cli::table::{number, table};
 use crate::cli::uncertainty_budget;
@@ -139,9 +139,7 @@ fn summary(
         common.map(|common| (&*common.names, common.rho0_mm)),
     );
     let mut text = format!("\n{}{budget}", table(header, rows));
-    for certain in &plan.assumed_exact {
-        text += &format!("Assumed exact: {certain}\n");
-    }
+    text += &left_out(plan);
     let uncertain = plan.uncertainty_budget.as_ref();
     let leaves = if uncertain.is_some_and(UncertaintyBudget::has_more_than_noise) {
         "with the whole uncertainty budget"

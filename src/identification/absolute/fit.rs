@@ -417,7 +417,10 @@ impl AbsoluteFit {
                 && self.standard_error(index).is_some()
             {
                 let joint = parameter.name.trim_end_matches(".compliance");
-                conditions.extend(impossible_compliance(joint, self.quantity(index)));
+                conditions.extend(impossible_compliance(
+                    joint,
+                    (self.quantity(index), parameter.quantity_unit()),
+                ));
             }
         }
         conditions.extend(self.beyond_belief());

@@ -208,6 +208,14 @@ impl AbsoluteCase<'_> {
         Ok(self.told_apart(groups, asked)?.set)
     }
 
+    /// The names of what the belief leaves open and groups leave out: it is as the scenario has it.
+    pub fn unasked(&self, groups: &[ParameterGroup]) -> Vec<String> {
+        let asked = self.named_unknowns(groups).unknowns;
+        let open = self.named_unknowns(&[]).unknowns.into_iter();
+        let left = open.filter(|(kind, _)| asked.iter().all(|(each, _)| each != kind));
+        left.map(|(kind, _)| kind.name(&self.arm)).collect()
+    }
+
     fn named_unknowns(&self, groups: &[ParameterGroup]) -> NamedUnknowns {
         let named = of_all(groups, &self.arm);
         let is_loaded = self

@@ -101,6 +101,7 @@ impl<'a> AbsolutePlanning<'a> {
             poses: place_rows(task, &case, &set, target),
             target,
             before: relative_precision(&set),
+            unasked: case.unasked(groups),
             offer,
             neighbours: Neighbours::of(&candidates),
             candidates,

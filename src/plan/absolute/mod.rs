@@ -7,6 +7,7 @@
 //! The place counts in the frame of a station. Of several, it is that where least is left: each station has a frame of its own,
 //! which only readings from there tell, so that where the instrument stands is chosen with the readings.
 
+mod assumed;
 mod budget;
 mod contributions;
 mod distances;
@@ -37,7 +38,7 @@ use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_positions};
 use crate::parameter::{ParameterKind, ParameterSet};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
-use crate::task::{Extended, Task};
+use crate::task::Task;
 
 pub use budget::RestOfReadings;
 pub use drawn::{DrawnWanted, sampled_candidates};
@@ -71,6 +72,8 @@ pub struct AbsolutePlanning<'a> {
     task: &'a Task,
     case: AbsoluteCase<'a>,
     set: ParameterSet,
+    /// What the scenario names as unknown and nobody asked for.
+    unasked: Vec<String>,
     /// The joints' errors that the robot keeps, which tie all readings;
     functions: RobotFunctions,
     /// all other errors of a reading of each candidate besides the instrument's noise,
@@ -196,45 +199,6 @@ impl AbsolutePlanning<'_> {
             }
             _ => false,
         }
-    }
-
-    /// What a prediction takes for certain although the scenario says that it is not, or although nobody reads it, in words.
-    pub fn assumed_exact(&self) -> Vec<String> {
-        let mut words = Vec::new();
-        if let Some(machining) = self.unread() {
-            words.push(format!(
-                "where {machining} is on its link, which no candidate reads"
-            ));
-        }
-        if let Some(extended) = &self.case.belief.uncertain {
-            let parameters = extended.set().parameters();
-            let is_drift =
-                |&place: &usize| matches!(parameters[place].kind, ParameterKind::Drift { .. });
-            let drifts = extended.shared().iter();
-            let drifts = drifts.filter(|(_, places)| places.iter().any(is_drift));
-            words.extend(drifts.map(|(name, _)| format!("{name}, which is of deflections")));
-        }
-        let kept = self.kept_errors().into_iter();
-        words.extend(kept.map(|name| format!("{name}, by the bound alone")));
-        words
-    }
-
-    /// The names of the joints' errors that the robot keeps.
-    fn kept_errors(&self) -> Vec<String> {
-        let sources = self
-            .case
-            .belief
-            .uncertain
-            .iter()
-            .flat_map(Extended::sources);
-        let kept = sources.filter(|(_, source)| !source.functions().is_empty());
-        kept.map(|(name, _)| name.to_owned()).collect()
-    }
-
-    /// The machining tool, where no candidate reads it.
-    fn unread(&self) -> Option<&str> {
-        let machining = &self.case.belief.machining_tool.name;
-        (!self.case.targets.contains(machining)).then_some(machining)
     }
 
     /// Some candidates, of which so many are to be measured, by what they tell of what they can tell at all.

@@ -105,7 +105,8 @@ impl Checker<'_> {
         };
         if let Some(beside) = &table.gauge {
             let sigma_mm = self.number("instrument.gauge.sigma_mm", beside.sigma_mm, &DEVIATION)?;
-            gauge.beside_m = Some((sigma_mm * 1e-3).hypot(gauge.rounding_m2().sqrt()));
+            let sigma_m = 1e-3 * sigma_mm * table.sigma_of.deflection_factor();
+            gauge.beside_m = Some(sigma_m.hypot(gauge.rounding_m2().sqrt()));
         }
         Ok(Some(gauge))
     }

@@ -29,12 +29,14 @@ impl Checker<'_> {
         if file.region.line_of_sight && tracker_site.is_none() && file.station.is_empty() {
             return Err(self.wrong(key, "is missing, and region.line_of_sight needs it"));
         }
+        let factor = table.sigma_of.deflection_factor();
+        let rotation_sigma_rad = self.deviation("instrument", &given, rotation)?;
         let reads_distances = table.reads == InstrumentReads::Distance;
         let mut instrument = Instrument {
-            sigma_m: sigma_m * table.sigma_of.deflection_factor(),
+            sigma_m: sigma_m * factor,
             gauge: gauge.filter(|_| !reads_distances),
             distance: gauge.filter(|_| reads_distances),
-            rotation_sigma_rad: self.deviation("instrument", &given, rotation)?,
+            rotation_sigma_rad: rotation_sigma_rad.map(|each| each * factor),
             tracker_site,
             unloaded: table.unloaded,
             distribution: table.distribution.unwrap_or_default(),

@@ -12,7 +12,7 @@ use crate::parameter::ParameterKind;
 use crate::quantities::limits::MOST_JOINTS;
 use crate::quantities::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
 use crate::robot::{Joint, KnownJoint, Robot, SerialChain, Tool, TrueRobot};
-use crate::scenario::file::File;
+use crate::scenario::file::{Actuators, File};
 use crate::task::Belief;
 
 impl Checker<'_> {
@@ -106,17 +106,12 @@ impl Checker<'_> {
         given: Option<&[f64]>,
     ) -> Result<Vec<f64>, FileError> {
         if let Some(values) = given {
-            if values.len() == chain.len() {
-                let all = self.one_per_joint(key, values, chain.len(), &COMPLIANCE)?;
-                return Ok(all.to_vec());
-            }
-            // Passive joints have what the model gives them.
             let own = chain
                 .joints
                 .iter()
                 .map(|joint| joint.model_compliance_rad_per_nm);
             let own = own.map(Option::unwrap_or_default).collect();
-            return self.one_per_command(key, (values, &COMPLIANCE), chain, own);
+            return self.given_compliances(key, chain, values, own);
         }
         let own = |joint: &Joint| {
             joint.model_compliance_rad_per_nm.ok_or_else(|| {
@@ -128,6 +123,21 @@ impl Checker<'_> {
             })
         };
         chain.joints.iter().map(own).collect()
+    }
+
+    /// Passive joints have what is their own, where only commanded ones are given.
+    fn given_compliances(
+        &self,
+        key: &str,
+        chain: &SerialChain,
+        values: &[f64],
+        own: Vec<f64>,
+    ) -> Result<Vec<f64>, FileError> {
+        if values.len() == chain.len() {
+            let all = self.one_per_joint(key, values, chain.len(), &COMPLIANCE)?;
+            return Ok(all.to_vec());
+        }
+        self.one_per_command(key, (values, &COMPLIANCE), chain, own)
     }
 
     /// The joints whose compliances are to be found, in ascending order, and the names of what else is.
@@ -202,9 +212,14 @@ impl Checker<'_> {
         locked: &[Locked],
     ) -> Result<TrueRobot, FileError> {
         let table = file.true_robot.as_ref();
-        let (model, given) = table.map_or((None, None), |table| {
-            (table.model.as_ref(), table.compliance_rad_per_nm.as_deref())
-        });
+        let model = table.and_then(|table| table.model.as_ref());
+        let given = table.and_then(|table| table.compliance_rad_per_nm.as_deref());
+        // Of a simulation's actuators nothing counts, the stiffness neither.
+        let is_unactuated = model.is_some() && file.robot.actuators == Actuators::Ignored;
+        let commanded: Vec<f64> = (nominal.chain.commanded())
+            .map(|joint| nominal.compliance_rad_per_nm[joint])
+            .collect();
+        let given = given.or_else(|| is_unactuated.then_some(&commanded));
         let mut robot = match model {
             None => nominal.as_believed(),
             Some(path) => {
@@ -215,7 +230,10 @@ impl Checker<'_> {
                     .iter()
                     .filter(|each| model.joint(&each.joint).is_ok());
                 let here: Vec<_> = here.cloned().collect();
-                let model = self.lock(&model, &here)?;
+                let mut model = self.lock(&model, &here)?;
+                if is_unactuated {
+                    model = unactuated(&model, commanded.len());
+                }
                 for site in [&file.robot.calibration_site, &file.robot.machining_site] {
                     model
                         .site(site)
@@ -224,9 +242,11 @@ impl Checker<'_> {
                 self.true_model(key, model, nominal, given)?
             }
         };
-        if given.is_some() {
+        if let Some(values) = given {
+            let key = "true_robot.compliance_rad_per_nm";
+            let own = std::mem::take(&mut robot.compliance_rad_per_nm);
             robot.compliance_rad_per_nm =
-                self.compliances("true_robot.compliance_rad_per_nm", &nominal.chain, given)?;
+                self.given_compliances(key, &nominal.chain, values, own)?;
         }
         let laws = table.map_or(&[][..], |table| &table.torque_law);
         let compliance = &robot.compliance_rad_per_nm;
@@ -274,6 +294,15 @@ impl Checker<'_> {
             self.number(key, value, &COMPLIANCE)?;
         }
         Ok(robot)
+    }
+}
+
+/// A model whose actuators do not count. One that is no chain of as many commanded joints is held by its position actuators.
+fn unactuated(model: &Model, commanded: usize) -> Model {
+    let without = model.without_actuators();
+    match SerialChain::from_model(&without) {
+        Ok(chain) if chain.commanded().count() == commanded => without,
+        _ => model.with_plain_actuators(),
     }
 }
 

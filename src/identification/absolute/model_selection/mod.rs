@@ -226,7 +226,18 @@ impl AbsoluteCase<'_> {
             }
         }
         for step in &mut steps {
-            step.fit = self.fit_near(&step.set, &step.fit.posterior.mean)?;
+            let near = &step.fit.posterior.mean;
+            // By these weights readings may tell what they did not by those of the model below.
+            let free = step.set.clone().without_nominal();
+            let fit = self.fit_near(&free, near);
+            let found = fit.and_then(|fit| self.with_nominal_where_unknown(free, fit));
+            (step.set, step.fit) = match found {
+                Err(_) if !step.set.nominal().is_empty() => {
+                    let fit = self.fit_near(&step.set, near)?;
+                    (step.set.clone(), fit)
+                }
+                found => found?,
+            };
         }
         Ok((steps, skipped))
     }

@@ -1,0 +1,69 @@
+//! What predictions of absolute readings leave out, by its names.
+
+use super::AbsolutePlanning;
+use crate::parameter::ParameterKind;
+use crate::task::Extended;
+
+impl AbsolutePlanning<'_> {
+    /// What a prediction takes for certain although the scenario says that it is not, or although nobody reads it, in words.
+    pub fn assumed_exact(&self) -> Vec<String> {
+        let mut words = Vec::new();
+        if !self.unasked.is_empty() {
+            let names = self.unasked.join(", ");
+            words.push(format!(
+                "{names}, which robot.parameters names and --parameters does not"
+            ));
+        }
+        if let Some(machining) = self.unread() {
+            words.push(format!(
+                "where {machining} is on its link, which no candidate reads"
+            ));
+        }
+        let is_drift = |kind: ParameterKind| matches!(kind, ParameterKind::Drift { .. });
+        let drifts = self.sources_of(is_drift);
+        words.extend(drifts.map(|name| format!("{name}, which is of deflections")));
+        let kept = self.kept_errors().into_iter();
+        words.extend(kept.map(|name| format!("{name}, by the bound alone")));
+        words
+    }
+
+    /// What the scenario says of frames, which readings alone find: a prediction does not count it.
+    pub fn not_counted(&self) -> Vec<String> {
+        let names = self.sources_of(ParameterKind::is_mounted);
+        names
+            .map(|name| format!("{name}, of frames, which the readings alone find"))
+            .collect()
+    }
+
+    /// The names of the sources of whose parameters some are such.
+    fn sources_of(&self, is_such: impl Fn(ParameterKind) -> bool) -> impl Iterator<Item = &str> {
+        let extended = self.case.belief.uncertain.iter();
+        let shared = extended.flat_map(|extended| {
+            let parameters = extended.set().parameters();
+            let shared = extended.shared().iter();
+            shared.map(move |(name, places)| (name, places, parameters))
+        });
+        let such = shared.filter(move |(_, places, parameters)| {
+            places.iter().any(|&place| is_such(parameters[place].kind))
+        });
+        such.map(|(name, ..)| name.as_str())
+    }
+
+    /// The names of the joints' errors that the robot keeps.
+    pub(super) fn kept_errors(&self) -> Vec<String> {
+        let sources = self
+            .case
+            .belief
+            .uncertain
+            .iter()
+            .flat_map(Extended::sources);
+        let kept = sources.filter(|(_, source)| !source.functions().is_empty());
+        kept.map(|(name, _)| name.to_owned()).collect()
+    }
+
+    /// The machining tool, where no candidate reads it.
+    pub(super) fn unread(&self) -> Option<&str> {
+        let machining = &self.case.belief.machining_tool.name;
+        (!self.case.targets.contains(machining)).then_some(machining)
+    }
+}
