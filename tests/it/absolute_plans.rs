@@ -372,6 +372,15 @@ fn commands_plan_absolute_readings() {
     let [of_both, of_one] =
         [&one, &door].map(|json| json["rho0_mm"].as_f64().expect("a prediction"));
     assert!(of_both <= of_one * (1.0 + 1e-6), "{of_both} and {of_one}");
+    let exact = one["assumed_exact"].to_string();
+    assert!(exact.contains("elbow.compliance"), "{exact}");
+    assert!(exact.contains("--parameters does not"), "{exact}");
+    let source = "\n[[uncertainty]]\nkind = \"tool_position\"\nstd_mm = 1\n";
+    place.write("t.toml", place.read("s.toml") + source);
+    let prior = place.json("evaluate t.toml --parameters compliances --plan p.csv");
+    assert_eq!(prior["assumed_exact"], serde_json::json!([]));
+    let words = prior["not_counted"][0].as_str().expect("a sentence");
+    assert!(words.starts_with("tool_position, of frames"), "{words}");
     let text = place.run(plan).ends_with(0).stdout;
     assert!(
         text.contains("An absolute accuracy: where the loaded tool is"),

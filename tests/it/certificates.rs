@@ -111,6 +111,9 @@ fn an_instrument_may_be_given_by_its_certificate() {
     let expected = of("sigma_mm = 0.03\nrotation_sigma_mrad = 0.1");
     assert!((of(mpe).sigma_m / expected.sigma_m - 1.0).abs() < 1e-12);
     assert_eq!(of(mpe).rotation_sigma_rad, expected.rotation_sigma_rad);
+    let of_bounds = |word: &str| of(&format!("mpe_um = 60\ndistribution = \"{word}\""));
+    let [uniform, rectangular] = ["uniform", "rectangular"].map(of_bounds);
+    assert_eq!(uniform.sigma_m.to_bits(), rectangular.sigma_m.to_bits());
     let place = Workplace::new();
     for (says, problems) in [
         ("", ["instrument.sigma_mm", "is missing"]),
@@ -248,5 +251,21 @@ fn wrong_repeatabilities_are_refused_by_name() {
             key,
             says,
         );
+    }
+}
+
+/// What is of one of the two readings of a deflection is so for all that the instrument reads.
+#[test]
+fn rotations_are_of_what_coordinates_are_of() {
+    let text = with("", "model", 64).replace("sigma_mm", "rotation_sigma_mrad = 0.02\nsigma_mm");
+    let of = |word: &str| {
+        let text = text.replace("\"deflection\"", &format!("\"{word}\""));
+        let instrument = loaded(&text).task.belief.instrument;
+        let rotation = instrument.rotation_sigma_rad.expect("rotations");
+        [instrument.sigma_m, rotation]
+    };
+    let (deflection, position) = (of("deflection"), of("position"));
+    for (one, both) in deflection.iter().zip(position) {
+        assert!((both / one - 2.0_f64.sqrt()).abs() < 1e-12, "{one} {both}");
     }
 }

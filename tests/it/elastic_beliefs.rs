@@ -235,6 +235,14 @@ fn every_command_works_with_passive_joints_slides_and_springs() {
     let printed = workplace.run("identify arm.toml --measurements measured.csv --quiet");
     let unit = "compliance [1e-6 rad/(N m); slides 1e-6 m/N]";
     assert!(printed.stdout.contains(unit), "{printed:#?}");
+    workplace.write("loud.toml", WORKSHOP.replace("0.03", "2"));
+    let loud = workplace.run("identify loud.toml --measurements measured.csv --quiet");
+    let notes = loud.stderr.lines();
+    let of_slide: Vec<&str> = notes.filter(|line| line.contains("quill stays")).collect();
+    assert!(
+        of_slide.len() == 1 && of_slide[0].contains(" m/N is"),
+        "{loud:#?}"
+    );
     workplace
         .run("compensate arm.toml --identified found.json --quiet")
         .ends_with(0);

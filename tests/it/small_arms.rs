@@ -202,3 +202,47 @@ fn proved_bounds_count_what_sources_know_of_compliances() {
     let json = place.json("evaluate arm.toml --plan plan.csv --proof-out proof.json");
     assert!(number(&json["efficiency"]) <= 1.0, "{}", json["efficiency"]);
 }
+
+/// Compliances that readings do not tell by the weights of a model without any stay nominal in no model: by its own weights they do.
+#[test]
+fn nested_models_have_what_their_own_weights_tell() {
+    let own = text(
+        true,
+        "absolute",
+        40,
+        "kind = \"task_force\"\nstd_relative = 0.01",
+    )
+    .replace("\"lift\", \"soft\"", "\"turn\", \"lift\", \"soft\"")
+    .replace(
+        "[instrument]",
+        "[true_robot]\ncompliance_rad_per_nm = [3.3e-6, 6e-6, 2e-4, 1e-5]\n[instrument]",
+    )
+    .replace(
+        "kind = \"fixed\"\nforce_n = [0, 0, -180]",
+        "kind = \"any\"\nforce_max_n = 180",
+    );
+    let place = place(true, own);
+    let mut rows =
+        "q1_deg,q2_deg,q3_deg,q4_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n".to_owned();
+    for row in 1..=40_i32 {
+        let ranges = [(2.0_f64, 110.0), (3.0, 70.0), (5.0, 5.0), (7.0, 130.0)];
+        let angles = ranges.map(|(prime, most)| {
+            let share = (f64::from(row) * prime.sqrt()).fract();
+            format!("{:.2},", most * (2.0 * share - 1.0))
+        });
+        let load = if row % 2 == 0 { "0,0,0" } else { "30,30,-100" };
+        rows += &format!("{}{load},0,0,0,1\n", angles.concat());
+    }
+    place.write("plan.csv", rows);
+    place
+        .run("measure arm.toml --plan plan.csv --measurements-out m.csv --quiet")
+        .ends_with(0);
+    let found = place.json("identify arm.toml --measurements m.csv --model-selection");
+    assert_eq!(
+        found["groups"],
+        serde_json::json!(["geometry", "compliances"])
+    );
+    let model = &found["model_selection"]["nested_models"][3];
+    assert_eq!(model["undetermined"], serde_json::json!([]), "{model}");
+    assert!(number(&model["cross_validation"]["loss"]) < 2.0, "{model}");
+}

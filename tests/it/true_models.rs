@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use elastocal::mujoco::Model;
 use elastocal::robot::{KnownJoint, Load, TrueRobot, rotation_vector};
+use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Vector3};
 
@@ -489,4 +490,60 @@ fn check_says_what_the_truth_honours_and_how_far_loops_give_way() {
         refused.stderr.contains("a state of its own"),
         "{refused:#?}"
     );
+}
+
+/// Actuators and dry friction that do not count do not in a virtual robot's own model, whatever it has of them: it is as compliant as the
+/// scenario says.
+#[test]
+fn ignored_actuators_hold_no_virtual_robot() {
+    let arm = |joint: &str, more: &str, actuators: &str| {
+        format!(
+            "<mujoco><worldbody><body pos=\"0 0 1\"><inertial pos=\"0.25 0 0\" mass=\"10\" diaginertia=\"1 1 1\"/>\
+             <joint name=\"j1\" axis=\"0 1 0\" range=\"-90 90\" limited=\"true\" {joint}/>\
+             <body pos=\"0.5 0 0\"><inertial pos=\"0.2 0 0\" mass=\"5\" diaginertia=\"1 1 1\"/>\
+             <joint name=\"j2\" axis=\"0 1 0\" range=\"-90 90\" limited=\"true\" {joint}/><site name=\"tip\" pos=\"0.5 0 0\"/>\
+             </body>{more}</body></worldbody>{actuators}</mujoco>"
+        )
+    };
+    let held = "<actuator><position joint=\"j1\" kp=\"2000\" forcerange=\"-9 9\"/><position joint=\"j2\" kp=\"500\"/></actuator>";
+    let flap = "<body><inertial pos=\"0 0 0\" mass=\"1e-9\" diaginertia=\"1e-9 1e-9 1e-9\"/><joint name=\"flap\" stiffness=\"1\"/></body>";
+    let workplace = Workplace::new();
+    workplace.write("own.xml", arm("", "", ""));
+    let moved = |truth: &str| {
+        let text = format!(
+            "[robot]\nmodel = \"own.xml\"\nactuators = \"ignored\"\ncompliance_rad_per_nm = [1e-5, 2e-5]\n\
+             calibration_site = \"tip\"\nmachining_site = \"tip\"\nparameters = [\"j1\", \"j2\"]\n{truth}\
+             [instrument]\nsigma_mm = 0.01\nsigma_of = \"deflection\"\n[[test_pose]]\nq_deg = [10, 20]\nforce_n = [0, 0, -100]\n\
+             [load]\nkind = \"fixed\"\nforce_n = [0, 0, -100]\n[design]\nexperiments = 2\n"
+        );
+        workplace.write("s.toml", text);
+        let scenario = Scenario::load(&workplace.path("s.toml")).expect("the scenario is valid");
+        let robot = VirtualRobot::new(&scenario.truth.robot, "tip");
+        let pose = &scenario.task.test_poses[0];
+        let moved = robot.and_then(|mut robot| {
+            let [loaded, unloaded] = [&pose.load, &Load::NONE]
+                .map(|load| robot.rest(&pose.configuration_rad, load).expect("stable").0);
+            Ok(loaded - unloaded)
+        });
+        moved.expect("a virtual robot")
+    };
+    let nominal = moved("");
+    assert!((nominal.z * 1e3 + 1.5).abs() < 0.2, "{nominal}");
+    let friction = "frictionloss=\"1\"";
+    for (joint, more, actuators) in [
+        ("", "", held),
+        (friction, "", held),
+        ("", "", ""),
+        (friction, flap, held),
+    ] {
+        workplace.write("true.xml", arm(joint, more, actuators));
+        let model = "[true_robot]\nmodel = \"true.xml\"\n";
+        let apart = (moved(model) - nominal).norm();
+        assert!(apart < 1e-9, "{joint} {more}: {apart:.1e} m");
+        let twice = moved(&format!("{model}compliance_rad_per_nm = [2e-5, 4e-5]\n"));
+        assert!(
+            (twice.norm() / nominal.norm() - 2.0).abs() < 0.01,
+            "{twice}"
+        );
+    }
 }

@@ -238,6 +238,8 @@ fn the_coverage_factor_along_a_line_is_that_of_a_normal_number() {
         .replace("[[test_pose]]", "[[test_pose]]\ndirection = [0, 0, 1]");
     let assessment = Assessment::new(&loaded(&text).task, &table4(4), None);
     let budget = assessment.uncertainty_budget.expect("determined");
+    // Nothing is shared, and nothing is no less than that.
+    assert_eq!(budget.shared_m().to_bits(), 0);
     let factor = budget.coverage_factor.expect("determined");
     assert!((factor - 1.959_963_984_540_054).abs() < 1e-6, "{factor}");
 }
