@@ -122,12 +122,13 @@ fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
 }
 
 /// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
-/// by themselves. Distances count them.
+/// by themselves, but for joint error functions. Distances count them.
 pub fn uncounted(belief: &Belief) -> Vec<String> {
     let uncertain = belief.uncertain.iter();
     let uncertain = uncertain.filter(|_| belief.instrument.distance.is_none());
-    let sources = uncertain.flat_map(|each| each.sources().map(|(name, _)| name.to_owned()));
-    sources.collect()
+    let sources = uncertain.flat_map(|each| each.sources());
+    let new = sources.filter(|(_, source)| source.functions().is_empty());
+    new.map(|(name, _)| name.to_owned()).collect()
 }
 
 /// Models with more and more parameters, compared by blocks of joint space. Readings are weighed so; those that lie far out are

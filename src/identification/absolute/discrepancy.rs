@@ -7,7 +7,9 @@ use super::super::discrepancy::WEIGHINGS;
 use super::super::error::IdentificationError;
 use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit, fit_parameters};
 use super::case::whitener;
+use super::unexplained::LEAST_VISITS;
 use super::{AbsoluteCase, AbsoluteError, Discrepancy, ReadingResidual};
+use crate::experiment::{is_one_configuration, together};
 use crate::observation::{SharedErrors, SharingReadings};
 use crate::parameter::{ElasticArm, ParameterSet};
 
@@ -20,7 +22,8 @@ impl AbsoluteCase<'_> {
     pub(super) fn weigh(&mut self, discrepancy: [f64; 2]) {
         let within = [0, 1].map(|part| self.within[part].min(discrepancy[part]));
         let mut more = vec![discrepancy; self.observations.len()];
-        let several = self.visits.iter().filter(|visit| visit.len() > 1);
+        let groups = self.sharing_discrepancy();
+        let several = groups.iter().filter(|group| group.len() > 1);
         for &index in several.filter(|_| !self.is_sharing_known).flatten() {
             more[index] = within;
         }
@@ -50,10 +53,26 @@ impl AbsoluteCase<'_> {
             },
             readings: visit.clone(),
         };
-        let has_any = self.visits.len() < self.observations.len();
+        let has_any = groups.len() < self.observations.len();
         self.shared = has_any.then(|| SharedErrors {
-            groups: self.visits.iter().map(of_visit).collect(),
+            groups: groups.iter().map(of_visit).collect(),
         });
+    }
+
+    /// Readings that share a discrepancy: those of a visit, and where visits are too few to tell what is new at each, those of a configuration
+    /// as a station sees it.
+    fn sharing_discrepancy(&self) -> Vec<Vec<usize>> {
+        if self.visits.len() >= LEAST_VISITS {
+            return self.visits.clone();
+        }
+        let setup = |place: usize| &self.observations[place].setup;
+        let q = |place: usize| &setup(place).commanded_rad;
+        let pose = |place: usize| (q(place), setup(place).approach.as_ref());
+        let is_same = |one, other| {
+            setup(one).station == setup(other).station
+                && is_one_configuration(pose(one), pose(other))
+        };
+        together(self.observations.len(), q, is_same)
     }
 
     /// A fit with the weights that the readings have, from values (p) that are near.
@@ -141,24 +160,26 @@ impl AbsoluteCase<'_> {
         Ok(self.discrepancy_of(&left, fit))
     }
 
-    /// The degrees of freedom of the variance that a coordinate has with a discrepancy (m) from a fit's residuals (Welch-Satterthwaite): the
-    /// readings' own part is known, and readings of one visit count as one.
-    pub(super) fn degrees_of(&self, [position_m, _]: [f64; 2], fit: &ParameterFit) -> f64 {
-        let own = self
-            .covariances
-            .iter()
-            .map(|each| each[(0, 0)])
-            .sum::<f64>();
-        let own = own / self.covariances.len() as f64;
-        let alone = self.visits.len() as f64 / self.observations.len() as f64;
-        let found = position_m.max(LEAST_DISCREPANCY).powi(2);
-        fit.degrees_of_freedom().max(1.0) * alone * (1.0 + own / found).powi(2)
+    /// The degrees of freedom of the variance that a coordinate has with a discrepancy from a fit's residuals: readings that share it count
+    /// as one.
+    pub(super) fn degrees_of(&self, fit: &ParameterFit) -> f64 {
+        (self.alone() * fit.rows as f64 - fit.determined).max(1.0)
+    }
+
+    /// The share of the readings that are one for each discrepancy.
+    fn alone(&self) -> f64 {
+        self.sharing_discrepancy().len() as f64 / self.observations.len() as f64
     }
 
     fn discrepancy_of(&self, left: &[ReadingResidual], fit: &ParameterFit) -> [f64; 2] {
         // Each reading has its part in what was fitted.
         let coordinates = if self.reads_distances() { 1 } else { 3 };
-        let discrepancy = Discrepancy::of(left, &self.covariances, fit.spare(), coordinates);
+        let spare = if self.visits.len() < LEAST_VISITS {
+            self.degrees_of(fit) / (self.alone() * fit.rows as f64)
+        } else {
+            fit.spare()
+        };
+        let discrepancy = Discrepancy::of(left, &self.covariances, spare, coordinates);
         [discrepancy.position_m, discrepancy.rotation_rad]
     }
 
@@ -166,7 +187,8 @@ impl AbsoluteCase<'_> {
     /// coordinate of the position (m) and of the rotation (rad). `spare` is the share of the numbers that the fit did not use up.
     fn within_visits(&self, left: &[ReadingResidual], spare: f64) -> [f64; 2] {
         let mut sums = [[0.0; 3]; 2];
-        for visit in self.visits.iter().filter(|visit| visit.len() > 1) {
+        let groups = self.sharing_discrepancy();
+        for visit in groups.iter().filter(|group| group.len() > 1) {
             let positions = visit.iter().map(|&index| (index, left[index].position_m));
             let turned = |&index: &usize| Some((index, left[index].rotation_rad?));
             let rotations = visit.iter().filter_map(turned);

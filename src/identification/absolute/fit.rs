@@ -11,6 +11,7 @@ use super::super::gauss_newton::{Haste, ParameterFit};
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
 use super::outliers::is_pulled;
+use super::unexplained::told_degrees;
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
     AbsoluteCase, AbsoluteError, CopiedReadings, JointError, ParameterGroup, ReadingResidual,
@@ -188,7 +189,7 @@ impl<'a> AbsoluteCase<'a> {
                 .covariance
                 .clone_from(&discrepancy_model.covariance);
         }
-        let degrees = discrepancy.map(|each| found.case.degrees_of(each, &fit));
+        let degrees = discrepancy.map(|_| found.case.degrees_of(&fit));
         self.arm = found.case.arm;
         self.within = found.case.within;
         let left = self.left(&fit.belief)?;
@@ -365,12 +366,7 @@ impl AbsoluteFit {
     pub fn reach95(&self, index: usize) -> f64 {
         let degrees = match &self.discrepancy_model {
             Some(model) => model.degrees[index],
-            None => {
-                // What is known before is no estimate.
-                let known = self.set.prior().precision[(index, index)];
-                let told = 1.0 - self.posterior.covariance[(index, index)] * known;
-                self.degrees / told.max(f64::EPSILON).powi(2)
-            }
+            None => told_degrees(&self.set, &self.posterior.covariance, index, self.degrees),
         };
         two_sided_student(degrees)
     }

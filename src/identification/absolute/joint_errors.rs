@@ -142,6 +142,9 @@ impl DiscrepancyModel {
 
     /// The same where the variances were estimated with so many degrees of freedom: regions hold 95 % by Fisher's F.
     pub fn estimated(self, degrees: f64) -> Self {
+        if !degrees.is_finite() {
+            return self;
+        }
         let fisher = FisherSnedecor::new(3.0, degrees).map(|fisher| 3.0 * fisher.inverse_cdf(0.95));
         let scale = fisher.ok().filter(|square| square.is_finite());
         let scale = scale.map_or(1.0, |square| square / SQUARE_95);

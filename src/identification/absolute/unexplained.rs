@@ -11,7 +11,19 @@ use crate::numeric::posterior::Posterior;
 use crate::parameter::ParameterSet;
 
 /// Fewer visits tell nothing of what the parameters leave but its size.
-const LEAST_VISITS: usize = 20;
+pub(super) const LEAST_VISITS: usize = 20;
+
+/// The degrees of freedom of a parameter's variance, where those of the readings' are so many: what is known before is no estimate.
+pub(super) fn told_degrees(
+    set: &ParameterSet,
+    covariance: &DMatrix<f64>,
+    index: usize,
+    degrees: f64,
+) -> f64 {
+    let known = set.prior().precision[(index, index)];
+    let told = 1.0 - covariance[(index, index)] * known;
+    degrees / told.max(f64::EPSILON).powi(2)
+}
 
 impl AbsoluteCase<'_> {
     /// A mixed model of what the parameters leave, with the readings; none where there is too little to tell.
@@ -59,7 +71,8 @@ impl AbsoluteCase<'_> {
         known: &VarianceComponents,
     ) -> Option<Unexplained> {
         let (rows, mixed) = self.mixed_of(set, &fit.posterior, known.joints(), known.rest)?;
-        let mut model = mixed.with_known(known)?;
+        let (model, degrees) = mixed.with_remainder(known)?;
+        let mut model = model.estimated(degrees);
         let left = self.left_of(&rows, &model);
         // From here on parameters count from where they are likeliest.
         for (value, shift) in fit.posterior.mean.iter_mut().zip(&model.shift) {
@@ -75,7 +88,9 @@ impl AbsoluteCase<'_> {
             effective_sample_size: self.effective_sample_size(&fit.posterior, &covariance),
             predicted_by_others: [None; 2],
             covariance: symmetric(&covariance),
-            degrees: vec![f64::INFINITY; count],
+            degrees: (0..count)
+                .map(|index| told_degrees(set, &covariance, index, degrees))
+                .collect(),
             model,
         })
     }

@@ -312,8 +312,8 @@ impl AbsolutePlanning<'_> {
         for (function, root) in functions.roots(&points).iter().enumerate() {
             // How the tool's place follows the function at each point (3 m x n).
             let mut moved = DMatrix::zeros(weights.nrows(), points.len());
-            for place in 0..readings.len() {
-                let own = points[place].columns.column(function);
+            for (place, point) in points.iter().take(readings.len()).enumerate() {
+                let own = point.columns.column(function);
                 moved.set_column(place, &-(weights.columns(6 * place, 6) * own));
             }
             for (pose, rows) in self.poses.iter().enumerate() {

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::joint_errors::DiscrepancyModel;
-use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS, by_pose};
+use super::{FOUND, LEAST, MixedModel, MixedVariances, PoseReadings, ROUNDS, by_pose};
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
 use crate::numeric::tolerance;
 use crate::parameter::JointFunction;
@@ -13,6 +13,9 @@ use crate::parameter::JointFunction;
 const EXACT: usize = 120;
 /// Variance components are estimated from parts of so many visits at most.
 const SPARSE: usize = 100;
+/// Improvements of what is new beside known functions, and the change of a deviation with which it is found.
+const REMAINDER_ROUNDS: usize = 60;
+const REMAINDER_FOUND: f64 = 2e-3;
 /// Angles that are nearer to each other (rad) are one.
 const SAME_RAD: f64 = 1e-6;
 
@@ -111,6 +114,72 @@ impl MixedModel {
     /// What the readings say with these variance components; the model's joints are those that have functions. None where the numbers have
     /// no factorisation.
     pub fn with_known(&self, known: &VarianceComponents) -> Option<DiscrepancyModel> {
+        let variances = self.known_variances(known);
+        let solved = self.solved(&variances)?;
+        Some(self.model(&variances, &solved))
+    }
+
+    /// The same where what is new at visits and at configurations is as the readings show it, and no smaller than is said; with the degrees
+    /// of freedom of that, infinite where it is as said.
+    pub fn with_remainder(&self, known: &VarianceComponents) -> Option<(DiscrepancyModel, f64)> {
+        let model = Self {
+            visits: by_pose(&self.visits),
+            ..self.clone()
+        };
+        let mut variances = model.known_variances(known);
+        let said = [variances.all[0], variances.all[1]];
+        let mut places = vec![0, 1];
+        if model.visits.iter().any(PoseReadings::is_visited_again) {
+            let first = 2 + known.functions.len();
+            variances.all.splice(first..first, said);
+            variances.all[..2].fill(LEAST);
+            variances.of_poses = Some(first);
+            places.extend([first, first + 1]);
+        }
+        let own = model.own_variance();
+        let least: Vec<f64> = places.iter().map(|&place| variances.all[place]).collect();
+        for (&place, least) in places.iter().zip(&least) {
+            // Of rotations the readings' own errors are small numbers, too.
+            variances.all[place] = least.max(own);
+        }
+        let mut told = 0.0;
+        for _ in 0..REMAINDER_ROUNDS {
+            let solved = model.solved(&variances)?;
+            let improved = model.improved(&variances, &solved)?;
+            let before = variances.clone();
+            for (&place, &least) in places.iter().zip(&least) {
+                variances.all[place] = improved.next.all[place].max(least);
+            }
+            told = (places.iter().step_by(2))
+                .map(|&place| improved.told[place])
+                .sum();
+            if variances.change_from(&before) < REMAINDER_FOUND {
+                break;
+            }
+        }
+        let solved = model.solved(&variances)?;
+        let found = variances.of_unread(0);
+        let is_said = found <= 1.01 * said[0] && said[0] > LEAST;
+        let degrees = if is_said {
+            f64::INFINITY
+        } else {
+            (told * (found + own) / found).max(1.0)
+        };
+        Some((model.model(&variances, &solved), degrees))
+    }
+
+    /// The mean variance of the readings' own errors of positions (m^2).
+    fn own_variance(&self) -> f64 {
+        let each = self.visits.iter().flat_map(|visit| {
+            let rows = visit.coordinates.iter().enumerate();
+            rows.filter(|(_, coordinate)| **coordinate < 3)
+                .map(|(row, _)| visit.own[(row, row)])
+        });
+        let (sum, count) = each.fold((0.0, 0), |(sum, count), own| (sum + own, count + 1));
+        sum / f64::from(count.max(1))
+    }
+
+    fn known_variances(&self, known: &VarianceComponents) -> MixedVariances {
         let process = |(place, function): (usize, &JointFunction)| {
             let angles = self.angles(place);
             OrnsteinUhlenbeck {
@@ -124,15 +193,13 @@ impl MixedModel {
         };
         let functions = known.functions.iter();
         let rest = known.rest.iter().map(|each| (each * each).max(LEAST));
-        let variances = MixedVariances {
+        MixedVariances {
             all: rest
                 .chain(functions.clone().map(|each| each.deviation_rad.powi(2)))
                 .chain(functions.map(|each| each.repeatability_rad.powi(2)))
                 .collect(),
             of_poses: None,
             process: known.functions.iter().enumerate().map(process).collect(),
-        };
-        let solved = self.solved(&variances)?;
-        Some(self.model(&variances, &solved))
+        }
     }
 }
