@@ -16,7 +16,7 @@ use crate::record::absolute::AbsoluteMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::ProvenanceMessage;
 use crate::scenario::Scenario;
-use crate::task::Belief;
+use crate::task::{Belief, Extended};
 
 /// What absolute readings say.
 #[derive(Debug)]
@@ -126,7 +126,7 @@ fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
 pub fn uncounted(belief: &Belief) -> Vec<String> {
     let uncertain = belief.uncertain.iter();
     let uncertain = uncertain.filter(|_| belief.instrument.distance.is_none());
-    let sources = uncertain.flat_map(|each| each.sources());
+    let sources = uncertain.flat_map(Extended::sources);
     let new = sources.filter(|(_, source)| source.functions().is_empty());
     new.map(|(name, _)| name.to_owned()).collect()
 }

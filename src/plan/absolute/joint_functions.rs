@@ -98,9 +98,9 @@ impl RobotFunctions {
             }));
         }
         Self {
+            each,
             candidates,
             poses,
-            each,
         }
     }
 
