@@ -528,7 +528,7 @@ fn ignored_actuators_hold_no_virtual_robot() {
         moved.expect("a virtual robot")
     };
     let nominal = moved("");
-    assert!((nominal.z * 1e3 + 1.5).abs() < 0.2, "{nominal}");
+    assert!((nominal.z * 1e3 + 1.229).abs() < 0.01, "{nominal}");
     let friction = "frictionloss=\"1\"";
     for (joint, more, actuators) in [
         ("", "", held),
