@@ -377,7 +377,7 @@ fn commands_plan_absolute_readings() {
     assert!(exact.contains("--parameters does not"), "{exact}");
     let source = "\n[[uncertainty]]\nkind = \"tool_position\"\nstd_mm = 1\n";
     place.write("t.toml", place.read("s.toml") + source);
-    let prior = place.json("evaluate t.toml --parameters compliances --plan p.csv");
+    let prior = place.json_with_conditions("evaluate t.toml --parameters compliances --plan p.csv");
     assert_eq!(prior["assumed_exact"], serde_json::json!([]));
     let words = prior["not_counted"][0].as_str().expect("a sentence");
     assert!(words.starts_with("tool_position, of frames"), "{words}");
@@ -415,6 +415,12 @@ fn commands_plan_absolute_readings() {
             outcome.stderr
         );
     }
+}
+
+/// What is for plans of absolute readings is refused elsewhere.
+#[test]
+fn other_accuracies_are_refused() {
+    let place = Workplace::new();
     place.write("relative.toml", scenario_text("ur10"));
     let outcome = place
         .run("plan relative.toml --parameters zeros --quiet")

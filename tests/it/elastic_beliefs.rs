@@ -237,7 +237,7 @@ fn every_command_works_with_passive_joints_slides_and_springs() {
     assert!(printed.stdout.contains(unit), "{printed:#?}");
     workplace.write("loud.toml", WORKSHOP.replace("0.03", "2"));
     let loud = workplace.run("identify loud.toml --measurements measured.csv --quiet");
-    let notes = loud.stderr.lines();
+    let notes = loud.stdout.lines();
     let of_slide: Vec<&str> = notes.filter(|line| line.contains("quill stays")).collect();
     assert!(
         of_slide.len() == 1 && of_slide[0].contains(" m/N is"),

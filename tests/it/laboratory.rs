@@ -506,8 +506,11 @@ fn more_than_six_joints_are_external_axes() {
 /// Joints that slide are no axes that turn, of six joints neither.
 #[test]
 fn slides_are_never_axes_that_turn() {
-    let slides =
-        |count: usize| Commands::from_iter((0..6).map(|joint| (2..2 + count).contains(&joint)));
+    let slides = |count: usize| -> Commands {
+        (0..6)
+            .map(|joint| (2..2 + count).contains(&joint))
+            .collect()
+    };
     let [krl, urscript] = ["krl", "urscript"].map(|name| Dialect::known(name).expect("a dialect"));
     let axes = Ok(vec!["A1", "A2", "E1", "A3", "A4", "A5"]);
     assert_eq!(krl.axes_of(&slides(1)), axes);
