@@ -10,6 +10,7 @@ use super::error::IdentificationError;
 use super::fit::{Fit, FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
+use crate::parameter::ParameterSet;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
 
@@ -343,6 +344,18 @@ pub(super) fn two_sided_student(freedom: f64) -> f64 {
         return two_sided_normal();
     }
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |student| student.inverse_cdf(0.975))
+}
+
+/// The degrees of freedom of a parameter's variance, where those of the readings' are so many: what is known before is no estimate.
+pub(super) fn told_degrees(
+    set: &ParameterSet,
+    covariance: &DMatrix<f64>,
+    index: usize,
+    degrees: f64,
+) -> f64 {
+    let known = set.prior().precision[(index, index)];
+    let told = 1.0 - covariance[(index, index)] * known;
+    degrees / told.max(f64::EPSILON).powi(2)
 }
 
 /// An identified compliance that stays nominal.

@@ -366,8 +366,10 @@ fn rows_times_stations_have_a_limit() {
         })
         .collect();
     let scenario = loaded(&place, &stations);
-    let mut many = rows(1, None);
-    many = vec![many.remove(0); 501];
+    let mut many = vec![rows(1, None).remove(0); 501];
+    for (row, by_rad) in many.iter_mut().zip(0..) {
+        row.configuration_rad[0] += 1e-3 * f64::from(by_rad);
+    }
     match AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Frames], &many) {
         Err(AbsolutePlanError::Candidates(error))
             if error.to_string().contains("50100 candidates") => {}

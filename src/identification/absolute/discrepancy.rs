@@ -7,7 +7,7 @@ use super::super::discrepancy::WEIGHINGS;
 use super::super::error::IdentificationError;
 use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit, fit_parameters};
 use super::case::whitener;
-use super::unexplained::LEAST_VISITS;
+use super::visits::LEAST_VISITS;
 use super::{AbsoluteCase, AbsoluteError, Discrepancy, ReadingResidual};
 use crate::experiment::{is_one_configuration, together};
 use crate::observation::{SharedErrors, SharingReadings};

@@ -2,28 +2,15 @@
 
 use nalgebra::DMatrix;
 
+use super::super::estimate::told_degrees;
 use super::super::gauss_newton::ParameterFit;
 use super::mixed::{MixedModel, VarianceComponents};
 use super::residuals::LinearReading;
+use super::visits::LEAST_VISITS;
 use super::{AbsoluteCase, AbsoluteFit, DiscrepancyModel, ReadingResidual, Unexplained};
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::ParameterSet;
-
-/// Fewer visits tell nothing of what the parameters leave but its size.
-pub(super) const LEAST_VISITS: usize = 20;
-
-/// The degrees of freedom of a parameter's variance, where those of the readings' are so many: what is known before is no estimate.
-pub(super) fn told_degrees(
-    set: &ParameterSet,
-    covariance: &DMatrix<f64>,
-    index: usize,
-    degrees: f64,
-) -> f64 {
-    let known = set.prior().precision[(index, index)];
-    let told = 1.0 - covariance[(index, index)] * known;
-    degrees / told.max(f64::EPSILON).powi(2)
-}
 
 impl AbsoluteCase<'_> {
     /// A mixed model of what the parameters leave, with the readings; none where there is too little to tell.

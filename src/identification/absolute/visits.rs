@@ -5,6 +5,9 @@ use std::collections::BTreeMap;
 use crate::experiment::{is_one_configuration, numbered};
 use crate::measurement::AbsoluteReading;
 
+/// Fewer visits tell nothing of what the parameters leave but its size.
+pub(super) const LEAST_VISITS: usize = 20;
+
 /// Readings by their places: those of one visit together, in the order of the first. Where no column says it, the k-th reading of each
 /// target in one configuration, under one load and from one station, is of visit k.
 pub(super) fn visits(readings: &[AbsoluteReading]) -> Vec<Vec<usize>> {
