@@ -205,6 +205,26 @@ impl ReadingSource {
         }
     }
 
+    /// Whether it is such, which the robot keeps.
+    pub const fn is_function(&self) -> bool {
+        matches!(
+            self,
+            Self::TransmissionError(TransmissionError {
+                correlation_rad: Some(_),
+                ..
+            })
+        )
+    }
+
+    /// Where absolute readings have a new value of it.
+    pub const fn level_of_readings(&self) -> SourceLevel {
+        if self.is_function() {
+            SourceLevel::Robot
+        } else {
+            self.level()
+        }
+    }
+
     /// Whether all deflections of one configuration share it, under whatever load, so that repeats do not average it.
     pub const fn is_of_configuration(&self) -> bool {
         matches!(self, Self::TransmissionError(_) | Self::Discrepancy(_))
@@ -224,15 +244,12 @@ impl ReadingSource {
 
     /// What a contribution does not count of it, in words that follow the source's name.
     pub const fn remark(&self) -> Option<&'static str> {
-        match self {
-            Self::TransmissionError(TransmissionError {
-                correlation_rad: Some(_),
-                ..
-            }) => Some(
+        if self.is_function() {
+            return Some(
                 "is taken as new in each configuration; absolute readings count its correlation_deg",
-            ),
-            _ => None,
+            );
         }
+        None
     }
 
     /// Whether it is of readings along a direction, or of those of all coordinates.

@@ -7,7 +7,8 @@
 //! the loaded tool's place is compared with where the virtual robot has it.
 
 use nalgebra::{
-    Isometry3, Matrix3, Matrix6, Matrix6xX, Point3, Rotation3, SymmetricEigen, Vector3, Vector6,
+    DMatrix, DVector, Isometry3, Matrix3, Matrix6, Matrix6xX, Point3, Rotation3, SymmetricEigen,
+    Vector3,
 };
 
 use super::tally::{FailedRun, Failure, Outcome};
@@ -43,6 +44,8 @@ pub struct ReadingRuns<'a> {
     truth: Truth,
     /// Where the tool is predicted to be at each test pose.
     regions: Vec<PlaceRegion>,
+    /// How joint error functions move it there by residuals, where the planner's model has any.
+    function_gains: Vec<DMatrix<f64>>,
 }
 
 /// What one run gave.
@@ -117,6 +120,7 @@ impl<'a> ReadingRuns<'a> {
                 uncertainties: uncertainties(setting.truth, planning),
                 ..setting.truth.clone()
             },
+            function_gains: planning.function_gains(&studied.plan),
             read,
             task,
             studied,
@@ -191,22 +195,7 @@ impl<'a> ReadingRuns<'a> {
             .fit(self.studied.groups, ReadingWeights::AsNeeded)
             .map_err(no_fit)?;
         let mut residuals_m = self.residuals(robots, &frames, (&case, &fit.arm, &[]))?;
-        let left = self.read.groups.iter().flatten().zip(&fit.left);
-        let left: Vec<Vector6<f64>> = left
-            .map(|(each, left)| {
-                let axes = frames[self.studied.planning.station_of(each.place)]
-                    .rotation
-                    .inverse();
-                let (moved, turned) = (left.position_m, left.rotation_rad.unwrap_or_default());
-                let [moved, turned] = [axes * moved, axes * turned];
-                Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z)
-            })
-            .collect();
-        let moved = self
-            .studied
-            .planning
-            .moved_by_functions(&self.studied.plan, &left);
-        for (residual_m, moved_m) in residuals_m.iter_mut().zip(moved) {
+        for (residual_m, moved_m) in residuals_m.iter_mut().zip(self.moved(&fit, &frames)) {
             *residual_m -= moved_m;
         }
         Ok(ReadingsRun {
@@ -214,6 +203,27 @@ impl<'a> ReadingRuns<'a> {
             fit,
             residuals_m,
         })
+    }
+
+    /// By how much the joints' functions move the tool at each test pose (m, what counts, world frame), as a fit's residuals say; nothing
+    /// where there are none.
+    fn moved(
+        &self,
+        fit: &AbsoluteFit,
+        frames: &[Isometry3<f64>],
+    ) -> impl Iterator<Item = Vector3<f64>> {
+        let mut left = DVector::zeros(6 * fit.left.len());
+        for (place, (each, own)) in (self.read.groups.iter().flatten().zip(&fit.left)).enumerate() {
+            let frame = &frames[self.studied.planning.station_of(each.place)];
+            let parts = [own.position_m, own.rotation_rad.unwrap_or_default()];
+            for (part, first) in parts.iter().zip([0, 3]) {
+                let turned = frame.rotation.inverse() * part;
+                left.fixed_rows_mut::<3>(6 * place + first)
+                    .copy_from(&turned);
+            }
+        }
+        let gains = self.function_gains.iter();
+        gains.map(move |gain| (gain * &left).fixed_rows::<3>(0).into_owned())
     }
 
     /// What the instrument says of the robot of a run, each reading by itself: as a file of measurements has them.

@@ -127,7 +127,7 @@ pub fn uncounted(belief: &Belief) -> Vec<String> {
     let uncertain = belief.uncertain.iter();
     let uncertain = uncertain.filter(|_| belief.instrument.distance.is_none());
     let sources = uncertain.flat_map(Extended::sources);
-    let new = sources.filter(|(_, source)| source.functions().is_empty());
+    let new = sources.filter(|(_, source)| !source.is_function());
     new.map(|(name, _)| name.to_owned()).collect()
 }
 

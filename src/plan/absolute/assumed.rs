@@ -57,7 +57,7 @@ impl AbsolutePlanning<'_> {
             .uncertain
             .iter()
             .flat_map(Extended::sources);
-        let kept = sources.filter(|(_, source)| !source.functions().is_empty());
+        let kept = sources.filter(|(_, source)| source.is_function());
         kept.map(|(name, _)| name.to_owned()).collect()
     }
 

@@ -11,9 +11,7 @@ use super::{
     AbsolutePlanning, PlaceRows, PredictedAccuracy, RepeatedReading, in_units, place_rows, stacked,
 };
 use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_rows};
-use crate::parameter::{
-    ParameterKind, ParameterSet, ReadingSource, Source, SourceLevel, Uncertainty,
-};
+use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, Source, Uncertainty};
 use crate::plan::uncertainty_budget::{Input, Squares, common};
 use crate::plan::{CommonSources, UncertaintyBudget};
 use crate::task::{Extended, Task};
@@ -91,11 +89,10 @@ impl AbsolutePlanning<'_> {
         if let Some(tied) = tied {
             let weights = tied.weights(&self.poses, &gain);
             let mut next = 0;
-            let weight = |each: RepeatedReading| {
+            let mut weight = |each: RepeatedReading| {
                 next += 6;
                 (each, weights.fixed_columns::<6>(next - 6).into_owned())
             };
-            let mut weight = weight;
             let groups = tied.groups.into_iter();
             let groups = groups.map(|group| group.into_iter().map(&mut weight).collect());
             return WeighedReadings {
@@ -156,7 +153,7 @@ impl AbsolutePlanning<'_> {
 
     /// What a source of errors leaves (m^2).
     fn left_by_source(&self, weighed: &WeighedReadings, source: &ReadingSource) -> f64 {
-        if !source.functions().is_empty() {
+        if source.is_function() {
             let readings: Vec<&RepeatedReading> =
                 weighed.readings().map(|(each, _)| each).collect();
             let mut weights = DMatrix::zeros(weighed.gain.nrows(), 6 * readings.len());
@@ -184,13 +181,8 @@ impl AbsolutePlanning<'_> {
         let extended = belief.uncertain.as_ref();
         let of_readings = extended.into_iter().flat_map(Extended::sources);
         let readings = of_readings.map(|(_, source)| {
-            let is_kept = !source.functions().is_empty();
-            let level = if is_kept {
-                SourceLevel::Robot
-            } else {
-                source.level()
-            };
-            (level, self.left_by_source(&weighed, source))
+            let left = self.left_by_source(&weighed, source);
+            (source.level_of_readings(), left)
         });
         let known = self.known_before();
         let mut before = (&weighed.gain * known * weighed.gain.transpose()).trace();

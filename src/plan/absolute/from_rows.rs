@@ -52,7 +52,7 @@ impl<'a> AbsolutePlanning<'a> {
         }
         let rows = from_stations(task, rows)?;
         let (possible, offer) = possible(task, &rows)?;
-        let (taken, times) = alike(measured);
+        let (taken, times) = taken_once(measured);
         let instrument = &task.belief.instrument;
         let blank = possible.iter().map(|row| reading_of(row, instrument));
         let readings: Vec<AbsoluteReading> = blank.chain(taken.iter().cloned()).collect();
@@ -65,12 +65,13 @@ impl<'a> AbsolutePlanning<'a> {
         let sources = task.belief.uncertain.iter().flat_map(Extended::sources);
         let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();
         let (kept, new): (Vec<&ReadingSource>, Vec<&ReadingSource>) =
-            (sources.into_iter()).partition(|source| !source.functions().is_empty());
-        let errors = (candidates.iter().enumerate())
-            .map(|(place, candidate)| {
-                let load = candidate.load.unwrap_or(Load::NONE);
-                case.disturbed(place, &load, new.iter().copied())
-            })
+            (sources.into_iter()).partition(|source| source.is_function());
+        let loads = candidates
+            .iter()
+            .map(|each| each.load.unwrap_or(Load::NONE));
+        let read: Vec<(usize, Load)> = loads.enumerate().collect();
+        let errors = (read.iter())
+            .map(|(place, load)| case.disturbed(*place, load, new.iter().copied()))
             .collect();
         let machining = &task.belief.machining_tool;
         let known = (case.targets.iter()).position(|target| *target == machining.name);
@@ -91,12 +92,8 @@ impl<'a> AbsolutePlanning<'a> {
         });
         let asked: Vec<PlannedReading> = asked.collect();
         let set = case.unknowns_beside(groups, &asked).map_err(of_lines)?;
-        let loads = candidates
-            .iter()
-            .map(|each| each.load.unwrap_or(Load::NONE));
-        let loads: Vec<Load> = loads.collect();
         let planning = Self {
-            functions: RobotFunctions::new(task, (&case, target), &loads, &kept),
+            functions: RobotFunctions::new(task, (&case, target), &read, &kept),
             task,
             poses: place_rows(task, &case, &set, target),
             target,
@@ -155,8 +152,8 @@ impl<'a> AbsolutePlanning<'a> {
     }
 }
 
-/// Rows that read one target, under one load, from one station and in one configuration as one that is read as often as all.
-fn merged(rows: &[Candidate]) -> Vec<Candidate> {
+/// Rows of one target, under one load, from one station and in one configuration together.
+fn alike(rows: &[Candidate]) -> Vec<Vec<usize>> {
     let q = |place: usize| &rows[place].configuration_rad;
     let is_same = |one: usize, other: usize| {
         let [one, other] = [&rows[one], &rows[other]];
@@ -166,7 +163,11 @@ fn merged(rows: &[Candidate]) -> Vec<Candidate> {
                 (&other.configuration_rad, other.approach.as_ref()),
             )
     };
-    let groups = together(rows.len(), q, is_same).into_iter();
+    together(rows.len(), q, is_same)
+}
+
+/// Rows that are alike as one that is read as often as all.
+fn merged(rows: &[Candidate]) -> Vec<Candidate> {
     let times = |group: &[usize]| -> Option<u32> {
         let each: Option<Vec<u32>> = group.iter().map(|&place| rows[place].most).collect();
         each.map(|each| each.into_iter().fold(0, u32::saturating_add))
@@ -175,25 +176,14 @@ fn merged(rows: &[Candidate]) -> Vec<Candidate> {
         most: times(&group),
         ..rows[group[0]].clone()
     };
-    groups.map(row).collect()
+    alike(rows).into_iter().map(row).collect()
 }
 
-/// Readings of one target, under one load, from one station and in one configuration as one, with how often it is taken.
-fn alike(measured: &[AbsoluteReading]) -> (Vec<AbsoluteReading>, Vec<u32>) {
-    let q = |place: usize| &measured[place].configuration_rad;
-    let is_same = |one: usize, other: usize| {
-        let [one, other] = [&measured[one], &measured[other]];
-        let pose =
-            |each: &'_ AbsoluteReading| (each.load, each.target.clone(), each.station.clone());
-        pose(one) == pose(other)
-            && is_one_configuration(
-                (&one.configuration_rad, one.approach.as_ref()),
-                (&other.configuration_rad, other.approach.as_ref()),
-            )
-    };
-    let groups = together(measured.len(), q, is_same).into_iter();
+/// Readings that are alike as one, with how often it is taken.
+fn taken_once(measured: &[AbsoluteReading]) -> (Vec<AbsoluteReading>, Vec<u32>) {
+    let rows: Vec<Candidate> = measured.iter().map(row_of).collect();
     let times = |group: &[usize]| u32::try_from(group.len()).unwrap_or(u32::MAX);
-    groups
+    (alike(&rows).into_iter())
         .map(|group| (measured[group[0]].clone(), times(&group)))
         .unzip()
 }

@@ -11,9 +11,7 @@
 //! with x^ from generalised least squares by V. Without such functions a plan's configurations are independent, and nothing of this is
 //! needed.
 
-use nalgebra::{
-    Cholesky, DMatrix, DVector, Isometry3, Matrix6xX, SymmetricEigen, Vector3, Vector6,
-};
+use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, Matrix6xX, SymmetricEigen};
 
 use super::predicted_accuracy::{PlaceRows, PredictedAccuracy, known_after, stacked, stacked_task};
 use super::together::turned_columns;
@@ -38,7 +36,7 @@ pub(super) struct FunctionPoint {
 pub(super) struct RobotFunctions {
     /// The functions.
     pub each: Vec<JointFunction>,
-    /// Where each candidate is read (6 x f).
+    /// Where each candidate is read (6 x f), or each of some readings.
     pub candidates: Vec<FunctionPoint>,
     /// The machining tool at each test pose, what counts of it (3 x f).
     pub poses: Vec<FunctionPoint>,
@@ -59,23 +57,20 @@ pub(super) struct TiedReadings {
 }
 
 impl RobotFunctions {
-    /// Of some sources of errors.
+    /// Of sources that are such, where some candidates are read under loads.
     pub fn new(
         task: &Task,
         (case, target): (&AbsoluteCase<'_>, usize),
-        loads: &[Load],
+        read: &[(usize, Load)],
         sources: &[&ReadingSource],
     ) -> Self {
         let each: Vec<JointFunction> = sources.iter().flat_map(|each| each.functions()).collect();
-        let sources = || {
-            let kept = sources.iter().copied();
-            kept.filter(|each| !each.functions().is_empty())
-        };
+        let sources = || sources.iter().copied();
         let angles =
             |q: &DVector<f64>| -> Vec<f64> { each.iter().map(|each| q[each.joint]).collect() };
-        let candidate = |(place, load): (usize, &Load)| FunctionPoint {
-            angles_rad: angles(&case.observations[place].setup.commanded_rad),
-            columns: columns(&case.disturbed(place, load, sources()).configuration, 6),
+        let candidate = |(place, load): &(usize, Load)| FunctionPoint {
+            angles_rad: angles(&case.observations[*place].setup.commanded_rad),
+            columns: columns(&case.disturbed(*place, load, sources()).configuration, 6),
         };
         let nominal = &case.belief.nominal;
         let arm = BareArm {
@@ -86,7 +81,7 @@ impl RobotFunctions {
         let mut poses = Vec::new();
         let mut candidates = Vec::new();
         if !each.is_empty() {
-            candidates.extend(loads.iter().enumerate().map(candidate));
+            candidates.extend(read.iter().map(candidate));
             poses.extend(task.test_poses.iter().map(|pose| {
                 let q = &pose.configuration_rad;
                 let carried = (arm.tool, &pose.load);
@@ -296,18 +291,14 @@ impl AbsolutePlanning<'_> {
         weights: &DMatrix<f64>,
         source: &ReadingSource,
     ) -> f64 {
-        let loads: Vec<Load> = (0..self.candidates.len())
-            .map(|place| self.load(place))
-            .collect();
+        let read = readings
+            .iter()
+            .map(|each| (each.place, self.load(each.place)));
+        let read: Vec<(usize, Load)> = read.collect();
         let case = (&self.case, self.target);
-        let functions = RobotFunctions::new(self.task, case, &loads, &[source]);
-        let mut points: Vec<&FunctionPoint> = Vec::new();
-        points.extend(
-            readings
-                .iter()
-                .map(|each| &functions.candidates[each.place]),
-        );
-        points.extend(&functions.poses);
+        let functions = RobotFunctions::new(self.task, case, &read, &[source]);
+        let points = functions.candidates.iter().chain(&functions.poses);
+        let points: Vec<&FunctionPoint> = points.collect();
         let mut square = 0.0;
         for (function, root) in functions.roots(&points).iter().enumerate() {
             // How the tool's place follows the function at each point (3 m x n).
@@ -372,22 +363,11 @@ impl AbsolutePlanning<'_> {
         }
     }
 
-    /// By how much the joints' functions move the tool at the test poses (m, what counts, world frame) as the residuals of a plan's
-    /// readings say (m, rad; world frame), in the order of its configurations; nothing without functions.
-    pub fn moved_by_functions(
-        &self,
-        plan: &[(usize, u32)],
-        residuals: &[Vector6<f64>],
-    ) -> Vec<Vector3<f64>> {
-        let Some(tied) = self.tied(plan) else {
-            return vec![Vector3::zeros(); self.poses.len()];
-        };
-        let all = residuals.iter().flat_map(|each| each.iter().copied());
-        let all = DVector::from_iterator(6 * residuals.len(), all);
-        let moved = tied
-            .gains()
-            .map(|gain| (gain * &all).fixed_rows::<3>(0).into_owned());
-        moved.collect()
+    /// How the joints' functions move the tool at each test pose (m, what counts, world frame) by the residuals of a plan's readings (3 x 6 n; m,
+    /// rad, world frame), in the order of its configurations; none without functions.
+    pub fn function_gains(&self, plan: &[(usize, u32)]) -> Vec<DMatrix<f64>> {
+        let tied = self.tied(plan);
+        tied.map_or_else(Vec::new, |tied| tied.gains().collect())
     }
 }
 

@@ -1,8 +1,8 @@
 //! The best choice from a long list of readings that follow unknowns and functions of joints' angles: the greedy choice and random ones,
 //! bettered by exchanges until none helps.
 //!
-//! What is minimised is the mean square error of the positions that are not chosen, or of those that cannot be; all candidates are tried for every exchange, which
-//! updates of low rank make cheap: see [`KnownOfReadings`].
+//! What is minimised is the mean square error of the positions that are not chosen, or of those that cannot be; all candidates are tried
+//! for every exchange, which updates of low rank make cheap: see [`KnownOfReadings`].
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

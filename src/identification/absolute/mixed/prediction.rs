@@ -175,14 +175,14 @@ impl DiscrepancyModel {
 
     /// How errors are spread over joint space: by how much larger squares are where each is, as the others have it.
     fn spread(&mut self, part: usize, all: &[(&[f64], f64, f64)]) -> Vec<f64> {
+        if all.len() < SPREAD_FROM {
+            return vec![1.0; all.len()];
+        }
         let angles: Vec<&[f64]> = all.iter().map(|each| each.0).collect();
         let squares: Vec<f64> = all.iter().map(|each| each.1).collect();
         let ranges: Vec<[f64; 2]> = (self.joints.iter())
             .map(|each| each.process.range())
             .collect();
-        if all.len() < SPREAD_FROM {
-            return vec![1.0; all.len()];
-        }
         let Some(spread) = ErrorSpread::of_means(&squares, &angles, &ranges) else {
             return vec![1.0; all.len()];
         };
