@@ -16,7 +16,7 @@ use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, repeated};
 use elastocal::task::{AccuracyKind, Method};
 use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::Recording;
+use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::rerun_file::write_rerun;
 use nalgebra::{DMatrix, Matrix3xX};
 
@@ -280,7 +280,7 @@ pub fn recording() -> Recording {
     let calibrations = plans.map(|(name, plan)| {
         let calibration = calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 0)
             .expect("a calibration");
-        (name.to_owned(), calibration)
+        CarriedOutPlan::Deflections(name.to_owned(), Box::new(calibration))
     });
     Recording::new(scenario, &calibrations).expect("a recording")
 }

@@ -1,16 +1,15 @@
 //! `replay`: one run of the study on the virtual robot, recorded.
 
 use clap::Args;
-use elastocal::calibration::{Calibration, calibrate};
+use elastocal::calibration::calibrate;
 use elastocal::files::make_folder;
 use elastocal::plan::search::random_plan;
 use elastocal::quantities::units::thousandths;
-use elastocal::record::absolute_plan::readings_run_json;
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
-use elastocal::study::absolute::ReadingRuns;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
-use elastocal::view::recording::Recording;
+use elastocal::view::recording::{CarriedOutPlan, Recording};
+use elastocal::workflow::run_absolute::replay_readings;
 use serde_json::{Value, json};
 
 use super::interruption::proceed;
@@ -36,10 +35,10 @@ pub struct Replay {
 struct ReplayedPlan {
     name: String,
     record: Value,
-    /// The distance (m) at each test pose.
-    residuals_m: Vec<f64>,
-    /// Of deflections, what is shown.
-    calibration: Option<Calibration>,
+    /// The distance (mm) at each test pose.
+    residuals_mm: Vec<f64>,
+    /// What is shown.
+    shown: CarriedOutPlan,
 }
 
 impl Replay {
@@ -70,7 +69,7 @@ impl Replay {
             entries.len()
         ));
         let plans = (entries.iter())
-            .map(|entry| self.replayed(&settings[0], scenario.seed, entry))
+            .map(|entry| self.replayed(&settings[0], &scenario, entry))
             .collect::<anyhow::Result<Vec<_>>>()?;
         let records: Vec<&Value> = plans.iter().map(|plan| &plan.record).collect();
         let shown = settings[0].conditions;
@@ -88,20 +87,14 @@ impl Replay {
         let mut written = Written::default();
         let record = folder.join(record);
         written.save(&record, &(serde_json::to_string_pretty(&json)? + "\n"));
-        let shown = plans.into_iter();
-        let shown = shown.filter_map(|plan| Some((plan.name, plan.calibration?)));
-        let shown: Vec<(String, Calibration)> = shown.collect();
-        text += &if shown.is_empty() {
-            format!("recorded in {}\n", record.display())
-        } else {
-            let scenario = Scenario {
-                task: settings[0].task.clone(),
-                ..scenario.clone()
-            };
-            let recording = Recording::new(&scenario, &shown)?;
-            let shown = write_recording(&recording, &record, &mut written);
-            format!("recorded in {}, .mcap and .json\n", shown.display())
+        let shown: Vec<CarriedOutPlan> = plans.into_iter().map(|plan| plan.shown).collect();
+        let scenario = Scenario {
+            task: settings[0].task.clone(),
+            ..scenario.clone()
         };
+        let recording = Recording::new(&scenario, &shown)?;
+        let shown = write_recording(&recording, &record, &mut written);
+        text += &format!("recorded in {}, .mcap and .json\n", shown.display());
         Ok(Report::new(json, text, written.conditions()))
     }
 
@@ -109,41 +102,35 @@ impl Replay {
     fn replayed(
         &self,
         setting: &Setting<'_>,
-        seed: u64,
+        scenario: &Scenario,
         entry: &Entry<'_>,
     ) -> anyhow::Result<ReplayedPlan> {
-        let (task, name) = (&setting.task, entry.name.clone());
+        let (task, seed, name) = (&setting.task, scenario.seed, entry.name.clone());
         let plan = match &entry.kind {
             EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
             EntryKind::RandomEach => {
                 random_plan(task, setting.conditions.experiments, seed, self.run)?
             }
             EntryKind::Readings(readings) => {
-                let runs = ReadingRuns::new(setting, readings)?;
-                let mut robots = runs.robots()?;
-                let run = runs.run(&mut robots, [seed, self.run])?;
-                let came = (&runs.prediction, &run, &robots.sampled(self.run));
+                let studied = (&*name, &**readings);
+                let (run, did) = replay_readings(scenario, setting, studied, [seed, self.run])?;
                 return Ok(ReplayedPlan {
-                    record: readings_run_json(&name, task, readings, came)?,
+                    record: run.json()?,
+                    residuals_mm: run.test_poses.iter().map(|pose| pose.residual_mm).collect(),
                     name,
-                    residuals_m: run
-                        .residuals_m
-                        .iter()
-                        .map(nalgebra::Vector3::norm)
-                        .collect(),
-                    calibration: None,
+                    shown: CarriedOutPlan::Readings(Box::new(run), did),
                 });
             }
         };
         let calibration = calibrate(task, setting.truth, &plan, seed, self.run)?;
         let record = CalibrationMessage::new(&task.belief.commands(), &name, &calibration);
         Ok(ReplayedPlan {
-            name,
-            record: serde_json::to_value(record)?,
-            residuals_m: (calibration.poses.iter())
-                .map(|pose| pose.seen.residual_m.norm())
+            name: name.clone(),
+            residuals_mm: (record.test_poses.iter())
+                .map(|pose| pose.residual_mm)
                 .collect(),
-            calibration: Some(calibration),
+            record: serde_json::to_value(record)?,
+            shown: CarriedOutPlan::Deflections(name, Box::new(calibration)),
         })
     }
 }
@@ -165,7 +152,7 @@ fn describe(scenario: &Scenario, plans: &[ReplayedPlan]) -> String {
     header.extend((scenario.task.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
     let row = |plan: &ReplayedPlan| {
         let distances =
-            (plan.residuals_m.iter()).map(|residual_m| format!("{:.3}", residual_m * 1e6));
+            (plan.residuals_mm.iter()).map(|residual_mm| format!("{:.3}", residual_mm * 1e3));
         std::iter::once(plan.name.clone())
             .chain(distances)
             .collect()

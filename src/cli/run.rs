@@ -13,8 +13,9 @@ use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Belief};
 use elastocal::text::wording::{counted, shell_path};
+use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::report::{RunRecord, run_page};
-use elastocal::view::{recording::Recording, stills::Stills};
+use elastocal::view::stills::Stills;
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
@@ -42,8 +43,7 @@ pub struct Run {
     budget: BudgetArgs,
     #[command(flatten)]
     readings: ReadingsArgs,
-    /// Show the recording in a rerun viewer too: start one, connect to one, or write a file. Of deflections: absolute
-    /// readings have no recordings.
+    /// Show the recording in a rerun viewer too: start one, connect to one, or write a file.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
 }
@@ -73,12 +73,7 @@ impl Run {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         rests(&scenario)?;
-        let of_deflections = [
-            &[("--rerun", self.rerun.is_some())][..],
-            &self.proof.given(),
-        ]
-        .concat();
-        refuse_others(&scenario, &of_deflections, &self.readings.given())?;
+        refuse_others(&scenario, &self.proof.given(), &self.readings.given())?;
         let folder = self.make_folder(&scenario)?;
         match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.of_readings(&scenario, &folder),
@@ -110,9 +105,11 @@ impl Run {
         })?;
         proceed()?;
         let mut json = outcome.json(scenario, designed.elapsed_s)?;
-        let calibrations: Vec<_> = (outcome.tried.iter())
-            .map(|each| each.calibration.clone())
-            .collect();
+        let shown = outcome.tried.iter().map(|each| {
+            let (name, calibration) = each.calibration.clone();
+            CarriedOutPlan::Deflections(name, Box::new(calibration))
+        });
+        let shown: Vec<CarriedOutPlan> = shown.collect();
         let random_rho0_m = outcome.random_rho0_m;
         let main = &outcome.tried[0].calibration.1;
         let stills = Stills::of_plan(scenario, &main.plan);
@@ -126,7 +123,7 @@ impl Run {
             command: &command_line(),
             stills: &stills.figures(),
         };
-        let recording = Recording::new(scenario, &calibrations)?;
+        let recording = Recording::new(scenario, &shown)?;
         let page = run_page(&record)?;
         let mut written = Written::default();
         let text = record_text(&mut json, &outcome.conditions)?;

@@ -1,24 +1,21 @@
 //! A plan of absolute readings as a record.
 
-use nalgebra::Vector3;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::absolute::AbsoluteMessage;
-use super::messages::{CommonSourcesMessage, TruthMessage};
+use super::json::merge;
+use super::messages::{CommonSourcesMessage, TestPoseMessage, TruthMessage};
 use crate::experiment::Candidate;
-use crate::identification::{AbsoluteCase, AbsoluteError};
 use crate::measurement::AbsoluteReading;
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::{OfferedCandidates, PlanBound};
 use crate::robot::{Commands, Load};
-use crate::study::{StudiedReadings, absolute::ReadingsRun};
-use crate::task::{AccuracyKind, Task, TestPose};
-use crate::testbed::RunTruth;
+use crate::task::{AccuracyKind, Task};
 
 /// What is read in a plan, and where.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct PlannedReadingMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -136,7 +133,7 @@ pub fn planned_readings(
 }
 
 /// What an instrument said (mm), in its own frame.
-pub fn readings_json(readings: &[AbsoluteReading]) -> Vec<Value> {
+fn readings_json(readings: &[AbsoluteReading]) -> Vec<Value> {
     let reading = |each: &AbsoluteReading| {
         if let Some(distance_m) = each.distance_m {
             return json!({ "distance_mm": distance_m * 1e3 });
@@ -150,36 +147,47 @@ pub fn readings_json(readings: &[AbsoluteReading]) -> Vec<Value> {
     readings.iter().map(reading).collect()
 }
 
-/// A run of a plan of absolute readings by its name, as a record.
-///
-/// # Errors
-/// The readings are none of the robot.
-pub fn readings_run_json(
-    name: &str,
-    task: &Task,
-    readings: &StudiedReadings<'_>,
-    (prediction, run, truth): (&PredictedAccuracy, &ReadingsRun, &RunTruth),
-) -> Result<Value, AbsoluteError> {
-    let case = AbsoluteCase::new(&task.belief, &run.readings)?;
-    let millimetres = |vector_m: &Vector3<f64>| <[f64; 3]>::from(vector_m * 1e3);
-    let poses = task.test_poses.iter().zip(&prediction.poses_m);
-    let pose = |((pose, rho0_m), residual_m): ((&TestPose, &Option<f64>), &Vector3<f64>)| {
-        json!({
-            "name": pose.name,
-            "weight": pose.weight,
-            "rho0_mm": rho0_m.map(|value| value * 1e3),
-            "residual_mm": residual_m.norm() * 1e3,
-            "residual_xyz_mm": millimetres(residual_m),
-        })
-    };
-    Ok(json!({
-        "name": name,
-        "plan": planned_readings(task, &readings.planning, &readings.plan),
-        "measurements": readings_json(&run.readings),
-        "truth": TruthMessage::new(task.belief.parameters.iter().copied(), truth),
-        "identification": AbsoluteMessage::new(&case, &run.fit),
-        "test_poses": poses.zip(&run.residuals_m).map(pose).collect::<Vec<_>>(),
-    }))
+/// A plan of absolute readings that was carried out once.
+#[derive(Debug, Clone)]
+pub struct ReadingsRunMessage {
+    /// The plan's name.
+    pub name: String,
+    /// The plan.
+    pub plan: Vec<PlannedReadingMessage>,
+    /// What was read.
+    pub readings: Vec<AbsoluteReading>,
+    /// The simulated truth of the run,
+    pub truth: TruthMessage,
+    /// and of it the quantities that were identified, in their order; none where a run does not say them.
+    pub true_values: Vec<Option<f64>>,
+    /// What was identified.
+    pub identification: AbsoluteMessage,
+    /// What that achieves at each test pose.
+    pub test_poses: Vec<TestPoseMessage>,
+}
+
+impl ReadingsRunMessage {
+    /// The record as JSON.
+    ///
+    /// # Errors
+    /// None that records of numbers and texts have.
+    pub fn json(&self) -> serde_json::Result<Value> {
+        let unknowns = self.identification.unknowns.iter().zip(&self.true_values);
+        let unknowns = unknowns.map(|(each, value)| json!({ "name": each.name, "value": value }));
+        let mut truth = serde_json::to_value(&self.truth)?;
+        merge(
+            &mut truth,
+            json!({ "unknowns": unknowns.collect::<Vec<_>>() }),
+        );
+        Ok(json!({
+            "name": self.name,
+            "plan": self.plan,
+            "measurements": readings_json(&self.readings),
+            "truth": truth,
+            "identification": self.identification,
+            "test_poses": self.test_poses,
+        }))
+    }
 }
 
 impl AbsolutePlanMessage {

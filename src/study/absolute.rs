@@ -34,13 +34,13 @@ const COMPLIANCE_SPREAD: f64 = 0.1;
 /// A plan made ready: what is drawn, read and held against what.
 #[derive(Debug)]
 pub struct ReadingRuns<'a> {
-    task: &'a Task,
+    pub(super) task: &'a Task,
     studied: &'a StudiedReadings<'a>,
     /// What is predicted.
     pub prediction: PredictedAccuracy,
     predicted_m: f64,
     /// How it is carried out.
-    read: ReadPlan<'a>,
+    pub(super) read: ReadPlan<'a>,
     truth: Truth,
     /// Where the tool is predicted to be at each test pose.
     regions: Vec<PlaceRegion>,

@@ -8,11 +8,13 @@
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`verdict`]: whether the observed accuracy is the predicted one.
 //! - [`absolute`]: a run of a plan of absolute readings: the virtual robot is read, identified and looked at.
+//! - [`carried_out`]: what its robot does in each row and at the test poses.
 //! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and validated on all others.
 //! - [`virtual_readings`]: what an instrument writes down of such a plan in a run.
 
 pub mod absolute;
 pub mod account;
+pub mod carried_out;
 pub mod deviations;
 pub mod model_level;
 pub mod robot_level;

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{
-    Isometry3, Matrix6, Point3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3,
-    Vector6,
+    Isometry3, Matrix3, Matrix6, Point3, Quaternion, Rotation3, Translation3, UnitQuaternion,
+    Vector3, Vector6,
 };
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use thiserror::Error;
 
-use crate::experiment::Candidate;
+use crate::experiment::{Candidate, Experiment};
 use crate::files::FileError;
 use crate::measurement::AbsoluteReading;
 use crate::numeric::random::generator;
@@ -18,7 +18,7 @@ use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::{Stream, frames_of_trial};
 use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
 use crate::robot::{EquilibriumError, Load};
-use crate::task::{Task, station_named};
+use crate::task::{Station, Task, station_named};
 use crate::testbed::{ReadingNumbers, SeenFrom, TrueRobots, Truth};
 
 /// The instrument is within such a cube about the robot (m).
@@ -53,6 +53,41 @@ pub struct ReadPlan<'a> {
     pub groups: Vec<Vec<RepeatedReading>>,
     /// What is sampled for each of them, visit by visit.
     numbers: Vec<Vec<ReadingNumbers>>,
+}
+
+/// A row of a plan with the visits in which it is read.
+#[derive(Debug)]
+pub struct VisitedRow<'a> {
+    /// The row.
+    pub row: &'a Candidate,
+    /// What is read, and from where.
+    pub seen: SeenFrom<'a>,
+    /// What is sampled, visit by visit.
+    pub numbers: &'a [ReadingNumbers],
+    each: RepeatedReading,
+}
+
+impl VisitedRow<'_> {
+    /// Where the target is and its axes in a visit, under a load, as they are read without the instrument's own noise.
+    ///
+    /// # Errors
+    /// The robot does not rest.
+    pub fn rest(
+        &self,
+        robots: &mut TrueRobots,
+        numbers: ReadingNumbers,
+        load: Load,
+    ) -> Result<(Vector3<f64>, Matrix3<f64>), VirtualReadingError> {
+        let experiment = Experiment {
+            load,
+            ..self.row.experiment(1)
+        };
+        let rest = robots.read(&experiment, self.seen, numbers);
+        rest.map_err(|error| VirtualReadingError::Rest {
+            line: self.row.line,
+            error,
+        })
+    }
 }
 
 /// What an instrument shows of a target once, in its own frame.
@@ -102,6 +137,24 @@ impl<'a> ReadPlan<'a> {
         self.plan.iter().map(|&(place, _)| self.target(place))
     }
 
+    /// The rows by configuration, those that visits repeat alike together.
+    pub fn rows<'b>(&'b self, stations: &'b [Station]) -> impl Iterator<Item = VisitedRow<'b>> {
+        let visited = self.groups.iter().flatten().zip(&self.numbers);
+        visited.map(|(each, numbers)| {
+            let row = self.row(each.place);
+            let station = station_named(stations, row.station.as_deref());
+            VisitedRow {
+                row,
+                seen: SeenFrom {
+                    target: self.target(each.place),
+                    station_m: station.map(|station| station.position_m),
+                },
+                numbers,
+                each: *each,
+            }
+        })
+    }
+
     /// The frame of each station in a run: anywhere about the robot; of points near where they are believed to be, with the base's axes.
     pub fn frames(&self, [seed, run]: [u64; 2]) -> Vec<Isometry3<f64>> {
         let mut random = generator(seed, frames_of_trial(run));
@@ -135,21 +188,12 @@ impl<'a> ReadPlan<'a> {
         let mut noise = vec![[0.0; LANES]; 6 * self.len()];
         fill_normals(Stream::Noise, seed, run, &mut noise);
         let mut all = Vec::with_capacity(self.numbers.len());
-        for (each, visits) in self.groups.iter().flatten().zip(&self.numbers) {
-            let row = self.row(each.place);
-            let experiment = row.experiment(1);
-            let station = station_named(&task.belief.stations, row.station.as_deref());
-            let seen = SeenFrom {
-                target: self.target(each.place),
-                station_m: station.map(|station| station.position_m),
-            };
+        for visited in self.rows(&task.belief.stations) {
+            let each = visited.each;
+            let load = visited.row.load.unwrap_or(Load::NONE);
             let frame = &frames[self.planning.station_of(each.place)];
-            let shown = visits.iter().map(|&numbers| {
-                let rest = robots.read(&experiment, seen, numbers);
-                let (at_m, axes) = rest.map_err(|error| VirtualReadingError::Rest {
-                    line: row.line,
-                    error,
-                })?;
+            let shown = visited.numbers.iter().map(|&numbers| {
+                let (at_m, axes) = visited.rest(robots, numbers, load)?;
                 let own = &noise[6 * numbers.reading..];
                 let three = |from: usize| Vector3::from_fn(|axis, _| own[from + axis][0]);
                 let exact_m = (frame * Point3::from(at_m)).coords;
@@ -167,7 +211,7 @@ impl<'a> ReadPlan<'a> {
                         * Rotation3::from_matrix_unchecked(axes),
                 })
             });
-            all.push((*each, shown.collect::<Result<_, VirtualReadingError>>()?));
+            all.push((each, shown.collect::<Result<_, VirtualReadingError>>()?));
         }
         Ok(all)
     }

@@ -228,6 +228,16 @@ impl TrueRobots {
         (visits, &mut self.bodies[MEASURING].1)
     }
 
+    /// The robot that a target was read of, as it came to rest last.
+    pub fn reading(&self, target: &str) -> &VirtualRobot {
+        &self.bodies[self.of(target)].1
+    }
+
+    fn of(&self, target: &str) -> usize {
+        let place = self.bodies.iter().position(|(name, _)| name == target);
+        place.unwrap_or(MEASURING)
+    }
+
     /// The robot that carries the machining tool, as it came to rest last.
     pub fn machining(&self) -> &VirtualRobot {
         &self.bodies[MACHINING].1
@@ -297,8 +307,7 @@ impl TrueRobots {
     ) -> Result<(Vector3<f64>, Matrix3<f64>), EquilibriumError> {
         let reading = (self.laboratory).reading(experiment, &self.normals, 0, numbers);
         let (commanded, load) = (&reading.commanded_rad, reading.load);
-        let place = self.bodies.iter().position(|(name, _)| name == seen.target);
-        let place = place.unwrap_or(MEASURING);
+        let place = self.of(seen.target);
         let (carried_m, ..) = self.bodies[MEASURING].1.rest(commanded, &load)?;
         // The load at the target that does what the load at the calibration tool does.
         let mut transferred = load;

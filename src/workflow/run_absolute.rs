@@ -14,18 +14,21 @@ use crate::calibration::{CompensatedPose, SeenPose, pose_conditions};
 use crate::codes::{Condition, ErrorCode};
 use crate::compensation::compensate_arm;
 use crate::files::FileError;
-use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup, ReadingWeights};
+use crate::identification::{
+    AbsoluteCase, AbsoluteError, AbsoluteFit, ParameterGroup, ReadingWeights,
+};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::posterior::NotDetermined;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::plan::absolute::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, PredictedAccuracy};
 use crate::plan::search::Watch;
 use crate::record::absolute::AbsoluteMessage;
-use crate::record::absolute_plan::{AbsolutePlanMessage, readings_json};
+use crate::record::absolute_plan::{AbsolutePlanMessage, ReadingsRunMessage, planned_readings};
 use crate::record::json::{merge, results};
 use crate::record::messages::{ProvenanceMessage, TestPoseMessage, TruthMessage};
 use crate::scenario::Scenario;
 use crate::study::absolute::ReadingRuns;
+use crate::study::carried_out::CarriedOut;
 use crate::study::{Conditions, Setting, StudiedReadings};
 use crate::task::TestPose;
 use crate::testbed::{RunTruth, TrueRobots};
@@ -40,15 +43,17 @@ pub struct AbsoluteRun<'a> {
     /// How many searches for the plan there were, and how many ended within 0.1 %.
     pub searches: [usize; 2],
     /// The readings, each by itself.
-    pub readings: Vec<AbsoluteReading>,
+    readings: Vec<AbsoluteReading>,
     /// The simulated truth of this run,
-    pub truth: RunTruth,
+    truth: RunTruth,
     /// and of it the quantities that were identified, in their order; none of frames, and where a run does not say them.
-    pub true_values: Vec<Option<f64>>,
+    true_values: Vec<Option<f64>>,
     /// What was identified.
     pub identified: IdentifiedRobot<'a>,
     /// What that achieves at each test pose; without compensation, the nominal robot in the frames that suit the readings best.
     pub poses: Vec<CompensatedPose>,
+    /// What the robot did.
+    pub carried_out: CarriedOut,
     /// The median of what random plans of the same candidates predict (m); or why there is none.
     pub random_rho0_m: Result<f64, AbsolutePlanError>,
 }
@@ -97,6 +102,7 @@ pub fn run_absolute<'a>(
     let runs = ReadingRuns::new(&setting, &studied).map_err(|error| unread(&error))?;
     let mut robots = runs.robots()?;
     let readings = (runs.measure(&mut robots, numbers)).map_err(|error| unread(&error))?;
+    let carried_out = (runs.carried_out(&mut robots)).map_err(|error| unread(&error))?;
 
     // Identify.
     let identified = identify_absolute(belief, &readings, groups, (weights, false));
@@ -135,9 +141,10 @@ pub fn run_absolute<'a>(
     let random_rho0_m = planning.median_random_rho0_m(sizes[0], RANDOM_PLANS, seed);
     let run = AbsoluteRun {
         searches: found.searches,
-        true_values: true_values(scenario, &robots, &identified),
+        true_values: true_values(scenario, &robots, fit),
         truth: robots.sampled(RUN),
         readings,
+        carried_out,
         identified,
         poses,
         random_rho0_m,
@@ -152,13 +159,54 @@ fn predicted(prediction: &PredictedAccuracy, place: usize) -> Result<f64, NotDet
     })
 }
 
-/// The true quantities of what was identified, in this run.
-fn true_values(
+/// One run of a study of absolute readings, with all that its robot did.
+///
+/// # Errors
+/// What it failed by.
+pub fn replay_readings(
     scenario: &Scenario,
-    robots: &TrueRobots,
-    identified: &IdentifiedRobot<'_>,
-) -> Vec<Option<f64>> {
-    let (belief, fit) = (&scenario.task.belief, &identified.fit);
+    setting: &Setting<'_>,
+    (name, studied): (&str, &StudiedReadings<'_>),
+    [seed, number]: [u64; 2],
+) -> anyhow::Result<(ReadingsRunMessage, CarriedOut)> {
+    let (task, belief) = (&setting.task, &setting.task.belief);
+    let runs = ReadingRuns::new(setting, studied)?;
+    let mut robots = runs.robots()?;
+    let shown = runs.shown(&mut robots, [seed, number])?;
+    let (run, commands) = (&shown.run, belief.commands());
+    let seen = shown.before_m.iter().zip(&run.residuals_m);
+    let poses = task.test_poses.iter().enumerate().zip(seen);
+    let pose = |((place, pose), (&uncompensated_m, &residual_m)): ((_, &TestPose), _)| {
+        let pose = CompensatedPose {
+            name: pose.name.clone(),
+            weight: pose.weight,
+            direction: pose.direction,
+            commanded_rad: pose.configuration_rad.clone(),
+            predicted_m: predicted(&runs.prediction, place),
+            seen: SeenPose {
+                uncompensated_m,
+                residual_m,
+            },
+        };
+        TestPoseMessage::new(&commands, &pose)
+    };
+    let case = AbsoluteCase::new(belief, &run.readings)?;
+    let joints = belief.parameters.iter().copied();
+    let record = ReadingsRunMessage {
+        name: name.to_owned(),
+        plan: planned_readings(task, &studied.planning, &studied.plan),
+        truth: TruthMessage::new(joints, &robots.sampled(number)),
+        true_values: true_values(scenario, &robots, &run.fit),
+        identification: AbsoluteMessage::new(&case, &run.fit),
+        test_poses: poses.map(pose).collect(),
+        readings: shown.run.readings,
+    };
+    Ok((record, shown.carried_out))
+}
+
+/// The true quantities of what was identified, in this run.
+fn true_values(scenario: &Scenario, robots: &TrueRobots, fit: &AbsoluteFit) -> Vec<Option<f64>> {
+    let belief = &scenario.task.belief;
     // Of another model than the nominal one a run says compliances alone. Zeros that are left out as redundant are in the frames,
     // and with links in these, too.
     let is_own = scenario.truth.robot.model.path() == belief.nominal.model.path();
@@ -200,12 +248,22 @@ impl AbsoluteRun<'_> {
         conditions
     }
 
-    /// The records of the test poses.
-    pub fn test_poses(&self, scenario: &Scenario) -> Vec<TestPoseMessage> {
-        let commands = scenario.task.belief.commands();
-        (self.poses.iter())
-            .map(|pose| TestPoseMessage::new(&commands, pose))
-            .collect()
+    /// The run of a plan as a record.
+    pub fn record(&self, scenario: &Scenario, plan: &AbsolutePlanMessage) -> ReadingsRunMessage {
+        let belief = &scenario.task.belief;
+        let (commands, joints) = (belief.commands(), belief.parameters.iter().copied());
+        let poses = self.poses.iter();
+        ReadingsRunMessage {
+            name: "optimal".to_owned(),
+            plan: plan.plan.clone(),
+            readings: self.readings.clone(),
+            truth: TruthMessage::new(joints, &self.truth),
+            true_values: self.true_values.clone(),
+            identification: AbsoluteMessage::new(&self.identified.case, &self.identified.fit),
+            test_poses: poses
+                .map(|pose| TestPoseMessage::new(&commands, pose))
+                .collect(),
+        }
     }
 
     /// results.json: the keys of the plan, of its readings and of their identification, by stage.
@@ -216,34 +274,17 @@ impl AbsoluteRun<'_> {
         &self,
         scenario: &Scenario,
         provenance: &ProvenanceMessage,
-        plan: &AbsolutePlanMessage,
+        (plan, record): (&AbsolutePlanMessage, &ReadingsRunMessage),
         groups: &[ParameterGroup],
     ) -> serde_json::Result<Value> {
-        let test_poses = self.test_poses(scenario);
         let identification = self.identified.json(scenario, provenance, groups)?;
         let [before_mm, after_mm] = self.observed_rms_m().map(|value| value * 1e3);
-        let joints = scenario.task.belief.parameters.iter().copied();
-        let mut truth = serde_json::to_value(TruthMessage::new(joints, &self.truth))?;
-        let unknowns = self.identified.fit.set.parameters().iter();
-        let unknowns = unknowns.zip(&self.true_values);
-        let unknowns = unknowns.map(|(each, value)| json!({ "name": each.name, "value": value }));
-        merge(
-            &mut truth,
-            json!({ "unknowns": unknowns.collect::<Vec<_>>() }),
-        );
-        let own = json!({
-            "name": "optimal",
-            "plan": plan.plan,
-            "measurements": readings_json(&self.readings),
-            "truth": truth,
-            "identification": AbsoluteMessage::new(&self.identified.case, &self.identified.fit),
-            "test_poses": test_poses,
-            "assessment": plan,
-        });
+        let mut own = record.json()?;
+        merge(&mut own, json!({ "assessment": plan }));
         // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the unknowns are those of the
         // identification.
         let mut json = json!({ "gate": scenario.gate });
-        merge(&mut json, serde_json::to_value(&test_poses[0])?);
+        merge(&mut json, own["test_poses"][0].clone());
         merge(&mut json, serde_json::to_value(plan)?);
         merge(&mut json, identification);
         merge(

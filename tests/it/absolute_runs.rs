@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use crate::browser::looks_well;
+use crate::recordings::{read_mcap, rerun, rows};
 use crate::support::{Workplace, absolute_scenario_text, number, numbers, project, scenario_text};
 
 /// What nobody knows exactly, with priors of all that is unknown; each visit of the robot is of one reading.
@@ -33,11 +34,13 @@ q_deg = [30, -70, 90, -100, -70, 30]
 force_n = [10, -20, -50]
 "#;
 const REPEATABILITY: &str = "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.02\n";
-const FILES: [&str; 5] = [
+const FILES: [&str; 7] = [
     "measurements.csv",
     "plan.csv",
     "report.html",
     "results.json",
+    "run.mcap",
+    "run.rrd",
     "stills.svg",
 ];
 
@@ -147,6 +150,63 @@ fn a_run_is_what_its_commands_are() {
     let compared = place.json("compare out/s/results.json out/s/results.json");
     let count = compared["changes"].as_array().map(Vec::len);
     assert_eq!(count, Some(4), "rho0, efficiency and two test poses");
+}
+
+/// Recordings of a run, a replay and a study have the robot in each row and at the test poses, where the record has it.
+#[test]
+fn recordings_show_what_the_robot_did() {
+    let study = "\n[study]\nexperiments = 12\ntrials = 20\nlevel = \"robot\"\n[[study.plan]]\nkind = \"random\"\nname = \"any\"\n";
+    let (place, run) = run_of(&(absolute(KNOWN) + REPEATABILITY + study), "--draw 12");
+    let replayed = place.json("replay s.toml --run 0 --draw 12");
+    place.json("study s.toml --draw 12");
+    for (file, record) in [
+        ("run", &run["plans"][0]),
+        ("replay_0", &replayed["plans"][0]),
+        ("study", &replayed["plans"][0]),
+    ] {
+        let rrd = place.path(&format!("out/s/{file}.rrd"));
+        let shown = rows(&rerun(&["rrd", "print"], &rrd));
+        assert!(shown.len() > 10, "{file}: {shown:?}");
+        let bytes = std::fs::read(place.path(&format!("out/s/{file}.mcap"))).expect("a recording");
+        let messages = read_mcap(&bytes);
+        let on = |topic: &'static str| messages.iter().filter(move |each| each.topic == topic);
+        let read: Vec<_> = on("/measurements").collect();
+        let measurements = record["measurements"].as_array().expect("a list");
+        assert_eq!(read.len(), measurements.len(), "{file}");
+        let residuals = &record["identification"]["residuals_mm"];
+        let mut seen: Vec<String> = Vec::new();
+        for (place, message) in read.iter().enumerate() {
+            let position = numbers(&message.json["position_mm"]);
+            assert_eq!(
+                position,
+                numbers(&measurements[place]["position_mm"]),
+                "{file}"
+            );
+            let residual = numbers(&message.json["residual_mm"]);
+            assert_eq!(residual, numbers(&residuals[place]), "{file}");
+            seen.push(
+                message.json["station"]
+                    .as_str()
+                    .expect("a station")
+                    .to_owned(),
+            );
+        }
+        let steps: Vec<_> = on("/steps").collect();
+        let poses = record["test_poses"].as_array().expect("poses");
+        let (rows, at_work) = steps.split_at(steps.len() - 2 * poses.len());
+        for (step, station) in rows.iter().zip(&seen) {
+            let title = step.json["title"].as_str().expect("a title");
+            assert!(title.ends_with(&format!(" from {station}")), "{title}");
+        }
+        for (pair, pose) in at_work.chunks(2).zip(poses) {
+            for (step, key) in pair.iter().zip(["uncompensated_xyz_mm", "residual_xyz_mm"]) {
+                let off = numbers(&step.json["displacement_mm"]);
+                for (one, other) in off.iter().zip(numbers(&pose[key])) {
+                    assert!((one - other).abs() < 1e-9, "{file}: {key} {one} {other}");
+                }
+            }
+        }
+    }
 }
 
 /// Where nothing but the instrument's noise is new in a reading, the study's fit is the same: run 0 of a study of the plan leaves the same

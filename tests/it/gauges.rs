@@ -7,7 +7,7 @@ use elastocal::plan::search::{Problem, random_plan};
 use elastocal::plan::{Criterion, Feasibility, Plan, UncertaintyBudget, read_plan};
 use elastocal::scenario::Scenario;
 use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::Recording;
+use elastocal::view::recording::{CarriedOutPlan, Recording};
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
 use serde_json::Value;
 
@@ -450,15 +450,15 @@ fn recordings_show_what_each_instrument_reads() {
     assert_eq!(noise.standard_uncertainty, None);
     let both = "is 0.03 mm of a coordinate and 0.00501 mm of the gauge";
     assert_eq!(noise.remark.as_deref(), Some(both));
-    let calibrations = [("plan".to_owned(), found)];
-    let recording = Recording::new(&scenario, &calibrations).expect("it works");
+    let shown = CarriedOutPlan::Deflections("plan".to_owned(), Box::new(found.clone()));
+    let recording = Recording::new(&scenario, &[shown]).expect("it works");
     let place = Workplace::new();
     write_mcap(&place.path("run.mcap"), &recording).expect("written");
     let bytes = std::fs::read(place.path("run.mcap")).expect("it is there");
     let messages = read_mcap(&bytes).into_iter();
     let messages = messages.filter(|each| each.topic == "/measurements");
     let mut along = 0;
-    for (message, measured) in messages.zip(&calibrations[0].1.measurements) {
+    for (message, measured) in messages.zip(&found.measurements) {
         let json = &message.json;
         for key in ["deflection_mm", "residual_mm"] {
             assert_eq!(json[key].is_null(), measured.direction.is_some(), "{key}");

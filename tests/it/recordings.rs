@@ -6,13 +6,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use elastocal::calibration::{Calibration, calibrate};
+use elastocal::calibration::calibrate;
 use elastocal::plan::Plan;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::Recording;
+use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::rerun_file::write_rerun;
 use mcap::MessageStream;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -21,12 +21,12 @@ use serde_json::Value;
 use crate::support::{project, scenario, table4};
 
 fn recorded(scenario: &Scenario, plans: &[(&str, Plan)]) -> Recording {
-    let calibrations: Vec<(String, Calibration)> = plans
+    let calibrations: Vec<CarriedOutPlan> = plans
         .iter()
         .map(|(name, plan)| {
             let calibration = calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, 0)
                 .expect("everything can be measured");
-            ((*name).to_owned(), calibration)
+            CarriedOutPlan::Deflections((*name).to_owned(), Box::new(calibration))
         })
         .collect();
     Recording::new(scenario, &calibrations).expect("what was measured can be recorded")

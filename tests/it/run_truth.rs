@@ -4,7 +4,7 @@ use elastocal::calibration::{Calibration, calibrate};
 use elastocal::plan::Plan;
 use elastocal::record::messages::CalibrationMessage;
 use elastocal::scenario::Scenario;
-use elastocal::view::recording::{Recording, StepKind};
+use elastocal::view::recording::{CarriedOutPlan, Recording, StepKind};
 use nalgebra::Vector3;
 
 use crate::support::{Workplace, project, scenario, scenario_text, table4};
@@ -108,7 +108,14 @@ fn a_recording_shows_the_deflections_of_its_run() {
     let mut plan = table4(3);
     plan.experiments[1].repeats = 2;
     let run = calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 0).expect("works");
-    let recording = Recording::new(&scenario, &[("plan".to_owned(), run.clone())]).expect("works");
+    let recording = Recording::new(
+        &scenario,
+        &[CarriedOutPlan::Deflections(
+            "plan".to_owned(),
+            Box::new(run.clone()),
+        )],
+    )
+    .expect("works");
     for step in &recording.calibrations[0].steps {
         match &step.kind {
             StepKind::Experiment { measurements, .. } => {

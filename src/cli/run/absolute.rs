@@ -7,11 +7,11 @@ use elastocal::identification::ReadingWeights;
 use elastocal::measurement::absolute_table;
 use elastocal::plan::UncertaintyBudget;
 use elastocal::plan::search::Watch;
-use elastocal::record::absolute::AbsoluteMessage;
-use elastocal::record::absolute_plan::AbsolutePlanMessage;
-use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
+use elastocal::record::absolute_plan::{AbsolutePlanMessage, ReadingsRunMessage};
+use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
+use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::report::{AbsolutePageRecord, ObservedRun, absolute_page};
 use elastocal::workflow::run::{RANDOM_PLANS, RunStage};
 use elastocal::workflow::run_absolute::{AbsoluteRun, RUN, run_absolute};
@@ -20,15 +20,15 @@ use super::{FILES, Run, say_laboratory};
 use crate::cli::identify::absolute::describe;
 use crate::cli::interruption::{STOP, proceed};
 use crate::cli::planned::{PlannedAccuracy, left_out};
-use crate::cli::progress::{bar, show};
+use crate::cli::progress;
 use crate::cli::table::{number, table};
 use crate::cli::uncertainty_budget;
-use crate::cli::views::command_line;
+use crate::cli::views::{command_line, show, write_recording};
 use crate::cli::written::{Written, record_text, warn};
 use crate::cli::{Common, Report};
 
 impl Run {
-    /// The loop, and all files but recordings.
+    /// The loop, and all files.
     pub(super) fn of_readings(&self, scenario: &Scenario, folder: &Path) -> anyhow::Result<Report> {
         let (common, task, seed) = (&self.common, &scenario.task, scenario.seed);
         let candidates = self.readings.candidates(scenario)?;
@@ -37,10 +37,10 @@ impl Run {
             .with_optional("candidates", self.readings.candidates.as_deref())?;
         let readings = counted(task.design.experiments.into(), "absolute reading");
         common.say(&format!("designing a plan of {readings}"));
-        let bar = bar(common.quiet, "searching the plan");
+        let bar = progress::bar(common.quiet, "searching the plan");
         let watch = Watch {
             stop: &STOP,
-            progress: &|done, all, _| show(&bar, done, all),
+            progress: &|done, all, _| progress::show(&bar, done, all),
         };
         let weights = if common.noise_only {
             ReadingWeights::Own
@@ -68,20 +68,19 @@ impl Run {
         };
         let mut conditions = planned.conditions(scenario);
         conditions.extend(outcome.conditions(scenario));
-        let mut json = outcome.json(scenario, &provenance, plan, wanted.groups)?;
+        let record = outcome.record(scenario, plan);
+        let mut json = outcome.json(scenario, &provenance, (plan, &record), wanted.groups)?;
         let stills = planned.stills(scenario);
-        let identified = AbsoluteMessage::new(&outcome.identified.case, &outcome.identified.fit);
-        let test_poses = outcome.test_poses(scenario);
         let page = absolute_page(&AbsolutePageRecord {
             scenario,
             plan,
             trials: None,
             run: Some(&ObservedRun {
                 run: RUN,
-                test_poses: &test_poses,
+                test_poses: &record.test_poses,
                 rms_mm: outcome.observed_rms_m().map(|value| value * 1e3),
-                identification: &identified,
-                true_values: &outcome.true_values,
+                identification: &record.identification,
+                true_values: &record.true_values,
                 random: (RANDOM_PLANS, outcome.random_rho0_mm()),
             }),
             provenance: &provenance,
@@ -93,12 +92,18 @@ impl Run {
         let [plan_file, measurements, results] = FILES.map(|name| folder.join(name));
         written.note(&plan_file, planned.write(task, &plan_file));
         let origin = scenario.origin().simulated(seed, Some(RUN));
-        let rows = origin.comments() + &absolute_table(&task.belief.commands(), &outcome.readings);
+        let rows = origin.comments() + &absolute_table(&task.belief.commands(), &record.readings);
         written.note(&measurements, write_whole(&measurements, rows.as_bytes()));
         written.save(&results, &record_text(&mut json, &conditions)?);
         written.save(&folder.join("stills.svg"), &stills.sheet());
         written.save(&folder.join("report.html"), &page);
-        let mut text = describe(&identified) + &summary(plan, &outcome, &test_poses);
+        let mut text = describe(&record.identification) + &summary(plan, &outcome, &record);
+        let shown = CarriedOutPlan::Readings(Box::new(record), outcome.carried_out);
+        let recording = Recording::new(scenario, &[shown])?;
+        write_recording(&recording, &folder.join("run.rrd"), &mut written);
+        if let Some(target) = &self.rerun {
+            show(target, &recording, &mut written)?;
+        }
         text += &format!("Results are in {}\n", folder.display());
         text += &self.budget.write(planned.budget(), &mut written);
         say_laboratory(common, scenario, folder);
@@ -119,10 +124,10 @@ fn tell(common: &Common, stage: &RunStage<'_>) {
 fn summary(
     plan: &AbsolutePlanMessage,
     outcome: &AbsoluteRun<'_>,
-    test_poses: &[TestPoseMessage],
+    record: &ReadingsRunMessage,
 ) -> String {
     let micro = |value_mm: Option<f64>| number(value_mm.map(|value_mm| value_mm * 1e3), 2);
-    let rows = test_poses.iter().map(|pose| {
+    let rows = record.test_poses.iter().map(|pose| {
         let distances = [
             pose.rho0_mm,
             Some(pose.residual_mm),

@@ -8,10 +8,12 @@ use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
 use elastocal::study::{Entry, EntryKind, Setting, tally::Tally};
+use elastocal::view::mcap_file::study::write_study_mcap;
+use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
 use elastocal::view::rerun_file::viewer::{Messages, Viewer};
 use elastocal::view::study_recording::{Snapshot, StudyRecording};
-use elastocal::view::{mcap_file::study::write_study_mcap, recording::Recording};
+use elastocal::workflow::run_absolute::replay_readings;
 use elastocal::workflow::study::plan_messages;
 
 use super::target::ViewerTarget;
@@ -25,7 +27,7 @@ pub struct StudyObserver {
 }
 
 impl StudyObserver {
-    /// Calibrates once with each plan of deflections, to be shown, and opens the viewer.
+    /// Calibrates once with each plan, to be shown, and opens the viewer.
     pub fn new(
         scenario: &Scenario,
         settings: &[Setting<'_>],
@@ -33,7 +35,7 @@ impl StudyObserver {
         entries: &[Entry<'_>],
         target: Option<&ViewerTarget>,
     ) -> anyhow::Result<Self> {
-        let mut calibrations = Vec::new();
+        let mut shown = Vec::new();
         for (entry, label) in entries.iter().zip(header.labels()) {
             let Setting {
                 conditions,
@@ -46,16 +48,24 @@ impl StudyObserver {
                 EntryKind::RandomEach => {
                     random_plan(task, conditions.experiments, scenario.seed, 0)?
                 }
-                EntryKind::Readings(_) => continue,
+                EntryKind::Readings(readings) => {
+                    let (setting, numbers) = (&settings[entry.setting], [scenario.seed, 0]);
+                    if let Ok((run, did)) =
+                        replay_readings(scenario, setting, (&label, readings), numbers)
+                    {
+                        shown.push(CarriedOutPlan::Readings(Box::new(run), did));
+                    }
+                    continue;
+                }
             };
             // A plan that fails on the virtual robot is not shown, and may do by the linear model.
             if let Ok(calibration) = calibrate(task, truth, &plan, scenario.seed, 0) {
-                calibrations.push((label, calibration));
+                shown.push(CarriedOutPlan::Deflections(label, Box::new(calibration)));
             }
         }
         let study = StudyRecording {
             header: header.clone(),
-            arms: Recording::new(scenario, &calibrations)?,
+            arms: Recording::new(scenario, &shown)?,
         };
         let mut observer = Self {
             study,

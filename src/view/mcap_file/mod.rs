@@ -19,12 +19,13 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::Serialize;
 
-use super::recording::{RecordedCalibration, Recording, Stance, Step, StepKind};
+use super::recording::{PlanRecord, RecordedCalibration, Recording, Stance, Step, StepKind};
 use crate::files::{FileError, output::Output};
 use crate::laboratory::Costs;
+use crate::record::absolute::AbsoluteMessage;
+use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::record::messages::{
-    ExperimentMessage, IdentificationMessage, MeasurementMessage, ProvenanceMessage,
-    TestPoseMessage, thousandfold,
+    IdentificationMessage, MeasurementMessage, ProvenanceMessage, TestPoseMessage, thousandfold,
 };
 use foxglove::{JointState, JointStates, Time};
 
@@ -36,6 +37,10 @@ const PLAN: Topic = Topic("/plan", "elastocal.Plan");
 const STEPS: Topic = Topic("/steps", "elastocal.Step");
 const MEASUREMENTS: Topic = Topic("/measurements", "elastocal.Measurement");
 const IDENTIFICATION: Topic = Topic("/identification", "elastocal.Identification");
+// Topics have one type each: a file is of deflections or of absolute readings.
+const READINGS_PLAN: Topic = Topic("/plan", "elastocal.ReadingsPlan");
+const READINGS: Topic = Topic("/measurements", "elastocal.Reading");
+const IDENTIFIED_READINGS: Topic = Topic("/identification", "elastocal.IdentifiedReadings");
 const TEST_POSES: Topic = Topic("/test_poses", "elastocal.TestPose");
 const JOINTS: Topic = Topic("/joint_states", "foxglove.JointStates");
 const TRANSFORMS: Topic = Topic("/tf", "foxglove.FrameTransforms");
@@ -43,11 +48,11 @@ const SCENE: Topic = Topic("/scene", "foxglove.SceneUpdate");
 
 /// A plan with its name.
 #[derive(Debug, Serialize, JsonSchema)]
-struct PlanRecord<'a> {
+struct NamedPlan<'a, T> {
     /// The name.
     calibration: &'a str,
-    /// The experiments.
-    plan: &'a [ExperimentMessage],
+    /// The experiments, or the rows of absolute readings.
+    plan: &'a [T],
 }
 
 /// What was identified with a plan.
@@ -60,6 +65,41 @@ struct IdentificationRecord<'a> {
     identification: &'a IdentificationMessage,
     /// The virtual robot's compliances in this run; identification does not see them.
     true_compliance_rad_per_nm: &'a [f64],
+}
+
+/// What was identified with a plan of absolute readings.
+#[derive(Debug, Serialize, JsonSchema)]
+struct IdentifiedReadings<'a> {
+    /// The plan's name.
+    calibration: &'a str,
+    /// The results.
+    #[serde(flatten)]
+    identification: &'a AbsoluteMessage,
+    /// The simulated truth of the unknowns in this run, in their order; null where a run does not say it.
+    true_values: &'a [Option<f64>],
+}
+
+/// An absolute reading in its place in the plan.
+#[derive(Debug, Serialize, JsonSchema)]
+struct ReadingRecord<'a> {
+    /// The plan's name.
+    calibration: &'a str,
+    /// The number of the row in the plan, from 1.
+    row: usize,
+    /// The number of the repeat, from 1.
+    repeat: usize,
+    /// The site that is read.
+    target: Option<&'a str>,
+    /// Where the instrument stands.
+    station: Option<&'a str>,
+    /// The position that was read (mm), in the instrument's frame; null of distances.
+    position_mm: Option<[f64; 3]>,
+    /// The distance that was read (mm), of distances.
+    distance_mm: Option<f64>,
+    /// Read less predicted position (mm), in the instrument's frame; null of distances.
+    residual_mm: Option<[f64; 3]>,
+    /// Read less predicted distance (mm), of distances.
+    distance_residual_mm: Option<f64>,
 }
 
 /// What compensation with these results achieves at a test pose.
@@ -186,12 +226,18 @@ impl<W: Write + Seek> Channels<W> {
         })?;
         let start = Time::default();
         self.write(&PROVENANCE, start, &recording.provenance)?;
-        for calibration in &recording.calibrations {
-            let plan = PlanRecord {
-                calibration: &calibration.record.name,
-                plan: &calibration.record.plan,
-            };
-            self.write(&PLAN, start, &plan)?;
+        for each in &recording.calibrations {
+            let calibration = each.record.name();
+            match &each.record {
+                PlanRecord::Deflections(record) => {
+                    let plan = &record.plan;
+                    self.write(&PLAN, start, &NamedPlan { calibration, plan })?;
+                }
+                PlanRecord::Readings(record) => {
+                    let plan = &record.plan;
+                    self.write(&READINGS_PLAN, start, &NamedPlan { calibration, plan })?;
+                }
+            }
         }
         if recording.shows_robot() {
             self.write(&SCENE, start, &scene::scenery(recording, start))?;
@@ -244,13 +290,20 @@ impl<W: Write + Seek> Channels<W> {
         else {
             return Ok(now.later(costs.reading_min));
         };
-        let record = &calibration.record;
+        let all = &calibration.record;
         for (repeat, index) in (1..).zip(measurements.clone()) {
+            now = now.later(costs.reading_min);
+            let read = |vector_mm| all.as_read(index, vector_mm).unwrap_or_default();
+            let record = match all {
+                PlanRecord::Deflections(record) => record,
+                PlanRecord::Readings(record) => {
+                    let place = (number, repeat, index);
+                    self.write(&READINGS, now, &reading_record(record, place, read))?;
+                    continue;
+                }
+            };
             let Some(mut measurement) = record.measurements.get(index).cloned() else {
                 break;
-            };
-            let read = |vector_mm: Option<[f64; 3]>| {
-                vector_mm.map_or((None, None), |each| calibration.as_read(index, each))
             };
             let displacement_mm;
             (measurement.deflection_mm, displacement_mm) = read(measurement.deflection_mm);
@@ -271,7 +324,6 @@ impl<W: Write + Seek> Channels<W> {
                 residual_mm,
                 displacement_residual_mm,
             };
-            now = now.later(costs.reading_min);
             self.write(&MEASUREMENTS, now, &message)?;
         }
         Ok(now)
@@ -283,15 +335,27 @@ impl<W: Write + Seek> Channels<W> {
         calibration: &RecordedCalibration,
         now: Time,
     ) -> Result<(), McapError> {
-        let record = &calibration.record;
-        let identification = IdentificationRecord {
-            calibration: &record.name,
-            identification: &record.identification,
-            true_compliance_rad_per_nm: &record.truth.compliance_rad_per_nm,
-        };
-        self.write(&IDENTIFICATION, now, &identification)?;
-        for pose in &record.test_poses {
-            let calibration = &record.name;
+        let all = &calibration.record;
+        let calibration = all.name();
+        match all {
+            PlanRecord::Deflections(record) => {
+                let identification = IdentificationRecord {
+                    calibration,
+                    identification: &record.identification,
+                    true_compliance_rad_per_nm: &record.truth.compliance_rad_per_nm,
+                };
+                self.write(&IDENTIFICATION, now, &identification)?;
+            }
+            PlanRecord::Readings(record) => {
+                let identification = IdentifiedReadings {
+                    calibration,
+                    identification: &record.identification,
+                    true_values: &record.true_values,
+                };
+                self.write(&IDENTIFIED_READINGS, now, &identification)?;
+            }
+        }
+        for pose in all.test_poses() {
             self.write(&TEST_POSES, now, &TestPoseRecord { calibration, pose })?;
         }
         Ok(())
@@ -317,6 +381,29 @@ impl<W: Write + Seek> Channels<W> {
         };
         self.sequence += 1;
         self.writer.write_to_known_channel(&header, &data)
+    }
+}
+
+/// A reading of a row of a plan.
+fn reading_record<'a>(
+    record: &'a ReadingsRunMessage,
+    (row, repeat, index): (&usize, usize, usize),
+    as_read: impl Fn(Option<[f64; 3]>) -> (Option<[f64; 3]>, Option<f64>),
+) -> ReadingRecord<'a> {
+    let reading = &record.readings[index];
+    let (position_mm, distance_mm) = as_read(Some(thousandfold(&reading.position_m)));
+    let residual_mm = record.identification.residuals_mm.get(index).copied();
+    let (residual_mm, distance_residual_mm) = as_read(residual_mm);
+    ReadingRecord {
+        calibration: &record.name,
+        row: *row,
+        repeat,
+        target: reading.target.as_deref(),
+        station: reading.station.as_deref(),
+        position_mm,
+        distance_mm,
+        residual_mm,
+        distance_residual_mm,
     }
 }
 
@@ -351,7 +438,7 @@ fn joints(recording: &Recording, stance: &Stance, now: Time) -> JointStates {
 
 fn step_record<'a>(calibration: &'a RecordedCalibration, step: &Step) -> StepRecord<'a> {
     StepRecord {
-        calibration: &calibration.record.name,
+        calibration: calibration.record.name(),
         title: calibration.title(step),
         q_commanded_deg: calibration.commands.numbers(step.commanded_rad.as_slice()),
         q_unloaded_deg: calibration.commands.all_numbers(&step.unloaded.q_rad),

@@ -80,40 +80,33 @@ pub(super) fn annotations(
 ) -> SceneUpdate {
     let mut update = SceneUpdate::default();
     let mut entity = SceneEntity::new(now, WORLD, "force");
-    if let Some(force) = recording.force_arrow_m(step) {
+    if let Some((force, label)) = recording.force_arrow_m(step).zip(step.load_label()) {
         let from = step.enlarged.tool_m;
         let to = from + force;
         entity.arrows = vec![ArrowPrimitive::between(&from, &to, 0.035, FORCE_RGBA)];
-        entity.texts = vec![TextPrimitive::at(&to, FORCE_RGBA, step.load_label())];
+        entity.texts = vec![TextPrimitive::at(&to, FORCE_RGBA, label)];
     }
     update.entities.push(entity);
 
     let mut entity = SceneEntity::new(now, WORLD, "deflection");
-    let from = step.unloaded.tool_m;
-    let to = from + step.displacement_m() * step.enlargement;
-    entity.arrows = vec![ArrowPrimitive::between(&from, &to, 0.028, DEFLECTION_RGBA)];
-    let beside = from + Vector3::z() * 0.1;
-    entity.texts = vec![TextPrimitive::at(
-        &beside,
-        DEFLECTION_RGBA,
-        step.displacement_label(),
-    )];
+    if let Some(label) = step.displacement_label() {
+        let from = step.unloaded.tool_m;
+        let to = from + step.displacement_m() * step.enlargement;
+        entity.arrows = vec![ArrowPrimitive::between(&from, &to, 0.028, DEFLECTION_RGBA)];
+        let beside = from + Vector3::z() * 0.1;
+        entity.texts = vec![TextPrimitive::at(&beside, DEFLECTION_RGBA, label)];
+    }
     update.entities.push(entity);
 
-    if let Some(tracker_m) = &recording.tracker_m {
-        let mut entity = SceneEntity::new(now, WORLD, "tracker_line");
-        // Only the calibration tool has a reflector.
-        if step.tool() == ShownTool::Calibration {
-            let line = LinePrimitive::between(tracker_m, &step.unloaded.tool_m, 0.01, TRACKER_RGBA);
-            entity.lines = vec![line];
-        }
-        update.entities.push(entity);
-    }
+    let mut entity = SceneEntity::new(now, WORLD, "tracker_line");
+    let line = |from| LinePrimitive::between(from, &step.unloaded.tool_m, 0.01, TRACKER_RGBA);
+    entity.lines = step.instrument_m.iter().map(line).collect();
+    update.entities.push(entity);
 
     let mut entity = SceneEntity::new(now, WORLD, "title");
     let title = format!(
         "{}: {}; joint deflections enlarged {} times",
-        calibration.record.name,
+        calibration.record.name(),
         calibration.title(step),
         step.enlargement
     );

@@ -2,6 +2,7 @@
 //! loaded, with the measurements and results.
 
 mod bodies;
+mod record;
 mod steps;
 
 use std::ops::Range;
@@ -11,15 +12,21 @@ use nalgebra::{DVector, Isometry3, Vector3};
 use super::mesh::Mesh;
 use crate::calibration::{Calibration, CalibrationError};
 use crate::laboratory::Costs;
+use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
+use crate::study::carried_out::CarriedOut;
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, is_moved};
+pub use record::PlanRecord;
 use steps::{Stage, enlarge};
 
 /// The largest force in experiments, and that in test poses, is drawn this long (m).
 const FORCE_ARROW_M: f64 = 0.6;
+
+/// The eye is so many times as far away as what it sees is large.
+const EYE_AWAY: f64 = 2.2;
 
 /// One calibration or several of one scenario, ready to be written.
 #[derive(Debug, Clone)]
@@ -34,8 +41,6 @@ pub struct Recording {
     pub surroundings: Vec<Body>,
     /// What the joints move, each in its own frame, from the base to the tools.
     pub links: Vec<Body>,
-    /// Where the tracker stands (m), if the scenario has one.
-    pub tracker_m: Option<Vector3<f64>>,
     /// How long work takes.
     pub costs: Costs,
     /// The calibrations; the first is the main one.
@@ -73,11 +78,20 @@ pub enum ShownTool {
     Machining,
 }
 
+/// A plan as it was carried out, to be recorded.
+#[derive(Debug, Clone)]
+pub enum CarriedOutPlan {
+    /// Of deflections, under its name.
+    Deflections(String, Box<Calibration>),
+    /// Of absolute readings, with what the robot did.
+    Readings(Box<ReadingsRunMessage>, CarriedOut),
+}
+
 /// One calibration with what the robot did.
 #[derive(Debug, Clone)]
 pub struct RecordedCalibration {
-    /// Plan, measurements and results under the name of the plan.
-    pub record: CalibrationMessage,
+    /// Plan, readings and results.
+    pub record: PlanRecord,
     /// How the robot is commanded.
     pub commands: Commands,
     /// The unit of the compliances as they are shown.
@@ -103,12 +117,14 @@ pub struct Step {
     pub enlargement: f64,
     /// The loaded arm with its joints' deflections enlarged, as it is drawn.
     pub enlarged: Stance,
+    /// From where an instrument reads it (m), if somebody says.
+    pub instrument_m: Option<Vector3<f64>>,
 }
 
 /// What a step is.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StepKind {
-    /// An experiment of the plan.
+    /// An experiment of the plan, or a row of absolute readings.
     Experiment {
         /// Its number in the plan, from 1.
         number: usize,
@@ -155,25 +171,33 @@ impl Step {
         }
     }
 
-    /// The deflection of the tool as it is drawn, in words.
-    pub fn displacement_label(&self) -> String {
+    /// The deflection of the tool as it is drawn, in words; none where nothing bends it.
+    pub fn displacement_label(&self) -> Option<String> {
         let micrometres = self.displacement_m().norm() * 1e6;
+        if micrometres <= 0.0 {
+            return None;
+        }
         let length = if micrometres < 100.0 {
             format!("{micrometres:.1} µm")
         } else {
             format!("{:.3} mm", micrometres * 1e-3)
         };
-        format!("{length} (drawn {} times as long)", self.enlargement)
+        Some(format!(
+            "{length} (drawn {} times as long)",
+            self.enlargement
+        ))
     }
 
-    /// The load in words: "2500 N", "300 N and 20 N m".
-    pub fn load_label(&self) -> String {
+    /// The load in words: "2500 N", "300 N and 20 N m"; none without one.
+    pub fn load_label(&self) -> Option<String> {
         let (force, torque) = (self.load.force_n.norm(), self.load.torque_nm.norm());
-        match (force > 0.0, torque > 0.0) {
-            (_, false) => format!("{force:.0} N"),
+        let words = match (force > 0.0, torque > 0.0) {
+            (false, false) => return None,
+            (true, false) => format!("{force:.0} N"),
             (false, true) => format!("{torque:.0} N m"),
             (true, true) => format!("{force:.0} N and {torque:.0} N m"),
-        }
+        };
+        Some(words)
     }
 
     /// Loaded minus unloaded position of the tool (m), true to scale and without the instrument's errors.
@@ -183,34 +207,17 @@ impl Step {
 }
 
 impl RecordedCalibration {
-    /// A vector of a measurement (mm) as far as it is read: whole, or of a gauge what is along its direction.
-    pub fn as_read(
-        &self,
-        measurement: usize,
-        vector_mm: [f64; 3],
-    ) -> (Option<[f64; 3]>, Option<f64>) {
-        let direction = (self.record.measurements.get(measurement)).and_then(|each| each.direction);
-        match direction {
-            Some(along) => (
-                None,
-                Some(Vector3::from(along).dot(&Vector3::from(vector_mm))),
-            ),
-            None => (Some(vector_mm), None),
-        }
-    }
-
     /// What a step is, for people.
     pub fn title(&self, step: &Step) -> String {
         match &step.kind {
-            StepKind::Experiment { number, .. } => {
-                format!("experiment {number} of {}", self.record.plan.len())
-            }
+            StepKind::Experiment { number, .. } => self.record.row_title(*number),
             StepKind::TestPose { index, compensated } => {
-                let name = &self.record.test_poses[*index].name;
-                let how = if *compensated {
-                    "compensated"
-                } else {
-                    "not compensated"
+                let name = &self.record.test_poses()[*index].name;
+                let how = match (&self.record, compensated) {
+                    (PlanRecord::Deflections(_), true) => "compensated",
+                    (PlanRecord::Deflections(_), false) => "not compensated",
+                    (PlanRecord::Readings(_), true) => "by the identified robot",
+                    (PlanRecord::Readings(_), false) => "by the nominal robot",
                 };
                 format!("test pose {name:?}, {how}")
             }
@@ -219,29 +226,37 @@ impl RecordedCalibration {
 }
 
 impl Recording {
-    /// Puts the virtual robot of each named calibration's run into every experiment and test pose.
+    /// Puts the virtual robot into every experiment or row of each plan, and into the test poses.
     ///
     /// # Errors
-    /// See [`CalibrationError`]; none that the calibrations did not have already.
-    pub fn new(
-        scenario: &Scenario,
-        calibrations: &[(String, Calibration)],
-    ) -> Result<Self, CalibrationError> {
+    /// See [`CalibrationError`]; none that the plans did not have already.
+    pub fn new(scenario: &Scenario, plans: &[CarriedOutPlan]) -> Result<Self, CalibrationError> {
+        let belief = &scenario.task.belief;
         let (surroundings, links) = bodies(scenario)?;
         let mut stage = Stage::new(&scenario.truth.robot.model, &links);
-        let mut recorded = Vec::new();
-        let commands = scenario.task.belief.commands();
-        for (name, calibration) in calibrations {
-            let steps = steps::steps(scenario, calibration, &mut stage)?;
-            recorded.push(RecordedCalibration {
-                record: CalibrationMessage::new(&commands, name, calibration),
-                commands: commands.clone(),
-                compliance_unit: scenario.task.belief.compliance_unit("1e-6"),
+        let mut calibrations = Vec::new();
+        for plan in plans {
+            let commands = belief.commands();
+            let (record, steps) = match plan {
+                CarriedOutPlan::Deflections(name, calibration) => {
+                    let record = CalibrationMessage::new(&commands, name, calibration);
+                    let steps = steps::of_deflections(scenario, calibration, &mut stage)?;
+                    (PlanRecord::Deflections(Box::new(record)), steps)
+                }
+                CarriedOutPlan::Readings(record, did) => {
+                    let steps = steps::of_readings(scenario, record, did, &mut stage)?;
+                    (PlanRecord::Readings(record.clone()), steps)
+                }
+            };
+            calibrations.push(RecordedCalibration {
+                record,
+                commands,
+                compliance_unit: belief.compliance_unit("1e-6"),
                 steps,
             });
         }
         for tool in [ShownTool::Calibration, ShownTool::Machining] {
-            enlarge(scenario, tool, &mut recorded, &mut stage)?;
+            enlarge(scenario, tool, &mut calibrations, &mut stage)?;
         }
         Ok(Self {
             provenance: ProvenanceMessage::new(scenario),
@@ -249,18 +264,12 @@ impl Recording {
             joints: scenario.truth.robot.joint_names(),
             surroundings,
             links,
-            tracker_m: scenario
-                .task
-                .belief
-                .instrument
-                .tracker_site
-                .map(|site| stage.place(site)),
             costs: scenario.laboratory.costs,
-            calibrations: recorded,
+            calibrations,
         })
     }
 
-    /// Whether there is a robot to show: plans of absolute readings have no calibration here.
+    /// Whether there is a robot to show: of a study all of whose plans fail there is none.
     pub const fn shows_robot(&self) -> bool {
         !self.calibrations.is_empty()
     }
@@ -274,6 +283,34 @@ impl Recording {
             .map(|(_, _, other)| other.load.force_n.norm())
             .fold(0.0, f64::max);
         (step.load.force_n.norm() > 0.0).then(|| step.load.force_n * (FORCE_ARROW_M / largest_n))
+    }
+
+    /// From where (m) all arms are in view, and the place (m) to look at: across the way from the base to the tools, from somewhat above.
+    pub fn eye_m(&self) -> Option<[Vector3<f64>; 2]> {
+        let links = self.steps().flat_map(|(.., step)| {
+            let links = step.unloaded.world_from_link.iter();
+            links.map(|pose| pose.translation.vector)
+        });
+        let tools = self.steps().map(|(.., step)| step.unloaded.tool_m);
+        let places: Vec<Vector3<f64>> = links.chain(tools).collect();
+        let low = places
+            .iter()
+            .copied()
+            .reduce(|one, other| one.inf(&other))?;
+        let high = places
+            .iter()
+            .copied()
+            .reduce(|one, other| one.sup(&other))?;
+        let centre = (low + high) / 2.0;
+        let radius = places.iter().map(|place| (place - centre).norm());
+        let radius = radius.fold(0.0, f64::max);
+        let reach: Vector3<f64> = self.steps().map(|(.., step)| step.unloaded.tool_m).sum();
+        let across = Vector3::new(reach.y, -reach.x, 0.0);
+        let across = across
+            .try_normalize(f64::MIN_POSITIVE)
+            .unwrap_or(-Vector3::y());
+        let towards: Vector3<f64> = across + Vector3::z() * 0.4;
+        Some([centre + towards.normalize() * (EYE_AWAY * radius), centre])
     }
 
     /// Every step of every calibration, numbered from 1 in the order in which they are shown.

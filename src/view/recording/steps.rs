@@ -5,8 +5,10 @@ use nalgebra::{DVector, Vector3};
 use super::{Body, RecordedCalibration, ShownTool, Stance, Step, StepKind, tool_name};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::mujoco::{Model, State};
+use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::robot::Load;
 use crate::scenario::Scenario;
+use crate::study::carried_out::{AtRest, CarriedOut};
 use crate::testbed::{MeasurementError, TrueRobots, VirtualRobot, Visit};
 
 /// The largest deflection of experiments, and that of test poses, is drawn about this long (m).
@@ -27,7 +29,7 @@ impl Stage {
     }
 
     /// Where a site is now (m).
-    pub(super) fn place(&self, site: usize) -> Vector3<f64> {
+    fn place(&self, site: usize) -> Vector3<f64> {
         self.state.site(site).0
     }
 
@@ -44,20 +46,23 @@ impl Stage {
         }
     }
 
-    /// The stance of a virtual robot as it came to rest last, with its tool there (m).
+    /// The stance of a virtual robot at rest: the links of a run's robot are elsewhere by what nobody sees, and the tool is where it was
+    /// observed.
+    fn at_rest(&mut self, rest: &AtRest, site: usize) -> Stance {
+        Stance {
+            tool_m: rest.place_m,
+            ..self.stance(rest.q_rad.clone(), &rest.coordinates, site)
+        }
+    }
+
+    /// The same as it came to rest last, with its tool there (m).
     fn rest(&mut self, robot: &VirtualRobot, site: usize, tool_m: Vector3<f64>) -> Stance {
-        let stance = self.stance(
-            robot.joint_angles(),
-            robot.simulation().coordinates().0,
-            site,
-        );
-        // The links of a run's robot are elsewhere by what nobody sees, and the tool is where it was observed.
-        Stance { tool_m, ..stance }
+        self.at_rest(&AtRest::of(robot, tool_m), site)
     }
 }
 
 /// The steps of a calibration, made by the robot of its run.
-pub(super) fn steps(
+pub(super) fn of_deflections(
     scenario: &Scenario,
     calibration: &Calibration,
     stage: &mut Stage,
@@ -80,6 +85,7 @@ fn experiment_steps(
 ) -> Result<Vec<Step>, CalibrationError> {
     let tool = &scenario.task.belief.calibration_tool.name;
     let site = scenario.truth.robot.model.site(tool)?;
+    let tracker = scenario.task.belief.instrument.tracker_site;
     let mut first = 0;
     let mut steps = Vec::new();
     for (number, experiment) in (1..).zip(&calibration.plan.experiments) {
@@ -112,7 +118,64 @@ fn experiment_steps(
             enlarged: loaded.clone(),
             unloaded,
             loaded,
+            instrument_m: tracker.map(|site| stage.place(site)),
         });
+    }
+    Ok(steps)
+}
+
+/// The steps of a plan of absolute readings as it was carried out; at test poses from where the model has the tool to where it is.
+pub(super) fn of_readings(
+    scenario: &Scenario,
+    record: &ReadingsRunMessage,
+    carried_out: &CarriedOut,
+    stage: &mut Stage,
+) -> Result<Vec<Step>, CalibrationError> {
+    let model = &scenario.truth.robot.model;
+    let tracker = scenario.task.belief.instrument.tracker_site;
+    let mut steps = Vec::new();
+    for (number, row) in (1..).zip(&carried_out.rows) {
+        let site = model.site(&row.target)?;
+        let [unloaded, loaded] = row.rests.each_ref().map(|rest| stage.at_rest(rest, site));
+        steps.push(Step {
+            kind: StepKind::Experiment {
+                number,
+                measurements: row.readings.clone(),
+            },
+            commanded_rad: row.commanded_rad.clone(),
+            load: row.load,
+            enlargement: 1.0,
+            enlarged: loaded.clone(),
+            unloaded,
+            loaded,
+            instrument_m: (row.station_m).or_else(|| tracker.map(|site| stage.place(site))),
+        });
+    }
+    let site = model.site(tool_name(scenario, ShownTool::Machining))?;
+    let poses = (scenario.task.test_poses.iter())
+        .zip(&carried_out.test_poses)
+        .zip(&record.test_poses);
+    for (index, ((pose, rest), achieved)) in poses.enumerate() {
+        let loaded = stage.at_rest(rest, site);
+        for (compensated, off_mm) in [
+            (false, achieved.uncompensated_xyz_mm),
+            (true, achieved.residual_xyz_mm),
+        ] {
+            let predicted_m = loaded.tool_m - Vector3::from(off_mm) * 1e-3;
+            steps.push(Step {
+                kind: StepKind::TestPose { index, compensated },
+                commanded_rad: pose.configuration_rad.clone(),
+                load: pose.load,
+                unloaded: Stance {
+                    tool_m: predicted_m,
+                    ..loaded.clone()
+                },
+                enlargement: 1.0,
+                enlarged: loaded.clone(),
+                loaded: loaded.clone(),
+                instrument_m: None,
+            });
+        }
     }
     Ok(steps)
 }
@@ -149,6 +212,7 @@ fn test_pose_steps(
                 enlargement: 1.0,
                 enlarged: loaded.clone(),
                 loaded,
+                instrument_m: None,
             });
         }
     }

@@ -4,8 +4,8 @@
 
 use re_sdk_types::AsComponents;
 use re_sdk_types::blueprint::archetypes::{
-    Background, ContainerBlueprint, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis, TimeAxis,
-    TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
+    ScalarAxis, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
 };
 use re_sdk_types::blueprint::components::{
     ActiveTab, BackgroundKind, ColumnShare, ContainerKind, Corner2D, IncludedContent, PanelState,
@@ -52,10 +52,16 @@ pub(super) struct Clock {
     pub(super) play_state: PlayState,
 }
 
-/// Writes the blueprint into its store.
-pub(super) fn lay_out(store: &mut Store, root: &ViewArea, clock: &Clock) {
+/// Writes the blueprint into its store; scenes are seen from a place (m) that looks at another.
+pub(super) fn lay_out(
+    store: &mut Store,
+    root: &ViewArea,
+    clock: &Clock,
+    eye_m: Option<[[f32; 3]; 2]>,
+) {
     let mut layout = Layout {
         store,
+        eye_m,
         range: clock.range,
         count: 0,
     };
@@ -78,6 +84,7 @@ pub(super) fn lay_out(store: &mut Store, root: &ViewArea, clock: &Clock) {
 
 struct Layout<'a> {
     store: &'a mut Store,
+    eye_m: Option<[[f32; 3]; 2]>,
     range: Option<(i64, i64)>,
     count: u8,
 }
@@ -181,6 +188,12 @@ impl Layout<'_> {
             self.log(&format!("{path}/Background"), &background);
             let grid = LineGrid3D::new().with_visible(false);
             self.log(&format!("{path}/LineGrid3D"), &grid);
+            if let Some([from, to]) = self.eye_m {
+                let eye = EyeControls3D::new()
+                    .with_position(from)
+                    .with_look_target(to);
+                self.log(&format!("{path}/EyeControls3D"), &eye);
+            }
         }
     }
 }

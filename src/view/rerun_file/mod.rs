@@ -85,7 +85,9 @@ fn open(
     let new = |kind, name, first| Store::new(StoreId::new(kind, APPLICATION, name), first);
     let blueprint = format!("blueprint-{id:032x}");
     let mut blueprint = new(StoreKind::Blueprint, blueprint, id ^ (1 << 120));
-    blueprint::lay_out(&mut blueprint, layout, clock);
+    let eye_m = recording.eye_m();
+    let eye_m = eye_m.map(|places| places.map(|place| scene::single(&place)));
+    blueprint::lay_out(&mut blueprint, layout, clock, eye_m);
     let mut store = new(StoreKind::Recording, format!("{id:032x}"), id);
     let info = RecordingInfo::new().with_name(recording.provenance.scenario.as_str());
     store.log_static(EntityPath::properties(), &info);
@@ -95,6 +97,7 @@ fn open(
 fn layout(recording: &Recording) -> ViewArea {
     let view =
         |class, name: &str, content: &str| ViewArea::View(class, name.into(), content.into());
+    let [readings, of_readings] = curves_of_readings(recording);
     let curves = |name: &str, group: &str| {
         let values = (recording.steps()).flat_map(|(_, calibration, step)| {
             (measured(calibration, step).into_iter())
@@ -123,7 +126,7 @@ fn layout(recording: &Recording) -> ViewArea {
                     0.87,
                     ViewArea::Tabs(vec![
                         curves("residuals [mm]", "residual_mm"),
-                        curves("deflections [mm]", "deflection_mm"),
+                        curves(of_readings, readings),
                     ]),
                 ),
             ]),
@@ -134,9 +137,14 @@ fn layout(recording: &Recording) -> ViewArea {
 fn log_recording(store: &mut Store, recording: &Recording) {
     scene::log_bodies(store, recording);
     let plans = recording.calibrations.iter();
-    let measurements = plans.flat_map(|each| &each.record.measurements);
-    let is_along: BTreeSet<bool> = (measurements.map(|each| each.direction.is_some())).collect();
-    for group in ["residual_mm", "deflection_mm"] {
+    let shown = plans.flat_map(|each| {
+        let all = 0..each.record.measured();
+        all.flat_map(|index| each.record.shown(index))
+    });
+    let is_along: BTreeSet<bool> = (shown.filter(|each| each.group.is_some()))
+        .map(|each| each.along_mm.is_some())
+        .collect();
+    for group in ["residual_mm", curves_of_readings(recording)[0]] {
         let read = |(axis, _): &(&str, _)| is_along.contains(&(*axis == "along"));
         for (axis, colour) in AXES.into_iter().filter(read) {
             let series = SeriesPoints::new()
@@ -157,10 +165,10 @@ fn log_steps(store: &mut Store, recording: &Recording) {
     let mut measurement = 0;
     for (number, calibration, step) in recording.steps() {
         let now = [(STEP, i64::from(number))];
-        if named != Some(&calibration.record.name) {
+        if named != Some(calibration.record.name()) {
             let results = TextDocument::from_markdown(text::results(calibration));
             store.log("text/results", &now, &results);
-            named = Some(&calibration.record.name);
+            named = Some(calibration.record.name());
         }
         log_step(store, recording, (calibration, step), &mut mounted, &now);
         for groups in measured(calibration, step) {
@@ -193,27 +201,27 @@ fn log_step(
 
 /// What was measured in a step and what identification left of it (mm) along [`AXES`], measurement by measurement; none in a test
 /// pose.
-type Groups = [(&'static str, [Option<f64>; 4]); 2];
+type Groups = Vec<(&'static str, [Option<f64>; 4])>;
 
 fn measured(calibration: &RecordedCalibration, step: &Step) -> Vec<Groups> {
     let StepKind::Experiment { measurements, .. } = &step.kind else {
         return Vec::new();
     };
-    let record = &calibration.record;
     let groups = |index: usize| {
-        let along_axes = |vector_mm: Option<[f64; 3]>| match vector_mm
-            .map(|each| calibration.as_read(index, each))
-        {
-            Some((Some([x, y, z]), _)) => [Some(x), Some(y), Some(z), None],
-            Some((None, along)) => [None, None, None, along],
-            None => [None; 4],
-        };
-        let measured = (record.measurements.get(index)).and_then(|each| each.deflection_mm);
-        let residual = record.identification.residuals_mm.get(index).copied();
-        [
-            ("deflection_mm", along_axes(measured)),
-            ("residual_mm", along_axes(residual)),
-        ]
+        let shown = calibration.record.shown(index).into_iter();
+        shown.filter_map(|each| {
+            let [x, y, z] = each.vector_mm.map_or([None; 3], |vector| vector.map(Some));
+            Some((each.group?, [x, y, z, each.along_mm]))
+        })
     };
-    measurements.clone().map(groups).collect()
+    let measured = measurements.clone();
+    measured.map(|index| groups(index).collect()).collect()
+}
+
+/// The group of curves of what was read, and its name.
+fn curves_of_readings(recording: &Recording) -> [&'static str; 2] {
+    let first = recording.calibrations.first();
+    first.map_or(["deflection_mm", "deflections [mm]"], |first| {
+        first.record.curves()
+    })
 }

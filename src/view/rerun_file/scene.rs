@@ -53,9 +53,7 @@ pub(super) fn log_step(
     }
     log_arms(store, recording, step, now);
     log_arrows(store, recording, step, now);
-    if let Some(tracker_m) = &recording.tracker_m {
-        log_line_of_sight(store, tracker_m, step, now);
-    }
+    log_line_of_sight(store, step, now);
 }
 
 fn link_path(arm: &str, body: &Body) -> EntityPath {
@@ -101,19 +99,26 @@ fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, now: Now<'_
     } else {
         store.log("world/force", now, &Clear::flat());
     }
-    let deflection = step.displacement_m() * step.enlargement;
-    let arrow = Arrows3D::from_vectors([single(&deflection)])
-        .with_origins([single(&step.unloaded.tool_m)])
-        .with_radii([0.014])
-        .with_colors([DEFLECTION_RGB]);
-    store.log("world/deflection", now, &arrow);
+    let label = step.displacement_label();
+    if label.is_some() {
+        let deflection = step.displacement_m() * step.enlargement;
+        let arrow = Arrows3D::from_vectors([single(&deflection)])
+            .with_origins([single(&step.unloaded.tool_m)])
+            .with_radii([0.014])
+            .with_colors([DEFLECTION_RGB]);
+        store.log("world/deflection", now, &arrow);
+    } else {
+        store.log("world/deflection", now, &Clear::flat());
+    }
 
     // Away from the arrows, where labels would hide them and the arm.
     let above_tool = step.unloaded.tool_m + Vector3::z() * LABEL_AWAY_M;
-    let mut labels = vec![(above_tool, DEFLECTION_RGB, step.displacement_label())];
-    if let Some(force) = recording.force_arrow_m(step) {
+    let mut labels: Vec<_> = (label.into_iter())
+        .map(|label| (above_tool, DEFLECTION_RGB, label))
+        .collect();
+    if let Some((force, label)) = recording.force_arrow_m(step).zip(step.load_label()) {
         let behind_tip = step.enlarged.tool_m + force + force.normalize() * (LABEL_AWAY_M / 2.5);
-        labels.push((behind_tip, FORCE_RGB, step.load_label()));
+        labels.push((behind_tip, FORCE_RGB, label));
     }
     let points = Points3D::new(labels.iter().map(|(place, _, _)| single(place)))
         .with_radii([0.0])
@@ -122,10 +127,10 @@ fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, now: Now<'_
     store.log("world/labels", now, &points);
 }
 
-/// The tracker's line to the reflector, which only the calibration tool has.
-fn log_line_of_sight(store: &mut Store, tracker_m: &Vector3<f64>, step: &Step, now: Now<'_>) {
-    if step.tool() == ShownTool::Calibration {
-        let line = LineStrips3D::new([[single(tracker_m), single(&step.unloaded.tool_m)]])
+/// The instrument's line to what it reads.
+fn log_line_of_sight(store: &mut Store, step: &Step, now: Now<'_>) {
+    if let Some(instrument_m) = &step.instrument_m {
+        let line = LineStrips3D::new([[single(instrument_m), single(&step.unloaded.tool_m)]])
             .with_radii([0.006])
             .with_colors([TRACKER_RGB]);
         store.log("world/tracker_line", now, &line);
@@ -180,7 +185,7 @@ fn transform(pose: &Isometry3<f64>) -> Transform3D {
         ))
 }
 
-fn single(vector: &Vector3<f64>) -> [f32; 3] {
+pub(super) fn single(vector: &Vector3<f64>) -> [f32; 3] {
     (*vector).map(narrow).into()
 }
 

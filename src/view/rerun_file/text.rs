@@ -4,58 +4,55 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 
-use crate::record::messages::TestPoseMessage;
-use crate::text::{markdown_text, wording::number};
+use crate::quantities::units::shown_unit;
+use crate::record::absolute_plan::ReadingsRunMessage;
+use crate::record::messages::{CalibrationMessage, TestPoseMessage};
+use crate::text::markdown_text;
+use crate::text::wording::{dash, number};
 use crate::view::charts::short;
-use crate::view::recording::{RecordedCalibration, Recording, Step, StepKind};
+use crate::view::recording::{PlanRecord, RecordedCalibration, Recording, Step, StepKind};
 
 /// What the robot does in a step.
 pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
     let mut text = format!(
-        "## {}: {}\n\nLoad {}. Translucent arm: deflections of joints **{} times** enlarged.\n\n",
-        markdown_text(&calibration.record.name),
+        "## {}: {}\n\n",
+        markdown_text(calibration.record.name()),
         markdown_text(&calibration.title(step)),
-        step.load_label(),
-        step.enlargement,
     );
+    text += &match step.load_label() {
+        Some(load) => format!(
+            "Load {load}. Translucent arm: deflections of joints **{} times** enlarged.\n\n",
+            step.enlargement
+        ),
+        None => "No load.\n\n".to_owned(),
+    };
     match &step.kind {
         StepKind::Experiment {
             number,
             measurements,
         } => {
-            let record = &calibration.record;
-            let direction = (record.plan.get(number - 1)).and_then(|each| each.direction);
+            let direction = calibration.record.direction(number - 1);
             let along = direction.map(|each| each.map(short).join(", "));
-            head(&mut text, along.as_deref());
-            let measured: Vec<[f64; 3]> = (record.measurements.iter())
-                .map(|each| each.deflection_mm.unwrap_or_default())
+            let shown = measurements.clone();
+            let shown: Vec<_> = shown
+                .flat_map(|index| calibration.record.shown(index))
                 .collect();
-            for (name, vectors, is_whole) in [
-                ("true deflection [mm]", &record.truth.deflections_mm, true),
-                ("measured [mm]", &measured, false),
-                ("residual [mm]", &record.identification.residuals_mm, false),
-            ] {
-                let vector = |index| Some((index, *vectors.get(index)?));
-                for (index, vector) in measurements.clone().filter_map(vector) {
-                    let (read, along) = calibration.as_read(index, vector);
-                    row(
-                        &mut text,
-                        name,
-                        if is_whole { Some(vector) } else { read },
-                        along,
-                    );
-                }
+            let is_along = shown.iter().any(|each| each.along_mm.is_some());
+            let along =
+                is_along.then(|| along.map_or("distance".to_owned(), |of| format!("along {of}")));
+            head(&mut text, along.as_deref());
+            for each in shown {
+                row(&mut text, each.label, each.vector_mm, each.along_mm);
             }
         }
         StepKind::TestPose { .. } => {
             head(&mut text, None);
             let off = step.displacement_m() * 1e3;
-            row(
-                &mut text,
-                "off the wanted place [mm]",
-                Some(off.into()),
-                None,
-            );
+            let place = match &calibration.record {
+                PlanRecord::Deflections(_) => "off the wanted place [mm]",
+                PlanRecord::Readings(_) => "off the predicted place [mm]",
+            };
+            row(&mut text, place, Some(off.into()), None);
         }
     }
     let joints = calibration.commands.shown(step.commanded_rad.as_slice());
@@ -65,11 +62,11 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
     text
 }
 
-/// The columns of vectors, and of what is along a gauge's direction.
-fn head(text: &mut String, direction: Option<&str>) {
+/// The columns of vectors, and of what a gauge or a ballbar reads.
+fn head(text: &mut String, along: Option<&str>) {
     *text += "| | x | y | z | length |";
-    let _ = match direction {
-        Some(direction) => writeln!(text, " along {direction} |\n|:--|--:|--:|--:|--:|--:|"),
+    let _ = match along {
+        Some(along) => writeln!(text, " {along} |\n|:--|--:|--:|--:|--:|--:|"),
         None => writeln!(text, "\n|:--|--:|--:|--:|--:|"),
     };
 }
@@ -89,36 +86,13 @@ fn row(text: &mut String, name: &str, vector: Option<[f64; 3]>, along: Option<f6
 
 /// What a calibration identified, and what that achieves.
 pub(super) fn results(calibration: &RecordedCalibration) -> String {
-    let record = &calibration.record;
-    let identified = &record.identification;
-    let mut text = format!(
-        "#### {}: compliances [{}]\n\n| joint | compliance | standard error | 95 % interval | simulated truth |\n|:--|--:|--:|--:|--:|\n",
-        markdown_text(&record.name),
-        calibration.compliance_unit
-    );
-    for (index, joint) in identified.parameters.iter().enumerate() {
-        let joint = markdown_text(joint);
-        let truth = (record.truth.compliance_rad_per_nm.get(index))
-            .map_or_else(|| "-".to_owned(), |value| format!("{:.4}", value * 1e6));
-        let _ = match (
-            identified.compliance_rad_per_nm[index],
-            identified.compliance_std_rad_per_nm[index],
-            identified.compliance_ci95_rad_per_nm[index],
-        ) {
-            (Some(value), Some(error), Some([low, high])) => writeln!(
-                text,
-                "| {joint} | {:.4} | {:.4} | {:.4} to {:.4} | {truth} |",
-                value * 1e6,
-                error * 1e6,
-                low * 1e6,
-                high * 1e6
-            ),
-            _ => writeln!(text, "| {joint} | not identifiable | | | {truth} |"),
-        };
-    }
+    let mut text = match &calibration.record {
+        PlanRecord::Deflections(record) => compliances(record, &calibration.compliance_unit),
+        PlanRecord::Readings(record) => unknowns(record),
+    };
     text += "\n#### Test poses\n\n";
     text += "| pose | not compensated | compensated | predicted rms |\n|:--|--:|--:|--:|\n";
-    for pose in &record.test_poses {
+    for pose in calibration.record.test_poses() {
         let _ = writeln!(
             text,
             "| {} | {:.1} µm | {:.2} µm | {} |",
@@ -129,6 +103,76 @@ pub(super) fn results(calibration: &RecordedCalibration) -> String {
         );
     }
     text
+}
+
+/// The identified compliances beside the simulated truth.
+fn compliances(record: &CalibrationMessage, unit: &str) -> String {
+    let identified = &record.identification;
+    let rows = identified.parameters.iter().enumerate();
+    let rows = rows.map(|(index, joint)| {
+        let micro = |value: Option<f64>| value.map(|value| value * 1e6);
+        let interval = identified.compliance_ci95_rad_per_nm[index];
+        let truth = record.truth.compliance_rad_per_nm.get(index).copied();
+        let numbers = [
+            micro(identified.compliance_rad_per_nm[index]),
+            micro(identified.compliance_std_rad_per_nm[index]),
+        ];
+        let interval = interval.map(|ends| ends.map(|end| end * 1e6));
+        estimate(joint, numbers, interval, micro(truth), |value| {
+            format!("{value:.4}")
+        })
+    });
+    let title = format!("{}: compliances [{unit}]", markdown_text(&record.name));
+    estimates(&title, "joint | compliance", rows)
+}
+
+/// The identified unknowns beside the simulated truth, each in its unit.
+fn unknowns(record: &ReadingsRunMessage) -> String {
+    let rows = record.identification.unknowns.iter().enumerate();
+    let rows = rows.map(|(index, each)| {
+        let (factor, unit) = shown_unit(&each.unit);
+        let shown = |value: f64| value * factor;
+        let name = format!("{} [{}]", each.name, unit);
+        let numbers = [each.standard_error.map(|_| each.value), each.standard_error];
+        let truth = record.true_values.get(index).copied().flatten();
+        estimate(
+            &name,
+            numbers.map(|value| value.map(shown)),
+            each.interval95.map(|ends| ends.map(shown)),
+            truth.map(shown),
+            short,
+        )
+    });
+    let title = markdown_text(&record.name);
+    estimates(&title, "unknown | value", rows)
+}
+
+/// A table of estimates.
+fn estimates(title: &str, columns: &str, rows: impl Iterator<Item = String>) -> String {
+    format!(
+        "#### {title}\n\n| {columns} | standard error | 95 % interval | simulated truth |\n|:--|--:|--:|--:|--:|\n{}",
+        rows.collect::<String>()
+    )
+}
+
+/// A row of it: value and standard error, interval and truth.
+fn estimate(
+    name: &str,
+    numbers: [Option<f64>; 2],
+    interval: Option<[f64; 2]>,
+    truth: Option<f64>,
+    shown: impl Fn(f64) -> String,
+) -> String {
+    let name = markdown_text(name);
+    let truth = truth.map_or_else(dash, &shown);
+    match (numbers, interval.map(|ends| ends.map(&shown))) {
+        ([Some(value), Some(error)], Some([low, high])) => format!(
+            "| {name} | {} | {} | {low} to {high} | {truth} |\n",
+            shown(value),
+            shown(error)
+        ),
+        _ => format!("| {name} | not identifiable | | | {truth} |\n"),
+    }
 }
 
 /// The predicted rms of a test pose, which there is where all needed compliances are identified.
@@ -149,12 +193,12 @@ pub(super) fn overview(recording: &Recording) -> String {
     text += "|:--|--:|:--|--:|--:|\n";
     for calibration in &recording.calibrations {
         let record = &calibration.record;
-        for pose in &record.test_poses {
+        for pose in record.test_poses() {
             let _ = writeln!(
                 text,
                 "| {} | {} | {} | {:.2} µm | {} |",
-                markdown_text(&record.name),
-                record.measurements.len(),
+                markdown_text(record.name()),
+                record.measured(),
                 markdown_text(&pose.name),
                 pose.residual_mm * 1e3,
                 predicted(pose)

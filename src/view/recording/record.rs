@@ -1,0 +1,172 @@
+//! What was planned, read and identified, as recordings show it.
+
+use nalgebra::Vector3;
+
+use crate::record::absolute_plan::ReadingsRunMessage;
+use crate::record::messages::{CalibrationMessage, TestPoseMessage};
+
+/// Plan, readings and results.
+#[derive(Debug, Clone)]
+pub enum PlanRecord {
+    /// Of deflections.
+    Deflections(Box<CalibrationMessage>),
+    /// Of absolute readings.
+    Readings(Box<ReadingsRunMessage>),
+}
+
+/// A vector of one reading as far as it is known.
+#[derive(Debug, Clone, Copy)]
+pub struct ShownVector {
+    /// What it is, for a table.
+    pub label: &'static str,
+    /// The group of curves that shows it, if one does.
+    pub group: Option<&'static str>,
+    /// Its coordinates (mm),
+    pub vector_mm: Option<[f64; 3]>,
+    /// and what a gauge or a ballbar reads of it (mm).
+    pub along_mm: Option<f64>,
+}
+
+impl PlanRecord {
+    /// The plan's name.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Deflections(record) => &record.name,
+            Self::Readings(record) => &record.name,
+        }
+    }
+
+    /// How many rows the plan has.
+    pub const fn planned(&self) -> usize {
+        match self {
+            Self::Deflections(record) => record.plan.len(),
+            Self::Readings(record) => record.plan.len(),
+        }
+    }
+
+    /// How often something was read.
+    pub const fn measured(&self) -> usize {
+        match self {
+            Self::Deflections(record) => record.measurements.len(),
+            Self::Readings(record) => record.readings.len(),
+        }
+    }
+
+    /// What is achieved at each test pose.
+    pub fn test_poses(&self) -> &[TestPoseMessage] {
+        match self {
+            Self::Deflections(record) => &record.test_poses,
+            Self::Readings(record) => &record.test_poses,
+        }
+    }
+
+    /// What a row of the plan, numbered from 1, is.
+    pub fn row_title(&self, number: usize) -> String {
+        let rows = self.planned();
+        let Self::Readings(record) = self else {
+            return format!("experiment {number} of {rows}");
+        };
+        let row = record.plan.get(number - 1);
+        let target = row.and_then(|row| row.target.as_deref());
+        let station = row.and_then(|row| row.station.as_deref());
+        let target = target.map(|name| format!(": {name}"));
+        let station = station.map(|name| format!(" from {name}"));
+        let words: String = [target, station].into_iter().flatten().collect();
+        format!("row {number} of {rows}{words}")
+    }
+
+    /// The direction of a gauge in a row of the plan.
+    pub fn direction(&self, row: usize) -> Option<[f64; 3]> {
+        match self {
+            Self::Deflections(record) => record.plan.get(row)?.direction,
+            Self::Readings(_) => None,
+        }
+    }
+
+    /// The group of curves of what was read, and its name.
+    pub const fn curves(&self) -> [&'static str; 2] {
+        match self {
+            Self::Deflections(_) => ["deflection_mm", "deflections [mm]"],
+            Self::Readings(_) => ["reading_mm", "readings [mm]"],
+        }
+    }
+
+    /// What was read once, and what identification leaves of it.
+    pub fn shown(&self, index: usize) -> Vec<ShownVector> {
+        let [group, _] = self.curves();
+        let (read, residual_mm, label) = match self {
+            Self::Deflections(record) => {
+                let measured = record.measurements.get(index);
+                (
+                    measured.and_then(|each| self.as_read(index, each.deflection_mm)),
+                    record.identification.residuals_mm.get(index),
+                    "measured [mm]",
+                )
+            }
+            Self::Readings(record) => (
+                (record.readings.get(index)).and_then(|each| {
+                    let position_mm = (each.position_m * 1e3).into();
+                    self.as_read(index, Some(position_mm))
+                }),
+                record.identification.residuals_mm.get(index),
+                "read [mm]",
+            ),
+        };
+        let residual = self.as_read(index, residual_mm.copied());
+        let own = [
+            (label, group, read),
+            ("residual [mm]", "residual_mm", residual),
+        ];
+        let truth = self.true_deflection(index).into_iter();
+        let own = own.into_iter().filter_map(|(label, group, part)| {
+            let (vector_mm, along_mm) = part?;
+            Some(ShownVector {
+                label,
+                group: Some(group),
+                vector_mm,
+                along_mm,
+            })
+        });
+        truth.chain(own).collect()
+    }
+
+    /// A deflection without the instrument's errors, whole also where a gauge reads.
+    fn true_deflection(&self, index: usize) -> Option<ShownVector> {
+        let Self::Deflections(record) = self else {
+            return None;
+        };
+        let vector_mm = record.truth.deflections_mm.get(index).copied();
+        Some(ShownVector {
+            label: "true deflection [mm]",
+            group: None,
+            vector_mm,
+            along_mm: self.as_read(index, vector_mm)?.1,
+        })
+    }
+
+    /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a distance its length.
+    pub fn as_read(
+        &self,
+        index: usize,
+        vector_mm: Option<[f64; 3]>,
+    ) -> Option<(Option<[f64; 3]>, Option<f64>)> {
+        let vector_mm = vector_mm?;
+        let along = match self {
+            Self::Deflections(record) => {
+                let direction = record
+                    .measurements
+                    .get(index)
+                    .and_then(|each| each.direction);
+                direction.map(|along| Vector3::from(along).dot(&Vector3::from(vector_mm)))
+            }
+            Self::Readings(record) => {
+                let distance = record.readings.get(index).and_then(|each| each.distance_m);
+                distance.map(|_| vector_mm[0])
+            }
+        };
+        Some(match along {
+            Some(along) => (None, Some(along)),
+            None => (Some(vector_mm), None),
+        })
+    }
+}
