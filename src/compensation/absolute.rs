@@ -17,8 +17,10 @@ const FIRST_DAMPING: f64 = 1e-6;
 const LEAST_DAMPING: f64 = 1e-13;
 /// A joint's limit is kept but for rounding (rad, m).
 const ROUNDING: f64 = 1e-9;
-/// Commands are corrected so often by what joints stand off: each step leaves the share by which that changes with the angle.
-const OFFSET_STEPS: usize = 20;
+/// Commands are corrected at most so often by what joints stand off: each step leaves the share by which that changes with the angle.
+const OFFSET_STEPS: usize = 500;
+/// Less makes no difference (rad, m).
+const SETTLED: f64 = 1e-12;
 /// So many configurations all over the joints' ranges are started from where others do not lead there.
 const STARTS: usize = 48;
 
@@ -42,6 +44,11 @@ pub enum Unreachable {
         distance_m: f64,
         /// Its orientation (rad).
         angle_rad: f64,
+    },
+    /// What a joint stands off changes faster with its angle than the joint turns: no one command leads there.
+    Unsettled {
+        /// The joint's place in the chain.
+        joint: usize,
     },
     /// It is reached only where a joint is beyond its range.
     BeyondRange {
@@ -110,7 +117,7 @@ impl<'a> InverseKinematics<'a> {
             // Where the free way leaves the ranges, one along their ends may not.
             for keeps_ranges in [false, true] {
                 let found = (self.search(target, start, keeps_ranges))
-                    .map(|found| self.before_offsets(found, &target.load))
+                    .and_then(|found| self.before_offsets(found, &target.load))
                     .and_then(|found| self.within_range(found, &near));
                 match found {
                     Ok(commands) => return Ok(commands),
@@ -207,18 +214,35 @@ impl<'a> InverseKinematics<'a> {
 
     /// What to command so that joints with their gears, their gaps and what they give besides their springs stand where others would with
     /// these commands; approached with all joints turning positively.
-    fn before_offsets(&self, wanted: DVector<f64>, load: &Load) -> DVector<f64> {
+    fn before_offsets(
+        &self,
+        wanted: DVector<f64>,
+        load: &Load,
+    ) -> Result<DVector<f64>, Unreachable> {
         if !self.arm.leans() && self.arm.gear_waves.is_empty() {
-            return wanted;
+            return Ok(wanted);
         }
         let mut commands = wanted.clone();
+        let mut moved = (0, f64::INFINITY);
         for _ in 0..OFFSET_STEPS {
+            if moved.1 <= SETTLED {
+                break;
+            }
             let offsets = (self.arm).offsets_rad(commands.as_slice(), self.tool, load, None);
+            moved = (0, 0.0);
             for &joint in &self.commanded {
-                commands[joint] = wanted[joint] + self.arm.zero_rad[joint] - offsets[joint];
+                let next = wanted[joint] + self.arm.zero_rad[joint] - offsets[joint];
+                let by = (next - commands[joint]).abs();
+                if by > moved.1 {
+                    moved = (joint, by);
+                }
+                commands[joint] = next;
             }
         }
-        commands
+        match moved {
+            (joint, by) if by > SETTLED => Err(Unreachable::Unsettled { joint }),
+            _ => Ok(commands),
+        }
     }
 
     /// The same commands with hinges turned by whole turns into their ranges, as near as can be to others.
@@ -289,7 +313,7 @@ const NOWHERE: Unreachable = Unreachable::TooFar {
 /// How far a failure is from its target.
 fn distance(failure: &Unreachable) -> f64 {
     match failure {
-        Unreachable::BeyondRange { .. } => 0.0,
+        Unreachable::BeyondRange { .. } | Unreachable::Unsettled { .. } => 0.0,
         Unreachable::TooFar {
             distance_m,
             angle_rad,

@@ -1,14 +1,19 @@
 //! Compensated angles for absolute targets: MuJoCo's robot, commanded with them, stands where it should.
 
 use std::fmt::Write as _;
+use std::num::NonZeroU32;
 
+use elastocal::compensation::{AbsoluteTarget, InverseKinematics, Unreachable};
 use elastocal::mujoco::Model;
+use elastocal::parameter::{GearWave, WaveError};
 use elastocal::robot::{EquilibriumSolver, Load, SerialChain};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Isometry3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::support::{Workplace, absolute_scenario_text, numbers, project, scenario_text};
+use crate::support::{
+    Workplace, absolute_scenario_text, numbers, project, scenario, scenario_text,
+};
 
 /// A place in which a KR-270 with unknown zeros and links was identified, and written as a model.
 fn identified() -> Workplace {
@@ -256,5 +261,49 @@ fn gears_and_gaps_are_corrected() {
     for (wanted, seen) in wanted.iter().zip(&seen) {
         let off = Vector3::from_column_slice(wanted) - Vector3::from_column_slice(seen);
         assert!(off.norm() < 0.01, "{off}");
+    }
+}
+
+/// What joints stand off changes nearly as fast as they turn: the tool is where it should be all the same. Where it changes faster, no
+/// command is given.
+#[test]
+fn steep_gear_errors_are_corrected_or_refused() {
+    let scenario = scenario("ur10");
+    let stands = scenario.task.test_poses[0].configuration_rad.clone();
+    for (slope, joint) in [(0.5, 1), (0.95, 2), (1.5, 3)] {
+        let mut arm = scenario.task.belief.arm();
+        let per_turn = NonZeroU32::new(360).expect("not zero");
+        arm.gear_waves = vec![WaveError {
+            joint,
+            wave: GearWave::both(per_turn)[0],
+            amplitude_rad: slope / 360.0,
+        }];
+        let chain = arm.loaded_chain();
+        let mut solver = EquilibriumSolver::new(chain.len());
+        let mut place = |standing: &[f64]| {
+            let mut loaded = chain.at(&arm.tools[0]);
+            let compliance = &arm.compliance_rad_per_nm;
+            (solver.solve(&mut loaded, compliance, standing, &Load::NONE)).expect("it rests");
+            solver.state().tool_position
+        };
+        let target = AbsoluteTarget {
+            position_m: place(stands.as_slice()),
+            rotation: None,
+            load: Load::NONE,
+        };
+        let found = InverseKinematics::new(&arm, 0).commands(&target, &[stands.add_scalar(0.01)]);
+        if slope > 1.0 {
+            assert_eq!(found, Err(Unreachable::Unsettled { joint }));
+            continue;
+        }
+        let commands = found.expect("there is one");
+        let offsets = arm.offsets_rad(commands.as_slice(), 0, &Load::NONE, None);
+        let standing: Vec<f64> = commands
+            .iter()
+            .zip(&offsets)
+            .map(|(q, off)| q + off)
+            .collect();
+        let off_m = (place(&standing) - target.position_m).norm();
+        assert!(off_m < 1e-9, "{slope}: {off_m}");
     }
 }

@@ -294,6 +294,10 @@ fn reason(failure: &Unreachable, arm: &ElasticArm) -> String {
                 joint.name
             )
         }
+        Unreachable::Unsettled { joint } => format!(
+            "what {} stands off changes faster with its angle than it turns: no one command leads there",
+            arm.chain.joints[*joint].name
+        ),
         Unreachable::TooFar {
             distance_m,
             angle_rad,
