@@ -108,6 +108,18 @@ impl<'a> ResultPlace<'a> {
         T::deserialize(place.json).map_err(|error| place.wrong(error.to_string()))
     }
 
+    /// A size that must be under a key, if only null.
+    fn size(&self, name: &str) -> Result<Option<f64>, FileError> {
+        let size: Option<f64> = self.read(name)?;
+        match size {
+            Some(size) if size < 0.0 => {
+                let problem = format!("found {size}; zero or a positive number");
+                Err(self.get(name)?.wrong(problem))
+            }
+            size => Ok(size),
+        }
+    }
+
     /// The elements of a list.
     fn list(&self, name: &str) -> Result<Vec<Self>, FileError> {
         let list = self.get(name)?;
@@ -201,7 +213,7 @@ impl ResultsFile {
             self.prediction(&name, &plan.get("assessment")?)?;
             for pose in plan.list("test_poses")? {
                 let of = Some(pose.read("name")?);
-                let residual_mm = pose.read("residual_mm")?;
+                let residual_mm = pose.size("residual_mm")?;
                 self.add(&name, Quantity::RealisedError, of, residual_mm);
             }
         }
@@ -223,13 +235,13 @@ impl ResultsFile {
                 name += &format!(", {m} measurements, {sigma_mm} mm, load {load}");
             }
             let name = self.add_plan(&name);
-            self.add(&name, Quantity::Rho0, None, plan.read("predicted_rms_mm")?);
-            self.add(&name, Quantity::MeanError, None, plan.read("mean_mm")?);
+            self.add(&name, Quantity::Rho0, None, plan.size("predicted_rms_mm")?);
+            self.add(&name, Quantity::MeanError, None, plan.size("mean_mm")?);
             if let Some(last) = self.numbers.last_mut() {
-                let error_mm: Option<f64> = plan.read("mean_std_mm")?;
+                let error_mm: Option<f64> = plan.size("mean_std_mm")?;
                 last.standard_error = error_mm.unwrap_or(0.0) * 1e3;
             }
-            self.add(&name, Quantity::FailedRuns, None, plan.read("failed")?);
+            self.add(&name, Quantity::FailedRuns, None, plan.size("failed")?);
             experiments.push(m.to_string());
         }
         experiments.dedup();
@@ -239,8 +251,8 @@ impl ResultsFile {
 
     /// What `plan` and `evaluate` say, and `run` of each plan; of absolute readings no more than the accuracy is compared.
     fn prediction(&mut self, plan: &str, prediction: &ResultPlace<'_>) -> Result<(), FileError> {
-        self.add(plan, Quantity::Rho0, None, prediction.read("rho0_mm")?);
-        let efficiency = prediction.read("efficiency")?;
+        self.add(plan, Quantity::Rho0, None, prediction.size("rho0_mm")?);
+        let efficiency = prediction.size("efficiency")?;
         self.add(plan, Quantity::Efficiency, None, efficiency);
         if is_absolute(prediction.json) {
             return Ok(());
@@ -248,6 +260,10 @@ impl ResultsFile {
         let names: Vec<String> = prediction.read("parameters")?;
         let key = "compliance_std_rad_per_nm";
         let errors: Vec<Option<f64>> = prediction.read(key)?;
+        if let Some(error) = errors.iter().flatten().find(|error| **error < 0.0) {
+            let problem = format!("found {error}; zero or a positive number");
+            return Err(prediction.get(key)?.wrong(problem));
+        }
         if names.len() != errors.len() {
             let problem = format!("found {} numbers for {} joints", errors.len(), names.len());
             return Err(prediction.get(key)?.wrong(problem));

@@ -298,6 +298,11 @@ fn not_results() -> Vec<(&'static str, String, &'static str)> {
             "plans[0].assessment.rho0_mm: invalid type: string \"six\"",
         ),
         (
+            "negative.json",
+            edited("/plans/0/assessment/rho0_mm", json!(-0.5)),
+            "plans[0].assessment.rho0_mm: found -0.5; zero or a positive number",
+        ),
+        (
             "no_rho0.json",
             no_rho0.to_string(),
             "plans[0].assessment: missing field `rho0_mm`",
