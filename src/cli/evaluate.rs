@@ -47,8 +47,7 @@ impl Evaluate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let (args, file) = (&self.args, Some(&*self.plan));
         let scenario = args.load(file, &[])?;
-        let of_deflections = [("--criterion", self.criterion != Criterion::TestPose)];
-        args.refuse_others(&scenario, &of_deflections, &[])?;
+        args.common.refuse_others("evaluate", &scenario)?;
         let mut written = Written::default();
         let (planned, besides) = match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.readings(&scenario)?,

@@ -19,7 +19,6 @@ use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::plan_args::refuse_others;
 use super::table::table;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
@@ -50,7 +49,7 @@ pub struct Measure {
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
-        refuse_others(&scenario, &[("--noise-free", self.noise_free)], &[])?;
+        self.common.refuse_others("measure", &scenario)?;
         let outputs = [("--measurements-out", self.measurements_out.as_deref())];
         check_outputs(inputs(&scenario).reads("the plan", &self.plan), &outputs)?;
         match scenario.task.design.accuracy {

@@ -13,6 +13,7 @@ mod dialect;
 mod evaluate;
 mod explain;
 mod export;
+mod given;
 mod help;
 mod identified;
 mod identify;
@@ -54,12 +55,13 @@ mod written;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use self::given::Given;
 use anyhow::Context;
 use clap::{Arg, Args, Parser, Subcommand};
 use elastocal::codes::{Condition, ConditionCode, ErrorCode, condition_code};
 use elastocal::files::{FileError, output::check_writable, roles::Roles, shipped};
 use elastocal::measurement::Origin;
-use elastocal::record::{json::results, platform::platform};
+use elastocal::record::{json::results, messages::ProvenanceMessage, platform::platform};
 use elastocal::scenario::Scenario;
 use elastocal::text::{diagnostics::say, plain, wording::shell_path};
 use elastocal::understanding::collapse;
@@ -103,6 +105,8 @@ pub struct Common {
     quiet: bool,
     #[command(flatten)]
     accepted: Accepted,
+    #[command(flatten)]
+    given: Given,
 }
 
 /// Conditions that are accepted beforehand.
@@ -257,6 +261,17 @@ pub struct Report {
 }
 
 impl Report {
+    /// What a command comes to: its keys in JSON, where they come from, and text.
+    pub fn of(
+        command: &str,
+        provenance: &ProvenanceMessage,
+        keys: Value,
+        text: String,
+        conditions: Vec<Condition>,
+    ) -> Self {
+        Self::new(results(command, provenance, keys), text, conditions)
+    }
+
     /// Results as JSON and as text, and what must be looked at.
     pub const fn new(json: Value, text: String, conditions: Vec<Condition>) -> Self {
         Self {

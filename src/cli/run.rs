@@ -21,7 +21,6 @@ use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, Tri
 use super::identify::deflections;
 use super::interruption::{STOP, proceed};
 use super::plan::design;
-use super::plan_args::refuse_others;
 use super::planned::budget;
 use super::proof::ProofArgs;
 use super::readings_args::ReadingsArgs;
@@ -73,12 +72,7 @@ impl Run {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         rests(&scenario)?;
-        let of_deflections = [
-            &[("--rerun", self.rerun.is_some())][..],
-            &self.proof.given(),
-        ]
-        .concat();
-        refuse_others(&scenario, &of_deflections, &self.readings.given())?;
+        self.common.refuse_others("run", &scenario)?;
         let folder = self.make_folder(&scenario)?;
         match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.of_readings(&scenario, &folder),

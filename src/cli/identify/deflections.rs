@@ -30,29 +30,7 @@ impl Identify {
         origin: Option<&Origin>,
         measurements: &[Measurement],
     ) -> anyhow::Result<Report> {
-        let of_readings = [
-            (
-                "--model-selection",
-                self.model_selection,
-                "for which there is no model selection",
-            ),
-            (
-                "--against",
-                self.against.is_some(),
-                "which are compared with no other series",
-            ),
-            (
-                "--parameters",
-                !self.parameters.is_empty(),
-                "of which robot.parameters of the scenario says what to identify",
-            ),
-            (
-                "--uncertainties-out",
-                self.uncertainties_out.is_some(),
-                "of which no joint error functions are estimated",
-            ),
-        ];
-        self.refuse("deflections", &of_readings)?;
+        self.refuse("deflections", |option, _| of_readings(option))?;
         let loads = measurements.iter().map(|each| &each.load);
         let loads_outside = scenario.task.loads.outside_all("measurement", loads);
         let method = self.method.unwrap_or(scenario.task.belief.method);
@@ -118,6 +96,17 @@ impl Identify {
                 .chain(identified.conditions())
                 .collect(),
         ))
+    }
+}
+
+/// Why there is nothing for deflections in an option of absolute readings.
+fn of_readings(option: &str) -> Option<&'static str> {
+    match option {
+        "model_selection" => Some("for which there is no model selection"),
+        "against" => Some("which are compared with no other series"),
+        "parameters" => Some("of which robot.parameters of the scenario says what to identify"),
+        "uncertainties_out" => Some("of which no joint error functions are estimated"),
+        _ => None,
     }
 }
 

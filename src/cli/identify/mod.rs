@@ -100,9 +100,13 @@ impl Identify {
         Ok(report)
     }
 
-    /// Refuses options that the file's readings have no use for: each with whether it is given, and why there is none.
-    fn refuse(&self, held: &str, options: &[(&str, bool, &str)]) -> Result<(), FileError> {
-        let Some((option, _, why)) = options.iter().find(|option| option.1) else {
+    /// Refuses options that the file's readings have no use for: those of which it is said why, by their names and values.
+    fn refuse(
+        &self,
+        held: &str,
+        why: impl Fn(&str, &str) -> Option<&'static str>,
+    ) -> Result<(), FileError> {
+        let Some((option, why)) = self.common.given.find(why) else {
             return Ok(());
         };
         let wrong = FileError::new(&self.measurements, format!("holds {held}, {why}"));

@@ -3,7 +3,7 @@
 use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::identification::{DistanceStatistics, ReadingResidual};
-use elastocal::measurement::{MeasuredFile, read_measured};
+use elastocal::measurement::read_measured;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
@@ -37,16 +37,8 @@ impl Validate {
             let wrong = FileError::new(identified, problem).hint(hint);
             return Err(wrong.code(ErrorCode::OtherAccuracy).into());
         };
-        let readings = match read_measured(file, belief)? {
-            MeasuredFile::Absolute(readings) => readings,
-            MeasuredFile::Deflections(_) => {
-                let problem =
-                    "holds deflections, and what was identified rests on absolute readings";
-                return Err(FileError::new(file, problem)
-                    .code(ErrorCode::OtherAccuracy)
-                    .into());
-            }
-        };
+        let why = ", and what was identified rests on absolute readings";
+        let readings = read_measured(file, belief)?.absolute(file, why)?;
         let validation = validate_absolute(belief, identified, robot, &readings).map_err(
             |error| match error {
                 AbsoluteValidationError::File(error) => error,
