@@ -28,7 +28,6 @@ use super::uncertainty_budget::common_sources;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
 
-/// Arguments of `budget`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["out"])))]
 pub struct Budget {

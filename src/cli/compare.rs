@@ -12,7 +12,6 @@ use elastocal::gate::Decision;
 use super::table::table_of;
 use super::{Accepted, Report, check_outputs};
 
-/// Arguments of `compare`.
 #[derive(Debug, Args)]
 pub struct Compare {
     /// The results to measure by, of run, plan, evaluate or study.

@@ -22,7 +22,6 @@ use super::planned::PlannedAccuracy;
 use super::written::Written;
 use super::{Report, without_effect};
 
-/// Arguments of `evaluate`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["out"])))]
 pub struct Evaluate {

@@ -12,7 +12,6 @@ use serde_json::json;
 use super::table::table;
 use super::{Report, check_outputs, program};
 
-/// Arguments of `import`.
 #[derive(Debug, Args)]
 pub struct Import {
     /// The table that another program wrote.

@@ -14,7 +14,6 @@ use serde_json::json;
 
 use super::{Report, program};
 
-/// Arguments of `init`.
 #[derive(Debug, Args)]
 pub struct Init {
     /// The robot's model: MJCF or URDF.

@@ -20,9 +20,8 @@ use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::table::table;
-use super::{Common, Report, check_outputs, inputs, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, without_effect};
 
-/// Arguments of `measure`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["threads", "out"])))]
 pub struct Measure {
@@ -138,12 +137,10 @@ impl Measure {
         let messages: Vec<MeasurementMessage> = (measurements.iter())
             .map(|each| MeasurementMessage::new(&commands, each))
             .collect();
-        Ok(Report::new(
-            results(
-                "measure",
-                &ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?,
-                json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
-            ),
+        Ok(Report::of(
+            "measure",
+            &ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?,
+            json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             text,
             (scenario.task.loads.outside_plan(&plan, None).into_iter())
                 .chain(beyond_gauge(task, &plan))
@@ -172,12 +169,10 @@ impl Measure {
             text += &format!("wrote {}\n", path.display());
         }
         let provenance = ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?;
-        Ok(Report::new(
-            results(
-                "measure",
-                &provenance,
-                json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
-            ),
+        Ok(Report::of(
+            "measure",
+            &provenance,
+            json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
             text,
             Vec::new(),
         ))

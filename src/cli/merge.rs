@@ -11,7 +11,6 @@ use super::views::STUDY_PAGE;
 use super::written::Written;
 use super::{Accepted, Report};
 
-/// Arguments of `merge`.
 #[derive(Debug, Args)]
 pub struct Merge {
     /// What `study --shard i/n --tally-out FILE` wrote, one file for each shard.

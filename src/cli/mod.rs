@@ -48,7 +48,6 @@ mod table;
 mod tolerance;
 mod uncertainty_budget;
 mod validate;
-mod view;
 mod views;
 mod written;
 
@@ -213,9 +212,6 @@ enum Command {
     /// The paper's tables and figure beside this program's
     #[command(after_help = "Example:\n  elastocal reproduce")]
     Reproduce(reproduce::Reproduce),
-    /// Open a recording in the rerun viewer
-    #[command(after_help = "Example:\n  elastocal view")]
-    View(view::View),
     /// Print the JSON schema of scenarios, with which editors complete and check them
     #[command(after_help = "Example:\n  elastocal schema > scenario.schema.json")]
     Schema(schema::Schema),
@@ -348,7 +344,6 @@ impl Arguments {
             Command::Replay(command) => command.execute(),
             Command::Merge(command) => command.execute(),
             Command::Compare(command) => command.execute(),
-            Command::View(command) => command.execute(),
             Command::Explain(command) => Ok(command.execute()),
             Command::Schema(command) => command.execute(),
             Command::Completion(command) => command.execute(),

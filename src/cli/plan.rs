@@ -36,7 +36,6 @@ use super::{Common, Report, without_effect};
 /// So many configurations are drawn where nothing else is said.
 pub const DRAWN: u32 = 200;
 
-/// Arguments of `plan`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["out"])))]
 pub struct PlanCommand {

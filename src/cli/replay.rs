@@ -22,7 +22,6 @@ use super::views::{REPLAY_ENDINGS, write_recording};
 use super::written::Written;
 use super::{Common, Report, inputs, rests, results};
 
-/// Arguments of `replay`.
 #[derive(Debug, Args)]
 pub struct Replay {
     #[command(flatten)]

@@ -30,7 +30,6 @@ use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_r
 use super::written::{Written, record_text, warn};
 use super::{Common, Report, check_outputs, inputs, rests};
 
-/// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct Run {
     #[command(flatten)]
@@ -112,11 +111,7 @@ impl Run {
         let stills = Stills::of_plan(scenario, &main.plan);
         let record = RunRecord {
             scenario,
-            plans: &outcome.records,
-            evidence: &outcome.evidence,
-            random: (RANDOM_PLANS, random_rho0_m.map(|value| value * 1e3)),
-            random_repeats: outcome.random_repeats,
-            conditions: &outcome.conditions,
+            outcome: &outcome,
             command: &command_line(),
             stills: &stills.figures(),
         };

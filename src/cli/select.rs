@@ -23,7 +23,6 @@ use super::table::{number, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
-/// Arguments of `select`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file), mut_args(without_effect(&["out"])))]
 pub struct Select {

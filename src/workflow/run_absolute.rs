@@ -47,8 +47,12 @@ pub struct AbsoluteRun<'a> {
     pub true_values: Vec<Option<f64>>,
     /// What was identified.
     pub identified: IdentifiedRobot<'a>,
+    /// Its record.
+    pub record: AbsoluteMessage,
     /// What that achieves at each test pose; without compensation, the nominal robot in the frames that suit the readings best.
     pub poses: Vec<CompensatedPose>,
+    /// The records of these.
+    pub test_poses: Vec<TestPoseMessage>,
     /// The median of what random plans of the same candidates predict (m); or why there is none.
     pub random_rho0_m: Result<f64, AbsolutePlanError>,
 }
@@ -133,12 +137,16 @@ pub fn run_absolute<'a>(
     // Compare.
     stage(&RunStage::Comparing);
     let random_rho0_m = planning.median_random_rho0_m(sizes[0], RANDOM_PLANS, seed);
+    let commands = belief.commands();
+    let record = |pose| TestPoseMessage::new(&commands, pose);
     let run = AbsoluteRun {
         searches: found.searches,
         true_values: true_values(scenario, &robots, &identified),
         truth: robots.sampled(RUN),
         readings,
+        record: AbsoluteMessage::new(case, fit),
         identified,
+        test_poses: poses.iter().map(record).collect(),
         poses,
         random_rho0_m,
     };
@@ -200,18 +208,7 @@ impl AbsoluteRun<'_> {
         conditions
     }
 
-    /// The records of the test poses.
-    pub fn test_poses(&self, scenario: &Scenario) -> Vec<TestPoseMessage> {
-        let commands = scenario.task.belief.commands();
-        (self.poses.iter())
-            .map(|pose| TestPoseMessage::new(&commands, pose))
-            .collect()
-    }
-
     /// results.json: the keys of the plan, of its readings and of their identification, by stage.
-    ///
-    /// # Errors
-    /// None that records of numbers and texts have.
     pub fn json(
         &self,
         scenario: &Scenario,
@@ -219,7 +216,6 @@ impl AbsoluteRun<'_> {
         plan: &AbsolutePlanMessage,
         groups: &[ParameterGroup],
     ) -> serde_json::Result<Value> {
-        let test_poses = self.test_poses(scenario);
         let identification = self.identified.json(scenario, provenance, groups)?;
         let [before_mm, after_mm] = self.observed_rms_m().map(|value| value * 1e3);
         let joints = scenario.task.belief.parameters.iter().copied();
@@ -236,14 +232,14 @@ impl AbsoluteRun<'_> {
             "plan": plan.plan,
             "measurements": readings_json(&self.readings),
             "truth": truth,
-            "identification": AbsoluteMessage::new(&self.identified.case, &self.identified.fit),
-            "test_poses": test_poses,
+            "identification": self.record,
+            "test_poses": self.test_poses,
             "assessment": plan,
         });
         // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the unknowns are those of the
         // identification.
         let mut json = json!({ "gate": scenario.gate });
-        merge(&mut json, serde_json::to_value(&test_poses[0])?);
+        merge(&mut json, serde_json::to_value(&self.test_poses[0])?);
         merge(&mut json, serde_json::to_value(plan)?);
         merge(&mut json, identification);
         merge(

@@ -25,10 +25,9 @@ use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::static_compliance::add_static_compliance;
 use super::table::{number, table_of};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 use targets::{TargetFrame, Workpiece};
 
-/// Arguments of `compensate`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
 #[command(mut_args(without_effect(&["seed", "threads", "out"])))]
@@ -137,7 +136,7 @@ impl Compensate {
         }
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
-        let mut report = Report::new(results("compensate", &provenance, keys), text, conditions);
+        let mut report = Report::of("compensate", &provenance, keys, text, conditions);
         if self.static_compliance {
             let Task {
                 belief, test_poses, ..

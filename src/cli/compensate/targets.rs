@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 use super::Compensate;
 use crate::cli::identified::taken_as_believed;
 use crate::cli::table::table;
-use crate::cli::{Report, results};
+use crate::cli::Report;
 
 /// In which frame targets are, or in which a workpiece stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -141,8 +141,10 @@ impl Compensate {
         let provenance = ProvenanceMessage::new(scenario)
             .with_input("identified", &self.identified)?
             .with_input("targets", targets)?;
-        Ok(Report::new(
-            results("compensate", &provenance, keys),
+        Ok(Report::of(
+            "compensate",
+            &provenance,
+            keys,
             text,
             conditions,
         ))

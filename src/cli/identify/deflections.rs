@@ -134,15 +134,15 @@ const TOLD: f64 = 0.95;
 /// What else is uncertain, as far as the measurements tell something of it.
 fn uncertain(identification: &Identification) -> String {
     let small = |value: Option<f64>| or_dash(value, |value| format!("{value:.3e}"));
-    let is_told = |each: &&UncertainEstimate| match (each.estimate, each.prior_deviation) {
-        (Some(estimate), Some(before)) => estimate.standard_error < TOLD * before,
+    let is_told = |each: &&UncertainEstimate| match (each.standard_error, each.prior_deviation) {
+        (Some(error), Some(before)) => error < TOLD * before,
         _ => true,
     };
     let row = |each: &UncertainEstimate| {
         vec![
             each.name.clone(),
-            small(each.estimate.map(|estimate| estimate.value)),
-            small(each.estimate.map(|estimate| estimate.standard_error)),
+            small(each.value),
+            small(each.standard_error),
             small(each.prior_deviation),
             each.unit.clone(),
         ]

@@ -18,7 +18,6 @@ use serde_json::{Value, json};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 
-/// Arguments of `identify`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
 #[command(mut_args(without_effect(&["seed", "threads", "out"])))]

@@ -31,7 +31,6 @@ use super::readings_args::ReadingsArgs;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 
-/// Arguments of `next`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
 #[command(mut_args(without_effect(&["out"])))]

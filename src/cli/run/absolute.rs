@@ -7,12 +7,11 @@ use elastocal::identification::ReadingWeights;
 use elastocal::measurement::absolute_table;
 use elastocal::plan::UncertaintyBudget;
 use elastocal::plan::search::Watch;
-use elastocal::record::absolute::AbsoluteMessage;
 use elastocal::record::absolute_plan::AbsolutePlanMessage;
-use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
+use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
-use elastocal::view::report::{AbsolutePageRecord, ObservedRun, absolute_page};
+use elastocal::view::report::{AbsolutePageRecord, absolute_page};
 use elastocal::workflow::run::{RANDOM_PLANS, RunStage};
 use elastocal::workflow::run_absolute::{AbsoluteRun, RUN, run_absolute};
 
@@ -70,20 +69,11 @@ impl Run {
         conditions.extend(outcome.conditions(scenario));
         let mut json = outcome.json(scenario, &provenance, plan, wanted.groups)?;
         let stills = planned.stills(scenario);
-        let identified = AbsoluteMessage::new(&outcome.identified.case, &outcome.identified.fit);
-        let test_poses = outcome.test_poses(scenario);
         let page = absolute_page(&AbsolutePageRecord {
             scenario,
             plan,
             trials: None,
-            run: Some(&ObservedRun {
-                run: RUN,
-                test_poses: &test_poses,
-                rms_mm: outcome.observed_rms_m().map(|value| value * 1e3),
-                identification: &identified,
-                true_values: &outcome.true_values,
-                random: (RANDOM_PLANS, outcome.random_rho0_mm()),
-            }),
+            run: Some(&outcome),
             provenance: &provenance,
             stills: &stills.figures(),
             conditions: &conditions,
@@ -98,7 +88,7 @@ impl Run {
         written.save(&results, &record_text(&mut json, &conditions)?);
         written.save(&folder.join("stills.svg"), &stills.sheet());
         written.save(&folder.join("report.html"), &page);
-        let mut text = describe(&identified) + &summary(plan, &outcome, &test_poses);
+        let mut text = describe(&outcome.record) + &summary(plan, &outcome);
         text += &format!("Results are in {}\n", folder.display());
         text += &self.budget.write(planned.budget(), &mut written);
         say_laboratory(common, scenario, folder);
@@ -116,13 +106,9 @@ fn tell(common: &Common, stage: &RunStage<'_>) {
 }
 
 /// What it means, for a person.
-fn summary(
-    plan: &AbsolutePlanMessage,
-    outcome: &AbsoluteRun<'_>,
-    test_poses: &[TestPoseMessage],
-) -> String {
+fn summary(plan: &AbsolutePlanMessage, outcome: &AbsoluteRun<'_>) -> String {
     let micro = |value_mm: Option<f64>| number(value_mm.map(|value_mm| value_mm * 1e3), 2);
-    let rows = test_poses.iter().map(|pose| {
+    let rows = outcome.test_poses.iter().map(|pose| {
         let distances = [
             pose.rho0_mm,
             Some(pose.residual_mm),

@@ -33,7 +33,6 @@ use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, rests};
 
-/// Arguments of `study`.
 #[derive(Debug, Args)]
 pub struct StudyCommand {
     #[command(flatten)]

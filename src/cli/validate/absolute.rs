@@ -18,7 +18,7 @@ use crate::cli::identified::trust;
 use crate::cli::identify::absolute::explained;
 use crate::cli::table::{DISTANCES, distances, table};
 use crate::cli::tolerance::report_judged;
-use crate::cli::{Report, results};
+use crate::cli::Report;
 
 impl Validate {
     /// Holds other readings beside a robot that was identified.
@@ -49,8 +49,10 @@ impl Validate {
             .with_input("measurements", file)?;
         let text = describe(&validation);
         let conditions = validation.conditions();
-        let mut report = Report::new(
-            results("validate", &provenance, record(&validation)),
+        let mut report = Report::of(
+            "validate",
+            &provenance,
+            record(&validation),
             text,
             conditions,
         );
