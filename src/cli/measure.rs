@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::calibration::{MeasuredRun, measure, measure_noise_free};
+use elastocal::calibration::{MeasuredRun, measure};
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, output::write_whole};
@@ -77,16 +77,11 @@ impl Measure {
         } else {
             let robots = TrueRobots::new(&task.belief, truth)?;
             let mut robots = robots.in_campaign(self.campaign);
-            let read = if self.noise_free {
-                measure_noise_free
-            } else {
-                measure
-            };
-            let (seed, run) = (scenario.seed, self.run.unwrap_or(0));
+            let numbers = [scenario.seed, self.run.unwrap_or(0)];
             let MeasuredRun {
                 measurements,
                 truth,
-            } = read(&mut robots, task, truth, &plan, seed, run)
+            } = measure(&mut robots, task, truth, &plan, numbers, !self.noise_free)
                 .map_err(|error| self.wrong(&error))?;
             let joints = task.belief.parameters.iter().copied();
             (measurements, Some(TruthMessage::new(joints, &truth)))

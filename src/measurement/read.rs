@@ -102,7 +102,8 @@ impl MeasuredFile {
         match self {
             Self::Absolute(readings) => Ok(readings),
             Self::Deflections(_) => Err(FileError::new(path, format!("holds deflections{why}"))
-                .code(ErrorCode::OtherAccuracy)),
+                .code(ErrorCode::OtherAccuracy)
+                .hint("give a file of absolute readings")),
         }
     }
 }

@@ -145,7 +145,7 @@ impl StoredRobot {
         let (mut found, mut values) = (Vec::new(), Vec::new());
         let kinds = self.kinds(arm, &[], &[]);
         for (index, (unknown, kind)) in self.message.unknowns.iter().zip(kinds).enumerate() {
-            if self.is_of_frame(&unknown.name) {
+            if self.message.is_of_frame(&unknown.name) {
                 continue;
             }
             let Some(kind) = kind else {
@@ -258,35 +258,22 @@ impl StoredRobot {
         let all = robot_kinds(arm);
         let kind = |name: &str| {
             let (owner, last) = name.rsplit_once('.').unwrap_or(("", name));
-            let turned = last.strip_prefix('r');
-            let word = turned.unwrap_or(last);
-            let axis = || Axis::ALL.into_iter().find(|axis| axis.to_string() == word);
+            let (turn, word) = (last.strip_prefix('r')).map_or((0, last), |word| (1, word));
+            let one = |kinds: [[ParameterKind; 3]; 2]| {
+                let axis = Axis::ALL.iter().position(|axis| axis.to_string() == word)?;
+                Some(kinds[turn][axis])
+            };
             let is_it = |frame: &MountedFrameMessage| frame.unknowns == owner;
             if let Some(place) = self.message.stations.iter().position(is_it) {
-                let (station, axis) = ((*stations.get(place)?)?, axis()?);
-                return Some(match turned {
-                    Some(_) => ParameterKind::BaseRotation { station, axis },
-                    None => ParameterKind::BasePosition { station, axis },
-                });
+                return one(ParameterKind::of_base((*stations.get(place)?)?));
             }
             if let Some(place) = self.message.targets.iter().position(is_it) {
-                let (tool, axis) = ((*tools.get(place)?)?, axis()?);
-                return Some(match turned {
-                    Some(_) => ParameterKind::ToolRotation { tool, axis },
-                    None => ParameterKind::ToolPosition { tool, axis },
-                });
+                return one(ParameterKind::of_tool((*tools.get(place)?)?));
             }
             ParameterKind::named(name, &all, arm)
         };
         let unknowns = self.message.unknowns.iter();
         unknowns.map(|each| kind(&each.name)).collect()
-    }
-
-    /// Whether an unknown is one of a station's or a target's frame.
-    fn is_of_frame(&self, name: &str) -> bool {
-        let owner = name.rsplit_once('.').map_or("", |(owner, _)| owner);
-        let mut frames = self.message.stations.iter().chain(&self.message.targets);
-        frames.any(|frame| frame.unknowns == owner)
     }
 
     /// What is known of the unknowns and of what they leave, for an arm that has their values: masses and springs as

@@ -12,7 +12,7 @@ use crate::identification::{
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
-use crate::parameter::{Axis, ParameterKind, ParameterSet};
+use crate::parameter::{ParameterKind, ParameterSet};
 use crate::record::absolute::MountedFrameMessage;
 use crate::task::Belief;
 use crate::text::wording::p_value;
@@ -140,11 +140,9 @@ fn known_frames(case: &mut AbsoluteCase<'_>, stored: &StoredRobot, is_turned: bo
             known.targets[place] = Some(tool);
             continue;
         }
-        let position = |axis| ParameterKind::ToolPosition { tool, axis };
-        let rotation = |axis| ParameterKind::ToolRotation { tool, axis };
-        known.anew.extend(Axis::ALL.map(position));
-        let turns = is_turned.then(|| Axis::ALL.map(rotation));
-        known.anew.extend(turns.into_iter().flatten());
+        let kinds = ParameterKind::of_tool(tool).into_iter();
+        let kinds = kinds.take(1 + usize::from(is_turned));
+        known.anew.extend(kinds.flatten());
         known.names.push(name.clone());
     }
     case.set_frames(frames);

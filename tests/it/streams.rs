@@ -1,7 +1,7 @@
 //! A study's recordings, live in a viewer and as files. Results do not depend on any viewer.
 
 use std::net::{TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 

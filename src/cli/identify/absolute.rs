@@ -152,14 +152,9 @@ pub fn describe(message: &AbsoluteMessage) -> String {
         counted(message.readings as u64, "reading"),
         message.numbers
     );
-    let frames: Vec<_> = message.stations.iter().chain(&message.targets).collect();
-    let is_frame = |name: &str| {
-        let owner = name.rsplit_once('.').map_or(name, |(owner, _)| owner);
-        frames.iter().any(|frame| frame.unknowns == owner)
-    };
     text += &frames_table(&message.stations, &message.targets);
     let rows: Vec<Vec<String>> = (message.unknowns.iter())
-        .filter(|each| !is_frame(&each.name))
+        .filter(|each| !message.is_of_frame(&each.name))
         .map(|each| {
             let (factor, unit) = shown_unit(&each.unit);
             let number = |value: f64| format!("{:.4}", value * factor);

@@ -14,11 +14,11 @@ use elastocal::workflow::validate_absolute::{
 use serde_json::{Value, json};
 
 use super::Validate;
+use crate::cli::Report;
 use crate::cli::identified::trust;
 use crate::cli::identify::absolute::explained;
 use crate::cli::table::{DISTANCES, distances, table};
 use crate::cli::tolerance::report_judged;
-use crate::cli::Report;
 
 impl Validate {
     /// Holds other readings beside a robot that was identified.
@@ -65,18 +65,9 @@ impl Validate {
     }
 }
 
-/// Distances and angles of what is left.
-fn lengths(left: &[ReadingResidual]) -> [Option<DistanceStatistics>; 2] {
-    [
-        DistanceStatistics::of_positions(left),
-        DistanceStatistics::of_rotations(left),
-    ]
-    .map(|statistics| statistics.as_ref().map(DistanceStatistics::in_thousandths))
-}
-
 fn record(validation: &AbsoluteValidation) -> Value {
     let both = |left: &[ReadingResidual]| {
-        let [distance_mm, angle_mrad] = lengths(left);
+        let [distance_mm, angle_mrad] = DistanceStatistics::in_mm_and_mrad(left);
         json!({ "distance_mm": distance_mm, "angle_mrad": angle_mrad })
     };
     let with_joints: Vec<ReadingResidual> =
@@ -95,7 +86,7 @@ fn record(validation: &AbsoluteValidation) -> Value {
             })
         })
         .collect();
-    let [distance_mm, angle_mrad] = lengths(&validation.left);
+    let [distance_mm, angle_mrad] = DistanceStatistics::in_mm_and_mrad(&validation.left);
     json!({
         "kind": "absolute",
         "probability": validation.probability,
@@ -121,7 +112,7 @@ fn describe(validation: &AbsoluteValidation) -> String {
     let mut add = |name: &str, left: &[ReadingResidual]| {
         for (what, lengths) in ["distance [mm]", "angle [mrad]"]
             .into_iter()
-            .zip(lengths(left))
+            .zip(DistanceStatistics::in_mm_and_mrad(left))
         {
             rows.extend(lengths.map(|each| distances(&format!("{name}: {what}"), &each)));
         }

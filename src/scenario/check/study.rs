@@ -7,10 +7,10 @@ use super::design::fewest;
 use crate::experiment::{Candidate, read_candidates};
 use crate::files::FileError;
 use crate::plan::search::SearchError;
-use crate::plan::{Criterion, Experiment, Plan};
+use crate::plan::{Criterion, Plan};
 use crate::quantities::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
 use crate::quantities::plausible::{DEVIATION, FACTOR, Kind, SPREAD};
-use crate::robot::{Commands, Load};
+use crate::robot::Commands;
 use crate::scenario::PlanFile;
 use crate::scenario::file::{SigmaOf, Spread, StudyPlanTable, StudyTable, SweepTable};
 use crate::study::{Conditions, StudyPlan, StudySettings, StudySource};
@@ -233,13 +233,8 @@ impl Checker<'_> {
         let rows = read_candidates(path, context.commands.clone());
         let rows = rows.map_err(|error| self.named_file(key, error))?;
         self.inputs.borrow_mut().add(path)?;
-        let experiments = rows.iter().map(|row| Experiment {
-            configuration_rad: row.configuration_rad.clone(),
-            load: row.load.unwrap_or(Load::NONE),
-            repeats: row.most.unwrap_or(1),
-            approach: row.approach.clone(),
-            direction: None,
-        });
+        let experiments = rows.iter();
+        let experiments = experiments.map(|row| row.experiment(row.most.unwrap_or(1)));
         let plan = Plan {
             experiments: experiments.collect(),
         };

@@ -39,16 +39,9 @@ pub(super) fn cards(plan: &AbsolutePlanMessage, run: &AbsoluteRun<'_>) -> String
 /// What was identified, beside the simulated truth.
 pub(super) fn identified(run: &AbsoluteRun<'_>) -> String {
     let found = &run.record;
-    let frames: Vec<&str> = (found.stations.iter().chain(&found.targets))
-        .map(|frame| &*frame.unknowns)
-        .collect();
-    let is_frame = |name: &str| {
-        let owner = name.rsplit_once('.').map_or(name, |(owner, _)| owner);
-        frames.contains(&owner)
-    };
     let unknowns = found.unknowns.iter().zip(&run.true_values);
     let rows = unknowns
-        .filter(|(unknown, _)| !is_frame(&unknown.name))
+        .filter(|(unknown, _)| !found.is_of_frame(&unknown.name))
         .map(|(unknown, truth)| row(unknown, *truth));
     let header = "unknown | nominal | simulated truth | estimate | standard error | estimate less truth [standard errors] | unit";
     let mut about = format!(
