@@ -10,7 +10,7 @@ use elastocal::files::{output::write_whole, roles::Roles};
 use elastocal::gate::Decision;
 
 use super::table::table_of;
-use super::{Accepted, Report, check_outputs};
+use super::{Accepted, Report, Said, check_outputs};
 
 #[derive(Debug, Args)]
 pub struct Compare {
@@ -30,12 +30,8 @@ pub struct Compare {
     /// Where to write a summary in Markdown.
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
-    /// Print results as JSON.
-    #[arg(long)]
-    pub json: bool,
-    /// Say nothing on stderr but errors and conditions.
-    #[arg(long)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub said: Said,
     #[command(flatten)]
     pub accepted: Accepted,
 }

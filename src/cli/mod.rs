@@ -108,6 +108,17 @@ pub struct Common {
     given: Given,
 }
 
+/// How a command without a scenario tells its results.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct Said {
+    /// Print results as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Say nothing on stderr but errors.
+    #[arg(long)]
+    quiet: bool,
+}
+
 /// Conditions that are accepted beforehand.
 #[derive(Debug, Clone, Args)]
 pub struct Accepted {
@@ -295,10 +306,12 @@ impl Arguments {
     pub fn execute(&self, itself: Option<PathBuf>) -> anyhow::Result<Vec<Condition>> {
         let (json, quiet, threads) = match (&self.command, self.command.common()) {
             (_, Some(common)) => (common.json, common.quiet, common.threads),
-            (Command::Init(command), None) => (command.json, command.quiet, None),
-            (Command::Import(command), None) => (command.json, command.quiet, None),
-            (Command::Merge(command), None) => (command.json, command.quiet, None),
-            (Command::Compare(command), None) => (command.json, command.quiet, None),
+            (Command::Init(init::Init { said, .. }), None)
+            | (Command::Import(import::Import { said, .. }), None)
+            | (Command::Merge(merge::Merge { said, .. }), None)
+            | (Command::Compare(compare::Compare { said, .. }), None) => {
+                (said.json, said.quiet, None)
+            }
             (Command::Explain(command), None) => (command.json, false, None),
             (_, None) => (false, false, None),
         };

@@ -203,26 +203,17 @@ impl Compensate {
     }
 }
 
-/// The distances that were observed on the virtual robot, which are nobody else's.
-const OBSERVED: [&str; 4] = [
-    "uncompensated_mm",
-    "residual_mm",
-    "uncompensated_xyz_mm",
-    "residual_xyz_mm",
-];
-
-/// Takes out what was observed on a virtual robot.
-fn forget_observed(keys: &mut Value) {
-    let forget = |of: &mut Value| {
-        for key in OBSERVED {
+/// Takes out the distances that were observed on a virtual robot, which are nobody else's.
+fn forget_observed(of: &mut Value) {
+    for distance in ["uncompensated", "residual"] {
+        for key in ["mm", "xyz_mm"].map(|unit| format!("{distance}_{unit}")) {
             if let Some(value) = of.get_mut(key) {
                 *value = Value::Null;
             }
         }
-    };
-    forget(keys);
-    let poses = keys["test_poses"].as_array_mut();
-    poses.into_iter().flatten().for_each(forget);
+    }
+    let poses = of.get_mut("test_poses").and_then(Value::as_array_mut);
+    poses.into_iter().flatten().for_each(forget_observed);
 }
 
 /// The commands for a person, with what was observed where the robot is a virtual one.

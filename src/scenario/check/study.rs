@@ -198,18 +198,14 @@ impl Checker<'_> {
         conditions: &[Conditions],
         context: &Context<'_>,
     ) -> Result<Vec<StudyPlan>, FileError> {
-        let mut plans: Vec<StudyPlan> = Vec::new();
-        for (index, table) in tables.iter().enumerate() {
-            let source =
-                self.study_source(&format!("study.plan[{index}]"), table, conditions, context)?;
-            let name = table.name().clone();
-            plans.push(StudyPlan { name, source });
-        }
-        self.named(
-            "study.plan",
-            MOST_STUDIED,
-            plans.iter().map(|plan| &plan.name),
-        )?;
+        let names = tables.iter().map(StudyPlanTable::name);
+        self.named("study.plan", MOST_STUDIED, names)?;
+        let plans = self.each("study.plan", MOST_STUDIED, tables, |key, table| {
+            Ok(StudyPlan {
+                name: table.name().clone(),
+                source: self.study_source(key, table, conditions, context)?,
+            })
+        })?;
         for each in conditions {
             if !plans.iter().any(|plan| plan.source.fits(each.experiments)) {
                 let problem = format!("found none for {} measurements", each.experiments);
