@@ -111,7 +111,7 @@ pub fn calibrate(
     let MeasuredRun {
         measurements,
         truth,
-    } = measure(&mut robots, task, truth, plan, seed, run)?;
+    } = measure(&mut robots, task, truth, plan, [seed, run], true)?;
     let identification = identify_as_planned(&task.belief, &measurements)?;
     let residuals = residuals(&case_of(&task.belief, &measurements), &identification)?;
     let poses = compensate_poses(
@@ -140,54 +140,27 @@ pub struct MeasuredRun {
     pub truth: RunTruth,
 }
 
-/// Makes the virtual robot that of run `run` under a seed, and measures a plan on it.
+/// Makes the virtual robot that of run `run` under a seed, and measures a plan on it: with the instrument's errors, or what the robot
+/// of that run does.
 pub fn measure(
     robots: &mut TrueRobots,
     task: &Task,
     truth: &Truth,
     plan: &Plan,
-    seed: u64,
-    run: u64,
-) -> Result<MeasuredRun, CalibrationError> {
-    let mut measured = without_noise(robots, task, truth, plan, seed, run)?;
-    add_noise_of(
-        &mut measured.measurements,
-        &task.belief.instrument,
-        seed,
-        robots.readings_of(run),
-    );
-    Ok(measured)
-}
-
-/// The same by an instrument without errors: what the robot of that run does.
-pub fn measure_noise_free(
-    robots: &mut TrueRobots,
-    task: &Task,
-    truth: &Truth,
-    plan: &Plan,
-    seed: u64,
-    run: u64,
-) -> Result<MeasuredRun, CalibrationError> {
-    let mut measured = without_noise(robots, task, truth, plan, seed, run)?;
-    for (each, moved_m) in (measured.measurements.iter_mut()).zip(&measured.truth.deflections_m) {
-        each.deflection_m = each.direction.map_or(*moved_m, |d| d * d.dot(moved_m));
-    }
-    Ok(measured)
-}
-
-/// What the run's circumstances make of a plan, but for the instrument's noise.
-fn without_noise(
-    robots: &mut TrueRobots,
-    task: &Task,
-    truth: &Truth,
-    plan: &Plan,
-    seed: u64,
-    run: u64,
+    [seed, run]: [u64; 2],
+    has_noise: bool,
 ) -> Result<MeasuredRun, CalibrationError> {
     let (instrument, count) = (&task.belief.instrument, plan.measurements() as usize);
     let normals = robots.become_run_of(truth, count, seed, run)?;
-    let measurements = robots.measure_noise_free(plan, instrument, &normals, 0)?;
+    let mut measurements = robots.measure_noise_free(plan, instrument, &normals, 0)?;
     let truth = robots.truth(plan, &normals, run)?;
+    if has_noise {
+        add_noise_of(&mut measurements, instrument, seed, robots.readings_of(run));
+    } else {
+        for (each, moved_m) in measurements.iter_mut().zip(&truth.deflections_m) {
+            each.deflection_m = each.direction.map_or(*moved_m, |d| d * d.dot(moved_m));
+        }
+    }
     Ok(MeasuredRun {
         measurements,
         truth,

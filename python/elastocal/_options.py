@@ -287,11 +287,6 @@ class ValidateOptions(ValidateGiven, total=False):
     measurements: FilePath | None
 
 
-class ViewGiven(TypedDict, total=False):
-    out: FilePath | None
-    threads: int | None
-
-
 class Commands(Protocol):
     """Any command, with its options as keywords."""
 
@@ -341,5 +336,3 @@ class Commands(Protocol):
     def __call__(self, name: Literal["study"], /, *positional: object, **given: Unpack[StudyOptions]) -> Results: ...
     @overload
     def __call__(self, name: Literal["validate"], /, *positional: object, **given: Unpack[ValidateOptions]) -> Results: ...
-    @overload
-    def __call__(self, name: Literal["view"], /, *positional: object, **given: Unpack[ViewGiven]) -> Results: ...

@@ -75,7 +75,7 @@ def test_every_command_has_a_function() -> None:
     # `import` is a word of Python's own.
     names = {"plan": "design", "import": "import_table"}
     # A viewer and what shells complete are a program's.
-    for name in set(options()) - {"view", "completion"}:
+    for name in set(options()) - {"completion"}:
         assert names.get(name, name) in functions, name
 
 

@@ -8,7 +8,7 @@ use elastocal::codes::{Condition, ConditionCode};
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{least_minutes, quickest};
 use elastocal::plan::absolute::AbsolutePlanning;
-use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest, repeated_configurations};
+use elastocal::plan::search::{BudgetPoint, budget, cheapest, repeated_configurations};
 use elastocal::quantities::plausible::ACCURACY;
 use elastocal::record::json::merge;
 use elastocal::record::messages::{CommonSourcesMessage, ProvenanceMessage};
@@ -18,10 +18,9 @@ use elastocal::text::wording::counted;
 use elastocal::view::plots::budget_plot;
 use serde_json::{Value, json};
 
-use super::interruption::{STOP, ask_search, searched};
-use super::plan::drawn_words;
-use super::plan_args::{left_out, refuse_others};
-use super::progress::{bar, show};
+use super::interruption::STOP;
+use super::plan_args::offered;
+use super::progress::search;
 use super::proof::{ProofArgs, proof_json};
 use super::readings_args::ReadingsArgs;
 use super::table::{number, table_of};
@@ -29,7 +28,6 @@ use super::uncertainty_budget::common_sources;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
 
-/// Arguments of `budget`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["out"])))]
 pub struct Budget {
@@ -105,16 +103,21 @@ impl Budget {
     /// Of deflections.
     fn deflections(&self, scenario: &Scenario, written: &mut Written) -> anyhow::Result<Searched> {
         let (common, task, laboratory) = (&self.common, &scenario.task, &scenario.laboratory);
-        let stop = ask_search();
         let up_to = counted(self.up_to.into(), "measurement");
         common.say(&format!("searching the best plans of up to {up_to}"));
-        let bar = bar(common.quiet, "searching plans");
-        let progress = |done: usize, all: usize| show(&bar, done, all);
-        let (points, bound) = self.proof.with_effort(common, stop, |proof| {
-            budget(task, self.up_to, scenario.seed, proof, stop, &progress)
+        let (points, bound) = search(common.quiet, "searching plans", |watch| {
+            let progress = |done, all| (watch.progress)(done, all, 0.0);
+            self.proof.with_effort(common, watch.stop, |proof| {
+                budget(
+                    task,
+                    self.up_to,
+                    scenario.seed,
+                    proof,
+                    watch.stop,
+                    &progress,
+                )
+            })
         })?;
-        bar.finish_and_clear();
-        searched();
         if points.is_empty() {
             let compliances = task.belief.parameters.len() as u64;
             anyhow::bail!(
@@ -147,15 +150,10 @@ impl Budget {
             counted(self.up_to.into(), "absolute reading"),
             counted(planning.candidates.len() as u64, "candidate")
         ));
-        let bar = bar(common.quiet, "searching plans");
-        let watch = Watch {
-            stop: ask_search(),
-            progress: &|done, all, _| show(&bar, done, all),
-        };
-        let found =
-            (planning.budget(self.up_to, drawn.is_some(), scenario.seed, watch)).map_err(wrong)?;
-        bar.finish_and_clear();
-        searched();
+        let found = search(common.quiet, "searching plans", |watch| {
+            planning.budget(self.up_to, drawn.is_some(), scenario.seed, watch)
+        })
+        .map_err(wrong)?;
         let minutes = |point: &BudgetPoint| {
             let is_it = |(each, _): &&(BudgetPoint, _)| each.experiments == point.experiments;
             let (_, plan) = found.iter().find(is_it)?;
@@ -167,13 +165,9 @@ impl Budget {
             |point: &BudgetPoint| laboratory.costs.work_min([1, 1, 0], point.experiments);
         let points: Vec<BudgetPoint> = found.iter().map(|(point, _)| point.clone()).collect();
         let offer = &planning.offer;
-        let offered = counted(offer.offered as u64, "candidate");
         Ok(Searched {
             needed: self.needed(&points, at_least, minutes),
-            text: match drawn {
-                Some(drawn) => drawn_words(drawn, offer),
-                None => left_out(&offered, self.readings.candidates.as_deref(), offer),
-            },
+            text: offered(drawn, self.readings.candidates.as_deref(), offer),
             json: json!({ "proof": null, "candidates": offer, "drawn": drawn }),
             points,
         })
@@ -181,7 +175,7 @@ impl Budget {
 
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
-        refuse_others(&scenario, &self.proof.given(), &self.readings.given())?;
+        self.common.refuse_others("budget", &scenario)?;
         rests(&scenario)?;
         let outputs = [
             ("--plot-out", self.plot_out.as_deref()),

@@ -18,7 +18,6 @@ use super::printed_error::PrintedError;
 use super::table::table;
 use super::{Common, Report, program, results, without_effect};
 
-/// Arguments of `check`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["seed", "threads", "out"])))]
 pub struct Check {

@@ -10,9 +10,8 @@ use elastocal::files::{output::write_whole, roles::Roles};
 use elastocal::gate::Decision;
 
 use super::table::table_of;
-use super::{Accepted, Report, check_outputs};
+use super::{Accepted, Report, Said, check_outputs};
 
-/// Arguments of `compare`.
 #[derive(Debug, Args)]
 pub struct Compare {
     /// The results to measure by, of run, plan, evaluate or study.
@@ -31,12 +30,8 @@ pub struct Compare {
     /// Where to write a summary in Markdown.
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
-    /// Print results as JSON.
-    #[arg(long)]
-    pub json: bool,
-    /// Say nothing on stderr but errors and conditions.
-    #[arg(long)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub said: Said,
     #[command(flatten)]
     pub accepted: Accepted,
 }

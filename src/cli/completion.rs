@@ -5,7 +5,6 @@ use clap_complete::{Shell, generate};
 
 use super::{Arguments, Report};
 
-/// Arguments of `completion`.
 #[derive(Debug, Args)]
 pub struct Completion {
     /// The shell.

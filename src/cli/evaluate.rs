@@ -22,7 +22,6 @@ use super::planned::PlannedAccuracy;
 use super::written::Written;
 use super::{Report, without_effect};
 
-/// Arguments of `evaluate`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["out"])))]
 pub struct Evaluate {
@@ -47,8 +46,7 @@ impl Evaluate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let (args, file) = (&self.args, Some(&*self.plan));
         let scenario = args.load(file, &[])?;
-        let of_deflections = [("--criterion", self.criterion != Criterion::TestPose)];
-        args.refuse_others(&scenario, &of_deflections, &[])?;
+        args.common.refuse_others("evaluate", &scenario)?;
         let mut written = Written::default();
         let (planned, besides) = match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.readings(&scenario)?,

@@ -10,7 +10,6 @@ use super::Report;
 /// Columns of a terminal.
 const COLUMNS: usize = 100;
 
-/// Arguments of `explain`.
 #[derive(Debug, Args)]
 pub struct Explain {
     /// Codes such as C0102, or beginnings such as C02; a list of all if none is given.

@@ -9,9 +9,8 @@ use elastocal::workflow::export::{ExportedModel, export};
 use serde_json::json;
 
 use super::identified::{ScenarioRobot, read_robot};
-use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 
-/// Arguments of `export`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
 #[command(mut_args(without_effect(&["seed", "threads", "out"])))]
@@ -44,21 +43,19 @@ impl Export {
         write_whole(&self.model_out, exported.text.as_bytes())?;
         let mut text = describe(&exported);
         text += &format!("wrote {}\n", self.model_out.display());
-        Ok(Report::new(
-            results(
-                "export",
-                &provenance,
-                json!({
-                    "model_file": self.model_out,
-                    "parameters": robot.unknowns.iter().map(|each| &each.name).collect::<Vec<_>>(),
-                    "configurations": exported.configurations,
-                    "place_difference_mm": exported.place_difference_m * 1e3,
-                    "rotation_difference_mrad": exported.rotation_difference_rad * 1e3,
-                    "deflection_difference_mm": exported.deflection_difference_m * 1e3,
-                    "not_expressed": exported.not_expressed,
-                    "to_leave_out": exported.to_leave_out,
-                }),
-            ),
+        Ok(Report::of(
+            "export",
+            &provenance,
+            json!({
+                "model_file": self.model_out,
+                "parameters": robot.unknowns.iter().map(|each| &each.name).collect::<Vec<_>>(),
+                "configurations": exported.configurations,
+                "place_difference_mm": exported.place_difference_m * 1e3,
+                "rotation_difference_mrad": exported.rotation_difference_rad * 1e3,
+                "deflection_difference_mm": exported.deflection_difference_m * 1e3,
+                "not_expressed": exported.not_expressed,
+                "to_leave_out": exported.to_leave_out,
+            }),
             text,
             conditions,
         ))

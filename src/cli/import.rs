@@ -10,9 +10,8 @@ use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::table::table;
-use super::{Report, check_outputs, program};
+use super::{Report, Said, check_outputs, program};
 
-/// Arguments of `import`.
 #[derive(Debug, Args)]
 pub struct Import {
     /// The table that another program wrote.
@@ -23,12 +22,8 @@ pub struct Import {
     /// Where to write the measurements.
     #[arg(long, alias = "out", value_name = "FILE")]
     measurements_out: Option<PathBuf>,
-    /// Print results as JSON.
-    #[arg(long)]
-    pub json: bool,
-    /// Say nothing on stderr but errors.
-    #[arg(long)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub said: Said,
 }
 
 impl Import {

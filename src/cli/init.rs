@@ -12,9 +12,8 @@ use elastocal::text::wording::shell_path;
 use elastocal::workflow::init::{SCHEMA_FILE, draft};
 use serde_json::json;
 
-use super::{Report, program};
+use super::{Report, Said, program};
 
-/// Arguments of `init`.
 #[derive(Debug, Args)]
 pub struct Init {
     /// The robot's model: MJCF or URDF.
@@ -26,12 +25,8 @@ pub struct Init {
     /// The body or site at the arm's end, where the model has several arms, or a joint at the arm's end is taken for a gripper's.
     #[arg(long, value_name = "NAME")]
     tip: Option<String>,
-    /// Print results as JSON.
-    #[arg(long)]
-    pub json: bool,
-    /// Say nothing on stderr but errors.
-    #[arg(long)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub said: Said,
 }
 
 impl Init {
@@ -56,7 +51,7 @@ impl Init {
             check_writable(&schema)?;
         }
         let draft = draft(&self.model, &path, self.tip.as_deref())?;
-        if !self.quiet {
+        if !self.said.quiet {
             for warning in &draft.understanding.warnings {
                 elastocal::text::diagnostics::say(&format!("warning: {warning}"));
             }

@@ -34,7 +34,6 @@ use super::{Common, Report, inputs, rests, results, without_effect};
 /// The table to fill in, and the record.
 const FILES: [&str; 2] = ["measurements.csv", "campaign.json"];
 
-/// Arguments of `lab`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["threads", "seed"])))]
 pub struct Lab {

@@ -8,7 +8,6 @@ use elastocal::mujoco::{Model, State, limit_process, rehearse_with};
 /// Its name on the command line.
 const NAME: &str = "load-model";
 
-/// Arguments of `load-model`.
 #[derive(Debug, Args)]
 pub struct LoadModel {
     model: PathBuf,

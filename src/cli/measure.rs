@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::calibration::{MeasuredRun, measure, measure_noise_free};
+use elastocal::calibration::{MeasuredRun, measure};
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, output::write_whole};
@@ -19,11 +19,9 @@ use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::plan_args::refuse_others;
 use super::table::table;
-use super::{Common, Report, check_outputs, inputs, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, without_effect};
 
-/// Arguments of `measure`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["threads", "out"])))]
 pub struct Measure {
@@ -50,7 +48,7 @@ pub struct Measure {
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
-        refuse_others(&scenario, &[("--noise-free", self.noise_free)], &[])?;
+        self.common.refuse_others("measure", &scenario)?;
         let outputs = [("--measurements-out", self.measurements_out.as_deref())];
         check_outputs(inputs(&scenario).reads("the plan", &self.plan), &outputs)?;
         match scenario.task.design.accuracy {
@@ -79,16 +77,11 @@ impl Measure {
         } else {
             let robots = TrueRobots::new(&task.belief, truth)?;
             let mut robots = robots.in_campaign(self.campaign);
-            let read = if self.noise_free {
-                measure_noise_free
-            } else {
-                measure
-            };
-            let (seed, run) = (scenario.seed, self.run.unwrap_or(0));
+            let numbers = [scenario.seed, self.run.unwrap_or(0)];
             let MeasuredRun {
                 measurements,
                 truth,
-            } = read(&mut robots, task, truth, &plan, seed, run)
+            } = measure(&mut robots, task, truth, &plan, numbers, !self.noise_free)
                 .map_err(|error| self.wrong(&error))?;
             let joints = task.belief.parameters.iter().copied();
             (measurements, Some(TruthMessage::new(joints, &truth)))
@@ -139,12 +132,10 @@ impl Measure {
         let messages: Vec<MeasurementMessage> = (measurements.iter())
             .map(|each| MeasurementMessage::new(&commands, each))
             .collect();
-        Ok(Report::new(
-            results(
-                "measure",
-                &ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?,
-                json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
-            ),
+        Ok(Report::of(
+            "measure",
+            &ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?,
+            json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             text,
             (scenario.task.loads.outside_plan(&plan, None).into_iter())
                 .chain(beyond_gauge(task, &plan))
@@ -173,12 +164,10 @@ impl Measure {
             text += &format!("wrote {}\n", path.display());
         }
         let provenance = ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?;
-        Ok(Report::new(
-            results(
-                "measure",
-                &provenance,
-                json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
-            ),
+        Ok(Report::of(
+            "measure",
+            &provenance,
+            json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
             text,
             Vec::new(),
         ))

@@ -9,23 +9,18 @@ use elastocal::record::tally_file::join;
 use super::study::results::{FILES, Results, write};
 use super::views::STUDY_PAGE;
 use super::written::Written;
-use super::{Accepted, Report};
+use super::{Accepted, Report, Said};
 
-/// Arguments of `merge`.
 #[derive(Debug, Args)]
 pub struct Merge {
     /// What `study --shard i/n --tally-out FILE` wrote, one file for each shard.
     #[arg(required = true, value_name = "FILES")]
     files: Vec<PathBuf>,
-    /// Print results as JSON.
-    #[arg(long)]
-    pub json: bool,
+    #[command(flatten)]
+    pub said: Said,
     /// The folder for results.
     #[arg(long, default_value = "out")]
     out: PathBuf,
-    /// Say nothing on stderr but errors.
-    #[arg(long)]
-    pub quiet: bool,
     #[command(flatten)]
     pub accepted: Accepted,
 }

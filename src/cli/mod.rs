@@ -13,6 +13,7 @@ mod dialect;
 mod evaluate;
 mod explain;
 mod export;
+mod given;
 mod help;
 mod identified;
 mod identify;
@@ -47,19 +48,19 @@ mod table;
 mod tolerance;
 mod uncertainty_budget;
 mod validate;
-mod view;
 mod views;
 mod written;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use self::given::Given;
 use anyhow::Context;
 use clap::{Arg, Args, Parser, Subcommand};
 use elastocal::codes::{Condition, ConditionCode, ErrorCode, condition_code};
 use elastocal::files::{FileError, output::check_writable, roles::Roles, shipped};
 use elastocal::measurement::Origin;
-use elastocal::record::{json::results, platform::platform};
+use elastocal::record::{json::results, messages::ProvenanceMessage, platform::platform};
 use elastocal::scenario::Scenario;
 use elastocal::text::{diagnostics::say, plain, wording::shell_path};
 use elastocal::understanding::collapse;
@@ -103,6 +104,19 @@ pub struct Common {
     quiet: bool,
     #[command(flatten)]
     accepted: Accepted,
+    #[command(flatten)]
+    given: Given,
+}
+
+/// How a command without a scenario tells its results.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct Said {
+    /// Print results as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Say nothing on stderr but errors.
+    #[arg(long)]
+    quiet: bool,
 }
 
 /// Conditions that are accepted beforehand.
@@ -209,9 +223,6 @@ enum Command {
     /// The paper's tables and figure beside this program's
     #[command(after_help = "Example:\n  elastocal reproduce")]
     Reproduce(reproduce::Reproduce),
-    /// Open a recording in the rerun viewer
-    #[command(after_help = "Example:\n  elastocal view")]
-    View(view::View),
     /// Print the JSON schema of scenarios, with which editors complete and check them
     #[command(after_help = "Example:\n  elastocal schema > scenario.schema.json")]
     Schema(schema::Schema),
@@ -257,6 +268,17 @@ pub struct Report {
 }
 
 impl Report {
+    /// What a command comes to: its keys in JSON, where they come from, and text.
+    pub fn of(
+        command: &str,
+        provenance: &ProvenanceMessage,
+        keys: Value,
+        text: String,
+        conditions: Vec<Condition>,
+    ) -> Self {
+        Self::new(results(command, provenance, keys), text, conditions)
+    }
+
     /// Results as JSON and as text, and what must be looked at.
     pub const fn new(json: Value, text: String, conditions: Vec<Condition>) -> Self {
         Self {
@@ -284,10 +306,12 @@ impl Arguments {
     pub fn execute(&self, itself: Option<PathBuf>) -> anyhow::Result<Vec<Condition>> {
         let (json, quiet, threads) = match (&self.command, self.command.common()) {
             (_, Some(common)) => (common.json, common.quiet, common.threads),
-            (Command::Init(command), None) => (command.json, command.quiet, None),
-            (Command::Import(command), None) => (command.json, command.quiet, None),
-            (Command::Merge(command), None) => (command.json, command.quiet, None),
-            (Command::Compare(command), None) => (command.json, command.quiet, None),
+            (Command::Init(init::Init { said, .. }), None)
+            | (Command::Import(import::Import { said, .. }), None)
+            | (Command::Merge(merge::Merge { said, .. }), None)
+            | (Command::Compare(compare::Compare { said, .. }), None) => {
+                (said.json, said.quiet, None)
+            }
             (Command::Explain(command), None) => (command.json, false, None),
             (_, None) => (false, false, None),
         };
@@ -333,7 +357,6 @@ impl Arguments {
             Command::Replay(command) => command.execute(),
             Command::Merge(command) => command.execute(),
             Command::Compare(command) => command.execute(),
-            Command::View(command) => command.execute(),
             Command::Explain(command) => Ok(command.execute()),
             Command::Schema(command) => command.execute(),
             Command::Completion(command) => command.execute(),

@@ -9,10 +9,8 @@ use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
-use elastocal::plan::absolute::DrawnWanted;
 use elastocal::plan::search::{
-    ApproximateDesign, Bound, BoundKind, Candidates, Certificate, OfferedCandidates, Problem,
-    SearchError, Watch,
+    ApproximateDesign, Bound, BoundKind, Candidates, Certificate, Problem, SearchError, Watch,
 };
 use elastocal::plan::{Assessment, Criterion, Plan, take_nearest_turns};
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
@@ -27,9 +25,9 @@ use serde_json::json;
 
 use super::conditions::search_stopped;
 use super::interruption::{STOP, ask_search, searched};
-use super::plan_args::{ANYWHERE, PlanArgs};
+use super::plan_args::{PlanArgs, offered};
 use super::planned::PlannedAccuracy;
-use super::progress::{bar, show};
+use super::progress::{bar, search, show};
 use super::proof::ProofArgs;
 use super::table::table;
 use super::written::Written;
@@ -38,7 +36,6 @@ use super::{Common, Report, without_effect};
 /// So many configurations are drawn where nothing else is said.
 pub const DRAWN: u32 = 200;
 
-/// Arguments of `plan`.
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["out"])))]
 pub struct PlanCommand {
@@ -197,12 +194,7 @@ impl PlanCommand {
             scenario.task.design.experiments = experiments;
             scenario.task.design.configurations = None;
         }
-        let of_deflections = [
-            ("--minutes", self.minutes.is_some()),
-            ("--criterion", self.criterion != Criterion::TestPose),
-        ];
-        let of_readings = [("--draw", self.draw.is_some(), ANYWHERE)];
-        args.refuse_others(&scenario, &of_deflections, &of_readings)?;
+        args.common.refuse_others("plan", &scenario)?;
         let timed = self.within(&scenario)?;
         let mut wanted = Wanted {
             criterion: self.criterion,
@@ -249,11 +241,6 @@ impl PlanCommand {
     ) -> anyhow::Result<(PlannedAccuracy<'a>, Report)> {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
         let (groups, sizes) = (&args.parameters, wanted.sizes());
-        let bar = bar(args.common.quiet, "searching the plan");
-        let watch = Watch {
-            stop: ask_search(),
-            progress: &|done, all, _| show(&bar, done, all),
-        };
         let readings = counted(sizes[0].into(), "absolute reading");
         let say = |place: &str| {
             let designing = format!("designing a plan of {readings} {place}");
@@ -271,16 +258,12 @@ impl PlanCommand {
         let count = |rows: &Vec<_>| counted(rows.len() as u64, "candidate");
         let among = rows.as_ref().map(|rows| format!("among {}", count(rows)));
         say(among.as_deref().unwrap_or("at sampled configurations"));
-        let (planning, found) = (chosen.design(task, sizes, seed, watch))
-            .map_err(|error| error.in_file(chosen.path))?;
+        let (planning, found) = search(args.common.quiet, "searching the plan", |watch| {
+            chosen.design(task, sizes, seed, watch)
+        })
+        .map_err(|error| error.in_file(chosen.path))?;
         let drawn = chosen.drawn(seed);
-        bar.finish_and_clear();
-        searched();
-        let offered = counted(planning.offer.offered as u64, "candidate");
-        let offer = match drawn {
-            Some(drawn) => drawn_words(drawn, &planning.offer),
-            None => args.left_out(&offered, &planning.offer),
-        };
+        let offer = offered(drawn, file, &planning.offer);
         let [searches, agreeing] = found.searches;
         let json = json!({ "searches": searches, "searches_agreeing": agreeing });
         let after = format!(
@@ -318,7 +301,7 @@ impl PlanCommand {
             self.criterion.name()
         ));
         let (mut designed, certificate) = if let Some(candidates) = &candidates {
-            (self.among(scenario, candidates, wanted, stop)?, None)
+            (self.among(scenario, candidates, wanted)?, None)
         } else {
             let (designed, approximate) =
                 design(&args.common, task, seed, wanted, &args.proof, stop)?;
@@ -367,36 +350,17 @@ impl PlanCommand {
         scenario: &Scenario,
         candidates: &Candidates,
         wanted: Wanted,
-        stop: &AtomicBool,
     ) -> anyhow::Result<Designed> {
-        let bar = bar(self.args.common.quiet, "searching the plan");
-        let watch = Watch {
-            stop,
-            progress: &|done, all, _| show(&bar, done, all),
-        };
-        let designed = design_among(&scenario.task, candidates, scenario.seed, wanted, watch);
-        let designed = designed.map_err(|error| match &self.args.candidates {
+        let designed = search(self.args.common.quiet, "searching the plan", |watch| {
+            design_among(&scenario.task, candidates, scenario.seed, wanted, watch)
+        });
+        designed.map_err(|error| match &self.args.candidates {
             Some(path) => FileError::new(path, error.to_string())
                 .code(ErrorCode::NoPlan)
                 .into(),
             None => anyhow::Error::from(error),
-        })?;
-        bar.finish_and_clear();
-        searched();
-        Ok(designed)
+        })
     }
-}
-
-/// How candidates were drawn, and what is not said of others.
-pub fn drawn_words(drawn: DrawnWanted, offer: &OfferedCandidates) -> String {
-    format!(
-        "The candidates are {} at random (seed {}), without and with a load: {} of {} are possible; and others near those that \
-         were chosen. The region has more: the bound is evidence, no proof.\n",
-        counted(drawn.configurations.into(), "configuration"),
-        drawn.seed,
-        offer.possible,
-        offer.offered
-    )
 }
 
 /// Takes the plan of a larger search where it keeps within so many minutes, too, and else the one that is known to; and

@@ -1,4 +1,4 @@
-//! What `plan` and `evaluate` take alike, and options that are about plans of one accuracy alone.
+//! What `plan` and `evaluate` take alike.
 
 use std::path::{Path, PathBuf};
 
@@ -7,24 +7,18 @@ use elastocal::codes::ErrorCode;
 use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::identification::ParameterGroup;
+use elastocal::plan::absolute::DrawnWanted;
 use elastocal::plan::search::{Candidates, OfferedCandidates};
 use elastocal::quantities::limits::MOST_NAMED;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::task::{AccuracyKind, Task, TestPose};
+use elastocal::task::{Task, TestPose};
 use elastocal::text::wording::counted;
 
 use super::proof::ProofArgs;
 use super::uncertainty_budget::BudgetArgs;
 use super::{Common, check_outputs, inputs, rests};
-
-/// What there is for plans of deflections in place of --parameters,
-pub const UNKNOWN: &str = "robot.parameters says what is unknown";
-/// of --candidates and --draw,
-pub const ANYWHERE: &str = "plans of deflections are searched in the whole region";
-/// and of --report-out.
-const RUN_REPORTS: &str = "`run` writes a page about plans of deflections";
 
 /// What `plan` and `evaluate` take alike.
 #[derive(Debug, Args)]
@@ -79,24 +73,6 @@ impl PlanArgs {
         Ok(scenario)
     }
 
-    /// Refuses options that are about the accuracy that a scenario has not: these besides those of both commands.
-    pub fn refuse_others(
-        &self,
-        scenario: &Scenario,
-        of_deflections: &[(&str, bool)],
-        of_readings: &[(&str, bool, &str)],
-    ) -> Result<(), FileError> {
-        let own = [
-            ("--parameters", !self.parameters.is_empty(), UNKNOWN),
-            ("--report-out", self.report_out.is_some(), RUN_REPORTS),
-        ];
-        refuse_others(
-            scenario,
-            &[of_deflections, &self.proof.given()].concat(),
-            &[of_readings, &own].concat(),
-        )
-    }
-
     /// Where a result comes from, with the plan that it is about, if it was read.
     pub fn provenance(
         &self,
@@ -125,17 +101,16 @@ impl PlanArgs {
         Ok(Some(candidates))
     }
 
-    /// How many of the candidates, in words, are left out, and why; nothing where none is.
-    pub fn left_out(&self, candidates: &str, offer: &OfferedCandidates) -> String {
-        left_out(candidates, self.candidates.as_deref(), offer)
-    }
-
     /// What the bound is about, and which candidates of the file are not possible.
     pub fn told(&self, offer: &OfferedCandidates) -> String {
         format!(
             "The bound is about plans of these {}, all of which were looked at.\n{}",
             counted(offer.possible as u64, "candidate"),
-            self.left_out(&offer.offered.to_string(), offer)
+            left_out(
+                &offer.offered.to_string(),
+                self.candidates.as_deref(),
+                offer
+            )
         )
     }
 
@@ -188,8 +163,29 @@ impl PlanArgs {
     }
 }
 
+/// What is to be known of the candidates of absolute readings: how they were sampled, and what is not said of others; or which of a file
+/// are left out.
+pub fn offered(
+    sampled: Option<DrawnWanted>,
+    file: Option<&Path>,
+    offer: &OfferedCandidates,
+) -> String {
+    let Some(sampled) = sampled else {
+        let candidates = counted(offer.offered as u64, "candidate");
+        return left_out(&candidates, file, offer);
+    };
+    format!(
+        "The candidates are {} at random (seed {}), without and with a load: {} of {} are possible; and others near those that \
+         were chosen. The region has more: the bound is evidence, no proof.\n",
+        counted(sampled.configurations.into(), "configuration"),
+        sampled.seed,
+        offer.possible,
+        offer.offered
+    )
+}
+
 /// How many of the candidates of a file, in words, are left out, and why; nothing where none is.
-pub fn left_out(candidates: &str, file: Option<&Path>, offer: &OfferedCandidates) -> String {
+fn left_out(candidates: &str, file: Option<&Path>, offer: &OfferedCandidates) -> String {
     if offer.left_out.is_empty() {
         return String::new();
     }
@@ -200,36 +196,4 @@ pub fn left_out(candidates: &str, file: Option<&Path>, offer: &OfferedCandidates
         text += &format!("  {reason}\n");
     }
     text
-}
-
-/// Refuses options that are about the accuracy that a scenario has not: of deflections, and of absolute readings with what there
-/// is in their place.
-pub fn refuse_others(
-    scenario: &Scenario,
-    of_deflections: &[(&str, bool)],
-    of_readings: &[(&str, bool, &str)],
-) -> Result<(), FileError> {
-    let accuracy = scenario.task.design.accuracy;
-    let refused = match accuracy {
-        AccuracyKind::Absolute => {
-            (of_deflections.iter().find(|option| option.1)).map(|(option, _)| {
-                (
-                    option,
-                    "deflections",
-                    ", or set accuracy = \"relative\"".into(),
-                )
-            })
-        }
-        AccuracyKind::Relative => (of_readings.iter().find(|option| option.1))
-            .map(|(option, _, instead)| (option, "absolute readings", format!(": {instead}"))),
-    };
-    let Some((option, about, instead)) = refused else {
-        return Ok(());
-    };
-    let accuracy = accuracy.name();
-    let problem = format!("is {accuracy:?}, and {option} is for plans of {about}");
-    Err(FileError::new(&scenario.path, problem)
-        .at("design.accuracy")
-        .code(ErrorCode::OtherAccuracy)
-        .hint(format!("leave out {option}{instead}")))
 }

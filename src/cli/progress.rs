@@ -2,7 +2,10 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use elastocal::plan::search::Watch;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::interruption::{ask_search, searched};
 
 /// What was said last and the bar that was made since, for who calls commands as functions and shows progress otherwise.
 pub static LATEST: Mutex<(String, Option<ProgressBar>)> = Mutex::new((String::new(), None));
@@ -33,4 +36,16 @@ pub fn bar(quiet: bool, what: &str) -> ProgressBar {
     bar.set_prefix(what.to_owned());
     note(what, Some(&bar));
     bar
+}
+
+/// Searches with a bar, as long as the search is not asked to end with what it has.
+pub fn search<T>(quiet: bool, what: &str, work: impl FnOnce(Watch<'_>) -> T) -> T {
+    let bar = bar(quiet, what);
+    let found = work(Watch {
+        stop: ask_search(),
+        progress: &|done, all, _| show(&bar, done, all),
+    });
+    bar.finish_and_clear();
+    searched();
+    found
 }

@@ -47,16 +47,6 @@ impl ProofArgs {
         proof_out: None,
     };
 
-    /// Which of them were given.
-    pub fn given(&self) -> [(&'static str, bool); 4] {
-        [
-            ("--prove", self.prove.is_some()),
-            ("--prove-time", self.prove_time.is_some()),
-            ("--no-proof", self.no_proof),
-            ("--proof-out", self.proof_out.is_some()),
-        ]
-    }
-
     /// Where the proof is to be written.
     pub fn out(&self) -> Option<&Path> {
         self.proof_out.as_deref()

@@ -11,7 +11,6 @@ use elastocal::scenario::Scenario;
 use elastocal::workflow::study::ReadingsWanted;
 
 use super::plan::DRAWN;
-use super::plan_args::{ANYWHERE, UNKNOWN};
 
 /// What absolute readings are planned from.
 #[derive(Debug, Args)]
@@ -29,15 +28,6 @@ pub struct ReadingsArgs {
 }
 
 impl ReadingsArgs {
-    /// What is given of these, and what there is in its place for deflections.
-    pub fn given(&self) -> [(&'static str, bool, &'static str); 3] {
-        [
-            ("--candidates", self.candidates.is_some(), ANYWHERE),
-            ("--draw", self.draw.is_some(), ANYWHERE),
-            ("--parameters", !self.parameters.is_empty(), UNKNOWN),
-        ]
-    }
-
     /// The candidates, and how they were sampled where no file has them.
     pub fn rows(
         &self,

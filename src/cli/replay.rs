@@ -10,16 +10,17 @@ use elastocal::scenario::Scenario;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
 use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::workflow::run_absolute::replay_readings;
+use elastocal::workflow::study::refuse_others;
 use serde_json::{Value, json};
 
 use super::interruption::proceed;
-use super::study::{StudyPlansArgs, results::noted};
+use super::readings_args::ReadingsArgs;
+use super::study::results::noted;
 use super::table::table_of;
 use super::views::{REPLAY_ENDINGS, write_recording};
 use super::written::Written;
 use super::{Common, Report, inputs, rests, results};
 
-/// Arguments of `replay`.
 #[derive(Debug, Args)]
 pub struct Replay {
     #[command(flatten)]
@@ -28,7 +29,7 @@ pub struct Replay {
     #[arg(long, value_name = "R")]
     run: u64,
     #[command(flatten)]
-    plans: StudyPlansArgs,
+    readings: ReadingsArgs,
 }
 
 /// A plan's run.
@@ -46,11 +47,12 @@ impl Replay {
         let common = &self.common;
         let mut scenario = common.load()?;
         rests(&scenario)?;
-        self.plans.refuse_others(&scenario, &[])?;
+        common.refuse_others("replay", &scenario)?;
+        refuse_others(&scenario)?;
         let folder = common.folder(&scenario);
         let record = format!("replay_{}.json", self.run);
         let mut roles = inputs(&scenario);
-        roles.may_read("the candidates", self.plans.path());
+        roles.may_read("the candidates", self.readings.candidates.as_deref());
         roles.writes_to(&folder, &[&record]);
         for ending in REPLAY_ENDINGS {
             roles.writes_to(&folder, &[&format!("replay_{}.{ending}", self.run)]);
@@ -60,8 +62,9 @@ impl Replay {
         // The first conditions of a sweep stand for all.
         let others = scenario.study.conditions.split_off(1);
         let settings = scenario.settings();
-        let candidates = self.plans.candidates(&scenario)?;
-        let entries = (self.plans).entries(common, &scenario, &settings, candidates.as_deref())?;
+        let candidates = self.readings.candidates(&scenario)?;
+        let entries =
+            (self.readings).entries(common, &scenario, &settings, candidates.as_deref())?;
         proceed()?;
         common.say(&format!(
             "replaying run {} with {} plans on the virtual robot",

@@ -16,7 +16,6 @@ use super::views::{REPRODUCTION_PAGE, command_line};
 use super::written::{Written, record_text};
 use super::{Common, Report, inputs, results};
 
-/// Arguments of `reproduce`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", |argument| argument.default_value("scenarios/klimchik2012.toml")))]
 pub struct Reproduce {

@@ -22,7 +22,6 @@ use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, Tri
 use super::identify::deflections;
 use super::interruption::{STOP, proceed};
 use super::plan::design;
-use super::plan_args::refuse_others;
 use super::planned::budget;
 use super::proof::ProofArgs;
 use super::readings_args::ReadingsArgs;
@@ -32,7 +31,6 @@ use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_r
 use super::written::{Written, record_text, warn};
 use super::{Common, Report, check_outputs, inputs, rests};
 
-/// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct Run {
     #[command(flatten)]
@@ -73,7 +71,7 @@ impl Run {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         rests(&scenario)?;
-        refuse_others(&scenario, &self.proof.given(), &self.readings.given())?;
+        self.common.refuse_others("run", &scenario)?;
         let folder = self.make_folder(&scenario)?;
         match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.of_readings(&scenario, &folder),
@@ -115,11 +113,7 @@ impl Run {
         let stills = Stills::of_plan(scenario, &main.plan);
         let record = RunRecord {
             scenario,
-            plans: &outcome.records,
-            evidence: &outcome.evidence,
-            random: (RANDOM_PLANS, random_rho0_m.map(|value| value * 1e3)),
-            random_repeats: outcome.random_repeats,
-            conditions: &outcome.conditions,
+            outcome: &outcome,
             command: &command_line(),
             stills: &stills.figures(),
         };

@@ -5,7 +5,6 @@ use elastocal::scenario::scenario_schema;
 
 use super::Report;
 
-/// Arguments of `schema`.
 #[derive(Debug, Args)]
 pub struct Schema {}
 

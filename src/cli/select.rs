@@ -6,8 +6,7 @@ use clap::Args;
 use elastocal::codes::{ConditionCode, ErrorCode};
 use elastocal::files::FileError;
 use elastocal::identification::ParameterGroup;
-use elastocal::measurement::{MeasuredFile, Origin, read_measured};
-use elastocal::plan::search::Watch;
+use elastocal::measurement::{Origin, read_measured};
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
 use elastocal::record::selection::selection_json;
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
@@ -19,13 +18,11 @@ use elastocal::view::selection_plot::selection_plot;
 use serde_json::json;
 
 use super::identify::absolute::explained;
-use super::interruption::ask_search;
-use super::progress::{bar, show};
+use super::progress::search;
 use super::table::{number, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
-/// Arguments of `select`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file), mut_args(without_effect(&["out"])))]
 pub struct Select {
@@ -59,31 +56,23 @@ impl Select {
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);
         check_outputs(&mut roles, &[("--plot-out", self.plot_out.as_deref())])?;
-        let wrong = |problem: String| {
-            FileError::new(&self.measurements, problem).code(ErrorCode::Measurements)
-        };
-        let MeasuredFile::Absolute(readings) =
-            read_measured(&self.measurements, &scenario.task.belief)?
-        else {
-            let problem = "holds deflections, and readings are chosen of absolute ones".to_owned();
-            return Err(wrong(problem).code(ErrorCode::OtherAccuracy).into());
-        };
+        let why = ", and readings are chosen of absolute ones";
+        let readings = read_measured(&self.measurements, &scenario.task.belief)?
+            .absolute(&self.measurements, why)?;
         if let Some(size) = (self.sizes.iter()).find(|size| **size as usize >= readings.len()) {
             let problem = format!(
                 "holds {}, of which {size} leave none to validate on",
                 counted(readings.len() as u64, "reading")
             );
-            return Err(wrong(problem).hint("give smaller --sizes").into());
+            let wrong = FileError::new(&self.measurements, problem);
+            return Err(wrong
+                .code(ErrorCode::Measurements)
+                .hint("give smaller --sizes")
+                .into());
         }
         let ways = self.sizes.len() * (CHOICES.len() + self.draws as usize);
         let readings_words = counted(readings.len() as u64, "reading");
-        let stop = ask_search();
         (self.common).say(&format!("choosing among {readings_words} in {ways} ways"));
-        let bar = bar(self.common.quiet, "choosing, calibrating, judging");
-        let watch = Watch {
-            stop,
-            progress: &|done, all, _| show(&bar, done, all),
-        };
         let wanted = SelectionWanted {
             sizes: self.sizes.clone(),
             draws: self.draws,
@@ -91,10 +80,11 @@ impl Select {
             seed: scenario.seed,
         };
         let belief = &scenario.task.belief;
-        let selection = select(belief, &readings, &self.parameters, &wanted, watch)
-            .map_err(|error| explained(&self.measurements, &error))?;
-        bar.finish_and_clear();
-        super::interruption::searched();
+        let what = "choosing, calibrating, judging";
+        let selection = search(self.common.quiet, what, |watch| {
+            select(belief, &readings, &self.parameters, &wanted, watch)
+        })
+        .map_err(|error| explained(&self.measurements, &error))?;
         let mut text = describe(&selection);
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {

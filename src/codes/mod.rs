@@ -130,7 +130,6 @@ codes! {
         Tally = "E0701",
         Simulation = "E0702",
         NotComparable = "E0703",
-        View = "E0801",
         Other = "E0901",
         Usage = "E0902",
     }

@@ -14,9 +14,6 @@ pub const COLUMNS: [&str; 7] = [
 ];
 
 /// The comparison of two files for machines. Numbers that do not exist are `null`.
-///
-/// # Errors
-/// None that records of numbers and texts have.
 pub fn comparison_json(
     base: &ResultsFile,
     new: &ResultsFile,

@@ -66,7 +66,7 @@ impl Identification {
             .filter(|joint| !is_nominal(joint))
             .map(|joint| format!("the compliance of {joint}"));
         let unknown =
-            |each: &&UncertainEstimate| each.prior_deviation.is_none() && each.estimate.is_none();
+            |each: &&UncertainEstimate| each.prior_deviation.is_none() && each.value.is_none();
         let others = self.uncertain.iter().filter(unknown);
         let undetermined = compliances.chain(others.map(|each| each.words.clone()));
         let undetermined = undetermined.map(|words| {

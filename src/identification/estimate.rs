@@ -1,6 +1,7 @@
 //! From measurements to compliances with their uncertainty.
 
 use nalgebra::{DMatrix, DVector, Vector3};
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use super::case::{Case, Sigma};
@@ -42,19 +43,24 @@ pub struct Estimate {
     pub interval95: [f64; 2],
 }
 
-/// What the measurements say of something else that is uncertain.
-#[derive(Debug, Clone, PartialEq)]
+/// What measurements say of something that is uncertain besides the identified compliances.
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct UncertainEstimate {
-    /// The parameter's name.
+    /// Its name, such as "load.scale" or "joint_1.compliance".
     pub name: String,
     /// What it is, in words.
+    #[serde(skip)]
     pub words: String,
-    /// The unit of its value.
+    /// The unit of the values: "1" for the logarithm of a ratio to what is nominal.
     pub unit: String,
-    /// What was known before: the standard deviation about zero, or about the nominal value; `None` of what nobody knew.
+    /// The standard deviation that it had before.
+    #[serde(rename = "prior_std")]
     pub prior_deviation: Option<f64>,
-    /// What is known now.
-    pub estimate: Option<Estimate>,
+    /// The value, whose nominal one is mostly zero; null where nothing determines it.
+    pub value: Option<f64>,
+    /// Its standard error.
+    #[serde(rename = "std")]
+    pub standard_error: Option<f64>,
 }
 
 /// What was identified, and how well.
@@ -184,12 +190,14 @@ impl Case<'_> {
         let quantile = self.sigma.quantile(spare);
         let parameters = extended.set().parameters().iter().enumerate();
         let others = parameters.skip(self.parameters.len());
+        let estimate = |place| Estimate::of(&found.posterior, place, quantile);
         let told = others.map(|(place, parameter)| UncertainEstimate {
             name: parameter.name.clone(),
             words: parameter.kind.words(extended.arm()),
             unit: parameter.unit().to_owned(),
             prior_deviation: extended.prior_deviation(place),
-            estimate: Estimate::of(&found.posterior, place, quantile),
+            value: estimate(place).map(|each| each.value),
+            standard_error: estimate(place).map(|each| each.standard_error),
         });
         told.collect()
     }

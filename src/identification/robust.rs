@@ -370,9 +370,8 @@ impl Identification {
     /// Intervals as wide as they are where the variance is known from so many degrees of freedom only.
     fn widen(&mut self, freedom: f64) {
         let quantile = two_sided_student(freedom);
-        let of_parameters = self.parameters.iter_mut().map(|each| &mut each.estimate);
-        let of_others = self.uncertain.iter_mut().map(|each| &mut each.estimate);
-        for estimate in of_parameters.chain(of_others).flatten() {
+        let estimates = self.parameters.iter_mut().map(|each| &mut each.estimate);
+        for estimate in estimates.flatten() {
             let Estimate {
                 value,
                 standard_error,

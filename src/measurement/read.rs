@@ -93,6 +93,21 @@ pub fn read_measured(path: &Path, of: impl Into<MeasuredArm>) -> Result<Measured
     read(path, &of.into(), false)
 }
 
+impl MeasuredFile {
+    /// The absolute readings of a file for a command that takes no others, with the reason, in words that follow what it holds.
+    ///
+    /// # Errors
+    /// It holds deflections.
+    pub fn absolute(self, path: &Path, why: &str) -> Result<Vec<AbsoluteReading>, FileError> {
+        match self {
+            Self::Absolute(readings) => Ok(readings),
+            Self::Deflections(_) => Err(FileError::new(path, format!("holds deflections{why}"))
+                .code(ErrorCode::OtherAccuracy)
+                .hint("give a file of absolute readings")),
+        }
+    }
+}
+
 /// The deflections of a file for a command that takes no others.
 fn deflections_of(path: &Path, measured: MeasuredFile) -> Result<Vec<Measurement>, FileError> {
     match measured {

@@ -356,29 +356,34 @@ impl ParameterKind {
         }
     }
 
+    /// The position and the rotation of the base in a station's frame.
+    pub fn of_base(station: usize) -> [[Self; 3]; 2] {
+        [
+            Axis::ALL.map(|axis| Self::BasePosition { station, axis }),
+            Axis::ALL.map(|axis| Self::BaseRotation { station, axis }),
+        ]
+    }
+
+    /// The position and the rotation of a tool on its link.
+    pub fn of_tool(tool: usize) -> [[Self; 3]; 2] {
+        [
+            Axis::ALL.map(|axis| Self::ToolPosition { tool, axis }),
+            Axis::ALL.map(|axis| Self::ToolRotation { tool, axis }),
+        ]
+    }
+
     /// Everything that readings could tell of a belief, base first.
     pub fn all_of(belief: &ElasticArm) -> Vec<Self> {
         let joints = belief.chain.len();
         let mut kinds = Vec::new();
-        let mut frame = |position: &dyn Fn(Axis) -> Self, rotation: &dyn Fn(Axis) -> Self| {
-            kinds.extend(Axis::ALL.map(position));
-            kinds.extend(Axis::ALL.map(rotation));
-        };
-        for station in 0..belief.instrument_from_base.len() {
-            frame(&|axis| Self::BasePosition { station, axis }, &|axis| {
-                Self::BaseRotation { station, axis }
-            });
-        }
+        let stations = 0..belief.instrument_from_base.len();
+        kinds.extend(stations.flat_map(Self::of_base).flatten());
         for link in 0..joints {
-            frame(&|axis| Self::LinkPosition { link, axis }, &|axis| {
-                Self::LinkRotation { link, axis }
-            });
+            kinds.extend(Axis::ALL.map(|axis| Self::LinkPosition { link, axis }));
+            kinds.extend(Axis::ALL.map(|axis| Self::LinkRotation { link, axis }));
         }
-        for tool in 0..belief.tools.len() {
-            frame(&|axis| Self::ToolPosition { tool, axis }, &|axis| {
-                Self::ToolRotation { tool, axis }
-            });
-        }
+        let tools = 0..belief.tools.len();
+        kinds.extend(tools.flat_map(Self::of_tool).flatten());
         kinds.extend((0..joints).map(|joint| Self::JointZero { joint }));
         kinds.extend((0..joints).map(|joint| Self::JointCompliance { joint }));
         for spring in 0..belief.chain.elements.springs.len() {

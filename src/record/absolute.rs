@@ -9,7 +9,7 @@ use crate::identification::{
     AbsoluteCase, AbsoluteFit, DistanceStatistics, LeftOut, RejectedReading, Unexplained,
 };
 use crate::numeric::tolerance::ends;
-use crate::parameter::{Axis, Parameter, ParameterKind};
+use crate::parameter::{Parameter, ParameterKind};
 use crate::robot::Tool;
 
 /// A parameter that was fitted.
@@ -166,11 +166,17 @@ pub struct UnexplainedMessage {
 }
 
 impl AbsoluteMessage {
+    /// Whether an unknown is one of a station's or a target's frame.
+    pub fn is_of_frame(&self, name: &str) -> bool {
+        let owner = name.rsplit_once('.').map_or("", |(owner, _)| owner);
+        let mut frames = self.stations.iter().chain(&self.targets);
+        frames.any(|frame| frame.unknowns == owner)
+    }
+
     /// The record of a fit.
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
         let kept = fit.of_kept(&fit.left);
-        let distances = DistanceStatistics::of_positions(&kept);
-        let angles = DistanceStatistics::of_rotations(&kept);
+        let [distances, angles] = DistanceStatistics::in_mm_and_mrad(&kept);
         Self {
             readings: fit.left.len(),
             numbers: fit.rows,
@@ -182,10 +188,8 @@ impl AbsoluteMessage {
             targets: targets(case, fit),
             left_out: fit.left_out.clone(),
             undetermined: [&*fit.undetermined, &*fit.stays_nominal].concat(),
-            distance_mm: (distances.as_ref())
-                .map(DistanceStatistics::in_thousandths)
-                .unwrap_or_default(),
-            angle_mrad: angles.as_ref().map(DistanceStatistics::in_thousandths),
+            distance_mm: distances.unwrap_or_default(),
+            angle_mrad: angles,
             discrepancy_mm: fit.discrepancy.map(|[position_m, _]| position_m * 1e3),
             discrepancy_mrad: (fit.discrepancy.filter(|_| angles.is_some()))
                 .map(|[_, rad]| rad * 1e3),
@@ -247,9 +251,7 @@ fn discrepancy_model(
     let entry = |row: usize, column: usize| {
         model.covariance[(row, column)] * factors[row] * factors[column]
     };
-    let lengths = |statistics: Option<DistanceStatistics>| {
-        statistics.as_ref().map(DistanceStatistics::in_thousandths)
-    };
+    let [distances, angles] = DistanceStatistics::in_mm_and_mrad(&found.left);
     let joints = &case.arm.chain.joints;
     UnexplainedMessage {
         joints: (model.joints.iter())
@@ -274,8 +276,8 @@ fn discrepancy_model(
         predicted_by_others: found.predicted_by_others,
         visits: found.visits,
         effective_sample_size: found.effective_sample_size,
-        distance_mm: lengths(DistanceStatistics::of_positions(&found.left)).unwrap_or_default(),
-        angle_mrad: lengths(DistanceStatistics::of_rotations(&found.left)),
+        distance_mm: distances.unwrap_or_default(),
+        angle_mrad: angles,
     }
 }
 
@@ -326,13 +328,11 @@ fn numbered(name: &str, index: usize) -> String {
 fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
     let bases = case.stations.iter().zip(&fit.arm.instrument_from_base);
     let base = |(station, (name, frame)): (usize, (&Option<String>, &Isometry3<f64>))| {
-        let position = Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis });
-        let rotation = Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis });
         let is_turned = !case.is_point(station);
         MountedFrameMessage {
             name: name.clone(),
             unknowns: numbered("base", station),
-            ..MountedFrameMessage::new(fit, frame, [position, rotation], is_turned)
+            ..MountedFrameMessage::new(fit, frame, ParameterKind::of_base(station), is_turned)
         }
     };
     bases.enumerate().map(base).collect()
@@ -341,16 +341,15 @@ fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessa
 fn targets(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
     let tools = case.targets.iter().zip(&fit.arm.tools);
     let target = |(tool, (name, place)): (usize, (&String, &Tool))| {
-        let position = Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis });
-        let rotation = Axis::ALL.map(|axis| ParameterKind::ToolRotation { tool, axis });
-        let is_turned = fit.set.index_of(rotation[0]).is_some();
+        let kinds = ParameterKind::of_tool(tool);
+        let is_turned = fit.set.index_of(kinds[1][0]).is_some();
         let carrier = place.joints.checked_sub(1);
         let link = carrier.and_then(|joint| fit.arm.chain.joints.get(joint));
         MountedFrameMessage {
             name: Some(name.clone()),
             unknowns: numbered("tool", tool),
             link: link.map(|joint| joint.name.clone()),
-            ..MountedFrameMessage::new(fit, &place.link_from_tool, [position, rotation], is_turned)
+            ..MountedFrameMessage::new(fit, &place.link_from_tool, kinds, is_turned)
         }
     };
     tools.enumerate().map(target).collect()

@@ -199,7 +199,7 @@ pub struct IdentificationMessage {
     pub covariance_rad2_per_n2m2: Vec<Vec<f64>>,
     /// What else the scenario lists as uncertain and the whole plan shares, and what the measurements say of it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub uncertain: Vec<UncertainMessage>,
+    pub uncertain: Vec<UncertainEstimate>,
     /// What is not determined of the compliances and of these together: orthonormal combinations, each divided by its
     /// typical size.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -253,9 +253,7 @@ impl From<&Identification> for IdentificationMessage {
             undetermined_directions: directions_of(posterior.estimable.hidden()),
             compliance_typical_rad_per_nm: posterior.estimable.typical().to_vec(),
             covariance_rad2_per_n2m2: rows_of(&posterior.covariance),
-            uncertain: (identification.uncertain.iter())
-                .map(UncertainMessage::from)
-                .collect(),
+            uncertain: identification.uncertain.clone(),
             undetermined_of_all: all
                 .map_or_else(Vec::new, |all| directions_of(all.estimable.hidden())),
             covariance_of_all: all.map_or_else(Vec::new, |all| rows_of(&all.covariance)),
@@ -282,33 +280,6 @@ fn directions_of(columns: &DMatrix<f64>) -> Vec<Vec<f64>> {
 fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
     let rows = matrix.row_iter();
     rows.map(|row| row.iter().copied().collect()).collect()
-}
-
-/// What measurements say of something that is uncertain besides the identified compliances.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct UncertainMessage {
-    /// Its name, such as "load.scale" or "joint_1.compliance".
-    pub name: String,
-    /// The unit of the values: "1" for the logarithm of a ratio to what is nominal.
-    pub unit: String,
-    /// The standard deviation that it had before.
-    pub prior_std: Option<f64>,
-    /// The value, whose nominal one is mostly zero; null where nothing determines it.
-    pub value: Option<f64>,
-    /// Its standard error.
-    pub std: Option<f64>,
-}
-
-impl From<&UncertainEstimate> for UncertainMessage {
-    fn from(each: &UncertainEstimate) -> Self {
-        Self {
-            name: each.name.clone(),
-            unit: each.unit.clone(),
-            prior_std: each.prior_deviation,
-            value: each.estimate.map(|estimate| estimate.value),
-            std: each.estimate.map(|estimate| estimate.standard_error),
-        }
-    }
 }
 
 /// Error sources whose value is the same in the campaign of `robot.prior` and in this one.

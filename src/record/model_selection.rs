@@ -24,10 +24,6 @@ pub fn model_selection_json(model_selection: &ModelSelection) -> Value {
     })
 }
 
-fn thousandths(statistics: Option<&DistanceStatistics>) -> Option<DistanceStatistics> {
-    statistics.map(DistanceStatistics::in_thousandths)
-}
-
 fn nested_model(model: &NestedModel) -> Value {
     let judged = model.cross_validation.as_ref();
     json!({
@@ -35,8 +31,8 @@ fn nested_model(model: &NestedModel) -> Value {
         "groups": model.groups.iter().map(|each| each.word()).collect::<Vec<_>>(),
         "unknowns": model.unknowns,
         "undetermined": model.undetermined,
-        "distance_mm": thousandths(model.distances.as_ref()),
-        "angle_mrad": thousandths(model.angles.as_ref()),
+        "distance_mm": model.distances.map(DistanceStatistics::in_thousandths),
+        "angle_mrad": model.angles.map(DistanceStatistics::in_thousandths),
         "discrepancy_mm": model.discrepancy[0] * 1e3,
         "discrepancy_mrad": model.discrepancy[1] * 1e3,
         "cross_validation": judged.ok().map(cross_validation),
@@ -46,8 +42,8 @@ fn nested_model(model: &NestedModel) -> Value {
 
 fn cross_validation(judged: &CrossValidation) -> Value {
     json!({
-        "distance_mm": thousandths(judged.distances.as_ref()),
-        "angle_mrad": thousandths(judged.angles.as_ref()),
+        "distance_mm": judged.distances.map(DistanceStatistics::in_thousandths),
+        "angle_mrad": judged.angles.map(DistanceStatistics::in_thousandths),
         "loss": judged.loss,
         "beyond_best": judged.beyond_best,
         "standard_error": judged.standard_error,

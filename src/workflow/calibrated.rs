@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3, Matrix3xX};
 
-use super::stored_robot::{ReadRanges, StoredRobot, robot_kinds};
+use super::stored_robot::{ReadRanges, StoredRobot};
 use crate::calibration::{
     CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
 };
@@ -15,7 +15,7 @@ use crate::identification::{JointError, covariance_of_any};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::observation::PlannedReadings;
-use crate::parameter::{Axis, ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
 use crate::record::absolute::UnexplainedMessage;
 use crate::robot::SerialChain;
 use crate::task::{Belief, Method, Task, TestPose};
@@ -204,7 +204,8 @@ impl CalibratedRobot {
             let problem = format!("found {rows} rows; there are {unknowns} unknowns");
             return Err(wrong("covariance".to_owned(), problem));
         }
-        let kinds = kinds(stored, &reference, &places);
+        let tools: Vec<Option<usize>> = places.iter().copied().map(Some).collect();
+        let kinds = stored.kinds(&reference, &[], &tools);
         let apart = (message.unknowns.iter().zip(&kinds))
             .filter_map(|(unknown, kind)| {
                 said_apart((*kind)?, &unknown.name, unknown.value, &unknown.unit)
@@ -333,37 +334,6 @@ impl CalibratedRobot {
 /// A belief's arm has the machining tool last.
 const fn machining_tool(arm: &ElasticArm) -> usize {
     arm.tools.len() - 1
-}
-
-/// Which parameters of an arm the unknowns of a file are: none for the frames of stations. `tools` are the places of the
-/// file's targets among the arm's tools.
-fn kinds(stored: &StoredRobot, arm: &ElasticArm, tools: &[usize]) -> Vec<Option<ParameterKind>> {
-    let all = robot_kinds(arm);
-    let message = &stored.message;
-    let one = |name: &str| {
-        let (owner, last) = name.rsplit_once('.').unwrap_or(("", name));
-        if message.stations.iter().any(|each| each.unknowns == owner) {
-            return None;
-        }
-        let target = message
-            .targets
-            .iter()
-            .position(|each| each.unknowns == owner);
-        let Some(target) = target else {
-            return ParameterKind::named(name, &all, arm);
-        };
-        let tool = *tools.get(target)?;
-        let axis = |word: &str| Axis::ALL.into_iter().find(|axis| axis.to_string() == word);
-        match last.strip_prefix('r') {
-            Some(word) => axis(word).map(|axis| ParameterKind::ToolRotation { tool, axis }),
-            None => axis(last).map(|axis| ParameterKind::ToolPosition { tool, axis }),
-        }
-    };
-    message
-        .unknowns
-        .iter()
-        .map(|each| one(&each.name))
-        .collect()
 }
 
 /// What is known of the robot's own parameters, wherever the stations are.

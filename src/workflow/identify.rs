@@ -154,9 +154,6 @@ impl Identified {
     }
 
     /// The record for `compensate`, and for whoever looks at it.
-    ///
-    /// # Errors
-    /// None that records of numbers and texts have.
     pub fn json(
         &self,
         scenario: &Scenario,

@@ -186,9 +186,6 @@ impl<'a> IdentifiedRobot<'a> {
     }
 
     /// The record.
-    ///
-    /// # Errors
-    /// None that records of numbers and texts have.
     pub fn json(
         &self,
         scenario: &Scenario,

@@ -25,16 +25,15 @@ use crate::understanding::implausible;
 /// So many random plans stand for what a laboratory without a plan would do.
 pub const RANDOM_PLANS: u64 = 99;
 
-/// The record of a plan's calibration, and what it predicted.
-pub type PlanRecords = (CalibrationMessage, Assessment);
-
 /// A plan that took part.
 #[derive(Debug)]
 pub struct TriedPlan {
     /// What it predicted.
     pub assessment: Assessment,
-    /// Its name, and what came of it.
+    /// Its name, and what came of it,
     pub calibration: (String, Calibration),
+    /// as a record.
+    pub record: CalibrationMessage,
     /// Whether it was drawn at random.
     pub is_random: bool,
 }
@@ -84,8 +83,6 @@ pub struct RunOutcome {
     pub tried: Vec<TriedPlan>,
     /// Those that could not.
     pub failed: Vec<FailedPlan>,
-    /// Their records, in the same order.
-    pub records: Vec<PlanRecords>,
     /// The median of what random plans prediction (m), if there is one.
     pub random_rho0_m: Option<f64>,
     /// How often the plan of that median is to be repeated for the accuracy of the designed one.
@@ -117,8 +114,6 @@ pub fn run(
     for each in &failed {
         stage(&RunStage::Failed(each));
     }
-    let records: Vec<PlanRecords> = tried.iter().map(|each| each.records(scenario)).collect();
-
     stage(&RunStage::Comparing);
     let random = median_random_plan(task, experiments, RANDOM_PLANS, scenario.seed)
         .map_err(|problem| stage(&RunStage::NoRandomPlans(problem)))
@@ -146,7 +141,6 @@ pub fn run(
         evidence,
         tried,
         failed,
-        records,
         random_rho0_m: random.map(|(median, _)| median),
         random_repeats,
         conditions,
@@ -178,7 +172,7 @@ fn calibrate_all(
         "random".to_owned(),
         random.map_err(|error| error.to_string()),
     );
-    let known = plans.len();
+    let (known, commands) = (plans.len(), scenario.task.belief.commands());
     let plans = plans.into_iter().map(|(name, plan)| (name, Ok(plan)));
     for (index, (name, plan)) in plans.chain([random]).enumerate() {
         let assessment = |plan: &Plan| Assessment::new(&scenario.task, plan, Some(bound));
@@ -189,6 +183,7 @@ fn calibrate_all(
         {
             Ok(Ok(calibration)) => tried.push(TriedPlan {
                 assessment: assessment(&calibration.plan),
+                record: CalibrationMessage::new(&commands, &name, &calibration),
                 calibration: (name, calibration),
                 is_random: index == known,
             }),
@@ -208,23 +203,14 @@ fn calibrate_all(
     Ok((tried, failed))
 }
 
-impl TriedPlan {
-    fn records(&self, scenario: &Scenario) -> PlanRecords {
-        let (name, calibration) = &self.calibration;
-        (
-            CalibrationMessage::new(&scenario.task.belief.commands(), name, calibration),
-            self.assessment.clone(),
-        )
-    }
-}
-
 impl RunOutcome {
     /// results.json: the designed plan's keys by stage, then every plan, then what it is shown beside.
-    ///
-    /// # Errors
-    /// None that records of numbers and texts have.
     pub fn json(&self, scenario: &Scenario, elapsed_s: f64) -> serde_json::Result<Value> {
-        let (main, assessment) = &self.records[0];
+        let TriedPlan {
+            record: main,
+            assessment,
+            ..
+        } = &self.tried[0];
         let json = json!({
             "gate": scenario.gate,
             "plan": main.plan,
@@ -240,9 +226,9 @@ impl RunOutcome {
         merge(&mut json, assessment_json(scenario, assessment));
         merge(&mut json, serde_json::to_value(&main.identification)?);
         let mut all = Vec::new();
-        for (calibration, assessment) in &self.records {
-            let mut plan = serde_json::to_value(calibration)?;
-            let assessment = assessment_json(scenario, assessment);
+        for each in &self.tried {
+            let mut plan = serde_json::to_value(&each.record)?;
+            let assessment = assessment_json(scenario, &each.assessment);
             merge(&mut plan, json!({ "assessment": assessment }));
             all.push(plan);
         }

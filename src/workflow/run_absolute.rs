@@ -17,7 +17,6 @@ use crate::files::FileError;
 use crate::identification::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, ParameterGroup, ReadingWeights,
 };
-use crate::measurement::AbsoluteReading;
 use crate::numeric::posterior::NotDetermined;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::plan::absolute::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, PredictedAccuracy};
@@ -31,7 +30,7 @@ use crate::study::absolute::ReadingRuns;
 use crate::study::carried_out::CarriedOut;
 use crate::study::{Conditions, Setting, StudiedReadings};
 use crate::task::TestPose;
-use crate::testbed::{RunTruth, TrueRobots};
+use crate::testbed::TrueRobots;
 use crate::understanding::implausible;
 
 /// The number of the run, as studies count them.
@@ -42,12 +41,8 @@ pub const RUN: u64 = 0;
 pub struct AbsoluteRun<'a> {
     /// How many searches for the plan there were, and how many ended within 0.1 %.
     pub searches: [usize; 2],
-    /// The readings, each by itself.
-    readings: Vec<AbsoluteReading>,
-    /// The simulated truth of this run,
-    truth: RunTruth,
-    /// and of it the quantities that were identified, in their order; none of frames, and where a run does not say them.
-    true_values: Vec<Option<f64>>,
+    /// The run of the plan: readings each by itself, the simulated truth, what was identified, and what that achieves.
+    pub record: ReadingsRunMessage,
     /// What was identified.
     pub identified: IdentifiedRobot<'a>,
     /// What that achieves at each test pose; without compensation, the nominal robot in the frames that suit the readings best.
@@ -139,11 +134,20 @@ pub fn run_absolute<'a>(
     // Compare.
     stage(&RunStage::Comparing);
     let random_rho0_m = planning.median_random_rho0_m(sizes[0], RANDOM_PLANS, seed);
+    let (commands, joints) = (belief.commands(), belief.parameters.iter().copied());
+    let record = |pose| TestPoseMessage::new(&commands, pose);
+    let record = ReadingsRunMessage {
+        name: "optimal".to_owned(),
+        plan: planned_readings(task, &planning, &found.plan),
+        truth: TruthMessage::new(joints, &robots.sampled(RUN)),
+        true_values: true_values(scenario, &robots, fit),
+        identification: AbsoluteMessage::new(case, fit),
+        test_poses: poses.iter().map(record).collect(),
+        readings,
+    };
     let run = AbsoluteRun {
         searches: found.searches,
-        true_values: true_values(scenario, &robots, fit),
-        truth: robots.sampled(RUN),
-        readings,
+        record,
         carried_out,
         identified,
         poses,
@@ -248,38 +252,17 @@ impl AbsoluteRun<'_> {
         conditions
     }
 
-    /// The run of a plan as a record.
-    pub fn record(&self, scenario: &Scenario, plan: &AbsolutePlanMessage) -> ReadingsRunMessage {
-        let belief = &scenario.task.belief;
-        let (commands, joints) = (belief.commands(), belief.parameters.iter().copied());
-        let poses = self.poses.iter();
-        ReadingsRunMessage {
-            name: "optimal".to_owned(),
-            plan: plan.plan.clone(),
-            readings: self.readings.clone(),
-            truth: TruthMessage::new(joints, &self.truth),
-            true_values: self.true_values.clone(),
-            identification: AbsoluteMessage::new(&self.identified.case, &self.identified.fit),
-            test_poses: poses
-                .map(|pose| TestPoseMessage::new(&commands, pose))
-                .collect(),
-        }
-    }
-
     /// results.json: the keys of the plan, of its readings and of their identification, by stage.
-    ///
-    /// # Errors
-    /// None that records of numbers and texts have.
     pub fn json(
         &self,
         scenario: &Scenario,
         provenance: &ProvenanceMessage,
-        (plan, record): (&AbsolutePlanMessage, &ReadingsRunMessage),
+        plan: &AbsolutePlanMessage,
         groups: &[ParameterGroup],
     ) -> serde_json::Result<Value> {
         let identification = self.identified.json(scenario, provenance, groups)?;
         let [before_mm, after_mm] = self.observed_rms_m().map(|value| value * 1e3);
-        let mut own = record.json()?;
+        let mut own = self.record.json()?;
         merge(&mut own, json!({ "assessment": plan }));
         // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the unknowns are those of the
         // identification.

@@ -17,7 +17,7 @@ use crate::measurement::Origin;
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::quantities::plausible::ELASTIC_COMPLIANCE;
-use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, ReadRange};
+use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange};
 use crate::task::Fingerprint;
 use crate::text::wording::counted;
 
@@ -142,13 +142,13 @@ impl StoredRobot {
             let wrong = FileError::new(path, problem).at(format!("unknowns[{index}]"));
             wrong.code(ErrorCode::IdentifiedFile)
         };
-        let kinds = robot_kinds(arm);
         let (mut found, mut values) = (Vec::new(), Vec::new());
-        for (index, unknown) in self.message.unknowns.iter().enumerate() {
-            if self.is_of_frame(&unknown.name) {
+        let kinds = self.kinds(arm, &[], &[]);
+        for (index, (unknown, kind)) in self.message.unknowns.iter().zip(kinds).enumerate() {
+            if self.message.is_of_frame(&unknown.name) {
                 continue;
             }
-            let Some(kind) = ParameterKind::named(&unknown.name, &kinds, arm) else {
+            let Some(kind) = kind else {
                 return Err(wrong(index, format!("the robot has no {:?}", unknown.name)));
             };
             let is_logarithmic = kind.is_logarithmic(false);
@@ -187,7 +187,7 @@ impl StoredRobot {
     /// The robot with nominal compliances in place of those that no joint has, and all else as it goes with that; and what was
     /// done.
     pub fn with_possible_compliances(&self, arm: &ElasticArm) -> (Self, Vec<Condition>) {
-        let kinds = robot_kinds(arm);
+        let kinds = self.kinds(arm, &[], &[]);
         let (mut robot, mut done) = (self.clone(), Vec::new());
         // What is no covariance is refused where it is read.
         let Ok(covariance) = covariance_of_any(&self.message.covariance) else {
@@ -195,9 +195,8 @@ impl StoredRobot {
         };
         let is_impossible = |robot: &Self, place: usize| {
             let unknown = &robot.message.unknowns[place];
-            let kind = ParameterKind::named(&unknown.name, &kinds, arm);
             !ELASTIC_COMPLIANCE.allows(unknown.value)
-                && matches!(kind, Some(ParameterKind::JointCompliance { .. }))
+                && matches!(kinds[place], Some(ParameterKind::JointCompliance { .. }))
         };
         let count = self.message.unknowns.len().min(covariance.nrows());
         let mut held: Vec<usize> = Vec::new();
@@ -248,11 +247,33 @@ impl StoredRobot {
         shifts.fold(frame, |frame, (_, shift)| frame * shift)
     }
 
-    /// Whether an unknown is one of a station's or a target's frame.
-    pub(super) fn is_of_frame(&self, name: &str) -> bool {
-        let owner = name.rsplit_once('.').map_or("", |(owner, _)| owner);
-        let mut frames = self.message.stations.iter().chain(&self.message.targets);
-        frames.any(|frame| frame.unknowns == owner)
+    /// Which parameters of an arm the unknowns are; none of what it does not have. The file's stations and targets have these places
+    /// among the arm's.
+    pub(super) fn kinds(
+        &self,
+        arm: &ElasticArm,
+        stations: &[Option<usize>],
+        tools: &[Option<usize>],
+    ) -> Vec<Option<ParameterKind>> {
+        let all = robot_kinds(arm);
+        let kind = |name: &str| {
+            let (owner, last) = name.rsplit_once('.').unwrap_or(("", name));
+            let (turn, word) = (last.strip_prefix('r')).map_or((0, last), |word| (1, word));
+            let one = |kinds: [[ParameterKind; 3]; 2]| {
+                let axis = Axis::ALL.iter().position(|axis| axis.to_string() == word)?;
+                Some(kinds[turn][axis])
+            };
+            let is_it = |frame: &MountedFrameMessage| frame.unknowns == owner;
+            if let Some(place) = self.message.stations.iter().position(is_it) {
+                return one(ParameterKind::of_base((*stations.get(place)?)?));
+            }
+            if let Some(place) = self.message.targets.iter().position(is_it) {
+                return one(ParameterKind::of_tool((*tools.get(place)?)?));
+            }
+            ParameterKind::named(name, &all, arm)
+        };
+        let unknowns = self.message.unknowns.iter();
+        unknowns.map(|each| kind(&each.name)).collect()
     }
 
     /// What is known of the unknowns and of what they leave, for an arm that has their values: masses and springs as
@@ -270,12 +291,11 @@ impl StoredRobot {
         let wrong = |key: String, problem: String| {
             (FileError::new(path, problem).at(key)).code(ErrorCode::IdentifiedFile)
         };
-        let kinds = robot_kinds(arm);
-        let divisors: Vec<f64> = (message.unknowns.iter())
-            .map(|unknown| {
-                let mut kinds = kinds.iter().filter(|kind| kind.is_logarithmic(false));
-                let is_logarithmic = kinds.any(|kind| kind.name(arm) == unknown.name);
-                if is_logarithmic { unknown.value } else { 1.0 }
+        let kinds = self.kinds(arm, &[], &[]);
+        let divisors: Vec<f64> = (message.unknowns.iter().zip(kinds))
+            .map(|(unknown, kind)| match kind {
+                Some(kind) if kind.is_logarithmic(false) => unknown.value,
+                _ => 1.0,
             })
             .collect();
         let divisor = |index: usize| divisors.get(index).copied().unwrap_or(1.0);
@@ -452,7 +472,7 @@ fn whole(triangle: &[Vec<f64>], size: usize) -> Result<Vec<Vec<f64>>, KeyProblem
 }
 
 /// All that may be unknown about a robot, masses of links among it.
-pub(super) fn robot_kinds(arm: &ElasticArm) -> Vec<ParameterKind> {
+fn robot_kinds(arm: &ElasticArm) -> Vec<ParameterKind> {
     let mut kinds = ParameterKind::all_of(arm);
     for link in 0..arm.chain.len() {
         kinds.push(ParameterKind::JointBacklash { joint: link });

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use nalgebra::Matrix3;
+use nalgebra::{Isometry3, Matrix3};
 
-use super::stored_robot::{StoredRobot, robot_kinds};
+use super::stored_robot::StoredRobot;
 use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
@@ -12,7 +12,7 @@ use crate::identification::{
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
-use crate::parameter::{Axis, ParameterKind, ParameterSet};
+use crate::parameter::{ParameterKind, ParameterSet};
 use crate::record::absolute::MountedFrameMessage;
 use crate::task::Belief;
 use crate::text::wording::p_value;
@@ -98,77 +98,52 @@ pub fn prediction_failed(probability: f64) -> Option<Condition> {
 
 /// The frames of a robot that was identified, as other readings name them.
 struct KnownFrames {
-    /// The parameters that these readings depend on, with their places in the file.
-    kinds: Vec<ParameterKind>,
-    places: Vec<usize>,
-    /// Those of frames that were not identified.
+    /// The places of the file's stations and targets among those of the readings.
+    stations: Vec<Option<usize>>,
+    targets: Vec<Option<usize>>,
+    /// The parameters of frames that were not identified,
     anew: Vec<ParameterKind>,
-    /// The names of these.
+    /// and whose these are.
     names: Vec<String>,
-    /// The stations that were identified.
-    stations: Vec<usize>,
 }
 
 /// Puts identified frames in their places and notes the others.
 fn known_frames(case: &mut AbsoluteCase<'_>, stored: &StoredRobot, is_turned: bool) -> KnownFrames {
     let mut frames = case.first_frames();
+    let message = &stored.message;
     let mut known = KnownFrames {
-        kinds: Vec::new(),
-        places: Vec::new(),
+        stations: vec![None; message.stations.len()],
+        targets: vec![None; message.targets.len()],
         anew: Vec::new(),
         names: Vec::new(),
-        stations: Vec::new(),
     };
-    let message = &stored.message;
-    let mut owned = |owner: &str, kinds: [[ParameterKind; 3]; 2]| {
-        for (kinds, turn) in kinds.into_iter().zip(["", "r"]) {
-            for (kind, axis) in kinds.into_iter().zip(["x", "y", "z"]) {
-                let name = format!("{owner}.{turn}{axis}");
-                let place = message.unknowns.iter().position(|each| each.name == name);
-                if let Some(place) = place {
-                    known.kinds.push(kind);
-                    known.places.push(place);
-                }
-            }
-        }
+    // The place of a frame in the file, and the frame itself.
+    let found = |stored: &[MountedFrameMessage], name: Option<&str>, otherwise: &Isometry3<f64>| {
+        let place = (stored.iter()).position(|frame| frame.name.as_deref() == name)?;
+        Some((place, stored[place].frame(otherwise)?))
     };
     for (station, name) in case.stations.iter().enumerate() {
-        let kinds = [
-            Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis }),
-            Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis }),
-        ];
-        let stored = message.stations.iter().find(|frame| frame.name == *name);
-        let frame = stored.and_then(|stored| stored.frame(&frames.instrument_from_base[station]));
-        if let (Some(stored), Some(frame)) = (stored, frame) {
-            frames.instrument_from_base[station] = frame;
-            owned(&stored.unknowns, kinds);
-            known.stations.push(station);
+        let frame = &mut frames.instrument_from_base[station];
+        if let Some((place, stored)) = found(&message.stations, name.as_deref(), frame) {
+            *frame = stored;
+            known.stations[place] = Some(station);
         } else {
             known.anew.extend(case.base_kinds(station));
-            let name = name.clone();
-            known
-                .names
-                .push(name.unwrap_or_else(|| "the only station".to_owned()));
+            let only = || "the only station".to_owned();
+            known.names.push(name.clone().unwrap_or_else(only));
         }
     }
     for (tool, name) in case.targets.iter().enumerate() {
-        let kinds = [
-            Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis }),
-            Axis::ALL.map(|axis| ParameterKind::ToolRotation { tool, axis }),
-        ];
-        let is_it = |frame: &&MountedFrameMessage| frame.name.as_deref() == Some(name);
-        let stored = message.targets.iter().find(is_it);
-        let frame = stored.and_then(|stored| stored.frame(&frames.link_from_tool[tool]));
-        if let (Some(stored), Some(frame)) = (stored, frame) {
-            frames.link_from_tool[tool] = frame;
-            owned(&stored.unknowns, kinds);
-        } else {
-            known.anew.extend(kinds[0]);
-            if is_turned {
-                known.anew.extend(kinds[1]);
-            }
-            known.names.push(name.clone());
+        let frame = &mut frames.link_from_tool[tool];
+        if let Some((place, stored)) = found(&message.targets, Some(name), frame) {
+            *frame = stored;
+            known.targets[place] = Some(tool);
+            continue;
         }
+        let kinds = ParameterKind::of_tool(tool).into_iter();
+        let kinds = kinds.take(1 + usize::from(is_turned));
+        known.anew.extend(kinds.flatten());
+        known.names.push(name.clone());
     }
     case.set_frames(frames);
     known
@@ -202,7 +177,7 @@ pub fn validate_absolute(
     let nominal = case.arm.clone();
     case.arm = stored.apply(path, &case.arm)?;
     let is_turned = readings.iter().any(|each| each.rotation.is_some());
-    let mut known = known_frames(&mut case, stored, is_turned);
+    let known = known_frames(&mut case, stored, is_turned);
     let anew = (known.anew.iter()).map(|kind| (*kind, None));
     let anew = ParameterSet::new(&case.arm, anew).map_err(AbsoluteError::from)?;
     if !anew.is_empty() {
@@ -219,25 +194,21 @@ pub fn validate_absolute(
     }
     let left = case.left(&case.arm).map_err(AbsoluteError::from)?;
     let arm = case.arm.clone();
-    for (place, unknown) in stored.message.unknowns.iter().enumerate() {
-        let kinds = robot_kinds(&nominal);
-        if let Some(kind) = ParameterKind::named(&unknown.name, &kinds, &nominal)
-            && !stored.is_of_frame(&unknown.name)
-        {
-            known.kinds.push(kind);
-            known.places.push(place);
-        }
-    }
-    let set = known.kinds.iter().map(|kind| (*kind, None));
+    let kinds = stored.kinds(&nominal, &known.stations, &known.targets);
+    let (places, kinds): (Vec<usize>, Vec<ParameterKind>) = (kinds.into_iter().enumerate())
+        .filter_map(|(place, kind)| Some((place, kind?)))
+        .unzip();
+    let set = kinds.iter().map(|kind| (*kind, None));
     let set = ParameterSet::new(&arm, set).map_err(AbsoluteError::from)?;
     let discrepancy = stored.discrepancy_model(path, &arm)?;
-    let places = &known.places;
+    let places = &places;
     let prognoses =
         (case.prognoses(&arm, &set, places, &discrepancy, &anew)).map_err(AbsoluteError::from)?;
     let probability =
         (case.probability(&arm, &set, places, &discrepancy, &anew)).map_err(AbsoluteError::from)?;
     let mut moved = Vec::new();
-    for &station in &known.stations {
+    let is_known = |station: &usize| known.stations.contains(&Some(*station));
+    for station in (0..case.stations.len()).filter(is_known) {
         let found = case
             .moved_station(&arm, &set, places, &discrepancy, station)
             .map_err(AbsoluteError::from)?;

@@ -103,7 +103,7 @@
 //! - `next`: what to measure next, after some of a plan is measured.
 //! - `raw_readings`: positions without and with a load in place of deflections.
 //! - `obstacles`: what stands in the laboratory.
-//! - `streams`: a study's recordings, live in a viewer and as files; `view`.
+//! - `streams`: a study's recordings, live in a viewer and as files.
 //! - `reproduction`: the paper's numbers beside the program's, by the program.
 //! - `report`: pages to look at, and a browser that looks at them.
 //! - `study`: Monte Carlo studies keep what was predicted, to the bit whatever the threads.

@@ -1,7 +1,7 @@
-//! A study's recordings, live in a viewer and as files; `view`. Results do not depend on any viewer.
+//! A study's recordings, live in a viewer and as files. Results do not depend on any viewer.
 
 use std::net::{TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -308,82 +308,23 @@ fn a_viewer_receives_a_run() {
     });
 }
 
-/// A program that stands for the viewer and writes what it is called with to a file.
-fn pretended_viewer(workplace: &Workplace) -> PathBuf {
-    use std::os::unix::fs::PermissionsExt;
-    let path = workplace.path("viewer");
-    workplace.write("viewer", "#!/bin/sh\necho \"$@\" >opened\n");
-    let executable = std::fs::Permissions::from_mode(0o755);
-    std::fs::set_permissions(&path, executable).expect("it is ours");
-    path
-}
-
-#[test]
-fn view_opens_a_recording_in_the_viewer() {
-    let workplace = Workplace::new();
-    let viewer = pretended_viewer(&workplace);
-    let variables = [("ELASTOCAL_RERUN", viewer.to_str().expect("UTF-8"))];
-    workplace.write("a.rrd", "RRF2 and more");
-    with(&workplace, "view a.rrd", &variables).ends_with(0);
-    assert_eq!(workplace.read("opened"), "--bind=127.0.0.1 a.rrd\n");
-    workplace.write("-a.rrd", "RRF2 and more");
-    with(&workplace, "view -- -a.rrd", &variables).ends_with(0);
-    assert_eq!(workplace.read("opened"), "--bind=127.0.0.1 ./-a.rrd\n");
-
-    // Without a file, the one that was written last.
-    for path in ["out/one/run.rrd", "out/two/study.rrd", "out/two/run.rrd"] {
-        let folder = workplace.path(path);
-        std::fs::create_dir_all(folder.parent().expect("a folder")).expect("possible");
-        workplace.write(path, "RRF2 and more");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    workplace.write("out/two/study.rrd", "RRF2 and more");
-    with(&workplace, "view", &variables).ends_with(0);
-    assert_eq!(
-        workplace.read("opened"),
-        "--bind=127.0.0.1 out/two/study.rrd\n"
-    );
-
-    workplace.write("b.rrd", "not a recording");
-    let wrong = |arguments: &str, variables: &[(&str, &str)], says: [&str; 2]| {
-        let outcome = with(&workplace, arguments, variables).ends_with(1);
-        for words in says {
-            assert!(outcome.stderr.contains(words), "{outcome:?}");
-        }
-    };
-    wrong(
-        "view b.rrd",
-        &variables,
-        ["b.rrd: is no recording", "hint: give a .rrd"],
-    );
-    wrong(
-        "view c.rrd",
-        &variables,
-        ["c.rrd: cannot be read: No such file", "hint: "],
-    );
-    wrong(
-        "view --out empty",
-        &variables,
-        ["no recording in it", "elastocal run"],
-    );
-}
-
 /// A program that lies in the folder where somebody stands is not run, by whatever name.
 #[test]
 fn the_folder_s_programs_are_not_run() {
-    let place = Workplace::new();
-    let viewer = pretended_viewer(&place);
+    let place = small();
+    place.write("viewer", "#!/bin/sh\necho \"$@\" >opened\n");
+    let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(place.path("viewer"), executable).expect("it is ours");
     std::fs::create_dir(place.path(".rerun")).expect("possible");
     for name in ["rerun", ".rerun/rerun", "elastocal"] {
-        std::fs::copy(&viewer, place.path(name)).expect("possible");
+        std::fs::copy(place.path("viewer"), place.path(name)).expect("possible");
     }
     // The program itself, where no viewer was installed beside it.
     let program = place.path("elastocal");
     std::fs::copy(env!("CARGO_BIN_EXE_elastocal"), &program).expect("possible");
-    place.write("a.rrd", "RRF2 and more");
     for path in ["/nowhere", "", ".", ".rerun"] {
         let output = Command::new(&program)
-            .args(["view", "a.rrd"])
+            .args(["study", "s.toml", "--trials", "10", "--rerun", "spawn"])
             .current_dir(place.path(""))
             .env_remove("ELASTOCAL_RERUN")
             .env("PATH", path)

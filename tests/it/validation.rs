@@ -152,7 +152,7 @@ fn mean_square(scenario: &Scenario, runs: u64) -> f64 {
     let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
     let mut sum = 0.0;
     for run in 0..runs {
-        let measured = measure(&mut robots, task, truth, &plan, scenario.seed, run)
+        let measured = measure(&mut robots, task, truth, &plan, [scenario.seed, run], true)
             .expect("measured")
             .measurements;
         // The same robot on the same day, with noise of its own for each measurement.

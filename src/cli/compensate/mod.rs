@@ -25,10 +25,9 @@ use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::static_compliance::add_static_compliance;
 use super::table::{number, table_of};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 use targets::{TargetFrame, Workpiece};
 
-/// Arguments of `compensate`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
 #[command(mut_args(without_effect(&["seed", "threads", "out"])))]
@@ -137,7 +136,7 @@ impl Compensate {
         }
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
-        let mut report = Report::new(results("compensate", &provenance, keys), text, conditions);
+        let mut report = Report::of("compensate", &provenance, keys, text, conditions);
         if self.static_compliance {
             let Task {
                 belief, test_poses, ..
@@ -204,26 +203,17 @@ impl Compensate {
     }
 }
 
-/// The distances that were observed on the virtual robot, which are nobody else's.
-const OBSERVED: [&str; 4] = [
-    "uncompensated_mm",
-    "residual_mm",
-    "uncompensated_xyz_mm",
-    "residual_xyz_mm",
-];
-
-/// Takes out what was observed on a virtual robot.
-fn forget_observed(keys: &mut Value) {
-    let forget = |of: &mut Value| {
-        for key in OBSERVED {
+/// Takes out the distances that were observed on a virtual robot, which are nobody else's.
+fn forget_observed(of: &mut Value) {
+    for distance in ["uncompensated", "residual"] {
+        for key in ["mm", "xyz_mm"].map(|unit| format!("{distance}_{unit}")) {
             if let Some(value) = of.get_mut(key) {
                 *value = Value::Null;
             }
         }
-    };
-    forget(keys);
-    let poses = keys["test_poses"].as_array_mut();
-    poses.into_iter().flatten().for_each(forget);
+    }
+    let poses = of.get_mut("test_poses").and_then(Value::as_array_mut);
+    poses.into_iter().flatten().for_each(forget_observed);
 }
 
 /// The commands for a person, with what was observed where the robot is a virtual one.

@@ -17,9 +17,9 @@ use nalgebra::{DVector, Isometry3, Vector3};
 use serde_json::{Value, json};
 
 use super::Compensate;
+use crate::cli::Report;
 use crate::cli::identified::taken_as_believed;
 use crate::cli::table::table;
-use crate::cli::{Report, results};
 
 /// In which frame targets are, or in which a workpiece stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -141,8 +141,10 @@ impl Compensate {
         let provenance = ProvenanceMessage::new(scenario)
             .with_input("identified", &self.identified)?
             .with_input("targets", targets)?;
-        Ok(Report::new(
-            results("compensate", &provenance, keys),
+        Ok(Report::of(
+            "compensate",
+            &provenance,
+            keys,
             text,
             conditions,
         ))

@@ -4,14 +4,13 @@ use std::path::Path;
 
 use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
-use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
+use elastocal::measurement::{AbsoluteReading, read_measured};
 use elastocal::quantities::units::shown_unit;
 use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
 use elastocal::record::json::merge;
 use elastocal::record::uncertainties::uncertainty_tables;
 use elastocal::record::{messages::ProvenanceMessage, model_selection::model_selection_json};
 use elastocal::scenario::Scenario;
-use elastocal::task::{Belief, Method};
 use elastocal::text::wording::counted;
 use elastocal::view::discrepancy_plots::model_selection_plot;
 use elastocal::workflow::identify_absolute::{
@@ -32,9 +31,9 @@ impl Identify {
         scenario: &Scenario,
         readings: &[AbsoluteReading],
     ) -> anyhow::Result<Report> {
-        let is_linear = self.method == Some(Method::Linear);
-        let of_deflections = [("--method", is_linear, "which no linear fit takes")];
-        self.refuse("absolute readings", &of_deflections)?;
+        self.refuse("absolute readings", |option, value| {
+            (option == "method" && value == "linear").then_some("which no linear fit takes")
+        })?;
         self.common.say(&format!(
             "fitting the robot to {}",
             counted(readings.len() as u64, "absolute reading")
@@ -54,7 +53,8 @@ impl Identify {
         let mut identified = identify_absolute(belief, readings, groups, how).map_err(wrong)?;
         let mut provenance = ProvenanceMessage::new(scenario).with_input("measurements", file)?;
         if let Some(other) = &self.against {
-            let readings = other_readings(other, belief)?;
+            let why = ", and absolute readings are held against it";
+            let readings = read_measured(other, belief)?.absolute(other, why)?;
             let between = [file, other].map(|path| format!("in {}", path.display()));
             (identified.compare(belief, &readings, (groups, weights), between))
                 .map_err(|error| explained(other, &error))?;
@@ -117,17 +117,6 @@ fn write_uncertainties(
     write_whole(path, text.as_bytes())
 }
 
-/// The other series.
-fn other_readings(file: &Path, belief: &Belief) -> Result<Vec<AbsoluteReading>, FileError> {
-    match read_measured(file, belief)? {
-        MeasuredFile::Absolute(readings) => Ok(readings),
-        MeasuredFile::Deflections(_) => {
-            let problem = "holds deflections, and absolute readings are held against it";
-            Err(FileError::new(file, problem).hint("give another file of absolute readings"))
-        }
-    }
-}
-
 /// How many parameters of two series agree; the others are conditions.
 fn compared(beside: &Inconsistencies) -> String {
     let [one, other] = &beside.between;
@@ -163,14 +152,9 @@ pub fn describe(message: &AbsoluteMessage) -> String {
         counted(message.readings as u64, "reading"),
         message.numbers
     );
-    let frames: Vec<_> = message.stations.iter().chain(&message.targets).collect();
-    let is_frame = |name: &str| {
-        let owner = name.rsplit_once('.').map_or(name, |(owner, _)| owner);
-        frames.iter().any(|frame| frame.unknowns == owner)
-    };
     text += &frames_table(&message.stations, &message.targets);
     let rows: Vec<Vec<String>> = (message.unknowns.iter())
-        .filter(|each| !is_frame(&each.name))
+        .filter(|each| !message.is_of_frame(&each.name))
         .map(|each| {
             let (factor, unit) = shown_unit(&each.unit);
             let number = |value: f64| format!("{:.4}", value * factor);

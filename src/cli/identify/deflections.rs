@@ -30,29 +30,7 @@ impl Identify {
         origin: Option<&Origin>,
         measurements: &[Measurement],
     ) -> anyhow::Result<Report> {
-        let of_readings = [
-            (
-                "--model-selection",
-                self.model_selection,
-                "for which there is no model selection",
-            ),
-            (
-                "--against",
-                self.against.is_some(),
-                "which are compared with no other series",
-            ),
-            (
-                "--parameters",
-                !self.parameters.is_empty(),
-                "of which robot.parameters of the scenario says what to identify",
-            ),
-            (
-                "--uncertainties-out",
-                self.uncertainties_out.is_some(),
-                "of which no joint error functions are estimated",
-            ),
-        ];
-        self.refuse("deflections", &of_readings)?;
+        self.refuse("deflections", |option, _| of_readings(option))?;
         let loads = measurements.iter().map(|each| &each.load);
         let loads_outside = scenario.task.loads.outside_all("measurement", loads);
         let method = self.method.unwrap_or(scenario.task.belief.method);
@@ -121,6 +99,17 @@ impl Identify {
     }
 }
 
+/// Why there is nothing for deflections in an option of absolute readings.
+fn of_readings(option: &str) -> Option<&'static str> {
+    match option {
+        "model_selection" => Some("for which there is no model selection"),
+        "against" => Some("which are compared with no other series"),
+        "parameters" => Some("of which robot.parameters of the scenario says what to identify"),
+        "uncertainties_out" => Some("of which no joint error functions are estimated"),
+        _ => None,
+    }
+}
+
 /// Why nothing is identified, with what to do about it.
 pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
     let NotIdentified { error, conditions } = problem;
@@ -145,15 +134,15 @@ const TOLD: f64 = 0.95;
 /// What else is uncertain, as far as the measurements tell something of it.
 fn uncertain(identification: &Identification) -> String {
     let small = |value: Option<f64>| or_dash(value, |value| format!("{value:.3e}"));
-    let is_told = |each: &&UncertainEstimate| match (each.estimate, each.prior_deviation) {
-        (Some(estimate), Some(before)) => estimate.standard_error < TOLD * before,
+    let is_told = |each: &&UncertainEstimate| match (each.standard_error, each.prior_deviation) {
+        (Some(error), Some(before)) => error < TOLD * before,
         _ => true,
     };
     let row = |each: &UncertainEstimate| {
         vec![
             each.name.clone(),
-            small(each.estimate.map(|estimate| estimate.value)),
-            small(each.estimate.map(|estimate| estimate.standard_error)),
+            small(each.value),
+            small(each.standard_error),
             small(each.prior_deviation),
             each.unit.clone(),
         ]

@@ -18,7 +18,6 @@ use serde_json::{Value, json};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 
-/// Arguments of `identify`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
 #[command(mut_args(without_effect(&["seed", "threads", "out"])))]
@@ -100,9 +99,13 @@ impl Identify {
         Ok(report)
     }
 
-    /// Refuses options that the file's readings have no use for: each with whether it is given, and why there is none.
-    fn refuse(&self, held: &str, options: &[(&str, bool, &str)]) -> Result<(), FileError> {
-        let Some((option, _, why)) = options.iter().find(|option| option.1) else {
+    /// Refuses options that the file's readings have no use for: those of which it is said why, by their names and values.
+    fn refuse(
+        &self,
+        held: &str,
+        why: impl Fn(&str, &str) -> Option<&'static str>,
+    ) -> Result<(), FileError> {
+        let Some((option, why)) = self.common.given.find(why) else {
             return Ok(());
         };
         let wrong = FileError::new(&self.measurements, format!("holds {held}, {why}"));

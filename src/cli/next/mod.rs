@@ -2,7 +2,8 @@
 
 mod readings;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
@@ -10,11 +11,11 @@ use elastocal::experiment::Experiment;
 use elastocal::files::FileError;
 use elastocal::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
 use elastocal::measurement::{Origin, read_measurements_so_far};
-use elastocal::plan::search::Watch;
 use elastocal::plan::{
     Feasibility, Plan, Violation, posterior, read_plan, rho0_m, take_nearest_turns, write_plan,
 };
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
+use elastocal::record::json::merge;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
@@ -24,14 +25,12 @@ use serde_json::json;
 
 use super::conditions::search_stopped;
 use super::identify::deflections::{self, explained};
-use super::interruption::ask_search;
-use super::plan_args::refuse_others;
-use super::progress::{bar, show};
+use super::interruption::STOP;
+use super::progress::search;
 use super::readings_args::ReadingsArgs;
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 
-/// Arguments of `next`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
 #[command(mut_args(without_effect(&["out"])))]
@@ -63,6 +62,18 @@ pub struct Next {
     plan_out: Option<PathBuf>,
 }
 
+/// What is to be measured next, and how accurate that is.
+struct NextPlan {
+    measured: u32,
+    /// The rms distance (m) by what is measured,
+    measured_m: Option<f64>,
+    is_reached: bool,
+    /// and by all together.
+    rho0_m: Option<f64>,
+    /// No other rest is below (m).
+    bound_m: Option<f64>,
+}
+
 /// With --accuracy-um, so many measurements are tried beside those that are there.
 const MORE: u32 = 12;
 
@@ -78,8 +89,12 @@ impl Next {
         let origin = Origin::read(&self.measurements)?;
         let input = ["next", "--measurements"];
         let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
-        let of_deflections = [("--plan", self.plan.is_some())];
-        refuse_others(&scenario, &of_deflections, &self.readings.given())?;
+        self.common.refuse_others("next", &scenario)?;
+        let mut roles = inputs(&scenario);
+        roles.reads("the measurements", &self.measurements);
+        roles.may_read("the plan", self.plan.as_deref());
+        roles.may_read("the candidates", self.readings.candidates.as_deref());
+        check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])?;
         match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.absolute(&scenario),
             AccuracyKind::Relative => self.deflections(&scenario),
@@ -92,8 +107,6 @@ impl Next {
         let measurements = read_measurements_so_far(&self.measurements, &task.belief)?;
         let given = (self.plan.as_ref()).map(|path| read_plan(path, commands.clone()));
         let given = given.transpose()?;
-        self.check(scenario)?;
-
         let belief = &task.belief;
         self.common.say(&format!(
             "identifying {} from {}",
@@ -155,41 +168,54 @@ impl Next {
             let violation = |each: &Violation| ConditionCode::Violation.with(each.to_string());
             conditions.extend(of_experiments.map(violation));
         }
+        let found = found.as_ref();
+        let json = json!({
+            "plan": plan_messages(&commands, next),
+            "old_rest_rho0_mm": old_m.map(|rho0_m| rho0_m * 1e3),
+        });
+        let plan = NextPlan {
+            measured,
+            measured_m: reached_m,
+            is_reached: is_reached || found.is_some_and(|found| found.is_reached),
+            rho0_m: found.map(|found| found.rho0_m).or(reached_m),
+            bound_m: found.and_then(|found| found.bound_m),
+        };
+        let write = |path: &Path| write_plan(path, commands.clone(), next);
+        self.report(scenario, &plan, &write, Report::new(json, text, conditions))
+    }
+
+    /// Writes what is to be measured, and reports it with what is of deflections or of absolute readings alone.
+    fn report(
+        &self,
+        scenario: &Scenario,
+        next: &NextPlan,
+        write: &dyn Fn(&Path) -> Result<(), FileError>,
+        Report {
+            json,
+            mut text,
+            mut conditions,
+        }: Report,
+    ) -> anyhow::Result<Report> {
         let mut written = Written::default();
         if let Some(path) = &self.plan_out {
-            text += &written.noted(path, write_plan(path, commands.clone(), next));
+            text += &written.noted(path, write(path));
         }
         conditions.extend(written.conditions());
         let provenance = ProvenanceMessage::new(scenario)
             .with_input("measurements", &self.measurements)?
-            .with_optional("plan", self.plan.as_deref())?;
-        let found = found.as_ref();
-        Ok(Report::new(
-            results(
-                "next",
-                &provenance,
-                json!({
-                    "measured": measured,
-                    "measured_rho0_mm": reached_m.map(|rho0_m| rho0_m * 1e3),
-                    "accuracy_um": self.accuracy_um,
-                    "reached": is_reached || found.is_some_and(|found| found.is_reached),
-                    "plan": plan_messages(&commands, next),
-                    "rho0_mm": found.map(|found| found.rho0_m).or(reached_m).map(|rho0_m| rho0_m * 1e3),
-                    "lower_bound_rho0_mm": found.and_then(|found| found.bound_m).map(|bound_m| bound_m * 1e3),
-                    "old_rest_rho0_mm": old_m.map(|rho0_m| rho0_m * 1e3),
-                }),
-            ),
-            text,
-            conditions,
-        ))
-    }
-
-    fn check(&self, scenario: &Scenario) -> Result<(), FileError> {
-        let mut roles = inputs(scenario);
-        roles.reads("the measurements", &self.measurements);
-        roles.may_read("the plan", self.plan.as_deref());
-        roles.may_read("the candidates", self.readings.candidates.as_deref());
-        check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])
+            .with_optional("plan", self.plan.as_deref())?
+            .with_optional("candidates", self.readings.candidates.as_deref())?;
+        let millimetres = |value_m: Option<f64>| value_m.map(|value_m| value_m * 1e3);
+        let mut keys = json!({
+            "measured": next.measured,
+            "measured_rho0_mm": millimetres(next.measured_m),
+            "accuracy_um": self.accuracy_um,
+            "reached": next.is_reached,
+            "rho0_mm": millimetres(next.rho0_m),
+            "lower_bound_rho0_mm": millimetres(next.bound_m),
+        });
+        merge(&mut keys, json);
+        Ok(Report::of("next", &provenance, keys, text, conditions))
     }
 
     /// The accuracy that what is left of a plan would give (m), where it is as much work as the new rest.
@@ -210,20 +236,12 @@ impl Next {
         seed: u64,
         conditions: &mut Vec<Condition>,
     ) -> anyhow::Result<Rest> {
-        let stop = ask_search();
         self.common.say("planning what to measure next");
-        let bar = bar(self.common.quiet, "searching the plan");
-        let progress = |done: usize, all: usize, _: f64| show(&bar, done, all);
-        let watch = Watch {
-            stop,
-            progress: &progress,
-        };
-        let found = rest(left, goal, seed, watch)?;
-        bar.finish_and_clear();
-        super::interruption::searched();
-        if stop.load(std::sync::atomic::Ordering::Relaxed) {
-            conditions.push(search_stopped());
-        }
+        let what = "searching the plan";
+        let found = search(self.common.quiet, what, |watch| {
+            rest(left, goal, seed, watch)
+        })?;
+        conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
         Ok(found)
     }
 

@@ -1,38 +1,38 @@
 //! Which absolute readings to take next.
 
 use std::ops::RangeInclusive;
+use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use elastocal::codes::ErrorCode;
 use elastocal::experiment::write_candidates;
 use elastocal::files::FileError;
 use elastocal::identification::AbsoluteCase;
-use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured_so_far};
+use elastocal::measurement::read_measured_so_far;
 use elastocal::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RestOfReadings};
-use elastocal::plan::search::Watch;
 use elastocal::record::absolute_plan::planned_readings;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
-use elastocal::task::Task;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::{MORE, Next};
+use super::{MORE, Next, NextPlan};
+use crate::cli::Report;
 use crate::cli::conditions::search_stopped;
-use crate::cli::interruption::{STOP, ask_search, searched};
-use crate::cli::plan::drawn_words;
-use crate::cli::plan_args::left_out;
-use crate::cli::progress::{bar, show};
+use crate::cli::interruption::STOP;
+use crate::cli::plan_args::offered;
+use crate::cli::progress::search;
 use crate::cli::table::table;
-use crate::cli::written::Written;
-use crate::cli::{Report, results};
 
 impl Next {
     /// Of absolute readings: beside those that are taken, as the scenario has the robot.
     pub(super) fn absolute(&self, scenario: &Scenario) -> anyhow::Result<Report> {
         let task = &scenario.task;
-        self.check(scenario)?;
-        let taken = self.taken(task)?;
+        let why = "; the scenario asks for an absolute accuracy";
+        let taken = read_measured_so_far(&self.measurements, &task.belief)?
+            .absolute(&self.measurements, why)?;
+        AbsoluteCase::placed(&task.belief, &taken).map_err(|error| {
+            FileError::new(&self.measurements, error.to_string()).code(ErrorCode::Measurements)
+        })?;
         let measured = u32::try_from(taken.len()).unwrap_or(u32::MAX);
         let (rows, drawn) = self.readings.rows(scenario)?;
         let wrong = |error| self.readings.wrong(scenario, &error);
@@ -51,19 +51,11 @@ impl Next {
                 more.max(1)..=more
             }
         };
-        let offered = counted(planning.offer.offered as u64, "candidate");
         let mut text = format!(
             "{} so far: {}\n{}",
             counted(measured.into(), "absolute reading"),
             described(&planning, &so_far),
-            match drawn {
-                Some(drawn) => drawn_words(drawn, &planning.offer),
-                None => left_out(
-                    &offered,
-                    self.readings.candidates.as_deref(),
-                    &planning.offer
-                ),
-            }
+            offered(drawn, self.readings.candidates.as_deref(), &planning.offer)
         );
         let mut conditions = Vec::new();
         let found = if counts.is_empty() {
@@ -71,15 +63,10 @@ impl Next {
             RestOfReadings::default()
         } else {
             (self.common).say("planning what to measure next");
-            let bar = bar(self.common.quiet, "searching the plan");
-            let watch = Watch {
-                stop: ask_search(),
-                progress: &|done, all, _| show(&bar, done, all),
-            };
-            let found = planning.rest(counts, wanted_m, scenario.seed, watch);
-            bar.finish_and_clear();
-            searched();
-            found.map_err(wrong)?
+            search(self.common.quiet, "searching the plan", |watch| {
+                planning.rest(counts, wanted_m, scenario.seed, watch)
+            })
+            .map_err(wrong)?
         };
         conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
         let prediction = planning.prediction(&found.plan);
@@ -90,53 +77,22 @@ impl Next {
             text += &tell(&planning, &found, &prediction);
         }
         conditions.extend(self.unreached(measured + prediction.readings, is_reached));
-        let mut written = Written::default();
-        if let Some(path) = &self.plan_out {
-            let rows = planning.rows(&found.plan);
-            text += &written.noted(path, write_candidates(path, task.belief.commands(), &rows));
-        }
-        conditions.extend(written.conditions());
-        let provenance = ProvenanceMessage::new(scenario)
-            .with_input("measurements", &self.measurements)?
-            .with_optional("candidates", self.readings.candidates.as_deref())?;
-        let millimetres = |value_m: Option<f64>| value_m.map(|value_m| value_m * 1e3);
         let json = json!({
             "accuracy": "absolute",
-            "measured": measured,
-            "measured_rho0_mm": millimetres(so_far.rho0_m()),
-            "accuracy_um": self.accuracy_um,
-            "reached": is_reached,
             "plan": planned_readings(task, &planning, &found.plan),
-            "rho0_mm": millimetres(reached_m),
-            "lower_bound_rho0_mm": millimetres(found.bound_m),
             "candidates": planning.offer,
             "drawn": drawn,
         });
-        Ok(Report::new(
-            results("next", &provenance, json),
-            text,
-            conditions,
-        ))
-    }
-
-    /// What is read so far.
-    fn taken(&self, task: &Task) -> anyhow::Result<Vec<AbsoluteReading>> {
-        let wrong = |problem: String| {
-            FileError::new(&self.measurements, problem).code(ErrorCode::Measurements)
+        let next = NextPlan {
+            measured,
+            measured_m: so_far.rho0_m(),
+            is_reached,
+            rho0_m: reached_m,
+            bound_m: found.bound_m,
         };
-        match read_measured_so_far(&self.measurements, &task.belief)? {
-            MeasuredFile::Absolute(readings) => {
-                AbsoluteCase::placed(&task.belief, &readings)
-                    .map_err(|error| wrong(error.to_string()))?;
-                Ok(readings)
-            }
-            MeasuredFile::Deflections(_) => {
-                let problem = "holds deflections; the scenario asks for an absolute accuracy";
-                Err(wrong(problem.to_owned())
-                    .code(ErrorCode::OtherAccuracy)
-                    .into())
-            }
-        }
+        let rows = planning.rows(&found.plan);
+        let write = |path: &Path| write_candidates(path, task.belief.commands(), &rows);
+        self.report(scenario, &next, &write, Report::new(json, text, conditions))
     }
 }
 

@@ -7,12 +7,12 @@ use elastocal::identification::ReadingWeights;
 use elastocal::measurement::absolute_table;
 use elastocal::plan::UncertaintyBudget;
 use elastocal::plan::search::Watch;
-use elastocal::record::absolute_plan::{AbsolutePlanMessage, ReadingsRunMessage};
+use elastocal::record::absolute_plan::AbsolutePlanMessage;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use elastocal::view::recording::{CarriedOutPlan, Recording};
-use elastocal::view::report::{AbsolutePageRecord, ObservedRun, absolute_page};
+use elastocal::view::report::{AbsolutePageRecord, absolute_page};
 use elastocal::workflow::run::{RANDOM_PLANS, RunStage};
 use elastocal::workflow::run_absolute::{AbsoluteRun, RUN, run_absolute};
 
@@ -68,21 +68,13 @@ impl Run {
         };
         let mut conditions = planned.conditions(scenario);
         conditions.extend(outcome.conditions(scenario));
-        let record = outcome.record(scenario, plan);
-        let mut json = outcome.json(scenario, &provenance, (plan, &record), wanted.groups)?;
+        let mut json = outcome.json(scenario, &provenance, plan, wanted.groups)?;
         let stills = planned.stills(scenario);
         let page = absolute_page(&AbsolutePageRecord {
             scenario,
             plan,
             trials: None,
-            run: Some(&ObservedRun {
-                run: RUN,
-                test_poses: &record.test_poses,
-                rms_mm: outcome.observed_rms_m().map(|value| value * 1e3),
-                identification: &record.identification,
-                true_values: &record.true_values,
-                random: (RANDOM_PLANS, outcome.random_rho0_mm()),
-            }),
+            run: Some(&outcome),
             provenance: &provenance,
             stills: &stills.figures(),
             conditions: &conditions,
@@ -92,13 +84,14 @@ impl Run {
         let [plan_file, measurements, results] = FILES.map(|name| folder.join(name));
         written.note(&plan_file, planned.write(task, &plan_file));
         let origin = scenario.origin().simulated(seed, Some(RUN));
-        let rows = origin.comments() + &absolute_table(&task.belief.commands(), &record.readings);
+        let rows =
+            origin.comments() + &absolute_table(&task.belief.commands(), &outcome.record.readings);
         written.note(&measurements, write_whole(&measurements, rows.as_bytes()));
         written.save(&results, &record_text(&mut json, &conditions)?);
         written.save(&folder.join("stills.svg"), &stills.sheet());
         written.save(&folder.join("report.html"), &page);
-        let mut text = describe(&record.identification) + &summary(plan, &outcome, &record);
-        let shown = CarriedOutPlan::Readings(Box::new(record), outcome.carried_out);
+        let mut text = describe(&outcome.record.identification) + &summary(plan, &outcome);
+        let shown = CarriedOutPlan::Readings(Box::new(outcome.record), outcome.carried_out);
         let recording = Recording::new(scenario, &[shown])?;
         write_recording(&recording, &folder.join("run.rrd"), &mut written);
         if let Some(target) = &self.rerun {
@@ -121,13 +114,9 @@ fn tell(common: &Common, stage: &RunStage<'_>) {
 }
 
 /// What it means, for a person.
-fn summary(
-    plan: &AbsolutePlanMessage,
-    outcome: &AbsoluteRun<'_>,
-    record: &ReadingsRunMessage,
-) -> String {
+fn summary(plan: &AbsolutePlanMessage, outcome: &AbsoluteRun<'_>) -> String {
     let micro = |value_mm: Option<f64>| number(value_mm.map(|value_mm| value_mm * 1e3), 2);
-    let rows = record.test_poses.iter().map(|pose| {
+    let rows = outcome.record.test_poses.iter().map(|pose| {
         let distances = [
             pose.rho0_mm,
             Some(pose.residual_mm),

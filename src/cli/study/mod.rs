@@ -26,7 +26,6 @@ use serde_json::json;
 use self::results::{Results, describe, write};
 use super::interruption::{Interrupted, STOP, ask_work, keeps, proceed};
 use super::plan::design;
-use super::plan_args::refuse_others;
 use super::progress::bar;
 use super::proof::ProofArgs;
 use super::readings_args::ReadingsArgs;
@@ -34,7 +33,6 @@ use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, rests};
 
-/// Arguments of `study`.
 #[derive(Debug, Args)]
 pub struct StudyCommand {
     #[command(flatten)]
@@ -58,37 +56,10 @@ pub struct StudyCommand {
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
     #[command(flatten)]
-    plans: StudyPlansArgs,
-}
-
-/// What plans of absolute readings are made of.
-#[derive(Debug, Args)]
-pub struct StudyPlansArgs {
-    #[command(flatten)]
     readings: ReadingsArgs,
 }
 
-impl StudyPlansArgs {
-    /// Refuses options, and keys, that are about plans of the other accuracy.
-    pub fn refuse_others(
-        &self,
-        scenario: &Scenario,
-        of_deflections: &[(&str, bool)],
-    ) -> Result<(), FileError> {
-        refuse_others(scenario, of_deflections, &self.readings.given())?;
-        study::refuse_others(scenario)
-    }
-
-    /// The file of candidates.
-    pub fn path(&self) -> Option<&Path> {
-        self.readings.candidates.as_deref()
-    }
-
-    /// The candidates of the file, where one was given.
-    pub fn candidates(&self, scenario: &Scenario) -> Result<Option<Vec<Candidate>>, FileError> {
-        self.readings.candidates(scenario)
-    }
-
+impl ReadingsArgs {
     /// The plans of a study, designed with a word and a progress bar; of absolute readings among candidates, where there are some.
     pub fn entries<'a>(
         &'a self,
@@ -109,7 +80,7 @@ impl StudyPlansArgs {
             say(name, counted(readings.into(), "absolute reading"));
             Watch::quiet(&STOP)
         };
-        let wanted = self.readings.wanted(scenario, candidates);
+        let wanted = self.wanted(scenario, candidates);
         study::entries(scenario, settings, &wanted, (&designer, &watch))
     }
 
@@ -118,12 +89,12 @@ impl StudyPlansArgs {
         if scenario.task.design.accuracy == AccuracyKind::Relative {
             return Ok(None);
         }
-        let hash = self.path().map(sha256_of).transpose()?;
+        let hash = self.candidates.as_deref().map(sha256_of).transpose()?;
         Ok(Some(AbsoluteStudyHeader {
             test_poses: scenario.task.test_poses.len(),
-            groups: self.readings.parameters.clone(),
+            groups: self.parameters.clone(),
             candidates_sha256: hash.map(|hash| hexadecimal(&hash)),
-            drawn: (hash.is_none()).then(|| self.readings.configurations()),
+            drawn: (hash.is_none()).then(|| self.configurations()),
         }))
     }
 }
@@ -149,8 +120,8 @@ impl StudyCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         rests(&scenario)?;
-        let of_model = [("--level model", self.level == Some(Level::Model))];
-        self.plans.refuse_others(&scenario, &of_model)?;
+        self.common.refuse_others("study", &scenario)?;
+        study::refuse_others(&scenario)?;
         self.check_files(&scenario)?;
         keeps(self.kept(None));
         let level = match scenario.task.design.accuracy {
@@ -158,14 +129,14 @@ impl StudyCommand {
             AccuracyKind::Relative => (self.level.or(scenario.study.level)).unwrap_or_default(),
         };
         let settings = scenario.settings();
-        let candidates = self.plans.candidates(&scenario)?;
+        let candidates = self.readings.candidates(&scenario)?;
         let entries =
-            (self.plans).entries(&self.common, &scenario, &settings, candidates.as_deref())?;
+            (self.readings).entries(&self.common, &scenario, &settings, candidates.as_deref())?;
         proceed()?;
         let runner = Runner::new(&settings, scenario.seed, level, &entries)?.stopped_by(ask_work());
         let plans = PlanHeader::of(&runner);
         let part = self.begun(Header {
-            absolute: self.plans.header(&scenario)?,
+            absolute: self.readings.header(&scenario)?,
             ..Header::new(&scenario, level, self.sizes(&scenario), plans)
         })?;
         let (trials, title) = (part.header.trials, part.header.title());
@@ -193,7 +164,7 @@ impl StudyCommand {
             roles.writes_to(&folder, &[views::STUDY_PAGE]);
             roles.writes_to(&folder, views::STUDY_FILES);
         }
-        roles.may_read("the candidates", self.plans.path());
+        roles.may_read("the candidates", self.readings.candidates.as_deref());
         check_outputs(&mut roles, &outputs)?;
         match self.shard {
             None => make_folder(&folder),

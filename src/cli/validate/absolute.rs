@@ -3,7 +3,7 @@
 use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::identification::{DistanceStatistics, ReadingResidual};
-use elastocal::measurement::{MeasuredFile, read_measured};
+use elastocal::measurement::read_measured;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
@@ -14,11 +14,11 @@ use elastocal::workflow::validate_absolute::{
 use serde_json::{Value, json};
 
 use super::Validate;
+use crate::cli::Report;
 use crate::cli::identified::trust;
 use crate::cli::identify::absolute::explained;
 use crate::cli::table::{DISTANCES, distances, table};
 use crate::cli::tolerance::report_judged;
-use crate::cli::{Report, results};
 
 impl Validate {
     /// Holds other readings beside a robot that was identified.
@@ -37,16 +37,8 @@ impl Validate {
             let wrong = FileError::new(identified, problem).hint(hint);
             return Err(wrong.code(ErrorCode::OtherAccuracy).into());
         };
-        let readings = match read_measured(file, belief)? {
-            MeasuredFile::Absolute(readings) => readings,
-            MeasuredFile::Deflections(_) => {
-                let problem =
-                    "holds deflections, and what was identified rests on absolute readings";
-                return Err(FileError::new(file, problem)
-                    .code(ErrorCode::OtherAccuracy)
-                    .into());
-            }
-        };
+        let why = ", and what was identified rests on absolute readings";
+        let readings = read_measured(file, belief)?.absolute(file, why)?;
         let validation = validate_absolute(belief, identified, robot, &readings).map_err(
             |error| match error {
                 AbsoluteValidationError::File(error) => error,
@@ -57,8 +49,10 @@ impl Validate {
             .with_input("measurements", file)?;
         let text = describe(&validation);
         let conditions = validation.conditions();
-        let mut report = Report::new(
-            results("validate", &provenance, record(&validation)),
+        let mut report = Report::of(
+            "validate",
+            &provenance,
+            record(&validation),
             text,
             conditions,
         );
@@ -71,18 +65,9 @@ impl Validate {
     }
 }
 
-/// Distances and angles of what is left.
-fn lengths(left: &[ReadingResidual]) -> [Option<DistanceStatistics>; 2] {
-    [
-        DistanceStatistics::of_positions(left),
-        DistanceStatistics::of_rotations(left),
-    ]
-    .map(|statistics| statistics.as_ref().map(DistanceStatistics::in_thousandths))
-}
-
 fn record(validation: &AbsoluteValidation) -> Value {
     let both = |left: &[ReadingResidual]| {
-        let [distance_mm, angle_mrad] = lengths(left);
+        let [distance_mm, angle_mrad] = DistanceStatistics::in_mm_and_mrad(left);
         json!({ "distance_mm": distance_mm, "angle_mrad": angle_mrad })
     };
     let with_joints: Vec<ReadingResidual> =
@@ -101,7 +86,7 @@ fn record(validation: &AbsoluteValidation) -> Value {
             })
         })
         .collect();
-    let [distance_mm, angle_mrad] = lengths(&validation.left);
+    let [distance_mm, angle_mrad] = DistanceStatistics::in_mm_and_mrad(&validation.left);
     json!({
         "kind": "absolute",
         "probability": validation.probability,
@@ -127,7 +112,7 @@ fn describe(validation: &AbsoluteValidation) -> String {
     let mut add = |name: &str, left: &[ReadingResidual]| {
         for (what, lengths) in ["distance [mm]", "angle [mrad]"]
             .into_iter()
-            .zip(lengths(left))
+            .zip(DistanceStatistics::in_mm_and_mrad(left))
         {
             rows.extend(lengths.map(|each| distances(&format!("{name}: {what}"), &each)));
         }

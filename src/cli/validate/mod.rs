@@ -21,9 +21,8 @@ use super::identified::read_identified;
 use super::table::{or_dash, table_of};
 use super::tolerance::{ToleranceArgs, report_judged};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 
-/// Arguments of `validate`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
 #[command(mut_args(without_effect(&["threads", "out"])))]
@@ -88,11 +87,7 @@ impl Validate {
             }
             conditions.extend(written.conditions());
             let keys = json!({ "plan": plan_messages(&commands, &plan) });
-            return Ok(Report::new(
-                results("validate", &provenance, keys),
-                text,
-                conditions,
-            ));
+            return Ok(Report::of("validate", &provenance, keys, text, conditions));
         };
         let measured = read_measurements(path, &task.belief)?;
         // What the model left unexplained is in other measurements, too.
@@ -102,8 +97,10 @@ impl Validate {
         let validation = validate(&task.belief, &identified.posterior, &measurements)
             .map_err(|error| FileError::new(path, error.to_string()))?;
         conditions.extend(prediction_failed(validation.probability));
-        let mut report = Report::new(
-            results("validate", &provenance, record(&validation)),
+        let mut report = Report::of(
+            "validate",
+            &provenance,
+            record(&validation),
             describe(&validation),
             conditions,
         );

@@ -1,12 +1,12 @@
 //! `--rerun`: results on their way to a rerun viewer.
 
 use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
-use std::process::Stdio;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
+use elastocal::files::FileError;
 use elastocal::view::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
 
-use crate::cli::view::{find_viewer, viewer};
 use crate::cli::written::warn;
 
 /// Where results are shown or written, besides the usual files.
@@ -90,4 +90,45 @@ fn spawn() -> Result<Viewer, (String, String)> {
             })?;
     }
     Ok(Viewer::connect(&here))
+}
+
+/// Starts a viewer that listens to this machine alone.
+fn viewer(program: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.arg("--bind=127.0.0.1");
+    command
+}
+
+/// The one that the tests installed beside the folder into which this program was built. In whatever folder a user stands is
+/// no program of this one's.
+fn own_viewer() -> Option<PathBuf> {
+    let program = std::env::current_exe().ok()?;
+    let built = program.ancestors().nth(2)?;
+    let is_built = built.file_name().is_some_and(|name| name == "target");
+    is_built.then(|| built.with_file_name(".rerun").join("rerun"))
+}
+
+/// The rerun program: the one that `ELASTOCAL_RERUN` names, the one on the PATH, or the one that the
+/// tests installed.
+fn find_viewer() -> Result<PathBuf, FileError> {
+    let named = std::env::var_os("ELASTOCAL_RERUN").filter(|name| !name.is_empty());
+    if let Some(named) = named {
+        let program = PathBuf::from(named);
+        return if program.is_file() {
+            Ok(program)
+        } else {
+            Err(FileError::new(&program, "is no program")
+                .hint("ELASTOCAL_RERUN must name a rerun program, or not be set"))
+        };
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path)
+        .filter(|folder| folder.is_absolute())
+        .map(|folder| folder.join("rerun"))
+        .chain(own_viewer())
+        .find(|program| program.is_file())
+        .ok_or_else(|| {
+            FileError::new(Path::new("rerun"), "the viewer is not installed")
+                .hint("pip install rerun-sdk==0.36.3, or name the program in ELASTOCAL_RERUN")
+        })
 }

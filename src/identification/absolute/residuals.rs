@@ -40,13 +40,19 @@ impl DistanceStatistics {
     }
 
     /// The same in thousandths: mm for m.
-    pub fn in_thousandths(&self) -> Self {
+    pub fn in_thousandths(self) -> Self {
         Self {
             mean: self.mean * 1e3,
             rms: self.rms * 1e3,
             quantile95: self.quantile95 * 1e3,
             largest: self.largest * 1e3,
         }
+    }
+
+    /// Of the positions (mm) and of the orientations (mrad) that are left.
+    pub fn in_mm_and_mrad(left: &[ReadingResidual]) -> [Option<Self>; 2] {
+        [Self::of_positions(left), Self::of_rotations(left)]
+            .map(|statistics| statistics.map(Self::in_thousandths))
     }
 
     /// Of the positions that are left (m).

@@ -177,8 +177,7 @@ impl AbsoluteCase<'_> {
 
     /// The parameters of the base in a station's frame; of one that is a point its position alone.
     pub fn base_kinds(&self, station: usize) -> Vec<ParameterKind> {
-        let position = Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis });
-        let rotation = Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis });
+        let [position, rotation] = ParameterKind::of_base(station);
         let turned = rotation.into_iter().filter(|_| !self.is_point(station));
         position.into_iter().chain(turned).collect()
     }
@@ -188,10 +187,8 @@ impl AbsoluteCase<'_> {
         for station in 0..self.stations.len() {
             kinds.extend(self.base_kinds(station));
         }
-        for tool in 0..self.targets.len() {
-            kinds.extend(Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis }));
-            kinds.extend(Axis::ALL.map(|axis| ParameterKind::ToolRotation { tool, axis }));
-        }
+        let tools = 0..self.targets.len();
+        kinds.extend(tools.flat_map(ParameterKind::of_tool).flatten());
         kinds
     }
 

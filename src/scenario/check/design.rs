@@ -78,15 +78,14 @@ impl Checker<'_> {
         commands: &Commands,
     ) -> Result<Vec<PlanFile>, FileError> {
         self.named("plan", MOST_NAMED, tables.iter().map(|each| &each.name))?;
-        let plan = |(index, table): (usize, &PlanTable)| {
+        self.each("plan", MOST_NAMED, tables, |key, table| {
             let path = self.resolve(&table.file);
-            self.plan(&format!("plan[{index}].file"), &path, commands)?;
+            self.plan(&format!("{key}.file"), &path, commands)?;
             Ok(PlanFile {
                 name: table.name.clone(),
                 path,
             })
-        };
-        tables.iter().enumerate().map(plan).collect()
+        })
     }
 }
 

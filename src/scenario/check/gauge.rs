@@ -130,14 +130,12 @@ impl Checker<'_> {
             let hint = "give directions in the world frame, as [[1, 0, 0], [0, 1, 0], [0, 0, 1]]";
             return Err(wrong.hint(hint));
         }
-        self.at_most(key, given.len(), MOST_NAMED)?;
-        let direction =
-            |(index, each): (usize, &Vec<f64>)| self.unit(&format!("{key}[{index}]"), each);
-        let directions = given.iter().enumerate().map(direction);
-        let directions = directions.map(|each| each.map(Some));
-        (table.gauge.iter().map(|_| Ok(None)))
-            .chain(directions)
-            .collect()
+        let unit = |key: &str, each: &Vec<f64>| self.unit(key, each).map(Some);
+        let mut directions = self.each(key, MOST_NAMED, given, unit)?;
+        if table.gauge.is_some() {
+            directions.insert(0, None);
+        }
+        Ok(directions)
     }
 }
 

@@ -35,6 +35,7 @@ impl Checker<'_> {
         let (tool, base, speed) = (table.tool_number, table.base_number, table.speed_percent);
         let (axis_speed, change) = (table.axis_speed_deg_s, table.load_change_min);
         let costs = usual.costs;
+        let safe = |key: &str, q_deg: &Vec<f64>| self.configuration(key, q_deg, chain, commands);
         Ok(Laboratory {
             costs: Costs {
                 station_min: minutes("station_min", table.station_min, costs.station_min)?,
@@ -46,26 +47,12 @@ impl Checker<'_> {
                 .map_or(usual.axis_speed_per_s, f64::to_radians),
             approach: given("approach_deg", table.approach_deg, &APPROACH)?
                 .map_or(usual.approach, f64::to_radians),
-            safe_poses: self.safe_poses(&table.safe_deg, chain, commands)?,
+            safe_poses: self.each("laboratory.safe_deg", MOST_NAMED, &table.safe_deg, safe)?,
             dialect: table.dialect.clone().unwrap_or(usual.dialect),
             speed_percent: count("speed_percent", speed, usual.speed_percent, percent)?,
             tool_number: count("tool_number", tool, usual.tool_number, numbers.clone())?,
             base_number: count("base_number", base, usual.base_number, numbers)?,
         })
-    }
-
-    fn safe_poses(
-        &self,
-        poses: &[Vec<f64>],
-        chain: &SerialChain,
-        commands: &Commands,
-    ) -> Result<Vec<DVector<f64>>, FileError> {
-        self.at_most("laboratory.safe_deg", poses.len(), MOST_NAMED)?;
-        let pose = |(index, q_deg): (usize, &Vec<f64>)| {
-            let key = format!("laboratory.safe_deg[{index}]");
-            self.configuration(&key, q_deg, chain, commands)
-        };
-        poses.iter().enumerate().map(pose).collect()
     }
 
     /// A configuration (rad, m) within the joints' limits, from degrees and mm.

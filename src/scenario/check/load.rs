@@ -43,14 +43,11 @@ impl Checker<'_> {
                 if wrenches.is_empty() {
                     return Err(self.wrong("load.wrenches", "is empty"));
                 }
-                self.at_most("load.wrenches", wrenches.len(), MOST_LISTED)?;
-                let load = |(index, wrench): (usize, &WrenchTable)| {
-                    let key = format!("load.wrenches[{index}]");
+                let load = |key: &str, wrench: &WrenchTable| {
                     let parts = [Some(wrench.force_n.as_slice()), wrench.torque_nm.as_deref()];
-                    self.load(&key, ["force_n", "torque_nm"], parts)
+                    self.load(key, ["force_n", "torque_nm"], parts)
                 };
-                let loads = wrenches.iter().enumerate().map(load);
-                Loads::List(loads.collect::<Result<_, _>>()?)
+                Loads::List(self.each("load.wrenches", MOST_LISTED, wrenches, load)?)
             }
         })
     }

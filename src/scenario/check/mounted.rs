@@ -6,7 +6,7 @@ use crate::files::FileError;
 use crate::mujoco::{MountedPayload, MountedTool};
 use crate::quantities::limits::MOST_NAMED;
 use crate::quantities::plausible::{ANGLE, MASS, POSITION};
-use crate::scenario::file::{PayloadTable, RobotTable, ToolTable};
+use crate::scenario::file::RobotTable;
 
 /// A joint that is locked.
 #[derive(Debug, Clone)]
@@ -22,34 +22,33 @@ pub(super) struct Locked {
 
 impl Checker<'_> {
     pub(super) fn tools(&self, table: &RobotTable) -> Result<Vec<MountedTool>, FileError> {
-        self.at_most("robot.tool", table.tool.len(), MOST_NAMED)?;
-        let tool = |(index, tool): (usize, &ToolTable)| {
-            let key = format!("robot.tool[{index}]");
+        self.each("robot.tool", MOST_NAMED, &table.tool, |key, tool| {
             Ok(MountedTool {
                 name: tool.name.clone(),
                 on: tool.on.clone(),
-                from_tool: self.frame(&key, &tool.position_mm, tool.rpy_deg.as_deref())?,
+                from_tool: self.frame(key, &tool.position_mm, tool.rpy_deg.as_deref())?,
             })
-        };
-        table.tool.iter().enumerate().map(tool).collect()
+        })
     }
 
     pub(super) fn payloads(&self, table: &RobotTable) -> Result<Vec<MountedPayload>, FileError> {
-        self.at_most("robot.payload", table.payload.len(), MOST_NAMED)?;
-        let payload = |(index, payload): (usize, &PayloadTable)| {
-            let key = format!("robot.payload[{index}]");
-            let mass_key = format!("{key}.mass_kg");
-            let mass_kg = self.number(&mass_key, payload.mass_kg, &MASS)?;
-            if mass_kg == 0.0 {
-                return Err(self.wrong(&mass_key, "found 0; a payload has a mass"));
-            }
-            Ok(MountedPayload {
-                on: payload.on.clone(),
-                centre_m: self.position(&format!("{key}.centre_mm"), &payload.centre_mm)?,
-                mass_kg,
-            })
-        };
-        table.payload.iter().enumerate().map(payload).collect()
+        self.each(
+            "robot.payload",
+            MOST_NAMED,
+            &table.payload,
+            |key, payload| {
+                let mass_key = format!("{key}.mass_kg");
+                let mass_kg = self.number(&mass_key, payload.mass_kg, &MASS)?;
+                if mass_kg == 0.0 {
+                    return Err(self.wrong(&mass_key, "found 0; a payload has a mass"));
+                }
+                Ok(MountedPayload {
+                    on: payload.on.clone(),
+                    centre_m: self.position(&format!("{key}.centre_mm"), &payload.centre_mm)?,
+                    mass_kg,
+                })
+            },
+        )
     }
 
     pub(super) fn locked(&self, table: &RobotTable) -> Result<Vec<Locked>, FileError> {

@@ -182,6 +182,21 @@ impl Checker<'_> {
         Err(wrong.hint(format!("write {other}")))
     }
 
+    /// What is read of each table of a list, under its key; of these there are not too many.
+    pub(super) fn each<T, U>(
+        &self,
+        key: &str,
+        most: usize,
+        tables: &[T],
+        read: impl Fn(&str, &T) -> Result<U, FileError>,
+    ) -> Result<Vec<U>, FileError> {
+        self.at_most(key, tables.len(), most)?;
+        let tables = tables.iter().enumerate();
+        tables
+            .map(|(index, table)| read(&format!("{key}[{index}]"), table))
+            .collect()
+    }
+
     /// Each table of a list has a name of its own, and there are not too many.
     pub(super) fn named<'a>(
         &self,

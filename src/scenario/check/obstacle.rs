@@ -7,7 +7,7 @@ use crate::files::FileError;
 use crate::mujoco::{Obstacle, Shape};
 use crate::quantities::limits::MOST_OBSTACLES;
 use crate::quantities::plausible::SIZE;
-use crate::scenario::file::{File, ObstacleTable, ShapeTable};
+use crate::scenario::file::{File, ShapeTable};
 
 impl Checker<'_> {
     pub(super) fn obstacles(&self, file: &File) -> Result<Vec<Obstacle>, FileError> {
@@ -15,20 +15,14 @@ impl Checker<'_> {
         self.named("obstacle", MOST_OBSTACLES, names)?;
         let region = &file.region;
         let are_checked = region.collision_clearance_mm.is_some() || region.line_of_sight;
-        let obstacle = |(index, table): (usize, &ObstacleTable)| {
-            let key = format!("obstacle[{index}]");
+        let obstacles = self.each("obstacle", MOST_OBSTACLES, &file.obstacle, |key, table| {
+            let rpy_deg = table.rpy_deg.as_deref();
             Ok(Obstacle {
                 name: table.name.clone(),
-                shape: self.shape(&key, &table.shape)?,
-                world_from_obstacle: self.frame(
-                    &key,
-                    &table.position_mm,
-                    table.rpy_deg.as_deref(),
-                )?,
+                shape: self.shape(key, &table.shape)?,
+                world_from_obstacle: self.frame(key, &table.position_mm, rpy_deg)?,
             })
-        };
-        let obstacles = file.obstacle.iter().enumerate().map(obstacle);
-        let obstacles = obstacles.collect::<Result<Vec<_>, FileError>>()?;
+        })?;
         if !obstacles.is_empty() && !are_checked {
             let problem = "obstacles are not checked: neither region.collision_clearance_mm nor \
                            region.line_of_sight is given";

@@ -82,9 +82,7 @@ impl Checker<'_> {
         tables: &[ForbiddenTable],
         commands: &Commands,
     ) -> Result<Vec<Forbidden>, FileError> {
-        self.at_most("region.forbidden", tables.len(), MOST_LISTED)?;
-        let forbidden = |(index, table): (usize, &ForbiddenTable)| {
-            let key = format!("region.forbidden[{index}]");
+        self.each("region.forbidden", MOST_LISTED, tables, |key, table| {
             let q_key = format!("{key}.q_deg");
             let q_deg = self.one_per_joint(&q_key, &table.q_deg, commands.len(), &ANGLE)?;
             let within_key = format!("{key}.within_deg");
@@ -93,7 +91,6 @@ impl Checker<'_> {
                 configuration_rad: commands.configuration(q_deg),
                 within_rad: within.to_radians(),
             })
-        };
-        tables.iter().enumerate().map(forbidden).collect()
+        })
     }
 }

@@ -7,7 +7,7 @@ use crate::files::FileError;
 use crate::mujoco::{Model, Shape, State};
 use crate::quantities::limits::MOST_NAMED;
 use crate::quantities::plausible::{INCIDENCE, SIZE};
-use crate::scenario::file::{File, StationTable};
+use crate::scenario::file::File;
 use crate::task::{AccuracyKind, Station};
 
 impl Checker<'_> {
@@ -28,8 +28,7 @@ impl Checker<'_> {
                 "set design.accuracy = \"absolute\", or leave them out: deflections are read from instrument.tracker_site",
             ));
         }
-        let station = |(index, table): (usize, &StationTable)| {
-            let key = format!("station[{index}]");
+        self.each("station", MOST_NAMED, &file.station, |key, table| {
             let position = format!("{key}.position_mm");
             let position_m = self.position(&position, &table.position_mm)?;
             if let Some(around) = what_is_around(model, tracker_site, &position_m) {
@@ -45,8 +44,7 @@ impl Checker<'_> {
                 range_m: self.lengths(&format!("{key}.range"), range_mm, &SIZE)?,
                 incidence_max_rad: incidence_deg.map(f64::to_radians),
             })
-        };
-        file.station.iter().enumerate().map(station).collect()
+        })
     }
 }
 

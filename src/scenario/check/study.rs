@@ -7,10 +7,10 @@ use super::design::fewest;
 use crate::experiment::{Candidate, read_candidates};
 use crate::files::FileError;
 use crate::plan::search::SearchError;
-use crate::plan::{Criterion, Experiment, Plan};
+use crate::plan::{Criterion, Plan};
 use crate::quantities::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
 use crate::quantities::plausible::{DEVIATION, FACTOR, Kind, SPREAD};
-use crate::robot::{Commands, Load};
+use crate::robot::Commands;
 use crate::scenario::PlanFile;
 use crate::scenario::file::{SigmaOf, Spread, StudyPlanTable, StudyTable, SweepTable};
 use crate::study::{Conditions, StudyPlan, StudySettings, StudySource};
@@ -198,18 +198,14 @@ impl Checker<'_> {
         conditions: &[Conditions],
         context: &Context<'_>,
     ) -> Result<Vec<StudyPlan>, FileError> {
-        let mut plans: Vec<StudyPlan> = Vec::new();
-        for (index, table) in tables.iter().enumerate() {
-            let source =
-                self.study_source(&format!("study.plan[{index}]"), table, conditions, context)?;
-            let name = table.name().clone();
-            plans.push(StudyPlan { name, source });
-        }
-        self.named(
-            "study.plan",
-            MOST_STUDIED,
-            plans.iter().map(|plan| &plan.name),
-        )?;
+        let names = tables.iter().map(StudyPlanTable::name);
+        self.named("study.plan", MOST_STUDIED, names)?;
+        let plans = self.each("study.plan", MOST_STUDIED, tables, |key, table| {
+            Ok(StudyPlan {
+                name: table.name().clone(),
+                source: self.study_source(key, table, conditions, context)?,
+            })
+        })?;
         for each in conditions {
             if !plans.iter().any(|plan| plan.source.fits(each.experiments)) {
                 let problem = format!("found none for {} measurements", each.experiments);
@@ -233,13 +229,8 @@ impl Checker<'_> {
         let rows = read_candidates(path, context.commands.clone());
         let rows = rows.map_err(|error| self.named_file(key, error))?;
         self.inputs.borrow_mut().add(path)?;
-        let experiments = rows.iter().map(|row| Experiment {
-            configuration_rad: row.configuration_rad.clone(),
-            load: row.load.unwrap_or(Load::NONE),
-            repeats: row.most.unwrap_or(1),
-            approach: row.approach.clone(),
-            direction: None,
-        });
+        let experiments = rows.iter();
+        let experiments = experiments.map(|row| row.experiment(row.most.unwrap_or(1)));
         let plan = Plan {
             experiments: experiments.collect(),
         };

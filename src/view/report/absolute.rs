@@ -4,9 +4,7 @@ use plotters::prelude::*;
 
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::figures::path_figure;
-use super::{
-    ObservedRun, absolute_run, conditions_card, plan_header, plan_row, provenance, sources,
-};
+use super::{absolute_run, conditions_card, plan_header, plan_row, provenance, sources};
 use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
@@ -19,6 +17,7 @@ use crate::view::charts::{COLOURS, ChartAxis, INK, PlotError, Rows, WHOLE};
 use crate::view::markup::{
     card, figure, heading, micro_sign, page, paragraph, section, table, table_of,
 };
+use crate::workflow::run_absolute::AbsoluteRun;
 
 /// What the page of a plan of absolute readings is made of.
 #[derive(Debug, Clone, Copy)]
@@ -30,7 +29,7 @@ pub struct AbsolutePageRecord<'a> {
     /// What virtual robots made of it, where some were drawn.
     pub trials: Option<&'a RobotTrials>,
     /// What came of one run, where it was carried out.
-    pub run: Option<&'a ObservedRun<'a>>,
+    pub run: Option<&'a AbsoluteRun<'a>>,
     /// Where it comes from.
     pub provenance: &'a ProvenanceMessage,
     /// The robot in each configuration (HTML).
@@ -242,9 +241,9 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
 /// What is predicted at each test pose, and what was observed of a run.
 fn test_poses(
     plan: &AbsolutePlanMessage,
-    run: Option<&ObservedRun<'_>>,
+    run: Option<&AbsoluteRun<'_>>,
 ) -> Result<String, PlotError> {
-    let observed = run.map_or(&[][..], |run| run.test_poses);
+    let observed = run.map_or(&[][..], |run| &run.record.test_poses);
     let values: Vec<f64> = (plan.test_poses.iter())
         .map(|pose| pose.rho0_mm.unwrap_or(0.0) * 1e3)
         .collect();

@@ -1,48 +1,34 @@
 //! What a page of absolute readings shows of one run: where the tool was, and what was identified beside the simulated truth of that run.
 
 use crate::quantities::units::shown_unit;
-use crate::record::absolute::{AbsoluteMessage, UnknownMessage};
+use crate::record::absolute::UnknownMessage;
 use crate::record::absolute_plan::AbsolutePlanMessage;
-use crate::record::messages::TestPoseMessage;
 use crate::text::wording::{counted, micrometres, number};
 use crate::view::markup::{card, micro_sign, paragraph, section, table};
-
-/// A run on the virtual robot.
-#[derive(Debug, Clone, Copy)]
-pub struct ObservedRun<'a> {
-    /// Its number.
-    pub run: u64,
-    /// What was observed at each test pose.
-    pub test_poses: &'a [TestPoseMessage],
-    /// The rms distance (mm) over these, of the nominal and of the identified robot.
-    pub rms_mm: [f64; 2],
-    /// What was identified.
-    pub identification: &'a AbsoluteMessage,
-    /// The simulated truth of this run, in the order of what was identified; none of what it does not say.
-    pub true_values: &'a [Option<f64>],
-    /// The number of random plans, and the median of their `rho0_mm` where there is one.
-    pub random: (u64, Option<f64>),
-}
+use crate::workflow::run::RANDOM_PLANS;
+use crate::workflow::run_absolute::{AbsoluteRun, RUN};
 
 /// A smaller discrepancy (mm) is not said.
 const LEAST_MM: f64 = 5e-6;
 
 /// What was observed beside what was predicted, and random plans.
-pub(super) fn cards(plan: &AbsolutePlanMessage, run: &ObservedRun<'_>) -> String {
-    let [before, after] = run.rms_mm.map(|value| micrometres(Some(value)));
+pub(super) fn cards(plan: &AbsolutePlanMessage, run: &AbsoluteRun<'_>) -> String {
+    let [before, after] = run
+        .observed_rms_m()
+        .map(|value| micrometres(Some(value * 1e3)));
     let about = format!(
         "Residual error in run {} on the virtual robot: the distance of the loaded tool from where the identified robot predicts it, \
          rms over the test poses; predicted {} rms. Of the nominal robot, in the frames that suit the same readings best: {before}.",
-        run.run,
+        RUN,
         micrometres(plan.rho0_mm)
     );
     let observed = card("", "Observed in this run", &after, &about);
-    let (count, median_mm) = run.random;
+    let median_mm = run.random_rho0_mm();
     let Some((median, own)) = median_mm.zip(plan.rho0_mm) else {
         return observed;
     };
     let about = format!(
-        "Median predicted accuracy of {count} random plans of {} of the same candidates: {}.",
+        "Median predicted accuracy of {RANDOM_PLANS} random plans of {} of the same candidates: {}.",
         counted(plan.experiments.into(), "reading"),
         micrometres(median_mm)
     );
@@ -51,24 +37,17 @@ pub(super) fn cards(plan: &AbsolutePlanMessage, run: &ObservedRun<'_>) -> String
 }
 
 /// What was identified, beside the simulated truth.
-pub(super) fn identified(run: &ObservedRun<'_>) -> String {
-    let found = run.identification;
-    let frames: Vec<&str> = (found.stations.iter().chain(&found.targets))
-        .map(|frame| &*frame.unknowns)
-        .collect();
-    let is_frame = |name: &str| {
-        let owner = name.rsplit_once('.').map_or(name, |(owner, _)| owner);
-        frames.contains(&owner)
-    };
-    let unknowns = found.unknowns.iter().zip(run.true_values);
+pub(super) fn identified(run: &AbsoluteRun<'_>) -> String {
+    let found = &run.record.identification;
+    let unknowns = found.unknowns.iter().zip(&run.record.true_values);
     let rows = unknowns
-        .filter(|(unknown, _)| !is_frame(&unknown.name))
+        .filter(|(unknown, _)| !found.is_of_frame(&unknown.name))
         .map(|(unknown, truth)| row(unknown, *truth));
     let header = "unknown | nominal | simulated truth | estimate | standard error | estimate less truth [standard errors] | unit";
     let mut about = format!(
         "From {} of the virtual robot of run {}, beside the simulated truth of that run. Frames are found besides.",
         counted(found.readings as u64, "reading"),
-        run.run
+        RUN
     );
     if !found.left_out.is_empty() {
         let names: Vec<&str> = found.left_out.iter().map(|each| &*each.name).collect();

@@ -19,12 +19,12 @@ mod study;
 use super::charts::{self, PlotError};
 use super::markup::{card, escaped, figure, micro_sign, page, paragraph, section, table, table_of};
 use crate::codes::Condition;
-use crate::plan::{Assessment, search::RepeatsNeeded};
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::task::{Belief, Instrument};
 use crate::text::wording::{dash, micrometres, number, percent};
+use crate::workflow::run::{RunOutcome, TriedPlan};
 use distances::{Line, Role, distances_figure, distances_table};
 use figures::{
     RelativeEstimate, accuracy_figure, compliances_figure, criteria_figure, criteria_names,
@@ -32,7 +32,6 @@ use figures::{
 };
 
 pub use absolute::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
-pub use absolute_run::ObservedRun;
 pub use reproduction::reproduction_page;
 pub use study::{StudyPageRecord, study_page};
 
@@ -41,16 +40,8 @@ pub use study::{StudyPageRecord, study_page};
 pub struct RunRecord<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
-    /// Every plan's calibration and what it predicted; the designed plan first.
-    pub plans: &'a [(CalibrationMessage, Assessment)],
-    /// What the designed plan is shown beside.
-    pub evidence: &'a EvidenceMessage,
-    /// The number of random plans, and the median of their `rho0_mm` where there is one.
-    pub random: (u64, Option<f64>),
-    /// How often the plan of that median is to be repeated for the accuracy of the designed one.
-    pub random_repeats: Option<RepeatsNeeded>,
-    /// What must be looked at.
-    pub conditions: &'a [Condition],
+    /// What it comes to.
+    pub outcome: &'a RunOutcome,
     /// The command that made the report.
     pub command: &'a str,
     /// The robot in each configuration (HTML).
@@ -63,10 +54,11 @@ const CONTRIBUTIONS: &str = "Contributions are what the noise and each error sou
 
 /// The report of a run as HTML.
 pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
-    let Some((calibration, assessment)) = run.plans.first() else {
+    let Some(own) = run.outcome.tried.first() else {
         return Ok(page("elastocal", ""));
     };
-    let evidence = run.evidence;
+    let (calibration, assessment) = (&own.record, &own.assessment);
+    let evidence = &run.outcome.evidence;
     let mut body = overview::overview(run, calibration, assessment);
     body += &distances(evidence, &calibration.name)?;
     let budget = assessment.uncertainty_budget.as_ref();
@@ -324,7 +316,8 @@ fn residuals(
 
 /// Every plan's prediction and what came of it.
 fn plans(run: &RunRecord<'_>) -> String {
-    let row = |(calibration, assessment): &(CalibrationMessage, Assessment)| {
+    let row = |plan: &TriedPlan| {
+        let (calibration, assessment) = (&plan.record, &plan.assessment);
         let poses = calibration.test_poses.iter();
         let square = poses.map(|pose| pose.weight * pose.residual_mm.powi(2));
         let residual_um = square.sum::<f64>().sqrt() * 1e3;
@@ -337,7 +330,7 @@ fn plans(run: &RunRecord<'_>) -> String {
             assessment.violations.len().to_string(),
         ]
     };
-    let rows = run.plans.iter().map(row);
+    let rows = run.outcome.tried.iter().map(row);
     let header = "plan | measurements | predicted rms \u{3c1}\u{2080} [\u{b5}m] | efficiency | observed in this run [\u{b5}m] | violations";
     table(header, rows)
 }

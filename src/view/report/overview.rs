@@ -7,6 +7,7 @@ use crate::record::messages::CalibrationMessage;
 use crate::robot::ReadsAlong;
 use crate::text::wording::{counted, micrometres, number, percent, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};
+use crate::workflow::run::RANDOM_PLANS;
 
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
@@ -80,8 +81,8 @@ fn accuracy_card(calibration: &CalibrationMessage, assessment: &Assessment) -> S
 
 fn proof_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     let (searches, agreeing) = (
-        run.evidence.bound_searches,
-        run.evidence.bound_searches_agreeing,
+        run.outcome.evidence.bound_searches,
+        run.outcome.evidence.bound_searches_agreeing,
     );
     let (Some(bound), Some(efficiency)) = (assessment.bound_m(), assessment.efficiency()) else {
         return card(
@@ -143,12 +144,12 @@ fn proved_of_it(assessment: &Assessment) -> String {
 }
 
 fn random_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
-    let (count, median_mm) = run.random;
+    let median_mm = run.outcome.random_rho0_m.map(|value| value * 1e3);
     let times = assessment
         .rho0_m
         .zip(median_mm)
         .map(|(rho0_m, median_mm)| median_mm / (rho0_m * 1e3));
-    let repeats = match run.random_repeats {
+    let repeats = match run.outcome.random_repeats {
         Some(RepeatsNeeded::Times(times)) => {
             format!(" That plan gets as far if it is measured {times} times as a whole.")
         }
@@ -163,7 +164,7 @@ fn random_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
         "Against a random plan",
         &format!("{} times as accurate", number(times, 1)),
         &format!(
-            "Median predicted accuracy of {count} random plans: {}.{repeats}",
+            "Median predicted accuracy of {RANDOM_PLANS} random plans: {}.{repeats}",
             micrometres(median_mm),
         ),
     )
@@ -171,7 +172,7 @@ fn random_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
 
 fn check_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     let violations = assessment.violations.len() as u64;
-    let conditions = run.conditions.iter();
+    let conditions = run.outcome.conditions.iter();
     let mut problems: Vec<String> = conditions.map(ToString::to_string).collect();
     if violations > 0 {
         problems.push(format!("the plan has {}", counted(violations, "violation")));
@@ -230,8 +231,8 @@ pub fn next_steps(run: &RunRecord<'_>, assessment: &Assessment) -> String {
 
 /// The next larger plan that was searched.
 fn more_accurate(run: &RunRecord<'_>, assessment: &Assessment) -> Option<(String, String)> {
-    let larger =
-        (run.evidence.accuracy.iter()).find(|point| point.experiments > assessment.experiments)?;
+    let larger = (run.outcome.evidence.accuracy.iter())
+        .find(|point| point.experiments > assessment.experiments)?;
     let m = larger.experiments;
     let text = format!(
         "If {} is not enough: {m} measurements reach {}.",

@@ -1,0 +1,111 @@
+//! Options that were given, and which of them are about plans of one accuracy alone.
+
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, Command, FromArgMatches, Id};
+use elastocal::codes::ErrorCode;
+use elastocal::files::FileError;
+use elastocal::plan::Criterion;
+use elastocal::scenario::Scenario;
+use elastocal::task::AccuracyKind;
+
+use super::Common;
+
+/// Options that were given on the command line, each with its first value.
+#[derive(Debug, Clone)]
+pub struct Given(Vec<(String, String)>);
+
+impl FromArgMatches for Given {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let value = |option: &str| {
+            let values = matches.try_get_raw(option).ok().flatten();
+            let first = values.and_then(|mut values| values.next());
+            first.unwrap_or_default().to_string_lossy().into_owned()
+        };
+        let options = matches.ids().map(Id::as_str);
+        let is_given =
+            |option: &&str| matches.value_source(option) == Some(ValueSource::CommandLine);
+        let given = options.filter(is_given);
+        Ok(Self(
+            given.map(|each| (each.to_owned(), value(each))).collect(),
+        ))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// It has no options of its own.
+impl Args for Given {
+    fn augment_args(command: Command) -> Command {
+        command
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        command
+    }
+}
+
+impl Given {
+    /// The first option that something is said of, by its name and value, as a user writes it.
+    pub fn find<T>(&self, said: impl Fn(&str, &str) -> Option<T>) -> Option<(String, T)> {
+        let named = |option: &str| format!("--{}", option.replace('_', "-"));
+        let mut given = self.0.iter();
+        given.find_map(|(option, value)| Some((named(option), said(option, value)?)))
+    }
+}
+
+/// Whether an option of a command is of plans of deflections alone, with the value that is, where others are not.
+fn of_deflections(command: &str, option: &str, value: &str) -> Option<&'static str> {
+    match option {
+        "prove" | "prove_time" | "no_proof" | "proof_out" | "minutes" | "noise_free" => Some(""),
+        "criterion" if value != Criterion::TestPose.name() => Some(""),
+        "level" if value == "model" => Some(" model"),
+        "plan" if command == "next" => Some(""),
+        "rerun" if command == "run" => Some(""),
+        _ => None,
+    }
+}
+
+/// What there is for plans of deflections in place of an option that is of absolute readings alone.
+fn instead(command: &str, option: &str) -> Option<&'static str> {
+    let anywhere = "plans of deflections are searched in the whole region";
+    match option {
+        "parameters" => Some("robot.parameters says what is unknown"),
+        "draw" => Some(anywhere),
+        "candidates" if !["plan", "evaluate"].contains(&command) => Some(anywhere),
+        "report_out" => Some("`run` writes a page about plans of deflections"),
+        _ => None,
+    }
+}
+
+impl Common {
+    /// Refuses options of a command that are about the accuracy that a scenario has not.
+    pub fn refuse_others(&self, command: &str, scenario: &Scenario) -> Result<(), FileError> {
+        let accuracy = scenario.task.design.accuracy;
+        let refused = self.given.find(|option, value| match accuracy {
+            AccuracyKind::Absolute => {
+                let value = of_deflections(command, option, value)?;
+                Some((
+                    value,
+                    "deflections",
+                    ", or set accuracy = \"relative\"".to_owned(),
+                ))
+            }
+            AccuracyKind::Relative => {
+                let instead = format!(": {}", instead(command, option)?);
+                Some(("", "absolute readings", instead))
+            }
+        });
+        let Some((option, (value, about, instead))) = refused else {
+            return Ok(());
+        };
+        let accuracy = accuracy.name();
+        let problem = format!("is {accuracy:?}, and {option}{value} is for plans of {about}");
+        Err(FileError::new(&scenario.path, problem)
+            .at("design.accuracy")
+            .code(ErrorCode::OtherAccuracy)
+            .hint(format!("leave out {option}{value}{instead}")))
+    }
+}
