@@ -321,14 +321,18 @@ fn report(
 fn residuals_m(source: &EquationSource<'_>, start: &FitStart, whitened: &DVector<f64>) -> Vec<f64> {
     let mut residuals = DMatrix::from_columns(&[whitened.rows(0, source.rows())]);
     start.whitening.take_off(&mut residuals);
-    let of_one = |(first, each): (usize, &Measurement)| match each.direction {
-        // No minus zero.
-        Some(direction) => direction * residuals[(first, 0)] + Vector3::zeros(),
-        None => residuals.fixed_view::<3, 1>(first, 0).into_owned(),
-    };
     let all = source.first_rows().zip(source.measurements);
-    all.flat_map(|each| <[f64; 3]>::from(of_one(each)))
-        .collect()
+    let all = all.flat_map(|(first, of)| {
+        let row = |axis: usize| residuals[(first + axis.min(rows_of(of) - 1), 0)];
+        <[f64; 3]>::from(in_room(of, &Vector3::from_fn(|axis, _| row(axis))))
+    });
+    all.collect()
+}
+
+/// What is left of a deflection (m); of a displacement along a direction, which is the first coordinate, in that direction.
+pub(super) fn in_room(of: &Measurement, left_m: &Vector3<f64>) -> Vector3<f64> {
+    // No minus zero.
+    (of.direction).map_or(*left_m, |direction| direction * left_m.x + Vector3::zeros())
 }
 
 fn two_sided_normal() -> f64 {

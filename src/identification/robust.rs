@@ -11,7 +11,7 @@ use super::discrepancy::{Discrepancy, ReadingResidual, WEIGHINGS, repeats};
 use super::equations::rows_of;
 use super::error::IdentificationError;
 use super::estimate::NominalCompliance;
-use super::estimate::{Estimate, Identification, two_sided_student};
+use super::estimate::{Estimate, Identification, in_room, two_sided_student};
 use super::nominal::UNKNOWN;
 use super::outliers::IMPLAUSIBLE;
 use super::outliers::{self, LookedOver, RejectedReading, kept};
@@ -135,17 +135,6 @@ impl<'a> Case<'a> {
         &self,
         robustness: Robustness,
     ) -> Result<RobustIdentification, IdentificationError> {
-        // The yardsticks of outliers and of a discrepancy are those of three coordinates.
-        let is_along = |each: &Measurement| each.direction.is_some();
-        let robustness = if self.measurements.iter().any(is_along) {
-            Robustness {
-                keeps_all: true,
-                counts_discrepancy: false,
-                ..robustness
-            }
-        } else {
-            robustness
-        };
         let known = Case {
             sigma: Sigma::Known(self.sigma.weight_m()),
             ..*self
@@ -185,7 +174,7 @@ impl<'a> Case<'a> {
             let mut discrepancy = None;
             for _ in 0..WEIGHINGS {
                 let left = kept(&fitted.over.left, &rejected);
-                let found = Discrepancy::of(&left, &own_kept, fitted.over.spare, 3);
+                let found = Discrepancy::of(&left, &own_kept, fitted.over.spare);
                 weighed = found.weighed(self.measurements, self.sigma.weight_m());
                 discrepancy = Some(found);
                 let near = &fitted.identification.posterior.mean;
@@ -201,8 +190,9 @@ impl<'a> Case<'a> {
             identification.consistency_lower = plain.consistency_lower;
         }
         if identification.discrepancy.is_some() || !rejected.is_empty() {
-            let left = fitted.over.left.iter();
-            identification.residuals_m = left.flat_map(|each| each.position_m.data.0[0]).collect();
+            let left = self.measurements.iter().zip(&fitted.over.left);
+            let left = left.map(|(of, left)| in_room(of, &left.position_m));
+            identification.residuals_m = left.flat_map(<[f64; 3]>::from).collect();
         }
         Ok(RobustIdentification {
             of_all,
@@ -289,6 +279,7 @@ impl<'a> Case<'a> {
             };
             left.push(ReadingResidual {
                 position_m: part(0),
+                coordinates: count.min(3),
                 rotation_rad: each.rotation.is_some().then(|| part(3)),
             });
             let own = matrix.rows(row, count);
@@ -314,6 +305,7 @@ impl<'a> Case<'a> {
                 .collect(),
             spare: freedom / numbers,
             freedom,
+            is_drawn: true,
             plausible: ratio
                 .and_then(|ratio| outliers::plausible(identification.consistency, ratio * ratio)),
         };
@@ -329,12 +321,7 @@ impl<'a> Case<'a> {
     where
         'a: 'b,
     {
-        let mut rejected = first.over.far_out().unwrap_or_default();
-        if rejected.is_empty() {
-            // One among few draws the fit to itself, and hides in what that leaves of the others.
-            rejected.push(first.over.farthest()?);
-        }
-        self.without(first, rejected)
+        self.without(first, first.over.suspects()?)
     }
 
     /// Fits without these, until the same lie far out.

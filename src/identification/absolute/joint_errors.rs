@@ -272,6 +272,7 @@ impl DiscrepancyModel {
         ReadingPrognosis {
             left: ReadingResidual {
                 position_m: part(0).unwrap_or_else(Vector3::zeros),
+                coordinates: residual.len().min(3),
                 rotation_rad: part(3),
             },
             covariance: Matrix6::from_fn(|row, column| {

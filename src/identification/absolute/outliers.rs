@@ -65,10 +65,10 @@ impl AbsoluteCase<'_> {
     pub(super) fn looked_over<'a>(
         &'a self,
         set: &ParameterSet,
-        (fit, discrepancy): (&ParameterFit, Option<[f64; 2]>),
+        (fit, found): (&ParameterFit, Option<[f64; 2]>),
         rejected: &[RejectedReading],
     ) -> Option<LookedOver<'a>> {
-        let discrepancy = Discrepancy::from(discrepancy.unwrap_or_default());
+        let discrepancy = Discrepancy::from(found.unwrap_or_default());
         let own = &self.covariances;
         let mut known = vec![Matrix6::zeros(); own.len()];
         let is_pulled = is_pulled(fit);
@@ -102,12 +102,13 @@ impl AbsoluteCase<'_> {
             } else {
                 f64::INFINITY
             },
+            is_drawn: is_pulled && found.is_some() && rejected.is_empty(),
             plausible: None,
         })
     }
 }
 
 /// Whether a single reading can draw a fit to itself.
-pub(super) fn is_pulled(fit: &ParameterFit) -> bool {
+fn is_pulled(fit: &ParameterFit) -> bool {
     1.0 - fit.spare() >= LITTLE
 }

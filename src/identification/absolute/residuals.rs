@@ -97,6 +97,7 @@ impl AbsoluteCase<'_> {
                 let turned = |read| rotation_vector(&(read * predicted.rotation.transpose()));
                 Ok(ReadingResidual {
                     position_m: each.position_m() - predicted.position_m,
+                    coordinates: kind.rows().min(3),
                     rotation_rad: rotation_of(&each.reading).map(turned),
                 })
             })
