@@ -409,3 +409,22 @@ fn shape_of(vectors: &[Vector3<f64>]) -> Matrix3<f64> {
     }
     shape
 }
+
+#[cfg(test)]
+mod tests {
+    use statrs::distribution::ChiSquared;
+
+    use super::*;
+
+    #[test]
+    fn laws_are_those_of_chi_square() {
+        for coordinates in [1, 3] {
+            let law = SquareLaw::of(coordinates);
+            let squares = ChiSquared::new(coordinates as f64).expect("a law");
+            assert!((squares.cdf(law.median) - 0.5).abs() < 1e-12);
+            assert!((squares.sf(law.far) / BY_CHANCE - 1.0).abs() < 1e-4);
+            // Of a variance that is hardly known larger squares are as improbable.
+            assert!(law.far_of(20.0) > 2.0 * law.far && law.far_of(1e9) < 1.001 * law.far);
+        }
+    }
+}
