@@ -1,6 +1,6 @@
 //! Model discrepancy: residuals beyond the noise of the readings.
 
-use nalgebra::{DVector, Matrix6, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 
 use crate::measurement::{Measurement, by_experiment};
 use crate::numeric::tolerance::ends;
@@ -27,6 +27,16 @@ impl ReadingResidual {
             _ => Some((self.rotation_rad?, 3)),
         }
     }
+}
+
+/// Three rows of a reading from one of them on; zeros where it has fewer.
+pub(super) fn three_rows(rows: &DVector<f64>, first: usize) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| rows.get(first + axis).copied().unwrap_or(0.0))
+}
+
+/// The covariance of the rows that a reading has, as one of six; zeros where it has fewer.
+pub(super) fn six_rows(covariance: &DMatrix<f64>) -> Matrix6<f64> {
+    Matrix6::from_fn(|row, column| covariance.get((row, column)).copied().unwrap_or(0.0))
 }
 
 /// The standard deviations of what no parameter explains, of each coordinate.

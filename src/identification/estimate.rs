@@ -5,7 +5,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use super::case::{Case, Sigma};
 use super::discrepancy::Discrepancy;
-use super::equations::{EquationSource, rows_of};
+use super::discrepancy::three_rows;
+use super::equations::rows_of;
 use super::error::IdentificationError;
 use super::fit::{Fit, FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
@@ -152,7 +153,7 @@ impl Case<'_> {
         &self,
         near: Option<&[f64]>,
     ) -> Result<Identification, IdentificationError> {
-        let start = FitStart::new(&self.equation_source(), self.method, near.is_some());
+        let start = FitStart::new(self, near.is_some());
         let mut found = self.identify_from(&start, near)?;
         found.uncertain = self.others(&found, &start);
         Ok(found)
@@ -167,12 +168,11 @@ impl Case<'_> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
-        let source = self.equation_source();
         let fit = match self.method {
-            Method::Linear => fit_linear(start, &source),
-            Method::Nonlinear => fit_nonlinear(start, &source, near)?,
+            Method::Linear => fit_linear(start, self),
+            Method::Nonlinear => fit_nonlinear(start, self, near)?,
         };
-        report(&source, start, fit, self.sigma, self.method)
+        report(self, start, fit)
     }
 
     /// What is told of what else is uncertain.
@@ -229,9 +229,8 @@ pub(crate) struct PreparedCase<'a> {
 impl<'a> PreparedCase<'a> {
     /// For other measurements like these, whatever they read.
     pub fn new(case: Case<'a>, measurements: &[Measurement]) -> Self {
-        let source = case.with(measurements).equation_source();
         Self {
-            start: FitStart::new(&source, case.method, false),
+            start: FitStart::new(&case.with(measurements), false),
             case,
         }
     }
@@ -248,12 +247,11 @@ impl<'a> PreparedCase<'a> {
 }
 
 fn report(
-    source: &EquationSource<'_>,
+    source: &Case<'_>,
     start: &FitStart,
     fit: Fit,
-    sigma: Sigma,
-    method: Method,
 ) -> Result<Identification, IdentificationError> {
+    let (sigma, method) = (source.sigma, source.method);
     let rank = start.estimable.rank();
     if rank == 0 {
         return Err(IdentificationError::NothingObserved);
@@ -318,13 +316,13 @@ fn report(
 }
 
 /// The residuals of deflections (m), three for each measurement.
-fn residuals_m(source: &EquationSource<'_>, start: &FitStart, whitened: &DVector<f64>) -> Vec<f64> {
-    let mut residuals = DMatrix::from_columns(&[whitened.rows(0, source.rows())]);
+fn residuals_m(source: &Case<'_>, start: &FitStart, whitened: &DVector<f64>) -> Vec<f64> {
+    let mut residuals = whitened.rows(0, source.rows()).into_owned();
     start.whitening.take_off(&mut residuals);
-    let all = source.first_rows().zip(source.measurements);
-    let all = all.flat_map(|(first, of)| {
-        let row = |axis: usize| residuals[(first + axis.min(rows_of(of) - 1), 0)];
-        <[f64; 3]>::from(in_room(of, &Vector3::from_fn(|axis, _| row(axis))))
+    let all = source.rows_of_each().zip(source.measurements);
+    let all = all.flat_map(|(rows, of)| {
+        let left = three_rows(&residuals.rows_range(rows).into_owned(), 0);
+        <[f64; 3]>::from(in_room(of, &left))
     });
     all.collect()
 }

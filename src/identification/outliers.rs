@@ -185,7 +185,10 @@ impl LookedOver<'_> {
                 *most = most.max(squares[reading] / factors[reading] / far[reading]);
             }
         }
-        let far_out = farthest.iter().enumerate().filter(|(_, ratio)| **ratio > 1.0);
+        let far_out = farthest
+            .iter()
+            .enumerate()
+            .filter(|(_, ratio)| **ratio > 1.0);
         let found: Vec<RejectedReading> = far_out
             .map(|(reading, ratio)| RejectedReading {
                 reading,
@@ -234,7 +237,11 @@ impl LookedOver<'_> {
         if coordinates == 1 {
             let variance = 1.0 - known[(0, 0)] / own[(0, 0)];
             let is_left = variance > NO_VARIANCE;
-            return if is_left { left.x * left.x / (whole[(0, 0)] * variance) } else { 0.0 };
+            return if is_left {
+                left.x * left.x / (whole[(0, 0)] * variance)
+            } else {
+                0.0
+            };
         }
         square_of(&left, whole, &own, &known)
     }
@@ -242,7 +249,10 @@ impl LookedOver<'_> {
     /// What is unexplained of the position (0) or rotation (1) of most readings: a covariance.
     fn robust_discrepancy(&self, part: usize) -> Matrix3<f64> {
         let parts = self.left.iter().map(|left| left.part(part));
-        let is_whole = parts.clone().flatten().all(|(_, coordinates)| coordinates == 3);
+        let is_whole = parts
+            .clone()
+            .flatten()
+            .all(|(_, coordinates)| coordinates == 3);
         let own = parts.clone().zip(self.own).map(|(left, covariance)| {
             let coordinates = left.map_or(3, |(_, coordinates)| coordinates);
             let rows = 3 * part..3 * part + coordinates;
@@ -304,9 +314,7 @@ fn local_factors(squares: &[f64], angles: &[&[f64]], far: &[f64]) -> Vec<f64> {
         let Some(middle) = median(over.collect()) else {
             break;
         };
-        let found = relative
-            .iter()
-            .map(|relative| (relative * middle).max(1.0));
+        let found = relative.iter().map(|relative| (relative * middle).max(1.0));
         factors = found.collect();
     }
     factors

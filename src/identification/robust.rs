@@ -4,10 +4,10 @@
 //! [`Discrepancy`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
 //! it, R - A cov A^T, and one that was left out by R + A cov A^T.
 
-use nalgebra::{DMatrix, Matrix6, Vector3};
+use nalgebra::Matrix6;
 
 use super::case::{Case, Sigma};
-use super::discrepancy::{Discrepancy, ReadingResidual, WEIGHINGS, repeats};
+use super::discrepancy::{Discrepancy, ReadingResidual, WEIGHINGS, repeats, six_rows, three_rows};
 use super::equations::rows_of;
 use super::error::IdentificationError;
 use super::estimate::NominalCompliance;
@@ -139,7 +139,7 @@ impl<'a> Case<'a> {
             sigma: Sigma::Known(self.sigma.weight_m()),
             ..*self
         };
-        let own = self.equation_source().covariances_of_all();
+        let own = self.covariances();
         let (of_all, mut fitted) = match self.identify() {
             Ok(of_all) => {
                 let near = of_all.posterior.mean.clone();
@@ -246,15 +246,11 @@ impl<'a> Case<'a> {
         let measurements = kept(weighed, rejected);
         let posterior = &identification.posterior;
         let all = self.with(weighed);
-        let source = all.equation_source();
-        let (mut matrix, residual) = all.against(&source, &posterior.mean)?;
-        let mut residual = DMatrix::from_columns(&[residual]);
+        let rows = all.against(&posterior.mean)?;
         // What repeats share is spread over their rows: the fit's own are whitened without those that were left out.
-        let of_kept = self.with(&measurements);
-        let kept_source = of_kept.equation_source();
         let own_rows = match rejected {
-            [] => matrix.clone(),
-            _ => of_kept.against(&kept_source, &posterior.mean)?.0,
+            [] => rows.matrix.clone(),
+            _ => self.with(&measurements).against(&posterior.mean)?.matrix,
         };
         // Repeats share what the model leaves.
         let numbers: f64 = (measurements.iter().zip(repeats(&measurements)))
@@ -267,30 +263,16 @@ impl<'a> Case<'a> {
             .component_mul(&own_rows)
             .sum();
         let freedom = (numbers - used).max(1.0);
-        source.take_weights_off(&mut matrix);
-        source.take_weights_off(&mut residual);
         let (mut left, mut known) = (Vec::new(), Vec::new());
-        for (each, row) in weighed.iter().zip(source.first_rows()) {
-            let count = rows_of(each);
-            let part = |first: usize| {
-                let own =
-                    |axis: usize| (first + axis < count).then(|| residual[(row + first + axis, 0)]);
-                Vector3::from_fn(|axis, _| own(axis).unwrap_or(0.0))
-            };
+        for (each, own) in weighed.iter().zip(all.rows_of_each()) {
+            let residual = rows.own_left.rows_range(own.clone()).into_owned();
             left.push(ReadingResidual {
-                position_m: part(0),
-                coordinates: count.min(3),
-                rotation_rad: each.rotation.is_some().then(|| part(3)),
+                position_m: three_rows(&residual, 0),
+                coordinates: residual.len().min(3),
+                rotation_rad: each.rotation.map(|_| three_rows(&residual, 3)),
             });
-            let own = matrix.rows(row, count);
-            let predicted = own * &posterior.covariance * own.transpose();
-            known.push(Matrix6::from_fn(|row, column| {
-                if row.max(column) < count {
-                    predicted[(row, column)]
-                } else {
-                    0.0
-                }
-            }));
+            let own = rows.own_matrix.rows_range(own);
+            known.push(six_rows(&(own * &posterior.covariance * own.transpose())));
         }
         let ratio = (identification.residual_sigma_m).map(|left| left / identification.sigma_m);
         let angles = self.measurements.iter();

@@ -2,6 +2,7 @@
 
 use nalgebra::Matrix6;
 
+use super::super::discrepancy::six_rows;
 use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit};
 use super::super::outliers::LookedOver;
 use super::case::whitener;
@@ -79,9 +80,7 @@ impl AbsoluteCase<'_> {
             for (known, rows) in known.iter_mut().zip(&rows) {
                 let predicted =
                     &rows.columns * &fit.posterior.covariance * rows.columns.transpose();
-                known
-                    .view_mut((0, 0), predicted.shape())
-                    .copy_from(&predicted);
+                *known = six_rows(&predicted);
             }
         }
         let angles = (self.observations.iter()).map(|each| each.setup.commanded_rad.as_slice());

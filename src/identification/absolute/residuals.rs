@@ -74,11 +74,6 @@ pub(super) struct LinearReading {
     pub own: DMatrix<f64>,
 }
 
-/// Three rows of a reading from one of them on; zeros where it has fewer.
-pub(super) fn three_rows(rows: &DVector<f64>, first: usize) -> Vector3<f64> {
-    Vector3::from_fn(|axis, _| rows.get(first + axis).copied().unwrap_or(0.0))
-}
-
 impl AbsoluteCase<'_> {
     /// What an arm leaves of the readings.
     ///
