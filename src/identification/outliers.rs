@@ -37,6 +37,8 @@ const LEAST_SQUARES: usize = 100;
 const LOOKS: usize = 4;
 /// What is left of a direction of a reading that the fit goes through is rounding.
 const NO_VARIANCE: f64 = 1e-8;
+/// Of two readings the one without which the squares are smaller by less is not a thousand times likelier to be the wrong one: 2 ln 1000.
+const AS_LIKELY: f64 = 13.8;
 /// Fits that are made; the first few leave out nearly all.
 const ROUNDS: usize = 12;
 /// A larger share of readings is not wrong: the model is.
@@ -208,19 +210,23 @@ impl LookedOver<'_> {
         Some(self.farthest().into_iter().collect())
     }
 
-    /// The reading without which the weighted squares are smallest.
+    /// The reading without which the weighted squares are smallest; none where they are as small without another one.
     fn farthest(&self) -> Option<RejectedReading> {
         let squares = self.weighed.iter().enumerate().map(|(reading, own)| {
-            let [position, rotation] = [0, 1].map(|part| {
+            let parts = [0, 1].map(|part| {
                 let own = own.fixed_view::<3, 3>(3 * part, 3 * part).into_owned();
                 self.square(reading, part, &own)
             });
-            (reading, position.max(rotation))
+            (reading, parts[0].max(parts[1]))
         });
-        let (reading, square) = squares.max_by(|one, other| one.1.total_cmp(&other.1))?;
-        Some(RejectedReading {
+        let mut squares: Vec<(usize, f64)> = squares.collect();
+        squares.sort_by(|one, other| other.1.total_cmp(&one.1));
+        let &(reading, square) = squares.first()?;
+        let second = squares.get(1).map_or(0.0, |each| each.1);
+        let deviations = square.sqrt();
+        (square - second > AS_LIKELY).then_some(RejectedReading {
             reading,
-            deviations: square.sqrt(),
+            deviations,
         })
     }
 

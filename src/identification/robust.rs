@@ -149,7 +149,8 @@ impl<'a> Case<'a> {
                     }
                     Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], &near, &own)?,
                 };
-                let others = (!robustness.keeps_all).then(|| known.without_far_out(&fitted));
+                let others = (!robustness.keeps_all)
+                    .then(|| known.without(&fitted, fitted.over.suspects()?));
                 let others = others.flatten();
                 (of_all, others.unwrap_or(fitted))
             }
@@ -211,7 +212,8 @@ impl<'a> Case<'a> {
         let linear = self.linearised();
         let of_all = linear.identify().ok()?;
         let first = linear.looked_at_all(of_all.clone(), self.measurements, &[], own);
-        let first = linear.without_far_out(&first.ok()?)?;
+        let first = first.ok()?;
+        let first = linear.without(&first, first.over.suspects()?)?;
         let rejected = first.over.rejected.clone();
         Some((of_all, self.without(&first, rejected)?))
     }
@@ -297,16 +299,8 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// Fits without the measurements that lie far out of a first fit. None where none does, where too many do, or where the
-    /// others tell less than all.
-    fn without_far_out<'b>(self, first: &SomeFitted<'b>) -> Option<SomeFitted<'b>>
-    where
-        'a: 'b,
-    {
-        self.without(first, first.over.suspects()?)
-    }
-
-    /// Fits without these, until the same lie far out.
+    /// Fits without the measurements that lie far out of a first fit, or without some in place of these, until the same do. None where none
+    /// does, where too many do, or where the others tell less than all.
     fn without<'b>(
         self,
         first: &SomeFitted<'b>,
