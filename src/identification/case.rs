@@ -2,7 +2,6 @@
 
 use nalgebra::DMatrix;
 
-use super::equations::EquationSource;
 use crate::measurement::Measurement;
 use crate::parameter::Prior;
 use crate::robot::{Robot, Tool};
@@ -85,22 +84,8 @@ impl<'a> Case<'a> {
     /// What the measurements tell of the unknowns, each with its own standard deviation where it brings one and to
     /// first order in compliance: A^T R^-1 A (p x p, in one over the unknowns' units), without what was known before.
     pub fn information(&self) -> DMatrix<f64> {
-        let source = self.equation_source();
-        let whitened = source.linear().matrix;
-        let rows = whitened.rows(0, source.rows());
+        let whitened = self.linear().matrix;
+        let rows = whitened.rows(0, self.rows());
         rows.tr_mul(&rows)
-    }
-
-    pub(super) const fn equation_source(&self) -> EquationSource<'a> {
-        EquationSource {
-            nominal: self.nominal,
-            uncertain: self.uncertain,
-            tool: self.tool,
-            parameters: self.parameters,
-            measurements: self.measurements,
-            sigma_m: self.sigma.weight_m(),
-            prior: self.prior,
-            held: self.held,
-        }
     }
 }

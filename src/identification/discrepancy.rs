@@ -1,6 +1,6 @@
 //! Model discrepancy: residuals beyond the noise of the readings.
 
-use nalgebra::{DVector, Matrix6, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 
 use crate::measurement::{Measurement, by_experiment};
 use crate::numeric::tolerance::ends;
@@ -11,10 +11,32 @@ pub(super) const WEIGHINGS: usize = 3;
 /// A reading less its prediction, in the instrument's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReadingResidual {
-    /// Of the position (m).
+    /// Of the position (m); of a distance, or of what is along a direction, the first coordinate.
     pub position_m: Vector3<f64>,
+    /// How many coordinates of the position were read: three, or that one.
+    pub coordinates: usize,
     /// Of the orientation, a rotation vector (rad), where poses are read.
     pub rotation_rad: Option<Vector3<f64>>,
+}
+
+impl ReadingResidual {
+    /// Of the position (0) or of the rotation (1), with how many coordinates of it were read; none of what was not read.
+    pub(super) fn part(&self, part: usize) -> Option<(Vector3<f64>, usize)> {
+        match part {
+            0 => Some((self.position_m, self.coordinates)),
+            _ => Some((self.rotation_rad?, 3)),
+        }
+    }
+}
+
+/// Three rows of a reading from one of them on; zeros where it has fewer.
+pub(super) fn three_rows(rows: &DVector<f64>, first: usize) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| rows.get(first + axis).copied().unwrap_or(0.0))
+}
+
+/// The covariance of the rows that a reading has, as one of six; zeros where it has fewer.
+pub(super) fn six_rows(covariance: &DMatrix<f64>) -> Matrix6<f64> {
+    Matrix6::from_fn(|row, column| covariance.get((row, column)).copied().unwrap_or(0.0))
 }
 
 /// The standard deviations of what no parameter explains, of each coordinate.
@@ -37,39 +59,23 @@ impl From<[f64; 2]> for Discrepancy {
 
 impl Discrepancy {
     /// By how much residuals are larger than the readings' own covariances (m^2, m rad, rad^2) make them. `spare` is the
-    /// share of the numbers that was not used up by the fit: degrees of freedom over numbers. Positions have three coordinates, distances
-    /// one.
-    pub fn of(
-        left: &[ReadingResidual],
-        covariances: &[Matrix6<f64>],
-        spare: f64,
-        coordinates: usize,
-    ) -> Self {
-        let of = |first: usize, squares: Vec<f64>| {
-            let own = covariances.iter().map(|covariance| {
-                (0..coordinates)
-                    .map(|row| covariance[(first + row, first + row)])
-                    .sum::<f64>()
-            });
-            let count = (coordinates * squares.len().max(1)) as f64;
-            let (all, own) = (squares.iter().sum::<f64>(), own.sum::<f64>());
-            ((all / spare - own) / count).max(0.0).sqrt()
+    /// share of the numbers that was not used up by the fit: degrees of freedom over numbers.
+    pub fn of(left: &[ReadingResidual], covariances: &[Matrix6<f64>], spare: f64) -> Self {
+        let of = |part: usize| {
+            let (mut all, mut own, mut count) = (0.0, 0.0, 0.0);
+            for (left, covariance) in left.iter().zip(covariances) {
+                if let Some((left, coordinates)) = left.part(part) {
+                    let first = 3 * part;
+                    all += left.norm_squared();
+                    own += (first..first + coordinates)
+                        .map(|row| covariance[(row, row)])
+                        .sum::<f64>();
+                    count += coordinates as f64;
+                }
+            }
+            ((all / spare - own) / f64::max(count, 1.0)).max(0.0).sqrt()
         };
-        let rotations: Vec<f64> = (left.iter())
-            .filter_map(|each| each.rotation_rad.map(|rotation| rotation.norm_squared()))
-            .collect();
-        let positions = left
-            .iter()
-            .map(|each| each.position_m.norm_squared())
-            .collect();
-        Self {
-            position_m: of(0, positions),
-            rotation_rad: if rotations.is_empty() {
-                0.0
-            } else {
-                of(3, rotations)
-            },
-        }
+        [0, 1].map(of).into()
     }
 
     /// Measured deflections with standard deviations that count it; `sigma_m` is that of deflections which bring none of their own.
@@ -172,15 +178,16 @@ mod tests {
     fn discrepancy_is_what_noise_does_not_explain() {
         let residual = |x: f64| ReadingResidual {
             position_m: Vector3::new(x, x, x),
+            coordinates: 3,
             rotation_rad: None,
         };
         let left = [residual(5e-4), residual(-5e-4)];
         let own = Matrix6::from_diagonal_element(9e-8);
-        let discrepancy = Discrepancy::of(&left, &[own, own], 1.0, 3);
+        let discrepancy = Discrepancy::of(&left, &[own, own], 1.0);
         assert!((discrepancy.position_m - 4e-4).abs() < 1e-12);
         assert!(discrepancy.rotation_rad.abs() < f64::MIN_POSITIVE);
         // Half of the numbers were used up.
-        let discrepancy = Discrepancy::of(&left, &[own, own], 0.5, 3);
+        let discrepancy = Discrepancy::of(&left, &[own, own], 0.5);
         assert!((discrepancy.position_m - (2.0 * 25e-8 - 9e-8_f64).sqrt()).abs() < 1e-12);
         assert!((discrepancy.covariance()[(1, 1)] - discrepancy.position_m.powi(2)).abs() < 1e-20);
     }

@@ -1,38 +1,21 @@
 //! The measurements as whitened equations in the unknown compliances.
 
+use std::ops::Range;
+
 use nalgebra::allocator::Allocator;
 use nalgebra::{
-    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix3, Matrix6, OMatrix, Storage, U3,
-    Vector3,
+    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix6, OMatrix, Storage, U3, Vector3,
 };
 
+use super::case::Case;
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::numeric::estimable::Estimable;
 use crate::observation::RestTorques;
-use crate::parameter::Prior;
 use crate::robot::{
-    EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, Robot, Tool,
-    rotation_vector,
+    EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
 };
 use crate::task::Extended;
-
-/// What the equations are built from.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct EquationSource<'a> {
-    pub nominal: &'a Robot,
-    pub tool: &'a Tool,
-    pub parameters: &'a [usize],
-    /// What else is uncertain: it makes the vector of unknowns longer.
-    pub uncertain: Option<&'a Extended>,
-    pub measurements: &'a [Measurement],
-    /// The standard deviation of deflections that bring none of their own (m).
-    pub sigma_m: f64,
-    /// What is known of the compliances before; it stands below the measurements.
-    pub prior: Option<&'a Prior>,
-    /// The compliances that stay nominal all the same, as places among the unknowns.
-    pub held: &'a [usize],
-}
 
 /// Whitened equations: `matrix` times (the unknowns minus the linearisation point) = `right_hand_side`.
 #[derive(Debug)]
@@ -41,13 +24,13 @@ pub(super) struct Equations {
     pub right_hand_side: DVector<f64>,
 }
 
-impl EquationSource<'_> {
+impl Case<'_> {
     pub(super) fn rows(&self) -> usize {
         self.measurements.iter().map(rows_of).sum()
     }
 
     /// The nominal values of the unknowns (p).
-    pub fn nominal_values(&self) -> Vec<f64> {
+    pub(super) fn nominal_values(&self) -> Vec<f64> {
         match self.uncertain {
             Some(extended) => extended.set().prior().mean.as_slice().to_vec(),
             None => (self.parameters.iter())
@@ -57,7 +40,7 @@ impl EquationSource<'_> {
     }
 
     /// The typical sizes of the unknowns (p).
-    pub fn sizes(&self) -> Vec<f64> {
+    pub(super) fn sizes(&self) -> Vec<f64> {
         let mut sizes = self.nominal.typical_rad_per_nm(self.parameters);
         if let Some(extended) = self.uncertain {
             sizes.extend(extended.other_sizes());
@@ -66,7 +49,7 @@ impl EquationSource<'_> {
     }
 
     /// What whitened equations of the unknowns determine.
-    pub fn estimable(&self, matrix: &DMatrix<f64>) -> Estimable {
+    pub(super) fn estimable(&self, matrix: &DMatrix<f64>) -> Estimable {
         if self.held.is_empty() {
             return Estimable::of_equations(matrix, &self.sizes());
         }
@@ -78,7 +61,7 @@ impl EquationSource<'_> {
     }
 
     /// The names of the unknowns: joints for compliances.
-    pub fn names(&self) -> Vec<String> {
+    pub(super) fn names(&self) -> Vec<String> {
         let joints = &self.nominal.chain.joints;
         let own = self
             .parameters
@@ -89,7 +72,7 @@ impl EquationSource<'_> {
     }
 
     /// The compliance of every joint (rad/(N m)) for values of the unknowns.
-    pub fn compliance(&self, values: &[f64]) -> Vec<f64> {
+    pub(super) fn compliance(&self, values: &[f64]) -> Vec<f64> {
         if let Some(extended) = self.uncertain {
             let arm = extended.set().apply(extended.arm(), values);
             return arm.compliance_rad_per_nm;
@@ -105,7 +88,7 @@ impl EquationSource<'_> {
     /// that are not identified go to the right-hand side, and the equations are for k itself. Where springs brace the arm, they hold
     /// near the nominal compliances. Where more is uncertain, they
     /// are for the change of the unknowns from their nominal values.
-    pub fn linear(&self) -> Equations {
+    pub(super) fn linear(&self) -> Equations {
         let nominal = self.nominal_values();
         let mut equations = self.equations(self.predicted_linearly(), &nominal);
         if self.uncertain.is_none() {
@@ -116,7 +99,7 @@ impl EquationSource<'_> {
 
     /// The displacement between the nominal model's two static equilibria, linearised at values of the unknowns
     /// (p); the equations are for their change.
-    pub fn nonlinear(&self, values: &[f64]) -> Result<Equations, IdentificationError> {
+    pub(super) fn nonlinear(&self, values: &[f64]) -> Result<Equations, IdentificationError> {
         Ok(self.equations(self.predicted(values, &mut Vec::new())?, values))
     }
 
@@ -136,7 +119,7 @@ impl EquationSource<'_> {
 
     /// What is read, one measurement below the other: the deflection or what is along a direction (m), and the rotation (rad) where
     /// there is one.
-    pub fn read(&self) -> DVector<f64> {
+    pub(super) fn read(&self) -> DVector<f64> {
         let each = self.measurements.iter().flat_map(|each| {
             let rotation = each.rotation.iter();
             let rotation = rotation.flat_map(|rotation| rotation.vector_rad.data.0[0]);
@@ -151,7 +134,7 @@ impl EquationSource<'_> {
     }
 
     /// What is read as the model has it at nominal values of the unknowns, to first order in compliance.
-    pub fn predicted_linearly(&self) -> PredictedRows {
+    pub(super) fn predicted_linearly(&self) -> PredictedRows {
         if let Some(extended) = self.uncertain {
             return self.extended_linearly(extended);
         }
@@ -176,7 +159,7 @@ impl EquationSource<'_> {
     }
 
     /// The same between the static equilibria at values of the unknowns (p), each sought near its last torques where there are some.
-    pub fn predicted(
+    pub(super) fn predicted(
         &self,
         values: &[f64],
         torques: &mut Vec<RestTorques>,
@@ -220,7 +203,7 @@ impl EquationSource<'_> {
     }
 
     /// What is known of the unknowns before.
-    pub fn prior(&self) -> PriorRows {
+    pub(super) fn prior(&self) -> PriorRows {
         match (self.uncertain, self.prior) {
             (Some(extended), _) => PriorRows {
                 rows: extended.prior_rows().clone(),
@@ -239,39 +222,28 @@ impl EquationSource<'_> {
 
     /// The standard deviation of a deflection's coordinate (m): the rms of them where measurements
     /// bring their own.
-    pub fn typical_sigma_m(&self) -> f64 {
+    pub(super) fn typical_sigma_m(&self) -> f64 {
         if self.measurements.iter().all(|each| each.sigma_m.is_none()) {
-            return self.sigma_m;
+            return self.sigma.weight_m();
         }
         let squares: f64 = (self.measurements.iter())
-            .map(|each| self.sigma(each).norm_squared())
+            .map(|each| self.sigma_of(each).norm_squared())
             .sum();
         (squares / (3 * self.measurements.len()) as f64).sqrt()
     }
 
-    /// The first row of each measurement.
-    pub(super) fn first_rows(&self) -> impl Iterator<Item = usize> {
+    /// The rows of each measurement.
+    pub(super) fn rows_of_each(&self) -> impl Iterator<Item = Range<usize>> {
         self.measurements.iter().scan(0, |row, each| {
             let first = *row;
             *row += rows_of(each);
-            Some(first)
+            Some(first..*row)
         })
     }
 
-    /// Takes the weights off the whitened rows, which are then in the readings' own units.
-    pub(super) fn take_weights_off(&self, rows: &mut DMatrix<f64>) {
-        self.whitening().take_off(rows);
-    }
-
-    /// The covariance of each measured deflection (m^2), whatever repeats it; of what is along a direction the first element.
-    pub(super) fn covariances(&self) -> Vec<Matrix3<f64>> {
-        let all = self.covariances_of_all().into_iter();
-        all.map(|whole| whole.fixed_view::<3, 3>(0, 0).into_owned())
-            .collect()
-    }
-
-    /// The same together with its rotation (m^2, m rad, rad^2).
-    pub(super) fn covariances_of_all(&self) -> Vec<Matrix6<f64>> {
+    /// The covariance of each measured deflection with its rotation (m^2, m rad, rad^2), whatever repeats it; of what is along a
+    /// direction the first element.
+    pub(super) fn covariances(&self) -> Vec<Matrix6<f64>> {
         let mut model = (self.uncertain).map(|extended| self.readings(extended));
         let covariance = |each: &Measurement| match &mut model {
             Some(model) => self.extended_covariance(model, each),
@@ -280,8 +252,10 @@ impl EquationSource<'_> {
         self.measurements.iter().map(covariance).collect()
     }
 
-    pub(super) fn sigma(&self, measurement: &Measurement) -> Vector3<f64> {
-        measurement.sigma_m.unwrap_or(Vector3::repeat(self.sigma_m))
+    pub(super) fn sigma_of(&self, measurement: &Measurement) -> Vector3<f64> {
+        measurement
+            .sigma_m
+            .unwrap_or(Vector3::repeat(self.sigma.weight_m()))
     }
 }
 

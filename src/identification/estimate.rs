@@ -6,7 +6,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use super::case::{Case, Sigma};
 use super::discrepancy::Discrepancy;
-use super::equations::{EquationSource, rows_of};
+use super::discrepancy::three_rows;
+use super::equations::rows_of;
 use super::error::IdentificationError;
 use super::fit::{Fit, FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
@@ -158,7 +159,7 @@ impl Case<'_> {
         &self,
         near: Option<&[f64]>,
     ) -> Result<Identification, IdentificationError> {
-        let start = FitStart::new(&self.equation_source(), self.method, near.is_some());
+        let start = FitStart::new(self, near.is_some());
         let mut found = self.identify_from(&start, near)?;
         found.uncertain = self.others(&found, &start);
         Ok(found)
@@ -173,12 +174,11 @@ impl Case<'_> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
-        let source = self.equation_source();
         let fit = match self.method {
-            Method::Linear => fit_linear(start, &source),
-            Method::Nonlinear => fit_nonlinear(start, &source, near)?,
+            Method::Linear => fit_linear(start, self),
+            Method::Nonlinear => fit_nonlinear(start, self, near)?,
         };
-        report(&source, start, fit, self.sigma, self.method)
+        report(self, start, fit)
     }
 
     /// What is told of what else is uncertain.
@@ -237,9 +237,8 @@ pub(crate) struct PreparedCase<'a> {
 impl<'a> PreparedCase<'a> {
     /// For other measurements like these, whatever they read.
     pub fn new(case: Case<'a>, measurements: &[Measurement]) -> Self {
-        let source = case.with(measurements).equation_source();
         Self {
-            start: FitStart::new(&source, case.method, false),
+            start: FitStart::new(&case.with(measurements), false),
             case,
         }
     }
@@ -256,12 +255,11 @@ impl<'a> PreparedCase<'a> {
 }
 
 fn report(
-    source: &EquationSource<'_>,
+    source: &Case<'_>,
     start: &FitStart,
     fit: Fit,
-    sigma: Sigma,
-    method: Method,
 ) -> Result<Identification, IdentificationError> {
+    let (sigma, method) = (source.sigma, source.method);
     let rank = start.estimable.rank();
     if rank == 0 {
         return Err(IdentificationError::NothingObserved);
@@ -326,17 +324,21 @@ fn report(
 }
 
 /// The residuals of deflections (m), three for each measurement.
-fn residuals_m(source: &EquationSource<'_>, start: &FitStart, whitened: &DVector<f64>) -> Vec<f64> {
-    let mut residuals = DMatrix::from_columns(&[whitened.rows(0, source.rows())]);
+fn residuals_m(source: &Case<'_>, start: &FitStart, whitened: &DVector<f64>) -> Vec<f64> {
+    let mut residuals = whitened.rows(0, source.rows()).into_owned();
     start.whitening.take_off(&mut residuals);
-    let of_one = |(first, each): (usize, &Measurement)| match each.direction {
-        // No minus zero.
-        Some(direction) => direction * residuals[(first, 0)] + Vector3::zeros(),
-        None => residuals.fixed_view::<3, 1>(first, 0).into_owned(),
-    };
-    let all = source.first_rows().zip(source.measurements);
-    all.flat_map(|each| <[f64; 3]>::from(of_one(each)))
-        .collect()
+    let all = source.rows_of_each().zip(source.measurements);
+    let all = all.flat_map(|(rows, of)| {
+        let left = three_rows(&residuals.rows_range(rows).into_owned(), 0);
+        <[f64; 3]>::from(in_room(of, &left))
+    });
+    all.collect()
+}
+
+/// What is left of a deflection (m); of a displacement along a direction, which is the first coordinate, in that direction.
+pub(super) fn in_room(of: &Measurement, left_m: &Vector3<f64>) -> Vector3<f64> {
+    // No minus zero.
+    (of.direction).map_or(*left_m, |direction| direction * left_m.x + Vector3::zeros())
 }
 
 fn two_sided_normal() -> f64 {

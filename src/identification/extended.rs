@@ -3,7 +3,8 @@
 
 use nalgebra::{Matrix6, Matrix6xX, Vector3, Vector6};
 
-use super::equations::{EquationSource, PredictedRows};
+use super::case::Case;
+use super::equations::PredictedRows;
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::observation::{
@@ -13,7 +14,7 @@ use crate::observation::{
 use crate::robot::rotation_vector;
 use crate::task::Extended;
 
-impl EquationSource<'_> {
+impl Case<'_> {
     /// To first order in compliance as planned, at nominal values of the unknowns.
     pub(super) fn extended_linearly(&self, extended: &Extended) -> PredictedRows {
         let mut model =
@@ -52,7 +53,7 @@ impl EquationSource<'_> {
     pub(super) fn readings<'e>(&self, extended: &'e Extended) -> PlannedReadings<'e> {
         let has_rotations = self.measurements.iter().any(|each| each.rotation.is_some());
         extended.readings_of_all(DeflectionPrecision {
-            sigma_m: self.sigma_m,
+            sigma_m: self.sigma.weight_m(),
             rotation_sigma_rad: has_rotations.then_some(1.0),
             unloaded: extended.unloaded(),
             along_sigma_m: None,
@@ -83,7 +84,7 @@ impl EquationSource<'_> {
         let rotation = |each: &Measurement| {
             (each.rotation).map_or_else(Vector3::zeros, |rotation| rotation.sigma_rad)
         };
-        let p = self.sigma(one).component_mul(&self.sigma(other));
+        let p = self.sigma_of(one).component_mul(&self.sigma_of(other));
         let r = rotation(one).component_mul(&rotation(other));
         Matrix6::from_diagonal(&Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z))
     }

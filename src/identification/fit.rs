@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::equations::{EquationSource, PredictedRows, PriorRows, stacked};
+use super::case::Case;
+use super::equations::{PredictedRows, PriorRows, stacked};
 use super::error::IdentificationError;
 use super::whitening::Whitening;
 use crate::numeric::estimable::Estimable;
@@ -55,8 +56,8 @@ pub(super) struct FitStart {
 }
 
 impl FitStart {
-    /// Fits by a method that begin at nominal values: by the linear method, or through the static equilibrium.
-    pub fn new(source: &EquationSource<'_>, method: Method, is_near: bool) -> Self {
+    /// Fits that begin at nominal values: by the linear method, or through the static equilibrium.
+    pub fn new(source: &Case<'_>, is_near: bool) -> Self {
         let whitening = source.whitening();
         let nominal = source.nominal_values();
         let prior = source.prior();
@@ -64,7 +65,7 @@ impl FitStart {
         whitening.whiten(&mut at_nominal.derivatives);
         let estimable = source.estimable(&stacked(&at_nominal.derivatives, &prior.rows));
         let mut torques = Vec::new();
-        let at_rest = (method == Method::Nonlinear && !is_near)
+        let at_rest = (source.method == Method::Nonlinear && !is_near)
             .then(|| source.predicted(&nominal, &mut torques).ok());
         if let Some(mut at_rest) = at_rest.flatten() {
             whitening.whiten(&mut at_rest.derivatives);
@@ -73,7 +74,7 @@ impl FitStart {
         whitening.whiten(&mut at_nominal.values);
         let within = &prior.rows * estimable.basis_in_units();
         let before = within.tr_mul(&within);
-        let is_factored = source.uncertain.is_some() || method == Method::Nonlinear;
+        let is_factored = source.uncertain.is_some() || source.method == Method::Nonlinear;
         Self {
             normal: (is_factored
                 .then(|| FactoredEquations::new(&at_nominal.derivatives, &before, &estimable)))
@@ -94,7 +95,7 @@ impl FitStart {
     }
 
     /// What is read, whitened.
-    fn read(&self, source: &EquationSource<'_>) -> DVector<f64> {
+    fn read(&self, source: &Case<'_>) -> DVector<f64> {
         let mut read = source.read();
         self.whitening.whiten(&mut read);
         read
@@ -121,7 +122,7 @@ impl FitStart {
     /// The same through the static equilibrium there.
     fn at(
         &self,
-        source: &EquationSource<'_>,
+        source: &Case<'_>,
         read: &DVector<f64>,
         values: &[f64],
         torques: &mut Vec<RestTorques>,
@@ -203,7 +204,7 @@ impl FitPlace {
 }
 
 /// The linear estimate. What is not determined stays nominal: the change from there is solved for.
-pub(super) fn fit_linear(start: &FitStart, source: &EquationSource<'_>) -> Fit {
+pub(super) fn fit_linear(start: &FitStart, source: &Case<'_>) -> Fit {
     let read = start.read(source);
     let place = start.place(&read, start.at_nominal.clone(), &start.nominal);
     // Where only compliances are unknown, these are few, and may be determined badly.
@@ -226,7 +227,7 @@ pub(super) fn fit_linear(start: &FitStart, source: &EquationSource<'_>) -> Fit {
 /// leads where there is no equilibrium, or a long one that raises the residuals, is halved. The last step is taken, too.
 pub(super) fn fit_nonlinear(
     start: &FitStart,
-    source: &EquationSource<'_>,
+    source: &Case<'_>,
     near: Option<&[f64]>,
 ) -> Result<Fit, IdentificationError> {
     let read = start.read(source);
@@ -293,7 +294,7 @@ fn add(values: &mut [f64], change: &DVector<f64>, times: f64) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Case, Sigma};
+    use super::super::Sigma;
     use super::*;
     use crate::plan::read_plan;
     use crate::scenario::Scenario;
@@ -308,7 +309,7 @@ mod tests {
         let sigma = Sigma::Known(belief.instrument.sigma_m);
         let mut measured = measurements_of(&plan, &belief.instrument);
         let case = Case::of_belief(belief, &[], sigma, Method::Nonlinear);
-        let unread = case.with(&measured).equation_source();
+        let unread = case.with(&measured);
         let mut near = unread.nominal_values();
         for (place, value) in near.iter_mut().take(5).enumerate() {
             *value *= 1.2 - 0.1 * place as f64;
@@ -318,9 +319,9 @@ mod tests {
             each.deflection_m = shown.values.fixed_rows::<3>(3 * index).into_owned();
             each.deflection_m.x += 5e-5;
         }
-        let source = case.with(&measured).equation_source();
+        let source = case.with(&measured);
         let [one, other] = [None, Some(near.as_slice())].map(|near| {
-            let start = FitStart::new(&source, Method::Nonlinear, near.is_some());
+            let start = FitStart::new(&source, near.is_some());
             fit_nonlinear(&start, &source, near).expect("a fit")
         });
         for (place, (one, value)) in other.values.iter().zip(&one.values).enumerate() {

@@ -23,14 +23,10 @@ pub const IMPLAUSIBLE: f64 = 1e-4;
 const FAR_OUT: f64 = 5.0;
 /// That probability.
 const BY_CHANCE: f64 = 5.733_031e-7;
-/// The square of three coordinates that is as improbable.
-const FAR_SQUARE: f64 = 31.812_3;
 /// Squares that are exceeded with this probability or more say nothing against the readings' own covariances.
 const CLEARLY_PLAUSIBLE: f64 = 0.05;
 /// A median tells as much of a variance as about so many of the residuals do by their squares.
 const OF_A_MEDIAN: f64 = 0.5;
-/// Half of the squares of three coordinates lie below.
-const MEDIAN_SQUARE: f64 = 2.365_973_884_375_34;
 /// Fewer vectors do not tell which directions they prefer.
 const LEAST_OF_A_SHAPE: usize = 40;
 /// Each brings a shape nearer to that which the vectors have by more than a half.
@@ -41,10 +37,48 @@ const LEAST_SQUARES: usize = 100;
 const LOOKS: usize = 4;
 /// What is left of a direction of a reading that the fit goes through is rounding.
 const NO_VARIANCE: f64 = 1e-8;
+/// Of two readings the one without which the squares are smaller by less is not a thousand times likelier to be the wrong one: 2 ln 1000.
+const AS_LIKELY: f64 = 13.8;
 /// Fits that are made; the first few leave out nearly all.
 const ROUNDS: usize = 12;
 /// A larger share of readings is not wrong: the model is.
 const MOST: f64 = 0.25;
+
+/// The law of squares of normal errors of some coordinates, over their variance.
+#[derive(Debug, Clone, Copy)]
+struct SquareLaw {
+    coordinates: f64,
+    /// Half of them lie below.
+    median: f64,
+    /// One that is exceeded as seldom as five standard deviations of one coordinate.
+    far: f64,
+}
+
+impl SquareLaw {
+    /// Of a distance or a displacement along a direction, or of three coordinates.
+    const fn of(coordinates: usize) -> Self {
+        let (coordinates, median, far) = match coordinates {
+            1 => (1.0, 0.454_936_423_119_572_75, FAR_OUT * FAR_OUT),
+            _ => (3.0, 2.365_973_884_375_34, 31.812_3),
+        };
+        Self {
+            coordinates,
+            median,
+            far,
+        }
+    }
+
+    /// The square over a variance from so many degrees of freedom that is as improbable.
+    fn far_of(self, freedom: f64) -> f64 {
+        if freedom.is_infinite() {
+            return self.far;
+        }
+        let law = FisherSnedecor::new(self.coordinates, OF_A_MEDIAN * freedom);
+        law.map_or(f64::INFINITY, |law| {
+            (self.coordinates * law.inverse_cdf(1.0 - BY_CHANCE)).max(self.far)
+        })
+    }
+}
 
 /// A reading that was left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,6 +133,8 @@ pub(super) struct LookedOver<'a> {
     pub spare: f64,
     /// Degrees of freedom.
     pub freedom: f64,
+    /// Whether a single reading may have drawn the fit to itself.
+    pub is_drawn: bool,
     /// By how much variances are larger than the readings' own, where those that were fitted are plausible by their own; else what is
     /// unexplained of most is the yardstick.
     pub plausible: Option<f64>,
@@ -119,86 +155,155 @@ impl LookedOver<'_> {
     /// freedom, larger squares are as improbable; where what is left is larger at some angles than at others, the yardstick there is.
     /// None where so many lie far out that nothing can be said of single ones.
     pub fn far_out(&self) -> Option<Vec<RejectedReading>> {
-        let own = self.own;
         let discrepancy = match self.plausible {
             Some(_) => [Matrix3::zeros(); 2],
-            None => robust_discrepancy(&self.left, own, self.spare),
+            None => [0, 1].map(|part| self.robust_discrepancy(part)),
         };
         let counts = discrepancy.map(|part| part != Matrix3::zeros());
         let scale = self.plausible.unwrap_or(1.0);
-        let far = if scale <= 1.0 && counts == [false; 2] {
-            FAR_SQUARE
+        let freedom = if scale <= 1.0 && counts == [false; 2] {
+            f64::INFINITY
         } else {
-            far_square(self.freedom)
+            self.freedom
         };
-        let mut covariance = Matrix6::zeros();
+        let [one, three] = [1, 3].map(|count| SquareLaw::of(count).far_of(freedom));
+        let mut farthest = vec![0.0_f64; self.left.len()];
         for (part, discrepancy) in discrepancy.iter().enumerate() {
-            (covariance.fixed_view_mut::<3, 3>(3 * part, 3 * part)).copy_from(discrepancy);
-        }
-        let square = |(reading, own): (usize, &Matrix6<f64>)| {
-            self.squares(reading, &(own + covariance))
-                .map(|each| each / scale)
-        };
-        let mut squares: Vec<[f64; 2]> = own.iter().enumerate().map(square).collect();
-        for part in (0..2).filter(|&part| counts[part]) {
-            let own: Vec<f64> = squares.iter().map(|each| each[part]).collect();
-            let factors = local_factors(&own, &self.angles, far);
-            for (each, factor) in squares.iter_mut().zip(factors) {
-                each[part] /= factor;
+            // Over their medians, so that readings of one coordinate and of three compare.
+            let (mut squares, mut far) = (Vec::new(), Vec::new());
+            for (reading, left) in self.left.iter().enumerate() {
+                let own = self.own[reading].fixed_view::<3, 3>(3 * part, 3 * part);
+                let square = self.square(reading, part, &(own + discrepancy));
+                let coordinates = left.part(part).map_or(3, |(_, coordinates)| coordinates);
+                let median = SquareLaw::of(coordinates).median;
+                squares.push(square / scale / median);
+                far.push(if coordinates == 1 { one } else { three } / median);
+            }
+            let mut factors = vec![1.0; squares.len()];
+            if counts[part] {
+                factors = local_factors(&squares, &self.angles, &far);
+            }
+            for (reading, most) in farthest.iter_mut().enumerate() {
+                *most = most.max(squares[reading] / factors[reading] / far[reading]);
             }
         }
-        let mut found = Vec::new();
-        for (reading, [position, rotation]) in squares.iter().enumerate() {
-            let square = position.max(*rotation);
-            if square > far {
-                let deviations = FAR_OUT * (square / far).sqrt();
-                found.push(RejectedReading {
-                    reading,
-                    deviations,
-                });
-            }
-        }
-        (found.len() as f64 <= MOST * own.len() as f64).then_some(found)
+        let far_out = farthest
+            .iter()
+            .enumerate()
+            .filter(|(_, ratio)| **ratio > 1.0);
+        let found: Vec<RejectedReading> = far_out
+            .map(|(reading, ratio)| RejectedReading {
+                reading,
+                deviations: FAR_OUT * ratio.sqrt(),
+            })
+            .collect();
+        (found.len() as f64 <= MOST * self.own.len() as f64).then_some(found)
     }
 
-    /// The reading without which the weighted squares are smallest.
-    pub fn farthest(&self) -> Option<RejectedReading> {
+    /// The readings that a search begins without: those that lie far out, else the farthest where one among few draws the fit to
+    /// itself, and hides in what that leaves of the others.
+    pub fn suspects(&self) -> Option<Vec<RejectedReading>> {
+        let far_out = self.far_out();
+        if !self.is_drawn || far_out.as_ref().is_some_and(|found| !found.is_empty()) {
+            return far_out;
+        }
+        Some(self.farthest().into_iter().collect())
+    }
+
+    /// The reading without which the weighted squares are smallest; none where they are as small without another one.
+    fn farthest(&self) -> Option<RejectedReading> {
         let squares = self.weighed.iter().enumerate().map(|(reading, own)| {
-            let [position, rotation] = self.squares(reading, own);
-            (reading, position.max(rotation))
+            let parts = [0, 1].map(|part| {
+                let own = own.fixed_view::<3, 3>(3 * part, 3 * part).into_owned();
+                self.square(reading, part, &own)
+            });
+            (reading, parts[0].max(parts[1]))
         });
-        let (reading, square) = squares.max_by(|one, other| one.1.total_cmp(&other.1))?;
-        Some(RejectedReading {
+        let mut squares: Vec<(usize, f64)> = squares.collect();
+        squares.sort_by(|one, other| other.1.total_cmp(&one.1));
+        let &(reading, square) = squares.first()?;
+        let second = squares.get(1).map_or(0.0, |each| each.1);
+        let deviations = square.sqrt();
+        (square - second > AS_LIKELY).then_some(RejectedReading {
             reading,
-            deviations: square.sqrt(),
+            deviations,
         })
     }
 
-    /// What is left of a reading, of position and of rotation, over the covariance of that: R - A cov A^T with the covariance of what is
+    /// What is left of a reading's position (0) or rotation (1) over the covariance of that: R - A cov A^T with the covariance of what is
     /// predicted; of one that was rejected R + A cov A^T. `whole` is what R is to be.
-    fn squares(&self, reading: usize, whole: &Matrix6<f64>) -> [f64; 2] {
-        let is_rejected = self.rejected.iter().any(|each| each.reading == reading);
-        let known = self.known[reading] * if is_rejected { -1.0 } else { 1.0 };
-        let square = |vector: &Vector3<f64>, first: usize| {
-            let [whole, own, known] = [whole, &self.weighed[reading], &known]
-                .map(|each| each.fixed_view::<3, 3>(first, first).into_owned());
-            square_of(vector, &whole, &own, &known)
+    fn square(&self, reading: usize, part: usize, whole: &Matrix3<f64>) -> f64 {
+        let Some((left, coordinates)) = self.left[reading].part(part) else {
+            return 0.0;
         };
-        let left = &self.left[reading];
-        let rotation = left.rotation_rad.map_or(0.0, |vector| square(&vector, 3));
-        [square(&left.position_m, 0), rotation]
+        let is_rejected = self.rejected.iter().any(|each| each.reading == reading);
+        let [own, known] = [&self.weighed[reading], &self.known[reading]]
+            .map(|each| each.fixed_view::<3, 3>(3 * part, 3 * part).into_owned());
+        let known = known * if is_rejected { -1.0 } else { 1.0 };
+        if coordinates == 1 {
+            let variance = 1.0 - known[(0, 0)] / own[(0, 0)];
+            let is_left = variance > NO_VARIANCE;
+            return if is_left {
+                left.x * left.x / (whole[(0, 0)] * variance)
+            } else {
+                0.0
+            };
+        }
+        square_of(&left, whole, &own, &known)
+    }
+
+    /// What is unexplained of the position (0) or rotation (1) of most readings: a covariance.
+    fn robust_discrepancy(&self, part: usize) -> Matrix3<f64> {
+        let parts = self.left.iter().map(|left| left.part(part));
+        let is_whole = parts
+            .clone()
+            .flatten()
+            .all(|(_, coordinates)| coordinates == 3);
+        let own = parts.clone().zip(self.own).map(|(left, covariance)| {
+            let coordinates = left.map_or(3, |(_, coordinates)| coordinates);
+            let rows = 3 * part..3 * part + coordinates;
+            let sum: f64 = rows.map(|row| covariance[(row, row)]).sum();
+            sum / coordinates as f64
+        });
+        let own = median(own.collect()).unwrap_or(0.0);
+        let size = |square: &dyn Fn(&Vector3<f64>) -> f64| {
+            let squares = parts.clone().flatten();
+            let squares = squares
+                .map(|(left, coordinates)| square(&left) / SquareLaw::of(coordinates).median);
+            median(squares.collect()).unwrap_or(0.0) / self.spare
+        };
+        let least = size(&Vector3::norm_squared);
+        if least <= own {
+            return Matrix3::zeros();
+        }
+        let vectors: Vec<Vector3<f64>> = parts.clone().flatten().map(|(left, _)| left).collect();
+        // One coordinate says nothing of the others.
+        let shape = if is_whole {
+            shape_of(&vectors)
+        } else {
+            Matrix3::identity()
+        };
+        let inverse = shape.try_inverse().unwrap_or_else(Matrix3::identity);
+        let all = shape * size(&|vector| vector.dot(&(inverse * vector)));
+        let mut eigen = SymmetricEigen::new(all);
+        // Errors are larger in some directions where they are elsewhere, perhaps: nowhere are they taken for smaller than on the whole.
+        eigen
+            .eigenvalues
+            .apply(|value| *value = value.max(least) - own);
+        eigen.recompose()
     }
 }
 
-/// By how much larger squares are where each reading is than on the whole, at least one: as those say that do not lie far out there.
-fn local_factors(squares: &[f64], angles: &[&[f64]], far: f64) -> Vec<f64> {
+/// By how much larger squares, over their medians, are where each reading is than on the whole, at least one: as those say that do not
+/// lie far out there.
+fn local_factors(squares: &[f64], angles: &[&[f64]], far: &[f64]) -> Vec<f64> {
     let mut factors = vec![1.0; squares.len()];
     let commands = angles.first().map_or(0, |each| each.len());
     let ranges: Vec<[f64; 2]> = (0..commands)
         .map(|joint| ends(angles.iter().map(|each| each[joint])))
         .collect();
     for _ in 0..LOOKS {
-        let kept = (0..squares.len()).filter(|&each| squares[each] <= far * factors[each]);
+        let kept = (0..squares.len()).filter(|&each| squares[each] <= far[each] * factors[each]);
         let kept: Vec<usize> = kept.collect();
         let own: Vec<f64> = kept.iter().map(|&each| squares[each]).collect();
         let places: Vec<&[f64]> = kept.iter().map(|&each| angles[each]).collect();
@@ -215,22 +320,10 @@ fn local_factors(squares: &[f64], angles: &[&[f64]], far: f64) -> Vec<f64> {
         let Some(middle) = median(over.collect()) else {
             break;
         };
-        let found = relative
-            .iter()
-            .map(|relative| (relative * middle / MEDIAN_SQUARE).max(1.0));
+        let found = relative.iter().map(|relative| (relative * middle).max(1.0));
         factors = found.collect();
     }
     factors
-}
-
-/// The square of three coordinates over a variance from so many degrees of freedom that is as improbable.
-fn far_square(freedom: f64) -> f64 {
-    if freedom.is_infinite() {
-        return FAR_SQUARE;
-    }
-    FisherSnedecor::new(3.0, OF_A_MEDIAN * freedom).map_or(f64::INFINITY, |distribution| {
-        (3.0 * distribution.inverse_cdf(1.0 - BY_CHANCE)).max(FAR_SQUARE)
-    })
 }
 
 /// Fits anew without what lies far out, until the same does; what was left out, with the last fit. `rejected` lies far out of a first
@@ -306,39 +399,6 @@ fn square_of(
         .sum()
 }
 
-/// What is unexplained of most readings, of position and of rotation: covariances.
-fn robust_discrepancy(
-    left: &[ReadingResidual],
-    own: &[Matrix6<f64>],
-    spare: f64,
-) -> [Matrix3<f64>; 2] {
-    let positions = left.iter().map(|each| each.position_m).collect();
-    let rotations = left.iter().filter_map(|each| each.rotation_rad).collect();
-    let of = |vectors: Vec<Vector3<f64>>, first: usize| {
-        let own = own
-            .iter()
-            .map(|covariance| (covariance.fixed_view::<3, 3>(first, first).trace()) / 3.0);
-        let own = median(own.collect()).unwrap_or(0.0);
-        let size = |square: &dyn Fn(&Vector3<f64>) -> f64| {
-            median(vectors.iter().map(square).collect()).unwrap_or(0.0) / MEDIAN_SQUARE / spare
-        };
-        let least = size(&Vector3::norm_squared);
-        if least <= own {
-            return Matrix3::zeros();
-        }
-        let shape = shape_of(&vectors);
-        let inverse = shape.try_inverse().unwrap_or_else(Matrix3::identity);
-        let all = shape * size(&|vector| vector.dot(&(inverse * vector)));
-        let mut eigen = SymmetricEigen::new(all);
-        // Errors are larger in some directions where they are elsewhere, perhaps: nowhere are they taken for smaller than on the whole.
-        eigen
-            .eigenvalues
-            .apply(|value| *value = value.max(least) - own);
-        eigen.recompose()
-    };
-    [of(positions, 0), of(rotations, 3)]
-}
-
 /// The shape of the covariance of vectors, of determinant one, by their directions alone (Tyler 1987): far ones count no more than others.
 /// Errors of parallel joints lie within a plane.
 fn shape_of(vectors: &[Vector3<f64>]) -> Matrix3<f64> {
@@ -362,4 +422,23 @@ fn shape_of(vectors: &[Vector3<f64>]) -> Matrix3<f64> {
         shape = sum / size;
     }
     shape
+}
+
+#[cfg(test)]
+mod tests {
+    use statrs::distribution::ChiSquared;
+
+    use super::*;
+
+    #[test]
+    fn laws_are_those_of_chi_square() {
+        for coordinates in [1, 3] {
+            let law = SquareLaw::of(coordinates);
+            let squares = ChiSquared::new(coordinates as f64).expect("a law");
+            assert!((squares.cdf(law.median) - 0.5).abs() < 1e-12);
+            assert!((squares.sf(law.far) / BY_CHANCE - 1.0).abs() < 1e-4);
+            // Of a variance that is hardly known larger squares are as improbable.
+            assert!(law.far_of(20.0) > 2.0 * law.far && law.far_of(1e9) < 1.001 * law.far);
+        }
+    }
 }

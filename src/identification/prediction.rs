@@ -4,7 +4,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use thiserror::Error;
 
 use super::Case;
-use super::equations::{EquationSource, Equations, rows_of};
+use super::discrepancy::three_rows;
+use super::equations::Equations;
 use super::error::IdentificationError;
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::task::Method;
@@ -76,71 +77,83 @@ impl Case<'_> {
         {
             return Err(PredictionError::AlongDirection);
         }
-        let source = self.equation_source();
-        let (matrix, residual) = self.against(&source, &posterior.mean)?;
-        let known = &matrix * &posterior.covariance * matrix.transpose();
-        let size = source.rows();
+        let rows = self.against(&posterior.mean)?;
+        let known = &rows.matrix * &posterior.covariance * rows.matrix.transpose();
+        let size = self.rows();
         let factor = (&known + DMatrix::identity(size, size))
             .cholesky()
             .ok_or(PredictionError::Singular)?;
-        let (mut own_rows, mut differences) =
-            (matrix.clone(), DMatrix::from_columns(&[residual.column(0)]));
-        source.take_weights_off(&mut own_rows);
-        source.take_weights_off(&mut differences);
         let mut each = Vec::new();
-        let readings = source.covariances().into_iter().zip(source.first_rows());
-        for (index, (measurement, (reading_m2, row))) in
-            self.measurements.iter().zip(readings).enumerate()
-        {
-            let rows = matrix.rows(row, rows_of(measurement)).into_owned();
-            (posterior.variance_of(&rows)).map_err(|source| PredictionError::NotDetermined {
-                measurement: index + 1,
-                source,
+        let readings = self.covariances().into_iter().zip(self.rows_of_each());
+        for (index, (reading, own)) in readings.enumerate() {
+            let whitened = rows.matrix.rows_range(own.clone()).into_owned();
+            (posterior.variance_of(&whitened)).map_err(|source| {
+                PredictionError::NotDetermined {
+                    measurement: index + 1,
+                    source,
+                }
             })?;
-            let deflection = own_rows.rows(row, 3);
+            let deflection = rows.own_matrix.rows(own.start, 3);
             let known = deflection * &posterior.covariance * deflection.transpose();
+            let left = rows.own_left.rows_range(own).into_owned();
             each.push(Predicted {
-                difference_m: differences.fixed_view::<3, 1>(row, 0).into_owned(),
-                rotation_difference_rad: (measurement.rotation)
-                    .map(|_| differences.fixed_view::<3, 1>(row + 3, 0).into_owned()),
+                difference_m: three_rows(&left, 0),
+                rotation_difference_rad: (left.len() > 3).then(|| three_rows(&left, 3)),
                 known_m2: known.fixed_view::<3, 3>(0, 0).into_owned(),
-                reading_m2,
+                reading_m2: reading.fixed_view::<3, 3>(0, 0).into_owned(),
             });
         }
         Ok(Predictions {
             each,
-            square: residual.dot(&factor.solve(&residual)),
+            square: rows.left.dot(&factor.solve(&rows.left)),
             freedom: size,
         })
     }
 
-    /// The whitened rows of the measurements alone at values of the unknowns (p), and what is left of each.
-    pub(super) fn against(
-        &self,
-        source: &EquationSource<'_>,
-        values: &[f64],
-    ) -> Result<(DMatrix<f64>, DVector<f64>), IdentificationError> {
-        let Equations {
-            matrix,
-            right_hand_side,
-        } = match self.method {
+    /// The rows of the measurements alone at values of the unknowns (p).
+    pub(super) fn against(&self, values: &[f64]) -> Result<MeasuredRows, IdentificationError> {
+        let equations = match self.method {
             Method::Linear => {
-                let mut equations = source.linear();
+                let mut equations = self.linear();
                 // Where more is uncertain they are for a change from nominal values.
-                let nominal = match source.uncertain {
-                    Some(_) => source.nominal_values(),
+                let nominal = match self.uncertain {
+                    Some(_) => self.nominal_values(),
                     None => vec![0.0; values.len()],
                 };
                 let change = DVector::from_column_slice(values) - DVector::from_vec(nominal);
                 equations.right_hand_side -= &equations.matrix * change;
                 equations
             }
-            Method::Nonlinear => source.nonlinear(values)?,
+            Method::Nonlinear => self.nonlinear(values)?,
         };
-        let rows = source.rows();
-        Ok((
-            matrix.rows(0, rows).into_owned(),
-            right_hand_side.rows(0, rows).into_owned(),
-        ))
+        Ok(MeasuredRows::new(self, &equations))
+    }
+}
+
+/// The rows of measurements, what was known before left aside.
+pub(super) struct MeasuredRows {
+    /// Whitened (N x p), and what is left of each.
+    pub matrix: DMatrix<f64>,
+    pub left: DVector<f64>,
+    /// The same in the readings' own units.
+    pub own_matrix: DMatrix<f64>,
+    pub own_left: DVector<f64>,
+}
+
+impl MeasuredRows {
+    /// Of whitened equations.
+    pub fn new(case: &Case<'_>, equations: &Equations) -> Self {
+        let matrix = equations.matrix.rows(0, case.rows()).into_owned();
+        let left = equations.right_hand_side.rows(0, case.rows()).into_owned();
+        let (mut own_matrix, mut own_left) = (matrix.clone(), left.clone());
+        let whitening = case.whitening();
+        whitening.take_off(&mut own_matrix);
+        whitening.take_off(&mut own_left);
+        Self {
+            matrix,
+            left,
+            own_matrix,
+            own_left,
+        }
     }
 }

@@ -2,16 +2,17 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, SymmetricEigen};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
 use super::case::Sigma;
-use super::equations::{EquationSource, Equations, rows_of};
+use super::equations::{Equations, rows_of};
 use super::error::IdentificationError;
 use super::estimate::Identification;
 use super::outliers::RejectedReading;
+use super::prediction::MeasuredRows;
 use crate::numeric::least_squares::LeastSquares;
 use crate::quantities::written::from_one;
 use crate::task::Method;
@@ -52,30 +53,33 @@ pub fn residuals(
     case: &Case<'_>,
     identification: &Identification,
 ) -> Result<Vec<MeasurementResidual>, IdentificationError> {
-    let source = case.equation_source();
     let Equations {
         matrix,
         right_hand_side,
     } = match case.method {
-        Method::Linear => source.linear(),
-        Method::Nonlinear => source.nonlinear(&identification.posterior.mean)?,
+        Method::Linear => case.linear(),
+        Method::Nonlinear => case.nonlinear(&identification.posterior.mean)?,
     };
     let estimable = &identification.posterior.estimable;
     let fit = LeastSquares::solve(&matrix, &right_hand_side, estimable);
     // What a combination of compliances does that are not determined one by one is fitted, too.
-    let whitened = right_hand_side - &matrix * &fit.solution;
-    let mut judge = Judge::new(&source, (matrix, whitened), (&fit.covariance, -1.0));
-    if let Sigma::FromResiduals(_) = case.sigma {
-        let freedom = judge.residuals.len() - estimable.rank();
-        judge.others = Some((judge.residuals.norm_squared(), freedom));
-    }
-    let rows = case.measurements.iter().map(rows_of);
-    let rows = rows.zip(source.first_rows()).enumerate();
-    let residual = |(measurement, (rows, first)): (usize, (usize, usize))| MeasurementResidual {
-        measurement,
-        ..judge.residual(first..first + rows)
+    let left = right_hand_side - &matrix * &fit.solution;
+    let others = (
+        left.norm_squared(),
+        left.len().saturating_sub(estimable.rank()),
+    );
+    let rows = Equations {
+        matrix,
+        right_hand_side: left,
     };
-    Ok(rows.map(residual).collect())
+    let rows = MeasuredRows::new(case, &rows);
+    let mut judge = Judge::new(case, rows, (&fit.covariance, -1.0));
+    judge.others = matches!(case.sigma, Sigma::FromResiduals(_)).then_some(others);
+    let residual = |(measurement, rows)| MeasurementResidual {
+        measurement,
+        ..judge.residual(rows)
+    };
+    Ok(case.rows_of_each().enumerate().map(residual).collect())
 }
 
 /// Residuals of the measurements that were fitted, and in their places those of the measurements that were not; `case` has all.
@@ -92,14 +96,12 @@ pub fn with_rejected(
     for each in rejected {
         let alone = [case.measurements[each.reading].clone()];
         let alone = case.with(&alone);
-        let source = alone.equation_source();
-        let equations = alone.against(&source, &posterior.mean)?;
-        let rows = 0..equations.1.len();
-        let mut judge = Judge::new(&source, equations, (&posterior.covariance, 1.0));
+        let rows = alone.against(&posterior.mean)?;
+        let mut judge = Judge::new(&alone, rows, (&posterior.covariance, 1.0));
         if let Sigma::FromResiduals(_) = case.sigma {
-            judge.variance = (identification.sigma_m / source.typical_sigma_m()).powi(2);
+            judge.variance = (identification.sigma_m / alone.typical_sigma_m()).powi(2);
         }
-        let judged = judge.residual(rows);
+        let judged = judge.residual(0..alone.rows());
         residuals.insert(
             each.reading,
             MeasurementResidual {
@@ -116,13 +118,9 @@ pub fn with_rejected(
 
 /// What whitened residuals are compared with.
 struct Judge<'a> {
-    /// Whitened rows, of which what was known before stands below, and their residuals.
-    matrix: DMatrix<f64>,
-    residuals: DVector<f64>,
-    /// The same without their weights, and the readings' own variances: correlated coordinates of a reading are weighted together, and
-    /// each has a standard deviation of its own.
-    own_matrix: DMatrix<f64>,
-    own_residuals: DMatrix<f64>,
+    /// Correlated coordinates of a reading are weighted together, and each has a standard deviation of its own.
+    rows: MeasuredRows,
+    /// The variances of the coordinates by themselves.
     own_variances: Vec<f64>,
     /// The covariance of the unknowns, and its sign: a fit takes it off the residuals of what it was fitted to.
     known: &'a DMatrix<f64>,
@@ -134,27 +132,14 @@ struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    fn new(
-        source: &EquationSource<'_>,
-        (matrix, residuals): (DMatrix<f64>, DVector<f64>),
-        (known, sign): (&'a DMatrix<f64>, f64),
-    ) -> Self {
-        let rows = source.rows();
-        let mut own_matrix = matrix.rows(0, rows).into_owned();
-        let mut own_residuals = DMatrix::from_columns(&[residuals.rows(0, rows)]);
-        source.take_weights_off(&mut own_matrix);
-        source.take_weights_off(&mut own_residuals);
-        let all = source.covariances_of_all();
-        let own = source.measurements.iter().zip(&all);
+    fn new(case: &Case<'_>, rows: MeasuredRows, (known, sign): (&'a DMatrix<f64>, f64)) -> Self {
+        let own = case.measurements.iter().zip(case.covariances());
         let own_variances = own.flat_map(|(each, covariance)| {
             (0..rows_of(each)).map(move |axis| covariance[(axis, axis)])
         });
         Self {
             own_variances: own_variances.collect(),
-            matrix,
-            residuals,
-            own_matrix,
-            own_residuals,
+            rows,
             known,
             sign,
             variance: 1.0,
@@ -166,20 +151,20 @@ impl<'a> Judge<'a> {
     fn residual(&self, rows: Range<usize>) -> MeasurementResidual {
         let scale = (self.others).map_or(1.0, |(square, freedom)| (square / freedom as f64).sqrt());
         let standardised = rows.clone().map(|row| {
-            let columns = self.own_matrix.row(row);
+            let columns = self.rows.own_matrix.row(row);
             let own = self.variance * self.own_variances[row];
             let variance = own + self.sign * (columns * self.known).dot(&columns);
-            let value = self.own_residuals[(row, 0)];
+            let value = self.rows.own_left[row];
             (variance > NO_VARIANCE * own && scale > 0.0).then(|| value / variance.sqrt() / scale)
         });
         let standardised = standardised.collect();
-        let (first, count) = (rows.start, rows.len());
-        let matrix = self.matrix.rows(first, count);
+        let count = rows.len();
+        let matrix = self.rows.matrix.rows_range(rows.clone());
         let known = matrix * self.known * matrix.transpose();
         let leverage = known.trace();
         let own = DMatrix::identity(count, count) * self.variance;
         let eigen = SymmetricEigen::new(own + known * self.sign);
-        let coordinates = (eigen.eigenvectors).tr_mul(&self.residuals.rows(first, count));
+        let coordinates = (eigen.eigenvectors).tr_mul(&self.rows.left.rows_range(rows));
         let squares = eigen.eigenvalues.iter().zip(coordinates.iter());
         let squares: Vec<f64> = (squares.filter(|(variance, _)| **variance > NO_VARIANCE))
             .map(|(variance, coordinate)| coordinate * coordinate / variance)

@@ -4,14 +4,14 @@
 //! [`Discrepancy`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
 //! it, R - A cov A^T, and one that was left out by R + A cov A^T.
 
-use nalgebra::{DMatrix, Matrix6, Vector3};
+use nalgebra::Matrix6;
 
 use super::case::{Case, Sigma};
-use super::discrepancy::{Discrepancy, ReadingResidual, WEIGHINGS, repeats};
+use super::discrepancy::{Discrepancy, ReadingResidual, WEIGHINGS, repeats, six_rows, three_rows};
 use super::equations::rows_of;
 use super::error::IdentificationError;
 use super::estimate::NominalCompliance;
-use super::estimate::{Estimate, Identification, two_sided_student};
+use super::estimate::{Estimate, Identification, in_room, two_sided_student};
 use super::nominal::UNKNOWN;
 use super::outliers::IMPLAUSIBLE;
 use super::outliers::{self, LookedOver, RejectedReading, kept};
@@ -135,22 +135,11 @@ impl<'a> Case<'a> {
         &self,
         robustness: Robustness,
     ) -> Result<RobustIdentification, IdentificationError> {
-        // The yardsticks of outliers and of a discrepancy are those of three coordinates.
-        let is_along = |each: &Measurement| each.direction.is_some();
-        let robustness = if self.measurements.iter().any(is_along) {
-            Robustness {
-                keeps_all: true,
-                counts_discrepancy: false,
-                ..robustness
-            }
-        } else {
-            robustness
-        };
         let known = Case {
             sigma: Sigma::Known(self.sigma.weight_m()),
             ..*self
         };
-        let own = self.equation_source().covariances_of_all();
+        let own = self.covariances();
         let (of_all, mut fitted) = match self.identify() {
             Ok(of_all) => {
                 let near = of_all.posterior.mean.clone();
@@ -160,7 +149,8 @@ impl<'a> Case<'a> {
                     }
                     Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], &near, &own)?,
                 };
-                let others = (!robustness.keeps_all).then(|| known.without_far_out(&fitted));
+                let others = (!robustness.keeps_all)
+                    .then(|| known.without(&fitted, fitted.over.suspects()?));
                 let others = others.flatten();
                 (of_all, others.unwrap_or(fitted))
             }
@@ -185,7 +175,7 @@ impl<'a> Case<'a> {
             let mut discrepancy = None;
             for _ in 0..WEIGHINGS {
                 let left = kept(&fitted.over.left, &rejected);
-                let found = Discrepancy::of(&left, &own_kept, fitted.over.spare, 3);
+                let found = Discrepancy::of(&left, &own_kept, fitted.over.spare);
                 weighed = found.weighed(self.measurements, self.sigma.weight_m());
                 discrepancy = Some(found);
                 let near = &fitted.identification.posterior.mean;
@@ -201,8 +191,9 @@ impl<'a> Case<'a> {
             identification.consistency_lower = plain.consistency_lower;
         }
         if identification.discrepancy.is_some() || !rejected.is_empty() {
-            let left = fitted.over.left.iter();
-            identification.residuals_m = left.flat_map(|each| each.position_m.data.0[0]).collect();
+            let left = self.measurements.iter().zip(&fitted.over.left);
+            let left = left.map(|(of, left)| in_room(of, &left.position_m));
+            identification.residuals_m = left.flat_map(<[f64; 3]>::from).collect();
         }
         Ok(RobustIdentification {
             of_all,
@@ -221,7 +212,8 @@ impl<'a> Case<'a> {
         let linear = self.linearised();
         let of_all = linear.identify().ok()?;
         let first = linear.looked_at_all(of_all.clone(), self.measurements, &[], own);
-        let first = linear.without_far_out(&first.ok()?)?;
+        let first = first.ok()?;
+        let first = linear.without(&first, first.over.suspects()?)?;
         let rejected = first.over.rejected.clone();
         Some((of_all, self.without(&first, rejected)?))
     }
@@ -256,15 +248,11 @@ impl<'a> Case<'a> {
         let measurements = kept(weighed, rejected);
         let posterior = &identification.posterior;
         let all = self.with(weighed);
-        let source = all.equation_source();
-        let (mut matrix, residual) = all.against(&source, &posterior.mean)?;
-        let mut residual = DMatrix::from_columns(&[residual]);
+        let rows = all.against(&posterior.mean)?;
         // What repeats share is spread over their rows: the fit's own are whitened without those that were left out.
-        let of_kept = self.with(&measurements);
-        let kept_source = of_kept.equation_source();
         let own_rows = match rejected {
-            [] => matrix.clone(),
-            _ => of_kept.against(&kept_source, &posterior.mean)?.0,
+            [] => rows.matrix.clone(),
+            _ => self.with(&measurements).against(&posterior.mean)?.matrix,
         };
         // Repeats share what the model leaves.
         let numbers: f64 = (measurements.iter().zip(repeats(&measurements)))
@@ -277,29 +265,16 @@ impl<'a> Case<'a> {
             .component_mul(&own_rows)
             .sum();
         let freedom = (numbers - used).max(1.0);
-        source.take_weights_off(&mut matrix);
-        source.take_weights_off(&mut residual);
         let (mut left, mut known) = (Vec::new(), Vec::new());
-        for (each, row) in weighed.iter().zip(source.first_rows()) {
-            let count = rows_of(each);
-            let part = |first: usize| {
-                let own =
-                    |axis: usize| (first + axis < count).then(|| residual[(row + first + axis, 0)]);
-                Vector3::from_fn(|axis, _| own(axis).unwrap_or(0.0))
-            };
+        for (each, own) in weighed.iter().zip(all.rows_of_each()) {
+            let residual = rows.own_left.rows_range(own.clone()).into_owned();
             left.push(ReadingResidual {
-                position_m: part(0),
-                rotation_rad: each.rotation.is_some().then(|| part(3)),
+                position_m: three_rows(&residual, 0),
+                coordinates: residual.len().min(3),
+                rotation_rad: each.rotation.map(|_| three_rows(&residual, 3)),
             });
-            let own = matrix.rows(row, count);
-            let predicted = own * &posterior.covariance * own.transpose();
-            known.push(Matrix6::from_fn(|row, column| {
-                if row.max(column) < count {
-                    predicted[(row, column)]
-                } else {
-                    0.0
-                }
-            }));
+            let own = rows.own_matrix.rows_range(own);
+            known.push(six_rows(&(own * &posterior.covariance * own.transpose())));
         }
         let ratio = (identification.residual_sigma_m).map(|left| left / identification.sigma_m);
         let angles = self.measurements.iter();
@@ -314,6 +289,7 @@ impl<'a> Case<'a> {
                 .collect(),
             spare: freedom / numbers,
             freedom,
+            is_drawn: true,
             plausible: ratio
                 .and_then(|ratio| outliers::plausible(identification.consistency, ratio * ratio)),
         };
@@ -323,21 +299,8 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// Fits without the measurements that lie far out of a first fit. None where none does, where too many do, or where the
-    /// others tell less than all.
-    fn without_far_out<'b>(self, first: &SomeFitted<'b>) -> Option<SomeFitted<'b>>
-    where
-        'a: 'b,
-    {
-        let mut rejected = first.over.far_out().unwrap_or_default();
-        if rejected.is_empty() {
-            // One among few draws the fit to itself, and hides in what that leaves of the others.
-            rejected.push(first.over.farthest()?);
-        }
-        self.without(first, rejected)
-    }
-
-    /// Fits without these, until the same lie far out.
+    /// Fits without the measurements that lie far out of a first fit, or without some in place of these, until the same do. None where none
+    /// does, where too many do, or where the others tell less than all.
     fn without<'b>(
         self,
         first: &SomeFitted<'b>,

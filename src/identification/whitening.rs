@@ -3,7 +3,8 @@
 use nalgebra::allocator::Allocator;
 use nalgebra::{DMatrix, DefaultAllocator, Dim, Dyn, OMatrix};
 
-use super::equations::{EquationSource, rows_of};
+use super::case::Case;
+use super::equations::rows_of;
 use super::extended::of_rows_there;
 use crate::measurement::by_configuration;
 use crate::observation::PlannedReadings;
@@ -27,7 +28,10 @@ impl Whitening {
     }
 
     /// Multiplies them by L: takes the weights off again.
-    pub fn take_off(&self, rows: &mut DMatrix<f64>) {
+    pub fn take_off<C: Dim>(&self, rows: &mut OMatrix<f64, Dyn, C>)
+    where
+        DefaultAllocator: Allocator<Dyn, C>,
+    {
         self.change(rows, |factor, own| *own = factor * &*own);
     }
 
@@ -48,17 +52,15 @@ impl Whitening {
     }
 }
 
-impl EquationSource<'_> {
+impl Case<'_> {
     /// The weights: the instrument's noise, the measurement's own where it brings some, what else is new in each reading, and what
     /// readings of one configuration share.
-    pub fn whitening(&self) -> Whitening {
-        let firsts: Vec<usize> = self.first_rows().collect();
+    pub(super) fn whitening(&self) -> Whitening {
+        let ranges: Vec<_> = self.rows_of_each().collect();
         let mut model = (self.uncertain).map(|extended| self.readings(extended));
         let block = |members: Vec<usize>| {
             let covariance = self.covariance_together(model.as_mut(), &members);
-            let rows = members.into_iter().flat_map(|index| {
-                firsts[index]..firsts[index] + rows_of(&self.measurements[index])
-            });
+            let rows = members.into_iter().flat_map(|index| ranges[index].clone());
             let typical = covariance.diagonal().map(f64::sqrt);
             let factor = covariance.cholesky().map(|factor| factor.l());
             let factor = factor.unwrap_or_else(|| DMatrix::from_diagonal(&typical));

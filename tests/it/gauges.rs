@@ -1,17 +1,19 @@
 //! Displacements along a direction, as a dial gauge reads them: plans and fits of them, on the virtual robot.
 
-use elastocal::calibration::calibrate;
+use elastocal::calibration::{calibrate, measure};
 use elastocal::measurement::read_measurements;
 use elastocal::observation::DeflectionPrecision;
 use elastocal::plan::search::{Problem, random_plan};
 use elastocal::plan::{Criterion, Feasibility, Plan, UncertaintyBudget, read_plan};
 use elastocal::scenario::Scenario;
+use elastocal::testbed::TrueRobots;
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::recording::{CarriedOutPlan, Recording};
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
 use serde_json::Value;
 
 use crate::recordings::read_mcap;
+use crate::robust_deflections::robust;
 use crate::search::cost_and_gradient;
 use crate::support::{Workplace, number, numbers, scenario, scenario_text};
 use crate::uncertainties::{assert_holds, loaded};
@@ -536,4 +538,51 @@ fn mixed_files_are_read_as_they_are_written() {
     place.write("turned.toml", turned);
     let said = place.run("check turned.toml").ends_with(1).stderr;
     assert!(said.contains("with a frame"), "{said}");
+}
+
+/// A gauge, or the tracker beside it, that slipped at one reading: that one is named, and the fit is the one without it; where another one
+/// might as well be wrong, none is. Of 200 tables of right readings none is left out, since one of 1.7 million readings is by chance.
+#[test]
+fn a_gross_error_is_named_whichever_instrument_reads() {
+    let text = scenario_text(GAUGE);
+    let cases = [(beside(&text), 2, 24), (text.clone(), 1, 24), (text, 1, 12)];
+    for (text, of_gauge, count) in cases {
+        let scenario = loaded(&text);
+        let (task, truth) = (&scenario.task, &scenario.truth);
+        let mut plan = random_plan(task, count, 7, 0).expect("experiments are possible");
+        for (index, each) in plan.experiments.iter_mut().enumerate() {
+            let axis = each.direction.unwrap_or_else(Vector3::z);
+            each.direction = (index % of_gauge == 0).then_some(axis);
+        }
+        let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
+        let mut unnamed = 0;
+        for run in 0..200 {
+            let measured = measure(&mut robots, task, truth, &plan, 71, run as u64);
+            let mut measured = measured.expect("measured").measurements;
+            let right = robust(&scenario, &measured);
+            assert!(right.rejected.is_empty(), "{run}: {:?}", right.rejected);
+            if run >= count as usize {
+                continue;
+            }
+            let axis = measured[run].direction.unwrap_or_else(Vector3::y);
+            measured[run].deflection_m += 3e-3 * axis;
+            let found = robust(&scenario, &measured);
+            let named: Vec<usize> = found.rejected.iter().map(|each| each.reading).collect();
+            if named.is_empty() {
+                unnamed += 1;
+                continue;
+            }
+            assert_eq!(named, [run]);
+            assert_eq!(found.identification.residuals_m.len(), 3 * count as usize);
+            measured.remove(run);
+            let without = robust(&scenario, &measured).identification;
+            for (one, other) in (found.identification.parameters.iter()).zip(&without.parameters) {
+                let [one, other] = [one, other].map(|each| each.estimate.expect("determined"));
+                let off = (one.value - other.value).abs() / one.standard_error;
+                assert!(off < 1e-3, "{run}: {off}");
+            }
+        }
+        println!("{unnamed} of {count} unnamed");
+        assert!(unnamed <= count / 2, "{unnamed} of {count}");
+    }
 }

@@ -29,7 +29,7 @@ fn scenario(more: &str) -> Scenario {
     Scenario::load(&workplace.path("s.toml")).expect("a scenario")
 }
 
-fn robust(scenario: &Scenario, measurements: &[Measurement]) -> RobustIdentification {
+pub fn robust(scenario: &Scenario, measurements: &[Measurement]) -> RobustIdentification {
     let belief = &scenario.task.belief;
     let sigma = Sigma::Known(belief.instrument.sigma_m);
     Case::of_belief(belief, measurements, sigma, belief.method)

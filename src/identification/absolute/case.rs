@@ -65,8 +65,7 @@ impl<'a> AbsoluteCase<'a> {
     pub fn new(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
         let mut case = Self::placed(belief, readings)?;
         if case.reads_distances() {
-            // Places of points are known well enough to begin with, and all readings are fitted.
-            case.keeps_all = true;
+            // Places of points are known well enough to begin with.
             case.copies = CopiedReadings::of(&case.read_bits());
             return Ok(case);
         }

@@ -173,13 +173,12 @@ impl AbsoluteCase<'_> {
 
     fn discrepancy_of(&self, left: &[ReadingResidual], fit: &ParameterFit) -> [f64; 2] {
         // Each reading has its part in what was fitted.
-        let coordinates = if self.reads_distances() { 1 } else { 3 };
         let spare = if self.visits.len() < LEAST_VISITS {
             self.degrees_of(fit) / (self.alone() * fit.rows as f64)
         } else {
             fit.spare()
         };
-        let discrepancy = Discrepancy::of(left, &self.covariances, spare, coordinates);
+        let discrepancy = Discrepancy::of(left, &self.covariances, spare);
         [discrepancy.position_m, discrepancy.rotation_rad]
     }
 
@@ -189,23 +188,25 @@ impl AbsoluteCase<'_> {
         let mut sums = [[0.0; 3]; 2];
         let groups = self.sharing_discrepancy();
         for visit in groups.iter().filter(|group| group.len() > 1) {
-            let positions = visit.iter().map(|&index| (index, left[index].position_m));
-            let turned = |&index: &usize| Some((index, left[index].rotation_rad?));
-            let rotations = visit.iter().filter_map(turned);
-            let parts: [Vec<(usize, Vector3<f64>)>; 2] = [positions.collect(), rotations.collect()];
-            for ((first, part), sum) in [0, 3].into_iter().zip(parts).zip(&mut sums) {
+            for (number, sum) in sums.iter_mut().enumerate() {
+                let part = visit.iter().filter_map(|&index| {
+                    let (left, coordinates) = left[index].part(number)?;
+                    Some((index, left, coordinates))
+                });
+                let part: Vec<(usize, Vector3<f64>, usize)> = part.collect();
                 let count = part.len() as f64;
-                if part.len() < 2 {
+                let Some((.., coordinates)) = part.first().filter(|_| part.len() > 1) else {
                     continue;
-                }
-                let mean = part.iter().map(|(_, each)| each).sum::<Vector3<f64>>() / count;
-                for (index, each) in &part {
+                };
+                let mean = part.iter().map(|(_, each, _)| each).sum::<Vector3<f64>>() / count;
+                for (index, each, coordinates) in &part {
                     let own = &self.covariances[*index];
-                    let own: f64 = (first..first + 3).map(|row| own[(row, row)]).sum();
+                    let rows = 3 * number..3 * number + coordinates;
+                    let own: f64 = rows.map(|row| own[(row, row)]).sum();
                     sum[0] += (each - mean).norm_squared();
                     sum[1] += own * (1.0 - 1.0 / count);
                 }
-                sum[2] += 3.0 * (count - 1.0);
+                sum[2] += *coordinates as f64 * (count - 1.0);
             }
         }
         sums.map(|[square, own, freedom]| {

@@ -10,7 +10,6 @@ use super::super::frames::reach;
 use super::super::gauss_newton::{Haste, ParameterFit};
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
-use super::outliers::is_pulled;
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
     AbsoluteCase, AbsoluteError, CopiedReadings, JointError, ParameterGroup, ReadingResidual,
@@ -263,7 +262,7 @@ impl<'a> AbsoluteCase<'a> {
     ) -> Option<KeptFit<'a>> {
         let rank = first.fit.posterior.estimable.rank();
         let all = self.looked_over(set, (&first.fit, first.discrepancy), start)?;
-        let mut rejected = all.far_out()?;
+        let mut rejected = all.suspects()?;
         if rejected.is_empty() && !start.is_empty() {
             // Geometry and elasticity explain what frames alone do not.
             let mut case = self.without(&[]);
@@ -274,10 +273,6 @@ impl<'a> AbsoluteCase<'a> {
                 rejected,
                 weighed,
             }));
-        }
-        if rejected.is_empty() && first.discrepancy.is_some() {
-            // One among few draws the fit to itself, and hides in what that leaves of the others.
-            rejected.extend(all.farthest().filter(|_| is_pulled(&first.fit)));
         }
         let mut robust = None;
         if rejected.is_empty() && first.discrepancy.is_some() {

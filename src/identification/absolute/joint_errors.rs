@@ -15,8 +15,9 @@ use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
+use super::super::discrepancy::{six_rows, three_rows};
 use super::super::spread::logarithm;
-use super::residuals::{LinearReading, three_rows};
+use super::residuals::LinearReading;
 use super::{Discrepancy, ReadingResidual};
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
 use crate::numeric::tolerance::{CHI_SQUARE_95, ends};
@@ -272,15 +273,10 @@ impl DiscrepancyModel {
         ReadingPrognosis {
             left: ReadingResidual {
                 position_m: part(0).unwrap_or_else(Vector3::zeros),
+                coordinates: residual.len().min(3),
                 rotation_rad: part(3),
             },
-            covariance: Matrix6::from_fn(|row, column| {
-                if row.max(column) < residual.len() {
-                    covariance[(row, column)]
-                } else {
-                    0.0
-                }
-            }),
+            covariance: six_rows(covariance),
             is_within,
         }
     }

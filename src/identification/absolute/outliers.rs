@@ -2,6 +2,7 @@
 
 use nalgebra::Matrix6;
 
+use super::super::discrepancy::six_rows;
 use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit};
 use super::super::outliers::LookedOver;
 use super::case::whitener;
@@ -65,10 +66,10 @@ impl AbsoluteCase<'_> {
     pub(super) fn looked_over<'a>(
         &'a self,
         set: &ParameterSet,
-        (fit, discrepancy): (&ParameterFit, Option<[f64; 2]>),
+        (fit, found): (&ParameterFit, Option<[f64; 2]>),
         rejected: &[RejectedReading],
     ) -> Option<LookedOver<'a>> {
-        let discrepancy = Discrepancy::from(discrepancy.unwrap_or_default());
+        let discrepancy = Discrepancy::from(found.unwrap_or_default());
         let own = &self.covariances;
         let mut known = vec![Matrix6::zeros(); own.len()];
         let is_pulled = is_pulled(fit);
@@ -79,9 +80,7 @@ impl AbsoluteCase<'_> {
             for (known, rows) in known.iter_mut().zip(&rows) {
                 let predicted =
                     &rows.columns * &fit.posterior.covariance * rows.columns.transpose();
-                known
-                    .view_mut((0, 0), predicted.shape())
-                    .copy_from(&predicted);
+                *known = six_rows(&predicted);
             }
         }
         let angles = (self.observations.iter()).map(|each| each.setup.commanded_rad.as_slice());
@@ -102,12 +101,13 @@ impl AbsoluteCase<'_> {
             } else {
                 f64::INFINITY
             },
+            is_drawn: is_pulled && found.is_some() && rejected.is_empty(),
             plausible: None,
         })
     }
 }
 
 /// Whether a single reading can draw a fit to itself.
-pub(super) fn is_pulled(fit: &ParameterFit) -> bool {
+fn is_pulled(fit: &ParameterFit) -> bool {
     1.0 - fit.spare() >= LITTLE
 }

@@ -5,8 +5,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::super::IdentificationError;
+use super::super::discrepancy::three_rows;
 use super::mixed::VarianceComponents;
-use super::residuals::{LinearReading, three_rows};
+use super::residuals::LinearReading;
 use super::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy, DiscrepancyModel, ParameterGroup,
     ReadingWeights,

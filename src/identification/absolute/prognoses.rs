@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::IdentificationError;
-use super::residuals::three_rows;
+use super::super::discrepancy::three_rows;
 use super::{AbsoluteCase, DiscrepancyModel, ReadingPrognosis};
 use crate::parameter::{ElasticArm, ParameterSet};
 

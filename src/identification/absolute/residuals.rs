@@ -80,11 +80,6 @@ pub(super) struct LinearReading {
     pub own: DMatrix<f64>,
 }
 
-/// Three rows of a reading from one of them on; zeros where it has fewer.
-pub(super) fn three_rows(rows: &DVector<f64>, first: usize) -> Vector3<f64> {
-    Vector3::from_fn(|axis, _| rows.get(first + axis).copied().unwrap_or(0.0))
-}
-
 impl AbsoluteCase<'_> {
     /// What an arm leaves of the readings.
     ///
@@ -103,6 +98,7 @@ impl AbsoluteCase<'_> {
                 let turned = |read| rotation_vector(&(read * predicted.rotation.transpose()));
                 Ok(ReadingResidual {
                     position_m: each.position_m() - predicted.position_m,
+                    coordinates: kind.rows().min(3),
                     rotation_rad: rotation_of(&each.reading).map(turned),
                 })
             })

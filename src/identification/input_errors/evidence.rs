@@ -90,8 +90,7 @@ fn relative_equations(case: &Case<'_>, measurements: &[Measurement]) -> Equation
         held: &[],
         ..case.with(measurements)
     };
-    let source = case.equation_source();
-    let mut equations = source.linear();
+    let mut equations = case.linear();
     let nominal = case.nominal.typical_rad_per_nm(case.parameters);
     for (mut column, nominal) in equations.matrix.column_iter_mut().zip(&nominal) {
         column *= *nominal;
