@@ -469,8 +469,10 @@ impl AbsolutePlanning<'_> {
     /// The predicted accuracy of a plan: candidates by their places, and how often each is read.
     pub fn prediction(&self, plan: &[(usize, u32)]) -> PredictedAccuracy {
         let count = plan.iter().map(|(_, times)| times).sum();
-        if let Some(tied) = self.tied(plan) {
-            return self.prediction_of(&tied, count);
+        if self.ties_all()
+            && let Some(tied) = self.tied(plan).first()
+        {
+            return self.prediction_of(tied, count);
         }
         let mut information = self.before.clone();
         for told in self.told_of(&self.neighbours.groups(plan)) {
