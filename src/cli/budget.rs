@@ -7,7 +7,7 @@ use clap::Args;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{least_minutes, quickest};
-use elastocal::plan::absolute::AbsolutePlanning;
+use elastocal::plan::absolute::AbsolutePlanError;
 use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest, repeated_configurations};
 use elastocal::quantities::plausible::ACCURACY;
 use elastocal::record::json::merge;
@@ -138,10 +138,10 @@ impl Budget {
     /// Of absolute readings.
     fn readings(&self, scenario: &Scenario) -> anyhow::Result<Searched> {
         let (common, task, laboratory) = (&self.common, &scenario.task, &scenario.laboratory);
-        let (rows, drawn) = self.readings.rows(scenario)?;
-        let wrong = |error| self.readings.wrong(scenario, &error);
-        let planning =
-            AbsolutePlanning::new(task, &self.readings.parameters, &rows).map_err(wrong)?;
+        let (candidates, seed) = (self.readings.candidates(scenario)?, scenario.seed);
+        let wanted = self.readings.wanted(scenario, candidates.as_deref());
+        let wrong = |error: AbsolutePlanError| error.in_file(wanted.path);
+        let mut planning = wanted.planning(task, seed).map_err(wrong)?;
         common.say(&format!(
             "searching the best plans of up to {} among {}",
             counted(self.up_to.into(), "absolute reading"),
@@ -152,8 +152,8 @@ impl Budget {
             stop: ask_search(),
             progress: &|done, all, _| show(&bar, done, all),
         };
-        let found =
-            (planning.budget(self.up_to, drawn.is_some(), scenario.seed, watch)).map_err(wrong)?;
+        let found = wanted.of_sizes(&mut planning, 1..=self.up_to, None, seed, watch);
+        let found = planning.budget(found.map_err(wrong)?);
         bar.finish_and_clear();
         searched();
         let minutes = |point: &BudgetPoint| {
@@ -166,7 +166,7 @@ impl Budget {
         let at_least =
             |point: &BudgetPoint| laboratory.costs.work_min([1, 1, 0], point.experiments);
         let points: Vec<BudgetPoint> = found.iter().map(|(point, _)| point.clone()).collect();
-        let offer = &planning.offer;
+        let (offer, drawn) = (&planning.offer, wanted.drawn(seed));
         let offered = counted(offer.offered as u64, "candidate");
         Ok(Searched {
             needed: self.needed(&points, at_least, minutes),

@@ -8,7 +8,9 @@ use elastocal::experiment::write_candidates;
 use elastocal::files::FileError;
 use elastocal::identification::AbsoluteCase;
 use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured_so_far};
-use elastocal::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RestOfReadings};
+use elastocal::plan::absolute::{
+    AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
+};
 use elastocal::plan::search::Watch;
 use elastocal::record::absolute_plan::planned_readings;
 use elastocal::record::messages::ProvenanceMessage;
@@ -34,10 +36,14 @@ impl Next {
         self.check(scenario)?;
         let taken = self.taken(task)?;
         let measured = u32::try_from(taken.len()).unwrap_or(u32::MAX);
-        let (rows, drawn) = self.readings.rows(scenario)?;
-        let wrong = |error| self.readings.wrong(scenario, &error);
-        let planning = AbsolutePlanning::beside(task, &self.readings.parameters, &taken, &rows)
-            .map_err(wrong)?;
+        let (candidates, seed) = (self.readings.candidates(scenario)?, scenario.seed);
+        let wanted = ReadingsWanted {
+            measured: &taken,
+            ..self.readings.wanted(scenario, candidates.as_deref())
+        };
+        let drawn = wanted.drawn(seed);
+        let wrong = |error: AbsolutePlanError| error.in_file(wanted.path);
+        let mut planning = wanted.planning(task, seed).map_err(wrong)?;
         let so_far = planning.prediction(&[]);
         let wanted_m = self.accuracy_um.map(|accuracy| accuracy * 1e-6);
         let is_reached =
@@ -68,7 +74,7 @@ impl Next {
         let mut conditions = Vec::new();
         let found = if counts.is_empty() {
             text += "Nothing more needs to be measured.\n";
-            RestOfReadings::default()
+            None
         } else {
             (self.common).say("planning what to measure next");
             let bar = bar(self.common.quiet, "searching the plan");
@@ -76,23 +82,25 @@ impl Next {
                 stop: ask_search(),
                 progress: &|done, all, _| show(&bar, done, all),
             };
-            let found = planning.rest(counts, wanted_m, scenario.seed, watch);
+            let found = wanted.of_sizes(&mut planning, counts, wanted_m, seed, watch);
             bar.finish_and_clear();
             searched();
-            found.map_err(wrong)?
+            found.map_err(wrong)?.pop()
         };
+        let (plan, bound) = found.map_or_else(Default::default, |found| (found.plan, found.bound));
+        let bound_m = bound.map(|bound| bound.best);
         conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
-        let prediction = planning.prediction(&found.plan);
+        let prediction = planning.prediction(&plan);
         let reached_m = prediction.rho0_m();
         let is_reached =
             wanted_m.is_none_or(|wanted_m| reached_m.is_some_and(|rho0| rho0 <= wanted_m));
-        if !found.plan.is_empty() {
-            text += &tell(&planning, &found, &prediction);
+        if !plan.is_empty() {
+            text += &tell(&planning, (&plan, bound_m), &prediction);
         }
         conditions.extend(self.unreached(measured + prediction.readings, is_reached));
         let mut written = Written::default();
         if let Some(path) = &self.plan_out {
-            let rows = planning.rows(&found.plan);
+            let rows = planning.rows(&plan);
             text += &written.noted(path, write_candidates(path, task.belief.commands(), &rows));
         }
         conditions.extend(written.conditions());
@@ -106,9 +114,9 @@ impl Next {
             "measured_rho0_mm": millimetres(so_far.rho0_m()),
             "accuracy_um": self.accuracy_um,
             "reached": is_reached,
-            "plan": planned_readings(task, &planning, &found.plan),
+            "plan": planned_readings(task, &planning, &plan),
             "rho0_mm": millimetres(reached_m),
-            "lower_bound_rho0_mm": millimetres(found.bound_m),
+            "lower_bound_rho0_mm": millimetres(bound_m),
             "candidates": planning.offer,
             "drawn": drawn,
         });
@@ -158,7 +166,7 @@ fn described(planning: &AbsolutePlanning<'_>, prediction: &PredictedAccuracy) ->
 /// The rest for a person.
 fn tell(
     planning: &AbsolutePlanning<'_>,
-    found: &RestOfReadings,
+    (plan, bound_m): (&[(usize, u32)], Option<f64>),
     prediction: &PredictedAccuracy,
 ) -> String {
     let mut text = format!(
@@ -166,13 +174,13 @@ fn tell(
         counted(prediction.readings.into(), "absolute reading"),
         described(planning, prediction)
     );
-    if let Some(bound_m) = found.bound_m {
+    if let Some(bound_m) = bound_m {
         text += &format!(
             "; no other rest of these candidates is below {:.5} mm",
             bound_m * 1e3
         );
     }
-    let rows = planning.readings(&found.plan).into_iter().zip(&found.plan);
+    let rows = planning.readings(plan).into_iter().zip(plan);
     let rows = rows.map(|((row, times), &(place, _))| {
         vec![
             row.line.to_string(),

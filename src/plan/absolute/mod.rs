@@ -40,8 +40,7 @@ use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::Task;
 
-pub use budget::RestOfReadings;
-pub use drawn::{DrawnWanted, sampled_candidates};
+pub use drawn::{DrawnWanted, ReadingsWanted};
 pub use error::AbsolutePlanError;
 pub use predicted_accuracy::PredictedAccuracy;
 
