@@ -33,16 +33,13 @@ impl ReadingsWanted<'_> {
             if watch.stop.load(Ordering::Relaxed) && !plans.is_empty() {
                 break;
             }
-            let here = Watch {
-                stop: watch.stop,
-                progress: &|done, all, cost| {
-                    (watch.progress)(number * all + done, numbers * all, cost);
-                },
-            };
             // One reading less, with one more repeat.
             let fewer = plans.last().filter(|_| rows.is_empty());
             let known = fewer.and_then(|fewer| planning.once_more(fewer.plan.clone()));
-            match self.design_from(planning, known.as_slice(), [readings; 2], seed, here) {
+            let found = watch.part(number, numbers, |here| {
+                self.design_from(planning, known.as_slice(), [readings; 2], seed, here)
+            });
+            match found {
                 Ok((all, mut found)) => {
                     let own = all.as_ref().unwrap_or(planning);
                     let rho0_m = own.prediction(&found.plan).rho0_m();

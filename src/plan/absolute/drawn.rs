@@ -121,13 +121,9 @@ impl ReadingsWanted<'_> {
         }
         let (task, rounds) = (planning.task, STEPS.len() + 1);
         let search = |planning: &AbsolutePlanning<'t>, round: usize| {
-            let here = Watch {
-                stop: watch.stop,
-                progress: &|done, all, cost| {
-                    (watch.progress)(round * all + done, rounds * all, cost);
-                },
-            };
-            let found = planning.design_by((SEARCHES, &[]), sizes, seed, here)?;
+            let found = watch.part(round, rounds, |here| {
+                planning.design_by((SEARCHES, &[]), sizes, seed, here)
+            })?;
             let chosen = planning.readings(&found.plan).into_iter();
             let chosen: Vec<Candidate> = chosen.map(|(row, _)| row.clone()).collect();
             let rho0_m = planning.prediction(&found.plan).rho0_m();

@@ -335,14 +335,10 @@ impl AbsolutePlanning<'_> {
         let frames = shown.test_poses.len();
         let (mut designs, mut bounds) = (Vec::new(), Vec::new());
         for (frame, (station, test_poses)) in shown.test_poses.iter().enumerate() {
-            let here = Watch {
-                stop: watch.stop,
-                progress: &|done, all, cost| {
-                    (watch.progress)(frame * all + done, frames * all, cost);
-                },
-            };
             let (found, bound) = self.with_problem(&shown, test_poses, measurements, |problem| {
-                let found = self.search(problem, (*station, known), effort, here);
+                let search =
+                    |here: Watch<'_>| self.search(problem, (*station, known), effort, here);
+                let found = watch.part(frame, frames, search);
                 // Where no plan was found, others have a bound there none the less.
                 let bound = match &found {
                     Ok(design) => Some(design.bound.clone()),
