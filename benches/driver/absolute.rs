@@ -1,5 +1,6 @@
 //! Absolute readings of a UR10: the one fit with and without joint error functions, and one virtual robot after another.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
@@ -7,7 +8,7 @@ use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
 use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::ParameterSet;
-use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted};
+use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
@@ -91,9 +92,12 @@ pub fn fit(scenario: &'static Scenario, transmission_error_rad: f64) -> impl FnM
 /// Virtual robots that are read by a random plan, a block at a time.
 pub fn trials(scenario: &'static Scenario) -> impl FnMut(u64) {
     let groups: &[ParameterGroup] = &[ParameterGroup::Zeros];
-    let wanted = DrawnWanted {
+    let wanted = ReadingsWanted {
+        groups: groups,
+        measured: &[],
+        candidates: None,
+        path: Path::new("scenarios"),
         configurations: 20,
-        seed: 1,
     };
     let mut task = scenario.task.clone();
     task.design.accuracy = AccuracyKind::Absolute;
@@ -101,7 +105,7 @@ pub fn trials(scenario: &'static Scenario) -> impl FnMut(u64) {
     let task = Box::leak(Box::new(task));
     let setting = Setting::new(task, &scenario.truth, conditions);
     let settings = Box::leak(Box::new([setting]));
-    let planning = AbsolutePlanning::anywhere(&settings[0].task, groups, wanted).expect("a region");
+    let planning = wanted.planning(&settings[0].task, 1).expect("a region");
     let entries = Box::leak(Box::new([Entry {
         name: "plan".to_owned(),
         setting: 0,

@@ -7,7 +7,7 @@ use clap::Args;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{least_minutes, quickest};
-use elastocal::plan::absolute::AbsolutePlanning;
+use elastocal::plan::absolute::AbsolutePlanError;
 use elastocal::plan::search::{BudgetPoint, budget, cheapest, repeated_configurations};
 use elastocal::quantities::plausible::ACCURACY;
 use elastocal::record::json::merge;
@@ -141,19 +141,19 @@ impl Budget {
     /// Of absolute readings.
     fn readings(&self, scenario: &Scenario) -> anyhow::Result<Searched> {
         let (common, task, laboratory) = (&self.common, &scenario.task, &scenario.laboratory);
-        let (rows, drawn) = self.readings.rows(scenario)?;
-        let wrong = |error| self.readings.wrong(scenario, &error);
-        let planning =
-            AbsolutePlanning::new(task, &self.readings.parameters, &rows).map_err(wrong)?;
+        let (candidates, seed) = (self.readings.candidates(scenario)?, scenario.seed);
+        let wanted = self.readings.wanted(scenario, candidates.as_deref());
+        let wrong = |error: AbsolutePlanError| error.in_file(wanted.path);
+        let mut planning = wanted.planning(task, seed).map_err(wrong)?;
         common.say(&format!(
             "searching the best plans of up to {} among {}",
             counted(self.up_to.into(), "absolute reading"),
             counted(planning.candidates.len() as u64, "candidate")
         ));
         let found = search(common.quiet, "searching plans", |watch| {
-            planning.budget(self.up_to, drawn.is_some(), scenario.seed, watch)
-        })
-        .map_err(wrong)?;
+            wanted.of_sizes(&mut planning, 1..=self.up_to, None, seed, watch)
+        });
+        let found = planning.budget(found.map_err(wrong)?);
         let minutes = |point: &BudgetPoint| {
             let is_it = |(each, _): &&(BudgetPoint, _)| each.experiments == point.experiments;
             let (_, plan) = found.iter().find(is_it)?;
@@ -164,7 +164,7 @@ impl Budget {
         let at_least =
             |point: &BudgetPoint| laboratory.costs.work_min([1, 1, 0], point.experiments);
         let points: Vec<BudgetPoint> = found.iter().map(|(point, _)| point.clone()).collect();
-        let offer = &planning.offer;
+        let (offer, drawn) = (&planning.offer, wanted.drawn(seed));
         Ok(Searched {
             needed: self.needed(&points, at_least, minutes),
             text: offered(drawn, self.readings.candidates.as_deref(), offer),

@@ -9,6 +9,7 @@ use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
+use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, BoundKind, Candidates, Certificate, Problem, SearchError, Watch,
 };
@@ -20,7 +21,6 @@ use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
-use elastocal::workflow::study::ReadingsWanted;
 use serde_json::json;
 
 use super::conditions::search_stopped;
@@ -251,6 +251,7 @@ impl PlanCommand {
         let rows = rows.transpose()?;
         let chosen = ReadingsWanted {
             groups,
+            measured: &[],
             candidates: rows.as_deref(),
             path: file.unwrap_or(&scenario.path),
             configurations: self.draw.unwrap_or(DRAWN),

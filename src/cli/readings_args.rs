@@ -1,14 +1,13 @@
 //! Which absolute readings may be planned: of a file of candidates, or at sampled configurations.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::experiment::{Candidate, read_candidates};
 use elastocal::files::FileError;
 use elastocal::identification::ParameterGroup;
-use elastocal::plan::absolute::{AbsolutePlanError, DrawnWanted, sampled_candidates};
+use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::scenario::Scenario;
-use elastocal::workflow::study::ReadingsWanted;
 
 use super::plan::DRAWN;
 
@@ -28,24 +27,6 @@ pub struct ReadingsArgs {
 }
 
 impl ReadingsArgs {
-    /// The candidates, and how they were sampled where no file has them.
-    pub fn rows(
-        &self,
-        scenario: &Scenario,
-    ) -> Result<(Vec<Candidate>, Option<DrawnWanted>), FileError> {
-        let task = &scenario.task;
-        if let Some(path) = &self.candidates {
-            return Ok((read_candidates(path, task.belief.commands())?, None));
-        }
-        let wanted = DrawnWanted {
-            configurations: self.configurations(),
-            seed: scenario.seed,
-        };
-        let rows =
-            sampled_candidates(task, wanted).map_err(|error| self.wrong(scenario, &error))?;
-        Ok((rows, Some(wanted)))
-    }
-
     /// How many configurations are sampled where no file has candidates.
     pub fn configurations(&self) -> u32 {
         self.draw.unwrap_or(DRAWN)
@@ -65,15 +46,10 @@ impl ReadingsArgs {
     ) -> ReadingsWanted<'a> {
         ReadingsWanted {
             groups: &self.parameters,
+            measured: &[],
             candidates,
             path: self.candidates.as_deref().unwrap_or(&scenario.path),
             configurations: self.configurations(),
         }
-    }
-
-    /// What is wrong with them, in the file that has them.
-    pub fn wrong(&self, scenario: &Scenario, error: &AbsolutePlanError) -> FileError {
-        let path: &Path = self.candidates.as_deref().unwrap_or(&scenario.path);
-        error.in_file(path)
     }
 }

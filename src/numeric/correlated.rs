@@ -11,15 +11,15 @@
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
+use super::ornstein_uhlenbeck::ProcessPoint;
+
 /// A reading: a position and perhaps more.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrelatedReading {
     /// How its rows, the position first, follow the unknowns (p x r), which are independent normal numbers before anything is read.
     pub by_unknowns: DMatrix<f64>,
-    /// How they follow the processes (r x f),
-    pub by_processes: DMatrix<f64>,
-    /// at these places of their coordinates.
-    pub places: Vec<f64>,
+    /// How they follow the processes.
+    pub by_processes: ProcessPoint,
     /// The covariance of what is new at it (r x r).
     pub new: DMatrix<f64>,
 }
@@ -27,8 +27,8 @@ pub struct CorrelatedReading {
 /// Readings, with the processes that they follow.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrelatedList {
-    /// The standard deviation and the length of each process.
-    pub processes: Vec<[f64; 2]>,
+    /// The length of each process.
+    pub lengths: Vec<f64>,
     /// All of them.
     pub readings: Vec<CorrelatedReading>,
     /// The first so many may be chosen,
@@ -41,14 +41,8 @@ impl CorrelatedList {
     /// K between two readings (r x r'), before anything is read.
     fn between(&self, one: usize, other: usize) -> DMatrix<f64> {
         let [one, other] = [&self.readings[one], &self.readings[other]];
-        let mut covariance = one.by_unknowns.tr_mul(&other.by_unknowns);
-        for (process, [deviation, length]) in self.processes.iter().enumerate() {
-            let apart = (one.places[process] - other.places[process]).abs();
-            let shared = deviation.powi(2) * (-apart / length).exp();
-            let [mine, theirs] = [one, other].map(|each| each.by_processes.column(process));
-            covariance.ger(shared, &mine, &theirs, 1.0);
-        }
-        covariance
+        one.by_unknowns.tr_mul(&other.by_unknowns)
+            + (one.by_processes).covariance(&other.by_processes, &self.lengths)
     }
 
     /// K between all readings and one of them.
@@ -252,13 +246,15 @@ pub(crate) mod tests {
             };
             CorrelatedReading {
                 by_unknowns: DMatrix::from_fn(5, rows, of(1)),
-                by_processes: DMatrix::from_fn(rows, 2, of(50)),
-                places: vec![value(each), value(5 * each + 3)],
+                by_processes: ProcessPoint {
+                    columns: DMatrix::from_fn(rows, 2, of(50)) * 0.5,
+                    places: vec![value(each), value(5 * each + 3)],
+                },
                 new: DMatrix::identity(rows, rows) * 0.01,
             }
         };
         CorrelatedList {
-            processes: vec![[0.5, 0.2], [0.5, 0.3]],
+            lengths: vec![0.2, 0.3],
             readings: (0..20).map(reading).collect(),
             choosable: 20,
             known: 0,

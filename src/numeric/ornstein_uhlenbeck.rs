@@ -87,20 +87,64 @@ pub fn knots_among(values: &[f64], count: usize) -> Vec<f64> {
     knots
 }
 
-/// Values of one sample of the process at some places, with this length.
-pub fn sampled(places: &[f64], length: f64, random: &mut ChaCha8Rng) -> Vec<f64> {
+/// What follows independent processes at places of their coordinates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProcessPoint {
+    /// How its rows follow each process, by one standard deviation of that (r x f),
+    pub columns: DMatrix<f64>,
+    /// at these places (f).
+    pub places: Vec<f64>,
+}
+
+impl ProcessPoint {
+    /// The covariance with another point (r x r'), of processes with these lengths (f).
+    pub fn covariance(&self, other: &Self, lengths: &[f64]) -> DMatrix<f64> {
+        let mut covariance = DMatrix::zeros(self.columns.nrows(), other.columns.nrows());
+        for (process, length) in lengths.iter().enumerate() {
+            let apart = (self.places[process] - other.places[process]).abs();
+            let shared = (-apart / length).exp();
+            let [mine, theirs] = [self, other].map(|point| point.columns.column(process));
+            covariance.ger(shared, &mine, &theirs, 1.0);
+        }
+        covariance
+    }
+}
+
+/// The process from each place to the next in rising order: the number of the place, how much it keeps of the value before, and how much
+/// of a standard normal number it adds.
+fn steps(places: &[f64], length: f64) -> impl Iterator<Item = (usize, [f64; 2])> {
     let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by(|&one, &other| places[one].total_cmp(&places[other]).then(one.cmp(&other)));
+    let mut before: Option<f64> = None;
+    order.into_iter().map(move |place| {
+        let at = places[place];
+        let kept = (before.replace(at)).map_or(0.0, |before| (-(at - before) / length).exp());
+        (place, [kept, (1.0 - kept * kept).max(0.0).sqrt()])
+    })
+}
+
+/// Values of one sample of the process at some places, with this length.
+pub fn sampled(places: &[f64], length: f64, random: &mut ChaCha8Rng) -> Vec<f64> {
     let mut values = vec![0.0; places.len()];
-    let mut before: Option<(f64, f64)> = None;
-    for place in order {
-        let kept = before.map_or(0.0, |(at, _)| (-(places[place] - at) / length).exp());
+    let mut value = 0.0;
+    for (place, [kept, added]) in steps(places, length) {
         let new: f64 = StandardNormal.sample(random);
-        let old = before.map_or(0.0, |(_, value)| value);
-        values[place] = kept * old + (1.0 - kept * kept).max(0.0).sqrt() * new;
-        before = Some((places[place], values[place]));
+        value = kept * value + added * new;
+        values[place] = value;
     }
     values
+}
+
+/// How standard normal numbers make the values at some places (n x n), with this length.
+pub fn root(places: &[f64], length: f64) -> DMatrix<f64> {
+    let mut root = DMatrix::zeros(places.len(), places.len());
+    let mut row = DMatrix::zeros(1, places.len());
+    for (number, (place, [kept, added])) in steps(places, length).enumerate() {
+        row *= kept;
+        row[number] = added;
+        root.row_mut(place).copy_from(&row);
+    }
+    root
 }
 
 /// A sample of the process of unit variance as a function: its value at a place depends on its random numbers and on the place alone,
@@ -350,5 +394,23 @@ mod tests {
         assert!(knots[0].abs() < 1e-12 && (knots[4] - 1.0).abs() < 1e-12 && knots[2] < 0.3);
         assert_eq!(knots_among(&[2.0; 9], 5).len(), 1);
         assert_eq!(knots_among(&[], 5).len(), 1);
+    }
+
+    /// The root of the covariance is one, whatever the order of the places, equal ones among them.
+    #[test]
+    fn roots_are_those_of_the_covariance() {
+        let places = [0.3, -0.2, 0.0, 0.3, 1.7];
+        let point = |place: &f64| ProcessPoint {
+            columns: DMatrix::identity(1, 1),
+            places: vec![*place],
+        };
+        let root = root(&places, 0.4);
+        let found = &root * root.transpose();
+        for (row, one) in places.iter().enumerate() {
+            for (column, other) in places.iter().enumerate() {
+                let expected = point(one).covariance(&point(other), &[0.4])[0];
+                assert!((found[(row, column)] - expected).abs() < 1e-12);
+            }
+        }
     }
 }

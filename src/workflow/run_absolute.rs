@@ -9,7 +9,6 @@ use serde_json::{Value, json};
 use super::design::Wanted;
 use super::identify_absolute::{IdentifiedRobot, identify_absolute};
 use super::run::{RANDOM_PLANS, RunStage};
-use super::study::ReadingsWanted;
 use crate::calibration::{CompensatedPose, SeenPose, pose_conditions};
 use crate::codes::{Condition, ErrorCode};
 use crate::compensation::compensate_arm;
@@ -19,7 +18,9 @@ use crate::identification::{
 };
 use crate::numeric::posterior::NotDetermined;
 use crate::parameter::{Parameter, ParameterKind};
-use crate::plan::absolute::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, PredictedAccuracy};
+use crate::plan::absolute::{
+    AbsolutePlan, AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
+};
 use crate::plan::search::Watch;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::absolute_plan::{AbsolutePlanMessage, ReadingsRunMessage, planned_readings};

@@ -1,7 +1,6 @@
 //! The plans of a study, and what its runs come to.
 
 use std::f64::consts::FRAC_1_SQRT_2;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -12,9 +11,8 @@ use super::design::{Designed, Wanted};
 use crate::codes::{Condition, ErrorCode};
 use crate::experiment::{Candidate, Plan};
 use crate::files::FileError;
-use crate::identification::ParameterGroup;
 use crate::plan::Criterion;
-use crate::plan::absolute::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, DrawnWanted};
+use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
 use crate::plan::search::{CandidatePlan, SearchError, Watch, random_plan};
 use crate::record::json::{merge, results};
 use crate::record::robot_trials::RobotTrials;
@@ -46,64 +44,6 @@ pub enum EntryError {
     /// A plan of absolute readings.
     #[error(transparent)]
     Readings(#[from] FileError),
-}
-
-/// What plans of absolute readings are made of.
-#[derive(Debug, Clone, Copy)]
-pub struct ReadingsWanted<'a> {
-    /// What is unknown besides what the scenario names.
-    pub groups: &'a [ParameterGroup],
-    /// What plans are chosen from, where there is a list.
-    pub candidates: Option<&'a [Candidate]>,
-    /// The file of that list, or else the scenario.
-    pub path: &'a Path,
-    /// How many configurations are drawn where there is no list.
-    pub configurations: u32,
-}
-
-impl ReadingsWanted<'_> {
-    /// How configurations are drawn under a seed, where there is no list.
-    pub fn drawn(&self, seed: u64) -> Option<DrawnWanted> {
-        let configurations = self.configurations;
-        (self.candidates.is_none()).then_some(DrawnWanted {
-            configurations,
-            seed,
-        })
-    }
-
-    /// What may be read: the rows of the list, or what is drawn under a seed.
-    ///
-    /// # Errors
-    /// See [`AbsolutePlanError`].
-    pub fn planning<'t>(
-        &self,
-        task: &'t Task,
-        seed: u64,
-    ) -> Result<AbsolutePlanning<'t>, AbsolutePlanError> {
-        match (self.drawn(seed), self.candidates) {
-            (Some(drawn), _) => AbsolutePlanning::anywhere(task, self.groups, drawn),
-            (None, rows) => AbsolutePlanning::new(task, self.groups, rows.unwrap_or_default()),
-        }
-    }
-
-    /// The best plan that is found of so many readings, of so many different candidates.
-    ///
-    /// # Errors
-    /// See [`AbsolutePlanError`].
-    pub fn design<'t>(
-        &self,
-        task: &'t Task,
-        sizes: [u32; 2],
-        seed: u64,
-        watch: Watch<'_>,
-    ) -> Result<(AbsolutePlanning<'t>, AbsolutePlan), AbsolutePlanError> {
-        if let Some(drawn) = self.drawn(seed) {
-            return AbsolutePlanning::design_anywhere(task, self.groups, drawn, sizes, watch);
-        }
-        let planning = self.planning(task, seed)?;
-        let found = planning.design(sizes, seed, watch)?;
-        Ok((planning, found))
-    }
 }
 
 /// Designs the plan of a name for a task.

@@ -1,5 +1,6 @@
 //! Virtual robots that are identified from distances of which visits share errors: standard errors, predictions, models, choices.
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use elastocal::experiment::{Candidate, read_candidates};
@@ -7,7 +8,7 @@ use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
 use elastocal::parameter::{Axis, ParameterKind};
-use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted};
+use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::plan::search::Watch;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
@@ -283,12 +284,14 @@ fn other_distances_are_as_predicted() {
 /// 60 configurations in which the bar reads one ball of a robot whose zeros nobody knows.
 fn unknown_zeros(run: u64) -> (Scenario, Vec<AbsoluteReading>) {
     let scenario = with_sources(RETURNS);
-    let (configurations, seed) = (60, 1);
-    let wanted = DrawnWanted {
-        configurations,
-        seed,
+    let wanted = ReadingsWanted {
+        groups: &ZEROS,
+        measured: &[],
+        candidates: None,
+        path: Path::new("scenarios"),
+        configurations: 60,
     };
-    let planning = AbsolutePlanning::anywhere(&scenario.task, &ZEROS, wanted).expect("candidates");
+    let planning = wanted.planning(&scenario.task, 1).expect("candidates");
     let read = planning.candidates.iter();
     let read = read.filter(|row| row.target.as_deref() == Some("spindle"));
     let rows: Vec<Candidate> = read

@@ -1,9 +1,11 @@
 //! Distances between targets and places in the room, as a ballbar or a wire encoder reads them.
 
+use std::path::Path;
+
 use elastocal::experiment::read_candidates;
 use elastocal::identification::ParameterGroup;
 use elastocal::measurement::{MeasuredFile, read_measured};
-use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted};
+use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use serde_json::Value;
@@ -116,12 +118,14 @@ fn files_of_distances_are_read_as_they_are_written() {
 #[test]
 fn the_base_is_where_joint_1_has_it() {
     let scenario = with_sources("");
-    let wanted = DrawnWanted {
+    let wanted = ReadingsWanted {
+        groups: &[ParameterGroup::Geometry],
+        measured: &[],
+        candidates: None,
+        path: Path::new("scenarios"),
         configurations: 60,
-        seed: 1,
     };
-    let planning = AbsolutePlanning::anywhere(&scenario.task, &[ParameterGroup::Geometry], wanted)
-        .expect("candidates");
+    let planning = wanted.planning(&scenario.task, 1).expect("candidates");
     let parameters = planning.set().parameters();
     let names: Vec<&str> = parameters.iter().map(|each| each.name.as_str()).collect();
     let is_base = |name: &&str| name.starts_with("link_1.") || name.starts_with("shoulder_pan");

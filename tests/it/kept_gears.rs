@@ -146,3 +146,37 @@ fn functions_do_not_hide_what_is_unknown() {
         "{share}"
     );
 }
+
+/// What a budget and the next readings reach is what the plan of as many readings does: all three look near what they choose. Of sampled
+/// configurations alone the best had three times as much.
+#[test]
+fn budgets_and_next_readings_are_as_good_as_plans() {
+    let place = Workplace::new();
+    place.write(
+        "kept.toml",
+        absolute(&gears("correlation_deg = 40", ""))
+            .replace("experiments = 20", "experiments = 12"),
+    );
+    let options = "kept.toml --parameters zeros --draw 40";
+    let planned = place.json(&format!("plan {options} --plan-out p.csv"));
+    let budget = place.json_with_conditions(&format!("budget {options} --up-to 12"));
+    let last = (budget["budget"].as_array()).and_then(|points| points.last());
+    let last = last.expect("points");
+    for key in ["rho0_mm", "lower_bound_rho0_mm"] {
+        let [own, of_plan] = [last, &planned].map(|found| number(&found[key]));
+        assert!((own / of_plan - 1.0).abs() < 1e-6, "{key}: {own} {of_plan}");
+    }
+    let readings = planned["plan"].as_array().expect("readings").len();
+    assert_eq!(last["experiments"], 12);
+    assert!(readings <= 12);
+
+    place.json("measure kept.toml --plan p.csv --measurements-out all.csv");
+    let all = place.read("all.csv");
+    let is_row = |line: &&str| line.starts_with(|first: char| first == '-' || first.is_numeric());
+    let rows: Vec<&str> = all.lines().filter(is_row).collect();
+    let first = all.replace(&rows[6..].join("\n"), "");
+    place.write("first.csv", first.trim_end().to_owned() + "\n");
+    let next = place.json(&format!("next {options} --measurements first.csv"));
+    let [own, of_plan] = [&next, &planned].map(|found| number(&found["rho0_mm"]));
+    assert!(own < 1.3 * of_plan, "{own} {of_plan}");
+}

@@ -9,7 +9,9 @@ use elastocal::experiment::write_candidates;
 use elastocal::files::FileError;
 use elastocal::identification::AbsoluteCase;
 use elastocal::measurement::read_measured_so_far;
-use elastocal::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RestOfReadings};
+use elastocal::plan::absolute::{
+    AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
+};
 use elastocal::record::absolute_plan::planned_readings;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
@@ -34,10 +36,14 @@ impl Next {
             FileError::new(&self.measurements, error.to_string()).code(ErrorCode::Measurements)
         })?;
         let measured = u32::try_from(taken.len()).unwrap_or(u32::MAX);
-        let (rows, drawn) = self.readings.rows(scenario)?;
-        let wrong = |error| self.readings.wrong(scenario, &error);
-        let planning = AbsolutePlanning::beside(task, &self.readings.parameters, &taken, &rows)
-            .map_err(wrong)?;
+        let (candidates, seed) = (self.readings.candidates(scenario)?, scenario.seed);
+        let wanted = ReadingsWanted {
+            measured: &taken,
+            ..self.readings.wanted(scenario, candidates.as_deref())
+        };
+        let drawn = wanted.drawn(seed);
+        let wrong = |error: AbsolutePlanError| error.in_file(wanted.path);
+        let mut planning = wanted.planning(task, seed).map_err(wrong)?;
         let so_far = planning.prediction(&[]);
         let wanted_m = self.accuracy_um.map(|accuracy| accuracy * 1e-6);
         let is_reached =
@@ -60,26 +66,28 @@ impl Next {
         let mut conditions = Vec::new();
         let found = if counts.is_empty() {
             text += "Nothing more needs to be measured.\n";
-            RestOfReadings::default()
+            None
         } else {
             (self.common).say("planning what to measure next");
-            search(self.common.quiet, "searching the plan", |watch| {
-                planning.rest(counts, wanted_m, scenario.seed, watch)
-            })
-            .map_err(wrong)?
+            let found = search(self.common.quiet, "searching the plan", |watch| {
+                wanted.of_sizes(&mut planning, counts, wanted_m, seed, watch)
+            });
+            found.map_err(wrong)?.pop()
         };
+        let (plan, bound) = found.map_or_else(Default::default, |found| (found.plan, found.bound));
+        let bound_m = bound.map(|bound| bound.best);
         conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
-        let prediction = planning.prediction(&found.plan);
+        let prediction = planning.prediction(&plan);
         let reached_m = prediction.rho0_m();
         let is_reached =
             wanted_m.is_none_or(|wanted_m| reached_m.is_some_and(|rho0| rho0 <= wanted_m));
-        if !found.plan.is_empty() {
-            text += &tell(&planning, &found, &prediction);
+        if !plan.is_empty() {
+            text += &tell(&planning, (&plan, bound_m), &prediction);
         }
         conditions.extend(self.unreached(measured + prediction.readings, is_reached));
         let json = json!({
             "accuracy": "absolute",
-            "plan": planned_readings(task, &planning, &found.plan),
+            "plan": planned_readings(task, &planning, &plan),
             "candidates": planning.offer,
             "drawn": drawn,
         });
@@ -88,9 +96,9 @@ impl Next {
             measured_m: so_far.rho0_m(),
             is_reached,
             rho0_m: reached_m,
-            bound_m: found.bound_m,
+            bound_m,
         };
-        let rows = planning.rows(&found.plan);
+        let rows = planning.rows(&plan);
         let write = |path: &Path| write_candidates(path, task.belief.commands(), &rows);
         self.report(scenario, &next, &write, Report::new(json, text, conditions))
     }
@@ -114,7 +122,7 @@ fn described(planning: &AbsolutePlanning<'_>, prediction: &PredictedAccuracy) ->
 /// The rest for a person.
 fn tell(
     planning: &AbsolutePlanning<'_>,
-    found: &RestOfReadings,
+    (plan, bound_m): (&[(usize, u32)], Option<f64>),
     prediction: &PredictedAccuracy,
 ) -> String {
     let mut text = format!(
@@ -122,13 +130,13 @@ fn tell(
         counted(prediction.readings.into(), "absolute reading"),
         described(planning, prediction)
     );
-    if let Some(bound_m) = found.bound_m {
+    if let Some(bound_m) = bound_m {
         text += &format!(
             "; no other rest of these candidates is below {:.5} mm",
             bound_m * 1e3
         );
     }
-    let rows = planning.readings(&found.plan).into_iter().zip(&found.plan);
+    let rows = planning.readings(plan).into_iter().zip(plan);
     let rows = rows.map(|((row, times), &(place, _))| {
         vec![
             row.line.to_string(),

@@ -13,7 +13,7 @@ use super::{
     ReadingWeights,
 };
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
-use crate::numeric::ornstein_uhlenbeck::sampled;
+use crate::numeric::ornstein_uhlenbeck::{ProcessPoint, sampled};
 use crate::observation::{
     Form, Observation, ObservationModel, Reading, planned_information_of_each, planned_positions,
 };
@@ -161,6 +161,9 @@ impl PartsOfReadings<'_> {
         let before = self.known_before() + (mean + DMatrix::identity(size, size)) * FAINT;
         let factor = Cholesky::new(before).ok_or(IdentificationError::NothingObserved)?;
         let sizes = DMatrix::from_diagonal(&set.scales());
+        let deviations = self.known.functions.iter().map(|each| each.deviation_rad);
+        let deviations: Vec<f64> = deviations.collect();
+        let deviations = DMatrix::from_diagonal(&deviations.into());
         let rest = Discrepancy::from(self.known.rest).covariance();
         let reading = |(each, rows): (&Observation, LinearReading)| {
             let mut by_unknowns = &sizes * rows.columns.transpose();
@@ -171,14 +174,16 @@ impl PartsOfReadings<'_> {
             let returns = self.known.returns(&rows.joints);
             CorrelatedReading {
                 by_unknowns,
-                by_processes: rows.joints,
-                places: joints.iter().map(|&joint| q[joint]).collect(),
+                by_processes: ProcessPoint {
+                    columns: rows.joints * &deviations,
+                    places: joints.iter().map(|&joint| q[joint]).collect(),
+                },
                 new: rows.own + rest.view((0, 0), (count, count)) + returns,
             }
         };
         Ok(CorrelatedList {
-            processes: (self.known.functions.iter())
-                .map(|each| [each.deviation_rad, each.correlation_rad])
+            lengths: (self.known.functions.iter())
+                .map(|each| each.correlation_rad)
                 .collect(),
             choosable: rows.len(),
             known: 0,

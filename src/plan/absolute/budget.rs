@@ -3,58 +3,77 @@
 use std::ops::RangeInclusive;
 use std::sync::atomic::Ordering;
 
-use super::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, SEARCHES};
+use super::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
+use crate::experiment::Candidate;
 use crate::plan::search::{BudgetPoint, CandidatePlan, PlanBound, Watch};
 use crate::plan::{Plan, UncertaintyBudget};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 
-/// What is to be read beside what is measured.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct RestOfReadings {
-    /// The candidates by their places, and how often each is read.
-    pub plan: CandidatePlan,
-    /// No rest of as many readings of the candidates predicts a smaller rho0 (m), where that is known.
-    pub bound_m: Option<f64>,
-}
-
-impl AbsolutePlanning<'_> {
-    /// The best plans that are found of up to so many readings, those first that are enough for the tool's place. Where candidates
-    /// are sampled, bounds are evidence. When it is stopped, the numbers that it has not come to are left out.
+impl ReadingsWanted<'_> {
+    /// The best plans that are found of so many readings each, those first that are enough for the tool's place, and until one gives an
+    /// accuracy (m). What may be read has the readings of all of them then. When it is stopped, the numbers that it has not come to are
+    /// left out.
     ///
     /// # Errors
-    /// The candidates do not determine the tool's place, or no plan of so few of them does.
-    pub fn budget(
+    /// The candidates do not determine the tool's place, or none of these numbers of them does.
+    pub fn of_sizes(
         &self,
-        largest: u32,
-        are_sampled: bool,
+        planning: &mut AbsolutePlanning<'_>,
+        counts: RangeInclusive<u32>,
+        wanted_m: Option<f64>,
         seed: u64,
         watch: Watch<'_>,
-    ) -> Result<Vec<(BudgetPoint, CandidatePlan)>, AbsolutePlanError> {
-        let mut points: Vec<(BudgetPoint, CandidatePlan)> = Vec::new();
+    ) -> Result<Vec<AbsolutePlan>, AbsolutePlanError> {
+        let mut plans: Vec<AbsolutePlan> = Vec::new();
         let mut problem = None;
-        for (done, readings) in (1..=largest).enumerate() {
-            if watch.stop.load(Ordering::Relaxed) && !points.is_empty() {
+        let offered = planning.places().len();
+        let mut rows: Vec<Candidate> = Vec::new();
+        let numbers = counts.clone().count();
+        for (number, readings) in counts.enumerate() {
+            if watch.stop.load(Ordering::Relaxed) && !plans.is_empty() {
                 break;
             }
-            (watch.progress)(done, largest as usize, f64::NAN);
             // One reading less, with one more repeat.
-            let fewer = points.last().map(|(_, plan)| plan.clone());
-            let known: Vec<CandidatePlan> = (fewer.into_iter())
-                .filter_map(|plan| self.once_more(plan))
-                .collect();
-            let here = Watch::quiet(watch.stop);
-            match self.design_by((SEARCHES, &known), [readings; 2], seed, here) {
-                Ok(mut found) => {
-                    if are_sampled {
-                        found.bound = found.bound.map(PlanBound::into_evidence);
+            let fewer = plans.last().filter(|_| rows.is_empty());
+            let known = fewer.and_then(|fewer| planning.once_more(fewer.plan.clone()));
+            let found = watch.part(number, numbers, |here| {
+                self.design_from(planning, known.as_slice(), [readings; 2], seed, here)
+            });
+            match found {
+                Ok((all, mut found)) => {
+                    let own = all.as_ref().unwrap_or(planning);
+                    let rho0_m = own.prediction(&found.plan).rho0_m();
+                    if let Some(all) = all {
+                        for (place, _) in &mut found.plan {
+                            *place += rows.len();
+                        }
+                        rows.extend_from_slice(&all.candidates[offered..all.places().len()]);
                     }
-                    points.extend(self.point(found, readings));
+                    plans.push(found);
+                    if wanted_m.is_some_and(|most| rho0_m.is_some_and(|rho0_m| rho0_m <= most)) {
+                        break;
+                    }
                 }
                 Err(error @ AbsolutePlanError::Undetermined { .. }) => return Err(error),
                 // So few do not: more may.
                 Err(error) => problem = Some(error),
             }
         }
+        if !rows.is_empty() {
+            *planning = self.with_rows(planning, &rows)?;
+        }
+        match problem.filter(|_| plans.is_empty()) {
+            Some(problem) => Err(problem),
+            None => Ok(plans),
+        }
+    }
+}
+
+impl AbsolutePlanning<'_> {
+    /// The points of plans of rising numbers of readings, with these.
+    pub fn budget(&self, plans: Vec<AbsolutePlan>) -> Vec<(BudgetPoint, CandidatePlan)> {
+        let points = plans.into_iter().filter_map(|found| self.point(found));
+        let mut points: Vec<(BudgetPoint, CandidatePlan)> = points.collect();
         // What more readings cannot reach fewer do not.
         let mut least: Option<PlanBound> = None;
         for (point, _) in points.iter_mut().rev() {
@@ -66,10 +85,7 @@ impl AbsolutePlanning<'_> {
             }
             least.clone_from(&point.bound);
         }
-        match problem.filter(|_| points.is_empty()) {
-            Some(problem) => Err(problem),
-            None => Ok(points),
-        }
+        points
     }
 
     /// A plan with one more repeat, where there may be one.
@@ -83,8 +99,9 @@ impl AbsolutePlanning<'_> {
     }
 
     /// The point of a plan, with the plan.
-    fn point(&self, found: AbsolutePlan, readings: u32) -> Option<(BudgetPoint, CandidatePlan)> {
+    fn point(&self, found: AbsolutePlan) -> Option<(BudgetPoint, CandidatePlan)> {
         let prediction = self.prediction(&found.plan);
+        let readings = prediction.readings;
         let budget = self.uncertainty_budget(&found.plan, &prediction);
         let uncertain = budget.filter(|_| self.case.belief.uncertain.is_some());
         let rows = self.readings(&found.plan).into_iter();
@@ -100,41 +117,5 @@ impl AbsolutePlanning<'_> {
             bound: found.bound,
         };
         Some((point, found.plan))
-    }
-
-    /// What to read next: so many readings, or as few of them as give an accuracy (m).
-    ///
-    /// # Errors
-    /// The candidates do not determine the tool's place, or none of these numbers of them does.
-    pub fn rest(
-        &self,
-        counts: RangeInclusive<u32>,
-        wanted_m: Option<f64>,
-        seed: u64,
-        watch: Watch<'_>,
-    ) -> Result<RestOfReadings, AbsolutePlanError> {
-        let mut found = Ok(RestOfReadings::default());
-        for count in counts {
-            match self.design([count; 2], seed, watch) {
-                Ok(AbsolutePlan { plan, bound, .. }) => {
-                    let rho0_m = self.prediction(&plan).rho0_m();
-                    let bound_m = bound.map(|bound| bound.best);
-                    found = Ok(RestOfReadings { plan, bound_m });
-                    let is_enough = |wanted_m| rho0_m.is_some_and(|rho0_m| rho0_m <= wanted_m);
-                    if wanted_m.is_some_and(is_enough) {
-                        break;
-                    }
-                }
-                // More may do.
-                Err(error) if found.as_ref().is_ok_and(|rest| rest.plan.is_empty()) => {
-                    found = Err(error);
-                }
-                Err(_) => {}
-            }
-            if watch.stop.load(Ordering::Relaxed) {
-                break;
-            }
-        }
-        found
     }
 }

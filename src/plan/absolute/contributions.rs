@@ -4,9 +4,8 @@
 //! adds `R_s` to the covariance R of readings leaves trace(K (sum J^T R^-1 `R_s` R^-1 J) K^T), and what is known before
 //! trace(K `M_0` K^T). Squares add up.
 
-use nalgebra::{DMatrix, Matrix6, Matrix6xX, MatrixXx6};
+use nalgebra::{DMatrix, Matrix6, MatrixXx6};
 
-use super::joint_functions::inverse_among;
 use super::{
     AbsolutePlanning, PlaceRows, PredictedAccuracy, RepeatedReading, in_units, place_rows, stacked,
 };
@@ -44,25 +43,18 @@ impl WeighedReadings {
     fn left_by(&self, errors: impl Fn(usize) -> ReadingErrors) -> f64 {
         let of_group = |group: &Vec<(RepeatedReading, MatrixXx6<f64>)>| -> f64 {
             let mut square = 0.0;
-            let mut configuration: Option<DMatrix<f64>> = None;
-            let mut visits: Vec<Option<DMatrix<f64>>> = vec![None; group.len()];
-            let add = |sum: &mut Option<DMatrix<f64>>, weight, columns: &Matrix6xX<f64>| {
-                let moved: DMatrix<f64> = weight * columns;
-                *sum = Some(sum.take().map_or(moved.clone(), |sum| sum + moved));
-            };
+            let mut shared: Option<DMatrix<f64>> = None;
             for (each, weight) in group {
                 let errors = errors(each.place);
-                let times = f64::from(each.times);
-                square += added(weight, &errors.reading) / times;
-                add(&mut configuration, weight, &errors.configuration);
-                add(
-                    &mut visits[each.visits],
-                    weight,
-                    &(errors.visit / times.sqrt()),
-                );
+                square += added(weight, &errors.reading) / f64::from(each.times);
+                let here = group.iter().map(|(each, _)| each);
+                let moved = weight * each.effects_by(&errors, here);
+                shared = Some(match shared {
+                    Some(shared) => shared + moved,
+                    None => moved,
+                });
             }
-            let shared = visits.iter().chain([&configuration]).flatten();
-            square + shared.map(DMatrix::norm_squared).sum::<f64>()
+            square + shared.map_or(0.0, |shared| shared.norm_squared())
         };
         self.groups.iter().map(of_group).sum()
     }
@@ -77,76 +69,52 @@ impl AbsolutePlanning<'_> {
     fn weighed(&self, plan: &[(usize, u32)], prediction: &PredictedAccuracy) -> WeighedReadings {
         let scales = self.set.scales();
         let tied = self.tied(plan);
-        let rows = match &tied {
-            None => stacked(&self.poses, prediction.station),
-            Some(tied) => tied.stacked(&self.poses, prediction.station),
-        };
+        let mut rows = stacked(&self.poses, prediction.station);
+        for each in &tied {
+            each.take_shown(&mut rows, &self.poses);
+        }
         let mut gain = in_units(rows, &scales) * &prediction.posterior.covariance;
         // By typical sizes: a gain in units over sizes.
         for (mut column, scale) in gain.column_iter_mut().zip(&scales) {
             column /= *scale;
         }
-        if let Some(tied) = tied {
+        let mut groups = Vec::new();
+        for tied in tied {
             let weights = tied.weights(&self.poses, &gain);
             let mut next = 0;
             let mut weight = |each: RepeatedReading| {
                 next += 6;
                 (each, weights.fixed_columns::<6>(next - 6).into_owned())
             };
-            let groups = tied.groups.into_iter();
-            let groups = groups.map(|group| group.into_iter().map(&mut weight).collect());
-            return WeighedReadings {
-                groups: groups.collect(),
-                gain,
-            };
+            let each = tied.groups.into_iter();
+            groups.extend(each.map(|group| group.into_iter().map(&mut weight).collect()));
         }
-        let mean = &self.set.prior().mean;
-        let weigh = |group: Vec<RepeatedReading>| {
-            let setups = group.iter().map(|each| self.setup(each.place));
-            let setups: Vec<(&Setup, ReadingKind)> = setups.collect();
-            let derivatives = planned_rows(&self.set, &self.case.arm, mean, &setups);
-            let columns = derivatives.iter().map(|rows| &gain * rows.transpose());
-            let columns: Vec<MatrixXx6<f64>> = columns.collect();
-            let precision = inverse_among(&self.covariance_of(&group), &self.rows_of(&group));
-            let weight = |place: usize| -> MatrixXx6<f64> {
-                let parts = columns.iter().enumerate().map(|(other, column)| {
-                    column * precision.fixed_view::<6, 6>(6 * other, 6 * place)
-                });
-                parts.sum()
-            };
-            let weights: Vec<MatrixXx6<f64>> = (0..group.len()).map(weight).collect();
-            group.into_iter().zip(weights).collect()
-        };
-        let groups = self.by_configuration(plan).into_iter().map(weigh).collect();
         WeighedReadings { gain, groups }
     }
 
     /// The rows that readings have, of six each.
-    pub(super) fn rows_of<'r>(
-        &self,
-        readings: impl IntoIterator<Item = &'r RepeatedReading>,
-    ) -> Vec<usize> {
-        let readings = readings.into_iter().enumerate();
-        let rows = readings.flat_map(|(index, each)| {
+    pub(super) fn rows_of(&self, readings: &[&RepeatedReading]) -> Vec<usize> {
+        let rows = readings.iter().enumerate().flat_map(|(index, each)| {
             let count = self.setup(each.place).1.rows();
             (0..count).map(move |row| 6 * index + row)
         });
         rows.collect()
     }
 
-    /// The covariance of all mean readings of a configuration by themselves (6 n x 6 n), in the world frame.
-    pub(super) fn covariance_of(&self, group: &[RepeatedReading]) -> DMatrix<f64> {
+    /// The covariance of all mean readings of some configurations by themselves (6 n x 6 n), in the world frame.
+    pub(super) fn covariance_of(&self, groups: &[Vec<RepeatedReading>]) -> DMatrix<f64> {
         let here = vec![nalgebra::Isometry3::identity(); self.case.stations.len()];
-        let effects = self.sharing(group, &here).effects;
-        let mut covariance = DMatrix::zeros(6 * group.len(), 6 * group.len());
+        let effects = self.sharing(groups, &here).effects;
+        let mut covariance = DMatrix::zeros(6 * effects.len(), 6 * effects.len());
         for (row, one) in effects.iter().enumerate() {
             for (column, other) in effects.iter().enumerate() {
                 let mut block = covariance.fixed_view_mut::<6, 6>(6 * row, 6 * column);
                 block.copy_from(&(one * other.transpose()));
             }
-            let own = self.own_covariance(group[row].place, group[row].times);
+        }
+        for (row, each) in groups.iter().flatten().enumerate() {
             let mut block = covariance.fixed_view_mut::<6, 6>(6 * row, 6 * row);
-            block += own;
+            block += self.own_covariance(each.place, each.times);
         }
         covariance
     }

@@ -3,6 +3,7 @@
 //!
 //! What comes of it is evidence, and no proof: the region has more configurations than are looked at.
 
+use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use nalgebra::DVector;
@@ -15,6 +16,7 @@ use super::error::AbsolutePlanError;
 use super::{AbsolutePlan, AbsolutePlanning};
 use crate::experiment::Candidate;
 use crate::identification::ParameterGroup;
+use crate::measurement::AbsoluteReading;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::{drawn_candidates, random_readings};
 use crate::plan::Criterion;
@@ -43,19 +45,132 @@ pub struct DrawnWanted {
     pub seed: u64,
 }
 
-impl<'a> AbsolutePlanning<'a> {
-    /// What may be read at configurations that are drawn.
+/// What plans of absolute readings are made of.
+#[derive(Debug, Clone, Copy)]
+pub struct ReadingsWanted<'a> {
+    /// What is unknown besides what the scenario names.
+    pub groups: &'a [ParameterGroup],
+    /// What is read already.
+    pub measured: &'a [AbsoluteReading],
+    /// What plans are chosen from, where there is a list.
+    pub candidates: Option<&'a [Candidate]>,
+    /// The file of that list, or else the scenario.
+    pub path: &'a Path,
+    /// How many configurations are drawn where there is no list.
+    pub configurations: u32,
+}
+
+impl ReadingsWanted<'_> {
+    /// How configurations are drawn under a seed, where there is no list.
+    pub fn drawn(&self, seed: u64) -> Option<DrawnWanted> {
+        let configurations = self.configurations;
+        (self.candidates.is_none()).then_some(DrawnWanted {
+            configurations,
+            seed,
+        })
+    }
+
+    /// What may be read: the rows of the list, or what is drawn under a seed: each configuration without and with a load, of the
+    /// calibration and of the machining tool, from each station.
     ///
     /// # Errors
     /// No configuration is possible; and see [`AbsolutePlanError`].
-    pub fn anywhere(
-        task: &'a Task,
-        groups: &[ParameterGroup],
-        wanted: DrawnWanted,
-    ) -> Result<Self, AbsolutePlanError> {
-        Self::of_rows(task, groups, &[], &sampled_candidates(task, wanted)?)
+    pub fn planning<'t>(
+        &self,
+        task: &'t Task,
+        seed: u64,
+    ) -> Result<AbsolutePlanning<'t>, AbsolutePlanError> {
+        match self.candidates {
+            Some(rows) => AbsolutePlanning::beside(task, self.groups, self.measured, rows),
+            None => {
+                let rows = sampled_candidates(task, self.configurations, seed)?;
+                AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows)
+            }
+        }
     }
 
+    /// The best plan that is found of so many readings, of so many different candidates.
+    ///
+    /// # Errors
+    /// No configuration is possible; and see [`AbsolutePlanError`].
+    pub fn design<'t>(
+        &self,
+        task: &'t Task,
+        sizes: [u32; 2],
+        seed: u64,
+        watch: Watch<'_>,
+    ) -> Result<(AbsolutePlanning<'t>, AbsolutePlan), AbsolutePlanError> {
+        let planning = self.planning(task, seed)?;
+        let (all, found) = self.design_from(&planning, &[], sizes, seed, watch)?;
+        Ok((all.unwrap_or(planning), found))
+    }
+
+    /// The same of what may be read, and from plans of a list that are known. Where configurations are drawn, others near those that are
+    /// chosen may be read, too: then also what all may be read, with the rows behind that are chosen in the end.
+    pub(super) fn design_from<'t>(
+        &self,
+        planning: &AbsolutePlanning<'t>,
+        known: &[CandidatePlan],
+        sizes: [u32; 2],
+        seed: u64,
+        watch: Watch<'_>,
+    ) -> Result<(Option<AbsolutePlanning<'t>>, AbsolutePlan), AbsolutePlanError> {
+        if self.candidates.is_some() {
+            let found = planning.design_by((super::SEARCHES, known), sizes, seed, watch)?;
+            return Ok((None, found));
+        }
+        let (task, rounds) = (planning.task, STEPS.len() + 1);
+        let search = |planning: &AbsolutePlanning<'t>, round: usize| {
+            let found = watch.part(round, rounds, |here| {
+                planning.design_by((SEARCHES, &[]), sizes, seed, here)
+            })?;
+            let chosen = planning.readings(&found.plan).into_iter();
+            let chosen: Vec<Candidate> = chosen.map(|(row, _)| row.clone()).collect();
+            let rho0_m = planning.prediction(&found.plan).rho0_m();
+            Ok::<_, AbsolutePlanError>((found, chosen, rho0_m))
+        };
+        let (mut found, mut best, mut least) = search(planning, 0)?;
+        for (round, step) in (1..).zip(STEPS) {
+            if watch.stop.load(Ordering::Relaxed) {
+                break;
+            }
+            let near = near(task, &best, step, [seed, round as u64]);
+            let local = AbsolutePlanning::of_rows(task, self.groups, self.measured, &near);
+            let searched = local.and_then(|local| search(&local, round));
+            let Ok((searched, chosen, rho0_m)) = searched else {
+                continue;
+            };
+            if rho0_m.is_some_and(|rho0_m| least.is_none_or(|least| rho0_m < least)) {
+                (found, best, least) = (searched, chosen, rho0_m);
+            }
+        }
+        let offered = planning.places().len();
+        // Those that were chosen are possible.
+        let all = self.with_rows(planning, &best)?;
+        for (index, (place, _)) in found.plan.iter_mut().enumerate() {
+            *place = offered + index;
+        }
+        // All that were drawn were looked at, and there are others.
+        found.bound = all.bound(&found.plan)?.map(PlanBound::into_evidence);
+        Ok((Some(all), found))
+    }
+
+    /// What may be read, with rows behind that are not of the offer.
+    pub(super) fn with_rows<'t>(
+        &self,
+        planning: &AbsolutePlanning<'t>,
+        rows: &[Candidate],
+    ) -> Result<AbsolutePlanning<'t>, AbsolutePlanError> {
+        let rows = [&planning.candidates[..planning.places().len()], rows].concat();
+        let all = AbsolutePlanning::of_rows(planning.task, self.groups, self.measured, &rows)?;
+        Ok(AbsolutePlanning {
+            offer: planning.offer.clone(),
+            ..all
+        })
+    }
+}
+
+impl AbsolutePlanning<'_> {
     /// The median of the rms distances (m) that so many random plans predict, sampled on all threads.
     ///
     /// # Errors
@@ -120,75 +235,13 @@ impl<'a> AbsolutePlanning<'a> {
         let hint = "give more readings (study.experiments)";
         Err(AbsolutePlanError::other(problem, Some(hint)))
     }
-
-    /// The best plan that is found of so many readings, of so many different candidates, which are drawn: each configuration without
-    /// and with a load, of the calibration and of the machining tool, from each station.
-    ///
-    /// # Errors
-    /// No configuration is possible; and see [`AbsolutePlanError`].
-    pub fn design_anywhere(
-        task: &'a Task,
-        groups: &[ParameterGroup],
-        wanted: DrawnWanted,
-        sizes: [u32; 2],
-        watch: Watch<'_>,
-    ) -> Result<(Self, AbsolutePlan), AbsolutePlanError> {
-        let mut rows = sampled_candidates(task, wanted)?;
-        let planning = Self::of_rows(task, groups, &[], &rows)?;
-        let rounds = STEPS.len() + 1;
-        let search = |planning: &Self, round: usize| {
-            let here = Watch {
-                stop: watch.stop,
-                progress: &|done, all, cost| {
-                    (watch.progress)(round * all + done, rounds * all, cost);
-                },
-            };
-            let found = planning.design_by((SEARCHES, &[]), sizes, wanted.seed, here)?;
-            let chosen = found
-                .plan
-                .iter()
-                .map(|&(place, _)| planning.candidates[place].clone());
-            let chosen: Vec<Candidate> = chosen.collect();
-            let rho0_m = planning.prediction(&found.plan).rho0_m();
-            Ok::<_, AbsolutePlanError>((found, chosen, rho0_m))
-        };
-        let (mut found, mut best, mut least) = search(&planning, 0)?;
-        for (round, step) in STEPS.iter().enumerate() {
-            if watch.stop.load(Ordering::Relaxed) {
-                break;
-            }
-            let round = round + 1;
-            let near = near(task, &best, *step, [wanted.seed, round as u64]);
-            let searched =
-                Self::of_rows(task, groups, &[], &near).and_then(|local| search(&local, round));
-            let Ok((searched, chosen, rho0_m)) = searched else {
-                continue;
-            };
-            if rho0_m.is_some_and(|rho0_m| least.is_none_or(|least| rho0_m < least)) {
-                (found, best, least) = (searched, chosen, rho0_m);
-            }
-        }
-        let offered = rows.len();
-        rows.extend(best);
-        let all = Self::of_rows(task, groups, &[], &rows)?;
-        // Those that were chosen are possible, and stand behind all others.
-        let chosen = all.candidates.len() - (rows.len() - offered);
-        for (index, (place, _)) in found.plan.iter_mut().enumerate() {
-            *place = chosen + index;
-        }
-        // All that were drawn were looked at, and there are others.
-        found.bound = all.bound(&found.plan)?.map(PlanBound::into_evidence);
-        Ok((all, found))
-    }
 }
 
-/// What may be read at sampled configurations: each without and with a load, of each of the two tools.
-///
-/// # Errors
-/// No configuration is possible.
-pub fn sampled_candidates(
+/// What may be read at sampled configurations.
+fn sampled_candidates(
     task: &Task,
-    wanted: DrawnWanted,
+    configurations: u32,
+    seed: u64,
 ) -> Result<Vec<Candidate>, AbsolutePlanError> {
     // Stations have a sight of their own, which candidates are held to.
     let mut anywhere = task.clone();
@@ -196,7 +249,7 @@ pub fn sampled_candidates(
     let stream = drawn_candidates(0);
     let problem = Problem::new(&anywhere, Criterion::TestPose);
     let experiments = RandomPlans::new(&problem)
-        .draw_of(wanted.configurations, wanted.seed, stream)
+        .draw_of(configurations, seed, stream)
         .map_err(|error| {
             AbsolutePlanError::other(format!("no candidates could be sampled: {error}"), None)
         })?

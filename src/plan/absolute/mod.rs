@@ -40,8 +40,7 @@ use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::Task;
 
-pub use budget::RestOfReadings;
-pub use drawn::{DrawnWanted, sampled_candidates};
+pub use drawn::{DrawnWanted, ReadingsWanted};
 pub use error::AbsolutePlanError;
 pub use predicted_accuracy::PredictedAccuracy;
 
@@ -336,14 +335,10 @@ impl AbsolutePlanning<'_> {
         let frames = shown.test_poses.len();
         let (mut designs, mut bounds) = (Vec::new(), Vec::new());
         for (frame, (station, test_poses)) in shown.test_poses.iter().enumerate() {
-            let here = Watch {
-                stop: watch.stop,
-                progress: &|done, all, cost| {
-                    (watch.progress)(frame * all + done, frames * all, cost);
-                },
-            };
             let (found, bound) = self.with_problem(&shown, test_poses, measurements, |problem| {
-                let found = self.search(problem, (*station, known), effort, here);
+                let search =
+                    |here: Watch<'_>| self.search(problem, (*station, known), effort, here);
+                let found = watch.part(frame, frames, search);
                 // Where no plan was found, others have a bound there none the less.
                 let bound = match &found {
                     Ok(design) => Some(design.bound.clone()),
@@ -469,8 +464,10 @@ impl AbsolutePlanning<'_> {
     /// The predicted accuracy of a plan: candidates by their places, and how often each is read.
     pub fn prediction(&self, plan: &[(usize, u32)]) -> PredictedAccuracy {
         let count = plan.iter().map(|(_, times)| times).sum();
-        if let Some(tied) = self.tied(plan) {
-            return self.prediction_of(&tied, count);
+        if self.ties_all()
+            && let Some(tied) = self.tied(plan).first()
+        {
+            return self.prediction_of(tied, count);
         }
         let mut information = self.before.clone();
         for told in self.told_of(&self.neighbours.groups(plan)) {

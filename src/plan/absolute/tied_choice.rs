@@ -8,6 +8,7 @@ use nalgebra::{Cholesky, DMatrix};
 
 use super::AbsolutePlanning;
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
+use crate::numeric::ornstein_uhlenbeck::ProcessPoint;
 use crate::observation::planned_rows;
 use crate::plan::search::{CandidatePlan, best_choice};
 use crate::quantities::limits::MOST_EXPERIMENTS;
@@ -27,7 +28,7 @@ impl AbsolutePlanning<'_> {
         seed: u64,
         stop: &AtomicBool,
     ) -> Option<CandidatePlan> {
-        if self.functions.each.is_empty() {
+        if !self.ties_all() {
             return None;
         }
         let repeats = measurements.div_ceil(configurations);
@@ -56,11 +57,13 @@ impl AbsolutePlanning<'_> {
             let own = self.own_covariance(place, 1) + self.errors[place].effects_covariance();
             let new: DMatrix<f64> = own.view((0, 0), (count, count)).into_owned();
             told += rows.tr_mul(&Cholesky::new(new.clone())?.solve(&rows));
-            let point = &self.functions.candidates[place];
+            let by_functions = &self.functions.candidates[place];
             Some(CorrelatedReading {
                 by_unknowns: rows.transpose(),
-                by_processes: point.columns.rows(0, count).into_owned(),
-                places: point.angles_rad.clone(),
+                by_processes: ProcessPoint {
+                    columns: by_functions.columns.rows(0, count).into_owned(),
+                    places: by_functions.places.clone(),
+                },
                 new: new * share,
             })
         };
@@ -74,8 +77,10 @@ impl AbsolutePlanning<'_> {
                 let root = pose.weight.sqrt();
                 CorrelatedReading {
                     by_unknowns: pose.by_station[station].transpose() * root,
-                    by_processes: &point.columns * root,
-                    places: point.angles_rad.clone(),
+                    by_processes: ProcessPoint {
+                        columns: &point.columns * root,
+                        places: point.places.clone(),
+                    },
                     new: DMatrix::zeros(3, 3),
                 }
             }),
@@ -89,10 +94,8 @@ impl AbsolutePlanning<'_> {
         for reading in &mut readings {
             (factor.l_dirty()).solve_lower_triangular_mut(&mut reading.by_unknowns);
         }
-        let functions = self.functions.each.iter();
         Some(CorrelatedList {
-            // Columns are by standard deviations.
-            processes: functions.map(|each| [1.0, each.correlation_rad]).collect(),
+            lengths: self.functions.lengths.clone(),
             choosable: places.len(),
             known,
             readings,

@@ -7,9 +7,10 @@ use rayon::prelude::*;
 
 use super::AbsolutePlanning;
 use crate::experiment::{Candidate, is_one_configuration, numbered};
+use crate::numeric::ornstein_uhlenbeck::ProcessPoint;
 use crate::observation::{
-    ConfigurationEquations, PlannedReading, SharedErrors, SharingReading, SharingReadings,
-    Together, Visits, Whitener, visits_of,
+    ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
+    SharingReadings, Together, Visits, Whitener, visits_of,
 };
 use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds};
 use crate::robot::Load;
@@ -79,6 +80,18 @@ pub struct RepeatedReading {
     pub visits: usize,
 }
 
+impl RepeatedReading {
+    /// How one standard deviation of each effect of such errors moves it, of those that readings of its configuration share.
+    pub(super) fn effects_by<'r>(
+        &self,
+        errors: &ReadingErrors,
+        here: impl IntoIterator<Item = &'r Self>,
+    ) -> Matrix6xX<f64> {
+        let visits = here.into_iter().map(|each| each.visits + 1).max();
+        errors.effects([self.visits, visits.unwrap_or(1)], self.times)
+    }
+}
+
 impl AbsolutePlanning<'_> {
     /// The readings of a plan by their configurations: those of one visit, and of visits that read the same, together.
     pub fn by_configuration(&self, plan: &[(usize, u32)]) -> Vec<Vec<RepeatedReading>> {
@@ -113,39 +126,51 @@ impl AbsolutePlanning<'_> {
         groups: &[Vec<RepeatedReading>],
         frames: &[Isometry3<f64>],
     ) -> SharedErrors {
-        if !self.functions.each.is_empty() {
-            return SharedErrors {
-                groups: vec![self.tied_sharing(groups, frames)],
-            };
-        }
+        let together = if self.ties_all() { groups.len() } else { 1 };
         let mut next = 0;
-        let of_group = |group: &Vec<RepeatedReading>| {
-            let mut sharing = self.sharing(group, frames);
+        let of_part = |part: &[Vec<RepeatedReading>]| {
+            let mut sharing = self.sharing(part, frames);
             for reading in &mut sharing.readings {
                 *reading += next;
             }
-            next += group.len();
+            next += sharing.readings.len();
             sharing
         };
         SharedErrors {
-            groups: groups.iter().map(of_group).collect(),
+            groups: groups.chunks(together.max(1)).map(of_part).collect(),
         }
     }
 
-    /// The errors that readings of one configuration share, each seen in its instrument's frame.
+    /// The errors that readings of some configurations share, each seen in its instrument's frame: those of configurations and visits, and
+    /// the joints' functions.
     pub(super) fn sharing(
         &self,
-        group: &[RepeatedReading],
+        groups: &[Vec<RepeatedReading>],
         frames: &[Isometry3<f64>],
     ) -> SharingReadings {
-        let visits = 1 + group.iter().map(|each| each.visits).max().unwrap_or(0);
-        let of_one = |each: &RepeatedReading| {
-            let effects = self.errors[each.place].effects([each.visits, visits], each.times);
-            turned_columns(&effects, &frames[self.station_of(each.place)])
+        let mut width = 0;
+        let mut own: Vec<(usize, Matrix6xX<f64>)> = Vec::new();
+        for group in groups {
+            let effects = |each: &RepeatedReading| each.effects_by(&self.errors[each.place], group);
+            own.extend(group.iter().map(|each| (width, effects(each))));
+            width += own.last().map_or(0, |(_, effects)| effects.ncols());
+        }
+        let all: Vec<&RepeatedReading> = groups.iter().flatten().collect();
+        let points = (all.iter()).filter_map(|each| self.functions.candidates.get(each.place));
+        let points: Vec<&ProcessPoint> = points.collect();
+        let roots = self.functions.roots(&points);
+        let of_one = |(place, (first, own)): (usize, (usize, Matrix6xX<f64>))| {
+            let mut effects = Matrix6xX::zeros(width + roots.len() * all.len());
+            effects.columns_mut(first, own.ncols()).copy_from(&own);
+            for (function, root) in roots.iter().enumerate() {
+                let moved = points[place].columns.column(function) * root.row(place);
+                (effects.columns_mut(width + function * all.len(), all.len())).copy_from(&moved);
+            }
+            turned_columns(&effects, &frames[self.station_of(all[place].place)])
         };
         SharingReadings {
-            readings: (0..group.len()).collect(),
-            effects: group.iter().map(of_one).collect(),
+            readings: (0..all.len()).collect(),
+            effects: own.into_iter().enumerate().map(of_one).collect(),
         }
     }
 
@@ -202,7 +227,7 @@ impl AbsolutePlanning<'_> {
 
     /// Whether readings that may be chosen share errors with such as are measured already: what they tell is then not bounded.
     pub(super) fn shares_with_measured(&self) -> bool {
-        if !self.functions.each.is_empty() && !self.measured.is_empty() {
+        if self.ties_all() && !self.measured.is_empty() {
             return true;
         }
         let configurations = &self.neighbours.configurations;
@@ -283,7 +308,7 @@ impl AbsolutePlanning<'_> {
 }
 
 /// Columns of the world frame (6 x k; m, rad) in an instrument's.
-pub(super) fn turned_columns(columns: &Matrix6xX<f64>, frame: &Isometry3<f64>) -> Matrix6xX<f64> {
+fn turned_columns(columns: &Matrix6xX<f64>, frame: &Isometry3<f64>) -> Matrix6xX<f64> {
     let axes = frame.rotation.to_rotation_matrix();
     let mut turned = columns.clone();
     for (mut part, own) in turned.column_iter_mut().zip(columns.column_iter()) {

@@ -15,7 +15,7 @@ use super::taylor::{
 };
 
 /// Random numbers, as many as wanted.
-struct Random(u64);
+pub struct Random(pub u64);
 
 impl Random {
     fn bits(&mut self) -> u64 {
@@ -26,12 +26,16 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    fn vector(&mut self) -> [f64; 3] {
+    pub fn vector(&mut self) -> [f64; 3] {
         std::array::from_fn(|_| self.number())
     }
 
+    pub fn below(&mut self, count: usize) -> usize {
+        usize::try_from(self.bits() >> 40).unwrap_or_default() % count
+    }
+
     /// Between -1 and 1.
-    fn number(&mut self) -> f64 {
+    pub fn number(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 }

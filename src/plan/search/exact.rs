@@ -55,6 +55,31 @@ impl<'a> Watch<'a> {
         let progress = &|_, _, _| {};
         Self { stop, progress }
     }
+
+    /// Does a part of several that are watched as one, by its number from 0.
+    pub(in crate::plan) fn part<T>(
+        self,
+        number: usize,
+        parts: usize,
+        work: impl FnOnce(Watch<'_>) -> T,
+    ) -> T {
+        let progress = |done, all, cost| (self.progress)(number * all + done, parts * all, cost);
+        work(Watch {
+            stop: self.stop,
+            progress: &progress,
+        })
+    }
+
+    /// Tells after each of so many searches with which cost it ended.
+    pub(super) fn counted(self, all: usize) -> impl Fn(f64) + Sync + use<'a> {
+        let seen = Mutex::new((0, f64::INFINITY));
+        move |cost| {
+            if let Ok(mut seen) = seen.lock() {
+                *seen = (seen.0 + 1, cost.min(seen.1));
+                (self.progress)(seen.0, all, seen.1);
+            }
+        }
+    }
 }
 
 /// Searches the best plan of `experiments` measurements in `configurations` different
@@ -150,7 +175,7 @@ fn search_plans(
             .map(|point| local.point(&point.q, &point.load, point.direction));
         here.collect::<Vec<Point>>()
     });
-    let seen = Mutex::new((0, f64::INFINITY));
+    let tell = watch.counted(searches);
     let search = |refinement: &mut Refinement<'_>, index: usize, given: Option<&[Point]>| {
         if index > 0 && watch.stop.load(Ordering::Relaxed) {
             return None;
@@ -162,11 +187,7 @@ fn search_plans(
             &support
         });
         let found = refinement.search(given, free, configurations, &mut random);
-        if let Ok(mut seen) = seen.lock() {
-            seen.0 += 1;
-            seen.1 = found.iter().fold(seen.1, |low, found| low.min(found.cost));
-            (watch.progress)(seen.0, searches, seen.1);
-        }
+        tell(found.as_ref().map_or(f64::INFINITY, |found| found.cost));
         found
     };
     let run = |from: usize, count: usize, given: Option<&[Point]>| -> Vec<Found> {

@@ -5,7 +5,6 @@
 //! tries all that may help: the costs are convex and of degree -1, phi(M') >= phi(M)^2 / trace(G M') with trace(G M) = phi(M), so
 //! that an exchange can lower phi only if what comes has a larger derivative trace(G I) than what goes.
 
-use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
 use nalgebra::DMatrix;
@@ -88,7 +87,7 @@ impl FiniteProblem<'_> {
         let measurements = effort.measurements;
         self.check(measurements, effort.configurations.min(measurements))?;
         let (weights, mut bound) = self.weigh(measurements)?;
-        let seen = Mutex::new((0, f64::INFINITY));
+        let tell = watch.counted(effort.searches);
         let floor = self.floor(effort);
         let search = |index: usize| {
             if index > 0 && watch.stop.load(Ordering::Relaxed) {
@@ -97,10 +96,7 @@ impl FiniteProblem<'_> {
             let mut search = CandidateExchanges::new(self, &floor, effort);
             let start = search.start(index, &weights);
             let found = search.improved(start);
-            if let Ok(mut seen) = seen.lock() {
-                *seen = (seen.0 + 1, found.cost.min(seen.1));
-                (watch.progress)(seen.0, effort.searches, seen.1);
-            }
+            tell(found.cost);
             Some(found)
         };
         let searches = (0..effort.searches.max(1)).into_par_iter();

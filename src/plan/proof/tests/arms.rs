@@ -9,28 +9,7 @@ use super::judgement::judge;
 use super::polynomial::Polynomial;
 use super::question::{Arm, ProofJoint, ProofLoads, Question, ReadingSpread, SmoothRegion};
 use super::taylor::{LANES, ModelWorkspace};
-
-/// RandomArms numbers between -1 and 1.
-struct RandomArms(u64);
-
-impl RandomArms {
-    fn number(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    fn vector(&mut self) -> [f64; 3] {
-        std::array::from_fn(|_| self.number())
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        self.number();
-        usize::try_from(self.0 >> 40).unwrap_or_default() % count
-    }
-}
+use super::tests::Random;
 
 const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
@@ -77,7 +56,7 @@ fn heavy_arm() -> Question {
 }
 
 /// The same where joints return as they like, and loads hang as they like.
-fn with_spread(question: Question, random: &mut RandomArms) -> Question {
+fn with_spread(question: Question, random: &mut Random) -> Question {
     let joints = question.arm.joints.len();
     let mut sizes = |most: f64| -> Vec<f64> {
         let sizes = (0..joints).map(|_| most * random.number().max(0.0));
@@ -96,7 +75,7 @@ fn with_spread(question: Question, random: &mut RandomArms) -> Question {
 }
 
 /// An arm of random joints in random frames, some of which are parallel.
-fn random_arm(random: &mut RandomArms, loads: ProofLoads) -> Question {
+fn random_arm(random: &mut Random, loads: ProofLoads) -> Question {
     let joints: Vec<ProofJoint> = (0..4)
         .map(|_| {
             let axes = [
@@ -273,7 +252,7 @@ fn point(
     task: &ProofTask<'_>,
     question: &Question,
     cell: &Cell,
-    random: &mut RandomArms,
+    random: &mut Random,
 ) -> (Vec<f64>, [f64; 6]) {
     let coordinate: Vec<f64> = (0..task.variables())
         .map(|variable| cell.centre[variable] + task.half_width(cell, variable) * random.number())
@@ -298,7 +277,7 @@ fn point(
     (q, load)
 }
 
-fn random_cell(task: &ProofTask<'_>, random: &mut RandomArms) -> Cell {
+fn random_cell(task: &ProofTask<'_>, random: &mut Random) -> Cell {
     let mut cell = task.whole();
     for variable in 0..task.variables() {
         for _ in 0..random.below(9) {
@@ -310,7 +289,7 @@ fn random_cell(task: &ProofTask<'_>, random: &mut RandomArms) -> Cell {
 
 /// The bounds of a judgement, and the polynomials behind it, hold at random points.
 fn assert_enclosed(question: &Question, boxes: usize, seed: u64) {
-    let mut random = RandomArms(seed);
+    let mut random = Random(seed);
     for mut task in tasks(question).unwrap_or_default() {
         let mut workspace = ModelWorkspace::new(task.variables());
         for middle in task.middles() {
@@ -362,7 +341,7 @@ fn boxes_enclose_the_experiments_of_arms() {
     assert_enclosed(&question, 30 * times, 2);
     question.loads = ProofLoads::AnyForce(2.5);
     assert_enclosed(&question, 30 * times, 3);
-    let mut random = RandomArms(5);
+    let mut random = Random(5);
     assert_enclosed(&with_spread(heavy_arm(), &mut random), 30 * times, 6);
     for round in 0..40 {
         let [x, y, z] = random.vector();
@@ -380,7 +359,7 @@ fn boxes_enclose_the_experiments_of_arms() {
     }
 }
 
-fn random_configuration(question: &Question, random: &mut RandomArms) -> Vec<f64> {
+fn random_configuration(question: &Question, random: &mut Random) -> Vec<f64> {
     (question.arm.joints.iter())
         .map(|joint| {
             let [low, high] = joint.range_rad;
@@ -391,7 +370,7 @@ fn random_configuration(question: &Question, random: &mut RandomArms) -> Vec<f64
 
 /// The largest d at random experiments, with the best of them.
 fn sampled(question: &Question, count: usize, seed: u64) -> Vec<(f64, Vec<f64>, [f64; 6])> {
-    let mut random = RandomArms(seed);
+    let mut random = Random(seed);
     let loads: Vec<[f64; 6]> = match &question.loads {
         ProofLoads::OneOf(loads) => loads.clone(),
         ProofLoads::AnyForce(_) => vec![[0.0; 6]],
@@ -422,7 +401,7 @@ fn effort(gap: f64, boxes: u64) -> ProofLimits<'static> {
 /// below its derivative: so nothing is proved from less than the largest derivative.
 #[test]
 fn nothing_is_proved_from_less_than_an_experiment_gives() {
-    let mut random = RandomArms(7);
+    let mut random = Random(7);
     let mut questions = vec![heavy_arm()];
     questions[0].arm.joints[1].range_rad = [-1.6, -1.2];
     questions[0].arm.joints[2].range_rad = [0.9, 1.3];
@@ -520,7 +499,7 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
 /// The matrix of a target is that of plain arithmetic, and the bound is rounded down.
 #[test]
 fn the_bound_is_that_of_plain_arithmetic_but_for_rounding() {
-    let mut random = RandomArms(11);
+    let mut random = Random(11);
     for _ in 0..40 {
         let question = random_arm(&mut random, ProofLoads::OneOf(vec![[0.0; 6]]));
         let configuration_rad: Vec<f64> = (0..4).map(|_| 3.0 * random.number()).collect();
