@@ -77,6 +77,12 @@ fn check(schema: &Value, value: &Value, place: &str) {
     let Value::Object(schema) = schema else {
         panic!("{place}: not a schema: {schema}");
     };
+    // What may be null has no keys then.
+    let may_be_null = (schema.get("type").and_then(Value::as_array))
+        .is_some_and(|names| names.contains(&Value::from("null")));
+    if may_be_null && value.is_null() {
+        return;
+    }
     for (keyword, rule) in schema {
         let number = |value: &Value| value.as_f64().expect("a number");
         let allowed = match keyword.as_str() {

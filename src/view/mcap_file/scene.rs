@@ -98,10 +98,12 @@ pub(super) fn annotations(
     }
     update.entities.push(entity);
 
-    let mut entity = SceneEntity::new(now, WORLD, "tracker_line");
-    let line = |from| LinePrimitive::between(from, &step.unloaded.tool_m, 0.01, TRACKER_RGBA);
-    entity.lines = step.instrument_m.iter().map(line).collect();
-    update.entities.push(entity);
+    if recording.has_lines_of_sight() {
+        let mut entity = SceneEntity::new(now, WORLD, "tracker_line");
+        let line = |from| LinePrimitive::between(from, &step.unloaded.tool_m, 0.01, TRACKER_RGBA);
+        entity.lines = step.instrument_m.iter().map(line).collect();
+        update.entities.push(entity);
+    }
 
     let mut entity = SceneEntity::new(now, WORLD, "title");
     let title = format!(

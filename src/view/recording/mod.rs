@@ -274,6 +274,11 @@ impl Recording {
         !self.calibrations.is_empty()
     }
 
+    /// Whether somebody says from where an instrument reads.
+    pub fn has_lines_of_sight(&self) -> bool {
+        self.steps().any(|(.., step)| step.instrument_m.is_some())
+    }
+
     /// The force of a step as an arrow (m), if there is one: the largest of all steps with the same
     /// tool has a fixed length.
     pub fn force_arrow_m(&self, step: &Step) -> Option<Vector3<f64>> {

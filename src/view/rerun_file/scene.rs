@@ -53,7 +53,9 @@ pub(super) fn log_step(
     }
     log_arms(store, recording, step, now);
     log_arrows(store, recording, step, now);
-    log_line_of_sight(store, step, now);
+    if recording.has_lines_of_sight() {
+        log_line_of_sight(store, step, now);
+    }
 }
 
 fn link_path(arm: &str, body: &Body) -> EntityPath {
