@@ -6,6 +6,7 @@
 //! - [`shipped`]: the scenarios that are installed with the program.
 //! - [`source`]: what is read, up to a size that no text has.
 //! - [`typed`]: what texts say, as types.
+//! - `unique_keys`: JSON in which no key comes twice.
 //! - `destination`: where an output goes: links, devices, a file's mode.
 //! - `temporary`: unfinished files, and how none is left when the program is ended.
 
@@ -17,6 +18,7 @@ pub mod shipped;
 pub mod source;
 mod temporary;
 pub mod typed;
+mod unique_keys;
 
 use std::path::{Component, Path, PathBuf};
 

@@ -4,7 +4,9 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use serde_json::Value;
+use serde_json::error::Category;
 
+use super::unique_keys::UniqueKeys;
 use super::{FileError, read_text};
 use crate::codes::ErrorCode;
 
@@ -24,8 +26,13 @@ pub fn read_results(
     hint: &str,
 ) -> Result<(String, Value), FileError> {
     let text = read_text(path)?;
-    let json: Value = serde_json::from_str(&text)
-        .map_err(|error| FileError::new(path, format!("is not JSON: {error}")).hint(hint))?;
+    let UniqueKeys(json) = serde_json::from_str(&text).map_err(|error| {
+        let problem = match error.classify() {
+            Category::Data => error.to_string(),
+            _ => format!("is not JSON: {error}"),
+        };
+        FileError::new(path, problem).hint(hint)
+    })?;
     let wrong = |problem: String| FileError::new(path, problem).at("schema.name").hint(hint);
     let name = json["schema"]["name"].as_str().unwrap_or_default();
     let Some(command) = name.strip_prefix("elastocal.") else {

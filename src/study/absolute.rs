@@ -23,6 +23,7 @@ use crate::parameter::{
     ElasticArm, ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty,
 };
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RepeatedReading};
+use crate::robot::SerialChain;
 use crate::task::Task;
 use crate::testbed::{TrueRobots, Truth};
 
@@ -117,7 +118,7 @@ impl<'a> ReadingRuns<'a> {
                 .map(|place| PlaceRegion::new(place.as_ref().unwrap_or(&no_place)))
                 .collect(),
             truth: Truth {
-                uncertainties: uncertainties(setting.truth, planning),
+                uncertainties: uncertainties(setting.truth, &task.belief.nominal.chain, planning),
                 ..setting.truth.clone()
             },
             function_gains: planning.function_gains(&studied.plan),
@@ -332,13 +333,20 @@ impl<'a> ReadingRuns<'a> {
 }
 
 /// What the virtual robots differ in: what the scenario lists, and what is unknown and of which nothing is known.
-fn uncertainties(truth: &Truth, planning: &AbsolutePlanning<'_>) -> Vec<Uncertainty> {
+fn uncertainties(
+    truth: &Truth,
+    chain: &SerialChain,
+    planning: &AbsolutePlanning<'_>,
+) -> Vec<Uncertainty> {
     let set = planning.set();
     // What the scenario lists of compliances that are identified is a precision without a deviation of its own.
     let is_known = |place: usize| set.prior().precision[(place, place)] > 0.0;
+    let is_passive = |joint: usize| chain.joints[joint].drive.passive_at.is_some();
     let drawn: Vec<(ParameterKind, f64)> = (set.parameters().iter().enumerate())
         .filter(|&(place, _)| !is_known(place))
         .filter_map(|(_, parameter)| match parameter.kind {
+            // The virtual robot has its passive joints' springs as they are.
+            ParameterKind::JointZero { joint } if is_passive(joint) => None,
             kind @ (ParameterKind::JointZero { .. }
             | ParameterKind::LinkPosition { .. }
             | ParameterKind::LinkRotation { .. }

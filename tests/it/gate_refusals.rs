@@ -259,7 +259,10 @@ fn not_results() -> Vec<(&'static str, String, &'static str)> {
         .remove("rho0_mm");
     let gate = |gate: Value| edited("/gate", gate);
     let nan = edited("/efficiency", json!(1)).replace("\"efficiency\":1,", "\"efficiency\":NaN,");
+    let twice = edited("/efficiency", json!(1));
+    let twice = twice.replace("\"efficiency\":1,", "\"efficiency\":1,\"efficiency\":2,");
     vec![
+        ("twice.json", twice, "found the key `efficiency` twice"),
         ("empty.json", String::new(), "is not JSON: EOF"),
         ("nan.json", nan, "is not JSON: expected value at line 1"),
         (
