@@ -246,3 +246,18 @@ fn nested_models_have_what_their_own_weights_tell() {
     assert_eq!(model["undetermined"], serde_json::json!([]), "{model}");
     assert!(number(&model["cross_validation"]["loss"]) < 2.0, "{model}");
 }
+
+/// Virtual robots have a passive joint's spring as it is: its zero is the nominal one in truth, where those of others are sampled.
+#[test]
+fn zeros_of_passive_joints_are_not_sampled() {
+    let source = "kind = \"joint_repeatability\"\nstd_mrad = 0.01";
+    let place = place(false, text(false, "absolute", 16, source));
+    let run = place.json_with_conditions("run arm.toml --draw 20 --parameters zeros");
+    let unknowns = run["truth"]["unknowns"].as_array().expect("a list");
+    let of = |name: &str| {
+        let known = unknowns.iter().find(|each| each["name"] == name);
+        number(&known.expect("it is identified")["value"])
+    };
+    assert!(of("soft.zero").abs() < 1e-15, "{}", of("soft.zero"));
+    assert!(of("lift.zero").abs() > 1e-5, "{}", of("lift.zero"));
+}
