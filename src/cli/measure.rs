@@ -36,8 +36,8 @@ pub struct Measure {
     /// Measure as run R of a study does, from 0, which is taken where none is named: with its random numbers, on its virtual robot.
     #[arg(long, value_name = "R")]
     run: Option<u64>,
-    /// Read the same virtual robot in another campaign, numbered from 0: all that is new in readings, visits and
-    /// configurations is sampled anew.
+    /// Read the same virtual robot in another campaign, numbered from 0: all that is new in campaigns, readings, visits
+    /// and configurations is sampled anew.
     #[arg(long, value_name = "C", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..1 << 20))]
     campaign: u64,
     /// Where to write the measurements.

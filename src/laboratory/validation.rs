@@ -66,7 +66,7 @@ pub struct Validation {
     pub probability: f64,
 }
 
-/// Compares measurements with what is known of the identified robot.
+/// Compares measurements of another campaign with what is known of the identified robot.
 ///
 /// # Errors
 /// A measurement depends on what is not known, or the identified robot gives way under its load.
@@ -77,6 +77,10 @@ pub fn validate(
 ) -> Result<Validation, PredictionError> {
     let sigma = Sigma::Known(belief.instrument.sigma_m);
     let case = Case::of_belief(belief, measurements, sigma, belief.method);
+    let posterior = match &belief.uncertain {
+        Some(uncertain) => &uncertain.in_another_campaign(posterior),
+        None => posterior,
+    };
     let predictions = case.predictions(posterior)?;
     let distribution =
         ChiSquared::new(predictions.freedom as f64).map_err(|_| PredictionError::Singular)?;

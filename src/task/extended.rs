@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 
+use crate::numeric::posterior::Posterior;
 use crate::observation::{DeflectionPrecision, PlannedReadings};
 use crate::parameter::{
     ElasticArm, ErrorDistribution, JointFunction, ParameterError, ParameterKind, ParameterSet,
@@ -240,6 +241,21 @@ impl Extended {
     /// mean.
     pub const fn prior_rows(&self) -> &DMatrix<f64> {
         &self.prior_rows
+    }
+
+    /// What is known in another campaign: frames, mounted tools and drift have new values there, as their uncertainties say.
+    pub fn in_another_campaign(&self, posterior: &Posterior) -> Posterior {
+        let mut posterior = posterior.clone();
+        for (place, parameter) in self.set.parameters().iter().enumerate() {
+            let own = self.own_precision[place];
+            if own > 0.0 && !parameter.kind.is_kept_between_campaigns() {
+                posterior.mean[place] = parameter.nominal;
+                posterior.covariance.row_mut(place).fill(0.0);
+                posterior.covariance.column_mut(place).fill(0.0);
+                posterior.covariance[(place, place)] = own.recip();
+            }
+        }
+        posterior
     }
 
     /// The precision that its uncertainty alone gives a parameter (1 over its unit squared).

@@ -133,6 +133,13 @@ impl Circumstances {
         each.map(|source| self.numbers_for(source)).sum()
     }
 
+    /// Whether each number that a run shares is the same in a later campaign.
+    pub fn is_kept(&self) -> impl Iterator<Item = bool> {
+        let parameters = self.set.parameters();
+        let shared = self.shared.iter();
+        shared.map(|&(place, _)| parameters[place].kind.is_kept_between_campaigns())
+    }
+
     /// Draws what a run shares, from the first normals of a lane.
     pub fn draw(&mut self, normals: &[[f64; LANES]], lane: usize) {
         self.values.fill(0.0);

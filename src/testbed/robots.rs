@@ -100,7 +100,8 @@ impl TrueRobots {
         })
     }
 
-    /// The same robots in another campaign, numbered from 0: what is new in readings, visits and configurations is sampled anew.
+    /// The same robots in another campaign, numbered from 0: what is new in campaigns, readings, visits and configurations is
+    /// sampled anew.
     #[must_use]
     pub fn in_campaign(mut self, campaign: u64) -> Self {
         self.campaign = campaign;
@@ -172,9 +173,13 @@ impl TrueRobots {
         let readings_of = self.readings_of(run);
         fill_normals(Stream::Circumstances, seed, readings_of, &mut normals);
         if readings_of != run {
-            // What the robot keeps is the run's.
-            let kept = self.numbers(0);
-            fill_normals(Stream::Circumstances, seed, run, &mut normals[..kept]);
+            // What the robot and the load cell keep is the run's.
+            let mut own = vec![[0.0; LANES]; self.numbers(0)];
+            fill_normals(Stream::Circumstances, seed, run, &mut own);
+            let is_kept = self.laboratory.is_kept();
+            for ((place, own), _) in own.iter().enumerate().zip(is_kept).filter(|each| each.1) {
+                normals[place] = *own;
+            }
         }
         self.laboratory.sample_functions([seed, run]);
         self.become_run(&compliances_of_run(truth, seed, run), &normals, 0)?;

@@ -145,24 +145,31 @@ fn validation_is_planned_where_the_prediction_is_weakest() {
 }
 
 /// Differences from predictions are as large as they are predicted to be: over many robots, r^T S^-1 r has the mean of
-/// a chi-square, whatever is uncertain and whether rotations are measured.
-fn mean_square(scenario: &Scenario, runs: u64) -> f64 {
+/// a chi-square, whatever is uncertain and whether rotations are measured; on the same day, or in a later campaign.
+fn mean_square(scenario: &Scenario, runs: u64, is_later: bool) -> f64 {
     let (task, truth) = (&scenario.task, &scenario.truth);
     let plan = crate::support::table4(4);
-    let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
+    let mut robots = [0, u64::from(is_later)].map(|campaign| {
+        let robots = TrueRobots::new(&task.belief, truth).expect("robots");
+        robots.in_campaign(campaign)
+    });
     let mut sum = 0.0;
     for run in 0..runs {
-        let measured = measure(&mut robots, task, truth, &plan, [scenario.seed, run], true)
-            .expect("measured")
-            .measurements;
-        // The same robot on the same day, with noise of its own for each measurement.
-        let (first, others) = measured.split_at(3);
+        let [measured, later] = robots.each_mut().map(|robots| {
+            let measured = measure(robots, task, truth, &plan, [scenario.seed, run], true);
+            measured.expect("measured").measurements
+        });
+        // Noise is of its own for each measurement.
+        let (first, others) = (&measured[..3], &later[3..]);
         let identification = identify_as_planned(&task.belief, first).expect("identified");
         let sigma = Sigma::Known(task.belief.instrument.sigma_m);
         let case = Case::of_belief(&task.belief, others, sigma, task.belief.method);
-        let predictions = case
-            .predictions(&identification.posterior)
-            .expect("a prediction");
+        let known = identification.posterior;
+        let known = match &task.belief.uncertain {
+            Some(uncertain) if is_later => uncertain.in_another_campaign(&known),
+            _ => known,
+        };
+        let predictions = case.predictions(&known).expect("a prediction");
         sum += predictions.square / predictions.freedom as f64;
     }
     sum / runs as f64
@@ -175,6 +182,7 @@ fn differences_are_as_large_as_predicted() {
     let uncertain = "\n[[uncertainty]]\nkind = \"compliance\"\njoints = [\"joint_1\"]\nstd_relative = 0.15\n\
                      [[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.02\n\
                      [[uncertainty]]\nkind = \"tool_position\"\nstd_mm = 1\n\
+                     [[uncertainty]]\nkind = \"base_rotation\"\nstd_mrad = 5\n\
                      [[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.02\n";
     let plain = scenario_text("klimchik2012");
     for (text, freedom) in [
@@ -186,12 +194,14 @@ fn differences_are_as_large_as_predicted() {
     ] {
         workplace.write("s.toml", text);
         let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
-        let mean = mean_square(&scenario, runs);
-        let standard_error = (2.0_f64 / freedom / runs as f64).sqrt();
-        assert!(
-            (mean - 1.0).abs() < 4.0 * standard_error,
-            "{freedom}: {mean}, standard error {standard_error}"
-        );
+        for is_later in [false, true] {
+            let mean = mean_square(&scenario, runs, is_later);
+            let standard_error = (2.0_f64 / freedom / runs as f64).sqrt();
+            assert!(
+                (mean - 1.0).abs() < 4.0 * standard_error,
+                "{freedom} {is_later}: {mean}, standard error {standard_error}"
+            );
+        }
     }
 }
 
