@@ -58,7 +58,7 @@ impl SquareLaw {
     /// Of a distance or a displacement along a direction, or of three coordinates.
     const fn of(coordinates: usize) -> Self {
         let (coordinates, median, far) = match coordinates {
-            1 => (1.0, 0.454_936_423_119_572_75, FAR_OUT * FAR_OUT),
+            1 => (1.0, 0.454_936_423_119_572_8, FAR_OUT * FAR_OUT),
             _ => (3.0, 2.365_973_884_375_34, 31.812_3),
         };
         Self {
