@@ -12,9 +12,9 @@ use super::Common;
 
 /// Options that were given on the command line, each with its first value.
 #[derive(Debug, Clone)]
-pub struct Given(Vec<(String, String)>);
+pub struct GivenOptions(Vec<(String, String)>);
 
-impl FromArgMatches for Given {
+impl FromArgMatches for GivenOptions {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let value = |option: &str| {
             let values = matches.try_get_raw(option).ok().flatten();
@@ -37,7 +37,7 @@ impl FromArgMatches for Given {
 }
 
 /// It has no options of its own.
-impl Args for Given {
+impl Args for GivenOptions {
     fn augment_args(command: Command) -> Command {
         command
     }
@@ -47,7 +47,7 @@ impl Args for Given {
     }
 }
 
-impl Given {
+impl GivenOptions {
     /// The first option that something is said of, by its name and value, as a user writes it.
     pub fn find<T>(&self, said: impl Fn(&str, &str) -> Option<T>) -> Option<(String, T)> {
         let named = |option: &str| format!("--{}", option.replace('_', "-"));

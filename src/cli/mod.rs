@@ -54,7 +54,7 @@ mod written;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use self::given::Given;
+use self::given::GivenOptions;
 use anyhow::Context;
 use clap::{Arg, Args, Parser, Subcommand};
 use elastocal::codes::{Condition, ConditionCode, ErrorCode, condition_code};
@@ -105,7 +105,7 @@ pub struct Common {
     #[command(flatten)]
     accepted: Accepted,
     #[command(flatten)]
-    given: Given,
+    given: GivenOptions,
 }
 
 /// How a command without a scenario tells its results.

@@ -148,7 +148,7 @@ fn what_is_of_the_other_accuracy_is_refused() {
     place.write("relative.toml", scenario_text("ur10"));
     refused(
         &NEXT.replace("s.toml", "relative.toml"),
-        "--candidates is for plans of absolute readings",
+        "--parameters is for plans of absolute readings",
     );
     place
         .run("plan relative.toml --no-proof --plan-out p.csv --quiet")
