@@ -80,13 +80,11 @@ impl ReadingsWanted<'_> {
         task: &'t Task,
         seed: u64,
     ) -> Result<AbsolutePlanning<'t>, AbsolutePlanError> {
-        match self.candidates {
-            Some(rows) => AbsolutePlanning::beside(task, self.groups, self.measured, rows),
-            None => {
-                let rows = sampled_candidates(task, self.configurations, seed)?;
-                AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows)
-            }
+        if let Some(rows) = self.candidates {
+            return AbsolutePlanning::beside(task, self.groups, self.measured, rows);
         }
+        let rows = sampled_candidates(task, self.configurations, seed)?;
+        AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows)
     }
 
     /// The best plan that is found of so many readings, of so many different candidates.
