@@ -7,6 +7,7 @@ use super::equations::{PredictedRows, PriorRows, stacked};
 use super::error::IdentificationError;
 use super::whitening::Whitening;
 use crate::numeric::estimable::Estimable;
+use crate::numeric::factorisation::gram;
 use crate::numeric::least_squares::{FactoredEquations, LeastSquares};
 use crate::observation::RestTorques;
 use crate::task::Method;
@@ -73,7 +74,7 @@ impl FitStart {
         }
         whitening.whiten(&mut at_nominal.values);
         let within = &prior.rows * estimable.basis_in_units();
-        let before = within.tr_mul(&within);
+        let before = gram(&within);
         let is_factored = source.uncertain.is_some() || source.method == Method::Nonlinear;
         Self {
             normal: (is_factored

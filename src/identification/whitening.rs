@@ -22,29 +22,26 @@ impl Whitening {
     where
         DefaultAllocator: Allocator<Dyn, C>,
     {
-        self.change(rows, |factor, own| {
-            factor.solve_lower_triangular_mut(own);
-        });
+        for mut column in rows.column_iter_mut() {
+            for (places, factor) in &self.blocks {
+                for (row, &place) in places.iter().enumerate() {
+                    let value = column[place] / factor[(row, row)];
+                    column[place] = value;
+                    for (below, &place) in (row + 1..).zip(&places[row + 1..]) {
+                        column[place] -= factor[(below, row)] * value;
+                    }
+                }
+            }
+        }
     }
 
     /// Multiplies them by L: takes the weights off again.
     pub fn take_off<C: Dim>(&self, rows: &mut OMatrix<f64, Dyn, C>)
     where
-        DefaultAllocator: Allocator<Dyn, C>,
-    {
-        self.change(rows, |factor, own| *own = factor * &*own);
-    }
-
-    fn change<C: Dim>(
-        &self,
-        rows: &mut OMatrix<f64, Dyn, C>,
-        change: impl Fn(&DMatrix<f64>, &mut OMatrix<f64, Dyn, C>),
-    ) where
-        DefaultAllocator: Allocator<Dyn, C>,
+        DefaultAllocator: Allocator<Dyn, C> + Allocator<nalgebra::U1, C>,
     {
         for (places, factor) in &self.blocks {
-            let mut own = rows.select_rows(places);
-            change(factor, &mut own);
+            let own = factor * rows.select_rows(places);
             for (own, &place) in own.row_iter().zip(places) {
                 rows.set_row(place, &own);
             }

@@ -212,7 +212,10 @@ impl Model {
             model.site_sameframe_mut()[site] = none;
         }
         for geometry in (0..self.geometries()).filter(|&each| self.geometry_body(each) == body) {
-            model.geom_sameframe_mut()[geometry] = none;
+            // Where they are in the statics of a chain is no matter.
+            if model.geom_sameframe()[geometry] != MjtSameFrame::mjSAMEFRAME_BODY {
+                model.geom_sameframe_mut()[geometry] = none;
+            }
         }
     }
 }

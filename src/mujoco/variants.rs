@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use mujoco_rs::prelude::MjModel;
+use mujoco_rs::prelude::{MjModel, MjtSameFrame};
 use mujoco_rs::wrappers::mj_model::MjtDisableBit;
 
 use super::Model;
@@ -29,18 +29,16 @@ impl Model {
         self.changed(model)
     }
 
-    /// The same model in which each body has the mass that weighs on the arm: without the share that
-    /// the model compensates (`gravcomp`). For statics alone.
-    pub fn with_weighing_masses(&self) -> Self {
-        let compensation = self.inner.body_gravcomp();
-        if compensation.iter().all(|&share| share == 0.0) {
-            return self.clone();
-        }
+    /// The same model for the statics of a chain, and for nothing else: each body has the mass that weighs on the arm, without the share
+    /// that the model compensates (`gravcomp`), and geometries, which take most of MuJoCo's position stage, stand at their
+    /// bodies' frames.
+    pub fn for_chain_statics(&self) -> Self {
         let mut model = (*self.inner).clone();
         for (body, mass) in model.body_mass_mut().iter_mut().enumerate() {
             *mass *= self.weighing_share(body);
         }
         self.add_up_masses(&mut model);
+        (model.geom_sameframe_mut()).fill(MjtSameFrame::mjSAMEFRAME_BODY);
         self.changed(model)
     }
 

@@ -28,7 +28,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::numeric::factorisation::{finite_eigen, finite_svd};
+use crate::numeric::factorisation::{finite_eigen, finite_svd, gram, trace_of_inverse};
 
 /// Whatever is below this share of a standard deviation tells nothing.
 const NOTHING: f64 = 0.01;
@@ -61,7 +61,7 @@ impl Estimable {
         let Some(factor) = Cholesky::new(information.clone()) else {
             return false;
         };
-        let inverse = factor.inverse().trace();
+        let inverse = trace_of_inverse(&factor);
         inverse * NOTHING * NOTHING < 1.0 && information.trace() * inverse * ROUNDING < 1.0
     }
 
@@ -71,7 +71,7 @@ impl Estimable {
         for (mut column, typical) in relative.column_iter_mut().zip(typical) {
             column *= *typical;
         }
-        Self::new(&relative.tr_mul(&relative), typical)
+        Self::new(&gram(&relative), typical)
     }
 
     /// The decision whose outcome is known: an orthonormal basis of what is not determined, in

@@ -42,17 +42,28 @@ pub fn symmetric(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     (matrix + matrix.transpose()) * 0.5
 }
 
+/// A^T A: quicker than column by column.
+pub fn gram(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    matrix.transpose() * matrix
+}
+
 /// The inverse of a factored matrix L L^T, as L^-T L^-1: quicker than column by column, since half of L^-1 is zero.
 pub fn inverse_of(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
+    gram(&inverse_half(factor))
+}
+
+/// Its trace alone: the squares of L^-1.
+pub fn trace_of_inverse(factor: &Cholesky<f64, Dyn>) -> f64 {
+    inverse_half(factor).norm_squared()
+}
+
+/// L^-1.
+fn inverse_half(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
     let lower = factor.l_dirty();
     let size = lower.nrows();
     let mut inverse = DMatrix::identity(size, size);
-    for mut column in inverse.column_iter_mut() {
+    for (first, mut column) in inverse.column_iter_mut().enumerate() {
         let column = column.as_mut_slice();
-        let first = column
-            .iter()
-            .position(|value| *value != 0.0)
-            .unwrap_or(size);
         for pivot in first..size {
             let of_pivot = &lower.as_slice()[size * pivot..size * (pivot + 1)];
             let value = column[pivot] / of_pivot[pivot];
@@ -63,7 +74,7 @@ pub fn inverse_of(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
             }
         }
     }
-    inverse.transpose() * &inverse
+    inverse
 }
 
 #[cfg(test)]

@@ -45,7 +45,7 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// The readings that are planned, with derivatives by all unknowns in their units.
-    pub(super) fn readings(&self) -> PlannedReadings<'a> {
+    pub fn readings(&self) -> PlannedReadings<'a> {
         if let Some(extended) = self.uncertain {
             return extended.readings_of_all(self.precision);
         }
@@ -57,35 +57,42 @@ impl<'a> ExperimentModel<'a> {
     /// configuration whitened together where they share something, so that the sum of r A^T A is what they tell.
     pub fn observation_matrices(&self, plan: &Plan) -> Vec<DMatrix<f64>> {
         let mut matrices = vec![DMatrix::zeros(0, 0); plan.experiments.len()];
+        let mut readings = self.readings();
         for group in plan.by_configuration() {
             let here: Vec<&Experiment> = group.iter().map(|&at| &plan.experiments[at]).collect();
-            for (place, own) in group.into_iter().zip(self.observation_matrices_of(&here)) {
+            for (place, own) in group
+                .into_iter()
+                .zip(self.observation_matrices_of(&mut readings, &here))
+            {
                 matrices[place] = own;
             }
         }
         matrices
     }
 
-    /// The same of experiments of one configuration.
-    pub fn observation_matrices_of(&self, experiments: &[&Experiment]) -> Vec<DMatrix<f64>> {
-        let mut model = self.readings();
+    /// The same of experiments of one configuration, by [`Self::readings`].
+    pub fn observation_matrices_of(
+        &self,
+        model: &mut PlannedReadings<'_>,
+        experiments: &[&Experiment],
+    ) -> Vec<DMatrix<f64>> {
         let is_shared = (self.uncertain).is_some_and(Extended::is_shared_by_configuration);
         if is_shared && experiments.len() > 1 {
             return self.rows_together(model, experiments);
         }
         let experiments = experiments.iter();
         experiments
-            .map(|experiment| self.rows_of(&mut model, experiment))
+            .map(|experiment| self.rows_of(model, experiment))
             .collect()
     }
 
     /// As [`Self::rows_of`], for the experiments of one configuration, whitened together.
     pub fn rows_together(
         &self,
-        mut model: PlannedReadings<'_>,
+        model: &mut PlannedReadings<'_>,
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
-        stand_at(&mut model, experiments[0]);
+        stand_at(model, experiments[0]);
         let rows = model.observe_together(&hung(experiments));
         rows.into_iter()
             .map(|rows| rows * self.precision.sigma_m)

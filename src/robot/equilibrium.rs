@@ -18,6 +18,9 @@ use super::kinematic_state::{KinematicState, Kinematics, Load};
 
 /// The last step of a converged solution is no larger than this (rad).
 pub const CONVERGED_RAD: f64 = 1e-12;
+/// Where the tool's place alone is asked for, a plain arm takes a last step as short as this without a new geometry (rad): joints are then
+/// right to some thousandths of its square, the tool's place to rounding.
+const CLOSE_RAD: f64 = 1e-6;
 /// Newton's method needs three or four steps; more than this is a failure.
 pub const MAXIMUM_ITERATIONS: usize = 30;
 /// A deflection beyond this is no longer that of an elastic joint (rad).
@@ -80,18 +83,29 @@ pub struct EquilibriumSolver {
     gradient: DMatrix<f64>,
     system: DMatrix<f64>,
     step: DVector<f64>,
+    /// Whether of the geometry at rest the tool's place alone counts.
+    is_of_places: bool,
 }
 
 impl EquilibriumSolver {
     /// A solver for arms of n joints.
     pub fn new(joints: usize) -> Self {
         Self {
+            is_of_places: false,
             state: KinematicState::new(joints),
             q: DVector::zeros(joints),
             torque: DVector::zeros(joints),
             gradient: DMatrix::zeros(joints, joints),
             system: DMatrix::zeros(joints, joints),
             step: DVector::zeros(joints),
+        }
+    }
+
+    /// The same where of the geometry at rest the tool's place alone counts.
+    pub fn of_places(joints: usize) -> Self {
+        Self {
+            is_of_places: true,
+            ..Self::new(joints)
         }
     }
 
@@ -146,6 +160,12 @@ impl EquilibriumSolver {
         commanded_rad: &[f64],
         load: &Load,
     ) -> Result<Equilibrium, EquilibriumError> {
+        let is_followed = self.is_of_places && arm.is_plain();
+        let close_rad = if is_followed {
+            CLOSE_RAD
+        } else {
+            CONVERGED_RAD
+        };
         let mut last_step_rad = f64::INFINITY;
         let mut iterations = 0;
         while iterations < MAXIMUM_ITERATIONS {
@@ -166,8 +186,12 @@ impl EquilibriumSolver {
             last_step_rad = self.step.amax();
             // A step as small as this is not worth a new geometry: the last one is that of `q`. With soft
             // springs or long ways to slide it is.
-            if last_step_rad <= CONVERGED_RAD {
-                if !arm.is_plain() && last_step_rad > 0.0 {
+            if last_step_rad <= close_rad {
+                if is_followed {
+                    self.q += &self.step;
+                    self.torque.gemv(1.0, &self.gradient, &self.step, 1.0);
+                    self.state.follow(self.step.as_slice());
+                } else if !arm.is_plain() && last_step_rad > 0.0 {
                     self.q += &self.step;
                     self.evaluate(arm, load);
                 }
@@ -297,37 +321,42 @@ fn newton_matrix(gradient: &DMatrix<f64>, compliance: &[f64], system: &mut DMatr
 /// Returns false for a singular matrix.
 fn solve_in_place(system: &mut DMatrix<f64>, right_hand_sides: &mut [f64]) -> bool {
     let size = system.nrows();
+    let all = system.as_mut_slice();
     for pivot in 0..size {
-        let best = pivot
-            + system
-                .view((pivot, pivot), (size - pivot, 1))
-                .iamax_full()
-                .0;
-        if system[(best, pivot)] == 0.0 || !system[(best, pivot)].is_finite() {
+        let (before, beyond) = all.split_at_mut(size * (pivot + 1));
+        let own = &mut before[size * pivot..];
+        let Some(best) = (pivot..size).max_by(|&one, &other| {
+            // Of equals the first.
+            own[one]
+                .abs()
+                .total_cmp(&own[other].abs())
+                .then(other.cmp(&one))
+        }) else {
+            return false;
+        };
+        if own[best] == 0.0 || !own[best].is_finite() {
             return false;
         }
-        if best != pivot {
-            system.swap_rows(best, pivot);
-            for column in right_hand_sides.chunks_exact_mut(size) {
-                column.swap(best, pivot);
-            }
+        own.swap(pivot, best);
+        let (diagonal, factors) = (own[pivot], &mut own[pivot + 1..]);
+        for factor in factors.iter_mut() {
+            *factor /= diagonal;
         }
-        for row in pivot + 1..size {
-            let factor = system[(row, pivot)] / system[(pivot, pivot)];
-            for column in pivot + 1..size {
-                system[(row, column)] -= factor * system[(pivot, column)];
-            }
-            for column in right_hand_sides.chunks_exact_mut(size) {
-                column[row] -= factor * column[pivot];
+        let others = beyond.chunks_exact_mut(size);
+        for column in others.chain(right_hand_sides.chunks_exact_mut(size)) {
+            column.swap(pivot, best);
+            let (known, below) = column.split_at_mut(pivot + 1);
+            for (value, factor) in below.iter_mut().zip(&*factors) {
+                *value -= factor * known[pivot];
             }
         }
     }
     for column in right_hand_sides.chunks_exact_mut(size) {
         for row in (0..size).rev() {
             let known: f64 = (row + 1..size)
-                .map(|other| system[(row, other)] * column[other])
+                .map(|other| all[size * other + row] * column[other])
                 .sum();
-            column[row] = (column[row] - known) / system[(row, row)];
+            column[row] = (column[row] - known) / all[size * row + row];
         }
     }
     true

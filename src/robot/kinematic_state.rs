@@ -187,6 +187,22 @@ impl KinematicState {
         }
     }
 
+    /// Moves the tool's place by a step of joints that turn (rad), to second order in it; nothing else moves.
+    pub(super) fn follow(&mut self, step: &[f64]) {
+        let (mut moved, mut turned) = (Vector3::zeros(), Vector3::zeros());
+        for (joint, step) in step.iter().enumerate() {
+            let (column, turn) = (
+                self.position_columns[joint],
+                self.rotation_columns[joint] * *step,
+            );
+            moved += (column + (turned + turn * 0.5).cross(&column)) * *step;
+            turned += turn + turned.cross(&turn) * 0.5;
+        }
+        let turned = turned.cross_matrix();
+        self.tool_position += moved;
+        self.tool_rotation += (turned + turned * turned * 0.5) * self.tool_rotation;
+    }
+
     /// The number of joints n.
     pub fn joints(&self) -> usize {
         self.axis.len()

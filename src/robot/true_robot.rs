@@ -1,5 +1,7 @@
 //! The virtual robot's physics: a model that need not be the belief's.
 
+use std::sync::OnceLock;
+
 use super::SerialChain;
 use crate::files::FileError;
 use crate::mujoco::{Model, TorqueLaw};
@@ -19,6 +21,8 @@ pub struct TrueRobot {
     pub chain: Result<SerialChain, String>,
     /// The belief's joints that are no springs, each once, and their laws.
     pub torque_laws: Vec<(usize, TorqueLaw)>,
+    /// See [`Self::chain_statics`].
+    chain_statics: OnceLock<Model>,
 }
 
 /// A joint that the belief knows.
@@ -38,6 +42,7 @@ impl TrueRobot {
             chain: Ok(chain),
             compliance_rad_per_nm,
             torque_laws: Vec::new(),
+            chain_statics: OnceLock::new(),
             model,
         }
     }
@@ -92,8 +97,14 @@ impl TrueRobot {
             chain,
             joints,
             torque_laws: Vec::new(),
+            chain_statics: OnceLock::new(),
             model,
         })
+    }
+
+    /// Its model as [`Model::for_chain_statics`] has it, made once.
+    pub fn chain_statics(&self) -> &Model {
+        (self.chain_statics).get_or_init(|| self.model.for_chain_statics())
     }
 
     /// The names of the belief's joints that this robot has.

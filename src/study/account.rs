@@ -153,6 +153,7 @@ impl Account {
         let gain = &rows * &posterior.covariance;
         let deviations = Deviations::new(belief, truth);
         let model = ExperimentModel::new(belief);
+        let mut planned = model.readings();
         let sigma_m = belief.instrument.sigma_m;
 
         let readings = deviations.readings();
@@ -161,7 +162,7 @@ impl Account {
         let mut foreign = -deviations.test_poses(task);
         let is_shared = deviations.is_shared_by_configuration();
         for group in sharing_groups(plan, is_shared) {
-            let matrices = model.observation_matrices_of(&group);
+            let matrices = model.observation_matrices_of(&mut planned, &group);
             let rows = model.rows();
             let mut weighted = DMatrix::zeros(gain.nrows(), rows * group.len());
             let seen = deviations.observation_matrices(&model, &group);

@@ -169,7 +169,7 @@ impl<'a> Deviations<'a> {
                 vec![model.rows_of(&mut self.readings_of(set, 0, &self.believed), only)]
             }
             (Some(set), _) => {
-                model.rows_together(self.readings_of(set, 0, &self.believed), experiments)
+                model.rows_together(&mut self.readings_of(set, 0, &self.believed), experiments)
             }
             (None, [only]) => {
                 let compliances = ExperimentModel {

@@ -27,13 +27,12 @@
 //! in addition, and the variance 4 sigma^2 c^T S c.
 
 use multiversion::multiversion;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixViewMut, DVector};
 
 use super::deviations::Deviations;
 use super::tally::{Batch, Failure};
 use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::numeric::estimable::Estimable;
-use crate::numeric::factorisation::finite_eigen;
 use crate::numeric::random::normal::LANES;
 use crate::plan::{Experiment, ExperimentModel, Plan, sharing_groups};
 use crate::task::Task;
@@ -94,11 +93,13 @@ impl<'a> LinearModel<'a> {
     /// # Errors
     /// The plan does not determine what the test poses need.
     pub fn plan(&self, plan: &Plan) -> Result<PlanModel, Failure> {
-        let observed = self.experiments.information(plan);
-        let all = match &self.prior {
-            Some(prior) => &observed + prior,
-            None => observed.clone(),
-        };
+        let groups = sharing_groups(plan, self.deviations.is_shared_by_configuration());
+        let observed = self.observed(&groups);
+        let counted = self.counted(&observed, &groups);
+        let mut all = &counted * counted.transpose();
+        if let Some(prior) = &self.prior {
+            all += prior;
+        }
         let part = self.determined_part(&all);
         let (information, test_poses) = match &part {
             None => (all, self.test_poses.clone()),
@@ -110,49 +111,17 @@ impl<'a> LinearModel<'a> {
             .filter(|_| (1..=MOST).contains(&size))
             .ok_or(Failure::Undetermined)?
             .unpack();
-        // Rows beyond p are zero: they fill up threes.
-        let padded = size.next_multiple_of(3);
-        let mut whitener = vec![ThreeRows::new(); padded / 3];
+        let whitened = |mut columns: DMatrix<f64>| {
+            let is_regular = factor.solve_lower_triangular_mut(&mut columns);
+            is_regular.then_some(columns).ok_or(Failure::Undetermined)
+        };
+        let mut columns = whitened(within(part.as_ref(), &observed))?;
         let foreign = self.deviations.foreign();
         let mut biases = DMatrix::zeros(size, self.deviations.count());
-        // The covariance of the whitened noise, where the belief takes it to be another.
-        let mut coloured: Option<DMatrix<f64>> = None;
-        // The noise of all deflections comes before that of all rotations.
-        let mut of_rotations = vec![ThreeRows::new(); padded / 3];
-        let is_shared = self.deviations.is_shared_by_configuration();
-        for group in sharing_groups(plan, is_shared) {
-            let mut room = (&mut biases, &mut coloured);
-            let each = self.whitened(&group, &factor, part.as_ref(), &mut room)?;
-            for (experiment, columns) in group.iter().zip(each) {
-                let columns = columns.resize_vertically(padded, 0.0);
-                for _ in 0..experiment.repeats {
-                    for (group, rows) in whitener.iter_mut().enumerate() {
-                        rows.extend(threes(&columns, 3 * group).take(3));
-                    }
-                    for (group, rows) in of_rotations.iter_mut().enumerate() {
-                        rows.extend(threes(&columns, 3 * group).skip(3));
-                    }
-                }
-            }
-        }
-        for (rows, more) in whitener.iter_mut().zip(&of_rotations) {
-            rows.extend(more);
-        }
-        let mut drawn = within(part.as_ref(), &self.drawn_to_nominal());
-        if !factor.solve_lower_triangular_mut(&mut drawn) {
-            return Err(Failure::Undetermined);
-        }
+        let is_coloured = self.disturb(&groups, &mut columns, &mut biases.columns_mut(0, foreign));
+        let drawn = whitened(within(part.as_ref(), &self.drawn_to_nominal()))?;
         (biases.columns_mut(foreign, drawn.ncols())).copy_from(&drawn);
-        let mut errors = test_poses.transpose();
-        if !factor.solve_lower_triangular_mut(&mut errors) {
-            return Err(Failure::Undetermined);
-        }
-        for (group, rows) in whitener.iter_mut().enumerate() {
-            rows.extend(threes(
-                &biases.clone().resize_vertically(padded, 0.0),
-                3 * group,
-            ));
-        }
+        let errors = whitened(test_poses.transpose())?;
         if let Some((estimable, _)) = &part
             && !self.determines_test_poses(estimable, &errors)
         {
@@ -160,10 +129,18 @@ impl<'a> LinearModel<'a> {
         }
         let mut test_poses_unknown = -&self.test_poses_foreign;
         test_poses_unknown = test_poses_unknown.resize_horizontally(biases.ncols(), 0.0);
+        // Rows beyond p are zero: they fill up threes.
+        let padded = size.next_multiple_of(3);
+        let whitener = self.whitener(&groups, &columns, &biases, padded);
         let compensation = compensation_rows(&errors, &test_poses_unknown, padded);
         let bias = errors.tr_mul(&biases) + test_poses_unknown;
-        let errors =
-            self.noise_alone(&factor, part.as_ref(), &observed, coloured.as_ref(), errors)?;
+        // Of the whitened noise, whose covariance is none of ones where something is known before, or where the noise is another than
+        // is believed.
+        let errors = if is_coloured || self.prior.is_some() {
+            (self.counted(&columns, &groups)).tr_mul(&errors)
+        } else {
+            errors
+        };
         let covariance = smaller_square(&errors);
         Ok(PlanModel {
             whitener,
@@ -176,71 +153,88 @@ impl<'a> LinearModel<'a> {
         })
     }
 
-    /// L^-1 A^T of each of the experiments of one configuration, as the noise is in truth; adds what foreign parameters do to the
-    /// biases, and the whitened noise to its covariance.
-    fn whitened(
-        &self,
-        group: &[&Experiment],
-        factor: &DMatrix<f64>,
-        part: Option<&(Estimable, DMatrix<f64>)>,
-        (biases, coloured): &mut (&mut DMatrix<f64>, &mut Option<DMatrix<f64>>),
-    ) -> Result<Vec<DMatrix<f64>>, Failure> {
-        let mut each = Vec::new();
-        for observed in self.experiments.observation_matrices_of(group) {
-            let mut columns = match part {
-                None => observed.transpose(),
-                Some((_, basis)) => (observed * basis).transpose(),
-            };
-            if !factor.solve_lower_triangular_mut(&mut columns) {
-                return Err(Failure::Undetermined);
-            }
-            each.push(columns);
-        }
-        let foreign = self.deviations.foreign();
-        if foreign > 0 {
-            let deviations = &self.deviations;
-            let all = deviations.observation_matrices(&self.experiments, group);
-            for ((experiment, columns), own) in group.iter().zip(&each).zip(all) {
-                let seen = columns * own;
-                let mut biases = biases.columns_mut(0, foreign);
-                biases += seen * f64::from(experiment.repeats);
-            }
-        }
-        let Some(half) = self.deviations.coloured(group) else {
-            return Ok(each);
-        };
+    /// A^T (p x n), the experiments of one configuration beside each other.
+    fn observed(&self, groups: &[Vec<&Experiment>]) -> DMatrix<f64> {
         let rows = self.experiments.rows();
-        let mut all = DMatrix::zeros(factor.nrows(), rows * group.len());
-        for (place, columns) in each.iter().enumerate() {
-            all.columns_mut(rows * place, rows).copy_from(columns);
+        let mut readings = self.experiments.readings();
+        let count: usize = groups.iter().map(Vec::len).sum();
+        let mut observed = DMatrix::zeros(readings.parameters(), rows * count);
+        let each = (groups.iter())
+            .flat_map(|group| (self.experiments).observation_matrices_of(&mut readings, group));
+        for (place, each) in each.enumerate() {
+            (observed.columns_mut(rows * place, rows)).copy_from(&each.transpose());
         }
-        all *= half;
-        for (place, columns) in each.iter_mut().enumerate() {
-            columns.copy_from(&all.columns(rows * place, rows));
-            let more = (&*columns * columns.transpose()) * f64::from(group[place].repeats);
-            **coloured = Some((coloured.take()).map_or(more.clone(), |sum| sum + more));
-        }
-        Ok(each)
+        observed
     }
 
-    /// What the noise alone leaves, where the truth is given: from the errors L^-1 `A_0^T` that all leaves, with the information
-    /// that was observed, and with the covariance of the whitened noise where that is none of ones.
-    fn noise_alone(
+    /// Columns of experiments as often as these are repeated: times the roots of their repeats.
+    fn counted(&self, columns: &DMatrix<f64>, groups: &[Vec<&Experiment>]) -> DMatrix<f64> {
+        let rows = self.experiments.rows();
+        let mut counted = columns.clone();
+        for (place, experiment) in groups.iter().flatten().enumerate() {
+            let mut own = counted.columns_mut(rows * place, rows);
+            own *= f64::from(experiment.repeats).sqrt();
+        }
+        counted
+    }
+
+    /// Makes whitened columns L^-1 A^T those of the noise as it is in truth, and adds what foreign parameters do to the biases; whether the
+    /// noise is another than is believed.
+    fn disturb(
         &self,
-        factor: &DMatrix<f64>,
-        part: Option<&(Estimable, DMatrix<f64>)>,
-        observed: &DMatrix<f64>,
-        coloured: Option<&DMatrix<f64>>,
-        errors: DMatrix<f64>,
-    ) -> Result<DMatrix<f64>, Failure> {
-        if let Some(noise) = coloured {
-            return Ok(root_of(noise).ok_or(Failure::Undetermined)? * errors);
+        groups: &[Vec<&Experiment>],
+        columns: &mut DMatrix<f64>,
+        biases: &mut DMatrixViewMut<'_, f64>,
+    ) -> bool {
+        let (rows, deviations) = (self.experiments.rows(), &self.deviations);
+        let mut is_coloured = false;
+        let mut first = 0;
+        for group in groups {
+            let mut all = columns.columns_mut(first, rows * group.len());
+            first += rows * group.len();
+            if biases.ncols() > 0 {
+                let foreign = deviations.observation_matrices(&self.experiments, group);
+                for (place, (experiment, own)) in group.iter().zip(foreign).enumerate() {
+                    let seen = all.columns(rows * place, rows) * own;
+                    *biases += seen * f64::from(experiment.repeats);
+                }
+            }
+            if let Some(half) = deviations.coloured(group) {
+                let coloured = &all * half;
+                all.copy_from(&coloured);
+                is_coloured = true;
+            }
         }
-        if self.prior.is_none() {
-            return Ok(errors);
-        }
-        let observed = within(part, &within(part, observed).transpose());
-        noise_errors(factor, &observed, &errors).ok_or(Failure::Undetermined)
+        is_coloured
+    }
+
+    /// L^-1 A^T, as often as experiments are repeated, beside the biases, three rows at a time: the noise of all deflections comes before
+    /// that of all rotations.
+    fn whitener(
+        &self,
+        groups: &[Vec<&Experiment>],
+        columns: &DMatrix<f64>,
+        biases: &DMatrix<f64>,
+        padded: usize,
+    ) -> Vec<ThreeRows> {
+        let rows = self.experiments.rows();
+        let [columns, biases] = [columns, biases].map(|all| {
+            let all = all.clone();
+            all.resize_vertically(padded, 0.0)
+        });
+        let of_threes = |first: usize| {
+            let all: ThreeRows = threes(&columns, first).collect();
+            let each = || {
+                let numbered = groups.iter().flatten().zip(all.chunks_exact(rows));
+                let repeated = numbered
+                    .flat_map(|(experiment, own)| (0..experiment.repeats).map(move |_| own));
+                repeated.map(|own| own.split_at(3))
+            };
+            let (deflections, rotations) = (each().map(|own| own.0), each().map(|own| own.1));
+            let noise = deflections.chain(rotations).flatten().copied();
+            noise.chain(threes(&biases, first)).collect()
+        };
+        (0..padded).step_by(3).map(of_threes).collect()
     }
 
     /// What is known before draws towards the nominal values: a column for each that it knows of.
@@ -316,34 +310,6 @@ fn threes(matrix: &DMatrix<f64>, first: usize) -> impl Iterator<Item = [f64; 3]>
     (matrix.column_iter()).map(move |column| std::array::from_fn(|row| column[first + row]))
 }
 
-/// With z = L^-1 A^T eps no longer of unit covariance but of N = L^-1 A^T A L^-T: the root of N times the
-/// errors.
-fn noise_errors(
-    factor: &DMatrix<f64>,
-    observed: &DMatrix<f64>,
-    errors: &DMatrix<f64>,
-) -> Option<DMatrix<f64>> {
-    let mut half = observed.clone();
-    if !factor.solve_lower_triangular_mut(&mut half) {
-        return None;
-    }
-    let mut noise = half.transpose();
-    if !factor.solve_lower_triangular_mut(&mut noise) {
-        return None;
-    }
-    Some(root_of(&noise)? * errors)
-}
-
-/// A root H of a symmetric matrix, H^T H.
-fn root_of(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let eigen = finite_eigen(&((matrix + matrix.transpose()) * 0.5))?;
-    let mut root = eigen.eigenvectors.transpose();
-    for (mut row, value) in root.row_iter_mut().zip(&eigen.eigenvalues) {
-        row *= value.max(0.0).sqrt();
-    }
-    Some(root)
-}
-
 /// A plan made ready for runs; distances are in sigma.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanModel {
@@ -359,7 +325,7 @@ pub struct PlanModel {
     pub variance: f64,
     /// B A' / sigma - `A_0`'.
     bias: DMatrix<f64>,
-    /// L^-1 `A_0^T`.
+    /// What the noise alone leaves, E: its covariance is E^T E.
     errors: DMatrix<f64>,
 }
 

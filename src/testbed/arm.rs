@@ -36,7 +36,7 @@ impl MujocoArm {
         let bodies = (0..model.bodies()).flat_map(|body| model.joints_of(body).map(move |_| body));
         let body_of: Vec<usize> = bodies.collect();
         let joints = model.chain_joints();
-        let nominal = model.with_weighing_masses();
+        let nominal = robot.chain_statics().clone();
         let state = State::new(&nominal);
         Self {
             bodies: joints.iter().map(|&joint| body_of[joint]).collect(),

@@ -40,7 +40,7 @@ impl ChainRest {
         let joints = chain.joints.iter();
         let mut rest = Self {
             arm: MujocoArm::new(robot, chain, site),
-            solver: EquilibriumSolver::new(chain.len()),
+            solver: EquilibriumSolver::of_places(chain.len()),
             known: (robot.joints.iter())
                 .map(|joint| joint.and_then(place))
                 .collect(),
