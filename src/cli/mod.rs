@@ -306,12 +306,13 @@ impl Arguments {
     pub fn execute(&self, itself: Option<PathBuf>) -> anyhow::Result<Vec<Condition>> {
         let (json, quiet, threads) = match (&self.command, self.command.common()) {
             (_, Some(common)) => (common.json, common.quiet, common.threads),
-            (Command::Init(init::Init { said, .. }), None)
-            | (Command::Import(import::Import { said, .. }), None)
-            | (Command::Merge(merge::Merge { said, .. }), None)
-            | (Command::Compare(compare::Compare { said, .. }), None) => {
-                (said.json, said.quiet, None)
-            }
+            (
+                Command::Init(init::Init { said, .. })
+                | Command::Import(import::Import { said, .. })
+                | Command::Merge(merge::Merge { said, .. })
+                | Command::Compare(compare::Compare { said, .. }),
+                None,
+            ) => (said.json, said.quiet, None),
             (Command::Explain(command), None) => (command.json, false, None),
             (_, None) => (false, false, None),
         };
