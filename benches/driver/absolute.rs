@@ -94,7 +94,7 @@ pub fn fit(scenario: &'static Scenario, transmission_error_rad: f64) -> impl FnM
 pub fn trials(scenario: &'static Scenario) -> impl FnMut(u64) {
     let groups: &[ParameterGroup] = &[ParameterGroup::Zeros];
     let wanted = ReadingsWanted {
-        groups: groups,
+        groups,
         measured: &[],
         candidates: None,
         path: Path::new("scenarios"),
