@@ -8,6 +8,7 @@ use nalgebra::{
 };
 
 use super::case::Case;
+use super::discrepancy::six_rows;
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::numeric::estimable::Estimable;
@@ -245,11 +246,8 @@ impl Case<'_> {
     /// direction the first element.
     pub(super) fn covariances(&self) -> Vec<Matrix6<f64>> {
         let mut model = (self.uncertain).map(|extended| self.readings(extended));
-        let covariance = |each: &Measurement| match &mut model {
-            Some(model) => self.extended_covariance(model, each),
-            None => self.noise(each),
-        };
-        self.measurements.iter().map(covariance).collect()
+        let alone = |index| six_rows(&self.covariance_together(model.as_mut(), &[index]));
+        (0..self.measurements.len()).map(alone).collect()
     }
 
     pub(super) fn sigma_of(&self, measurement: &Measurement) -> Vector3<f64> {

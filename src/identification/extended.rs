@@ -61,23 +61,6 @@ impl Case<'_> {
         })
     }
 
-    /// The covariance of a measured deflection and its rotation (m^2, m rad, rad^2), whatever repeats it.
-    pub(super) fn extended_covariance(
-        &self,
-        model: &mut PlannedReadings<'_>,
-        measurement: &Measurement,
-    ) -> Matrix6<f64> {
-        model.read_along(measurement.direction.as_ref());
-        model.move_to(measurement.configuration_rad.as_slice());
-        let whole = model.covariance_of_all(&measurement.load) + self.noise(measurement);
-        of_rows_there(&whole, [measurement, measurement])
-    }
-
-    /// That of the instrument alone.
-    pub(super) fn noise(&self, measurement: &Measurement) -> Matrix6<f64> {
-        self.shared_noise(measurement, measurement)
-    }
-
     /// What the covariance of two readings by the instrument would be, were all their noise the same. Of readings with deviations of
     /// their own, the unloaded one has a part of each: the readings' correlation is that part.
     pub(super) fn shared_noise(&self, one: &Measurement, other: &Measurement) -> Matrix6<f64> {

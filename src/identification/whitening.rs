@@ -82,7 +82,7 @@ impl Case<'_> {
 
     /// The covariance of readings of one configuration (m^2, m rad, rad^2): what each reads on the diagonal, and what two of them share
     /// beside it.
-    fn covariance_together(
+    pub(super) fn covariance_together(
         &self,
         mut model: Option<&mut PlannedReadings<'_>>,
         members: &[usize],

@@ -11,9 +11,7 @@ use super::{
 };
 use crate::experiment::together;
 use crate::numeric::estimable::Estimable;
-use crate::observation::{
-    Form, NormalEquations, ObservationModel, normal_equations, shared_equations,
-};
+use crate::observation::{Form, NormalEquations, ObservationModel};
 use crate::parameter::{ParameterSet, relative_precision};
 
 /// With fewer blocks there is nothing to compare.
@@ -103,25 +101,6 @@ impl AbsoluteCase<'_> {
         let q = |reading: usize| &self.observations[reading].setup.commanded_rad;
         together(self.observations.len(), q, |one, other| q(one) == q(other)).len()
     }
-
-    /// What the readings say at values of parameters, as they are weighed.
-    pub(super) fn equations(
-        &self,
-        set: &ParameterSet,
-        values: &DVector<f64>,
-    ) -> Result<NormalEquations, IdentificationError> {
-        let (arm, observations) = (&self.arm, &self.observations);
-        Ok(match &self.shared {
-            None => normal_equations(set, arm, values, observations),
-            Some(shared) => shared_equations(set, arm, values, observations, shared),
-        }?)
-    }
-
-    /// The number of scalar readings.
-    pub(super) fn numbers(&self) -> usize {
-        let readings = self.observations.iter();
-        readings.map(|each| each.reading.kind().rows()).sum()
-    }
 }
 
 /// One block of readings beside a fit to all others.
@@ -179,7 +158,7 @@ impl<'a> Blocks<'a> {
     ) -> Result<Vec<Without>, IdentificationError> {
         let values = DVector::from_column_slice(&fit.posterior.mean);
         let equations: Result<Vec<_>, IdentificationError> = (self.parts.par_iter())
-            .map(|part| part.equations(set, &values))
+            .map(|part| part.fitted_readings(set).equations(&values))
             .collect();
         let equations = equations?;
         let mut all = DMatrix::zeros(set.len(), set.len());
@@ -227,13 +206,13 @@ impl<'a> Blocks<'a> {
         let mut values = DVector::from_column_slice(&fit.posterior.mean);
         let (change, _) = step(&information, gradient, &values)?;
         values += change.component_mul(&scales);
-        let found = part.equations(set, &values)?.square;
+        let found = part.fitted_readings(set).equations(&values)?.square;
         let predicted = own.square - 2.0 * change.dot(&own.gradient)
             + change.dot(&(&own.information * &change));
         if (found - predicted).abs() > AS_PREDICTED * found {
             let rest = (self.case).part_of(|index| self.of_readings[index] != block);
             for _ in 0..MAXIMUM_STEPS {
-                let now = rest.equations(set, &values)?;
+                let now = rest.fitted_readings(set).equations(&values)?;
                 let (change, length) = step(&now.information, now.gradient, &values)?;
                 if length < SHORT {
                     break;

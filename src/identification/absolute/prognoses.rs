@@ -109,7 +109,8 @@ impl AbsoluteCase<'_> {
         let mut case = self.clone();
         case.arm = arm.clone();
         case.weigh([discrepancy.rest.position_m, discrepancy.rest.rotation_rad]);
-        let equations = case.equations(&all, &all.prior().mean)?;
+        let readings = case.fitted_readings(&all);
+        let equations = readings.equations(&all.prior().mean)?;
         let sizes = all.scales();
         let known = DMatrix::from_fn(all.len(), all.len(), |row, column| {
             match (places.get(row), places.get(column)) {
@@ -123,7 +124,7 @@ impl AbsoluteCase<'_> {
         // y^T (R + A C A^T)^-1 y = y^T R^-1 y - g^T C (1 + A^T R^-1 A C)^-1 g with g = A^T R^-1 y.
         let mixed = DMatrix::identity(all.len(), all.len()) + &equations.information * &known;
         let solved = mixed.lu().solve(&equations.gradient);
-        let freedom = case.numbers().saturating_sub(anew.len());
+        let freedom = readings.rows().saturating_sub(anew.len());
         Ok(
             (solved.zip(ChiSquared::new(freedom as f64).ok())).map(|(solved, law)| {
                 law.sf(equations.square - equations.gradient.dot(&(known * solved)))

@@ -176,8 +176,17 @@ impl FittedReadings<'_> {
         })
     }
 
+    /// What the readings say at values (p), as they are weighed.
+    pub fn equations(&self, values: &DVector<f64>) -> Result<NormalEquations, IdentificationError> {
+        let (set, nominal, observations) = (self.set, self.nominal, self.observations);
+        Ok(match self.shared {
+            None => normal_equations(set, nominal, values, observations),
+            Some(shared) => shared_equations(set, nominal, values, observations, shared),
+        }?)
+    }
+
     /// The number of scalar readings.
-    fn rows(&self) -> usize {
+    pub fn rows(&self) -> usize {
         let readings = self.observations.iter();
         readings.map(|each| each.reading.kind().rows()).sum()
     }
@@ -337,17 +346,7 @@ impl FitProblem<'_> {
     }
 
     fn at(&self, values: &DVector<f64>) -> Result<Solved, IdentificationError> {
-        let FittedReadings {
-            nominal,
-            set,
-            observations,
-            shared,
-        } = self.readings;
-        let equations = match shared {
-            None => normal_equations(set, nominal, values, observations),
-            Some(shared) => shared_equations(set, nominal, values, observations, shared),
-        };
-        let equations = equations.map_err(IdentificationError::from)?;
+        let equations = self.readings.equations(values)?;
         let off =
             (values - &self.readings.set.prior().mean).component_div(&self.readings.set.scales());
         let pull = &self.prior * &off;

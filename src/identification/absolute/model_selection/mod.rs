@@ -308,14 +308,16 @@ fn cross_validation(
                 .map(|(_, left)| left),
         );
         let part = case.part_of(|index| blocks.of_readings[index] == block && judged[index]);
-        if part.numbers() == 0 {
+        let readings = part.fitted_readings(set);
+        let rows = readings.rows();
+        if rows == 0 {
             continue;
         }
-        let own = part.equations(set, &each.values);
+        let own = readings.equations(&each.values);
         let own = own.map_err(|error| error.to_string())?.square;
-        block_losses.push(own / part.numbers() as f64);
+        block_losses.push(own / rows as f64);
         square += own;
-        numbers += part.numbers();
+        numbers += rows;
     }
     if block_losses.len() < 2 {
         return Err("no block of readings is determined by the others".to_owned());
