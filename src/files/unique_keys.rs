@@ -8,15 +8,15 @@ use serde_json::{Map, Value};
 /// JSON whose objects have each key once.
 pub struct UniqueKeys(pub Value);
 
-struct Reader;
+struct UniqueKeysVisitor;
 
 impl<'de> Deserialize<'de> for UniqueKeys {
     fn deserialize<D: Deserializer<'de>>(json: D) -> Result<Self, D::Error> {
-        json.deserialize_any(Reader).map(Self)
+        json.deserialize_any(UniqueKeysVisitor).map(Self)
     }
 }
 
-impl<'de> Visitor<'de> for Reader {
+impl<'de> Visitor<'de> for UniqueKeysVisitor {
     type Value = Value;
 
     fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -58,12 +58,17 @@ impl State {
     /// Runs MuJoCo's kinematics at the coordinates `q` of the joints that are not locked (rad, m): poses of bodies, geometries and
     /// sites, joint axes and centres of mass; no collisions.
     pub fn move_to(&mut self, q: &[f64]) {
+        self.stand_at(q);
+        self.data.kinematics();
+        self.data.com_pos();
+    }
+
+    /// Sets these coordinates, and no pose by them yet.
+    pub fn stand_at(&mut self, q: &[f64]) {
         let all = self.data.qpos_mut();
         for (&coordinate, &value) in self.coordinates.iter().zip(q) {
             all[coordinate] = value;
         }
-        self.data.kinematics();
-        self.data.com_pos();
     }
 
     /// The joint's anchor (m) and axis (unit vector) in the world frame.

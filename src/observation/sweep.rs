@@ -267,10 +267,7 @@ impl Sweep {
                 ParameterKind::ToolPosition { tool, axis }
                     if pose.hanging.is_some_and(|each| each.tool == Some(tool)) =>
                 {
-                    let (_, joints) = pose.load_place();
-                    let moved =
-                        self.before[joints] * self.tools[tool].displacement.column(axis.index());
-                    self.inner[joints] * moved.cross(&pose.load.force_n)
+                    self.of_hook(pose, tool, axis)
                 }
                 ParameterKind::ToolRotation { tool, axis } if tool == pose.target => {
                     let joints = pose.state.tool_joints;
@@ -300,6 +297,13 @@ impl Sweep {
             };
             derivatives.set_column(index, &column);
         }
+    }
+
+    /// What more of the place of the tool that the load hangs on moves.
+    fn of_hook(&self, pose: &SweepPose<'_>, tool: usize, axis: Axis) -> Vector6<f64> {
+        let (_, joints) = pose.load_place();
+        let moved = self.before[joints] * self.tools[tool].displacement.column(axis.index());
+        self.inner[joints] * moved.cross(&pose.load.force_n)
     }
 
     /// What more of a joint's commanded angle moves.

@@ -73,6 +73,11 @@ impl MujocoArm {
         Ok(())
     }
 
+    /// Has these coordinates of the joints (rad, m), and no pose by them yet.
+    pub fn stand_at(&mut self, q: &[f64]) {
+        self.state.stand_at(q);
+    }
+
     pub const fn state(&self) -> &State {
         &self.state
     }

@@ -83,10 +83,14 @@ impl RestingBody for ChainRest {
                 self.commanded[index] = value;
             }
         }
-        if self.laws.is_empty() {
-            return (self.solver).solve(&mut self.arm, &self.compliance, &self.commanded, load);
-        }
-        self.rest_by_laws(load)
+        let found = if self.laws.is_empty() {
+            (self.solver).solve(&mut self.arm, &self.compliance, &self.commanded, load)
+        } else {
+            self.rest_by_laws(load)
+        };
+        // The last step is followed without a new geometry.
+        self.arm.stand_at(self.solver.q());
+        found
     }
 
     fn tool(&self) -> (Vector3<f64>, Matrix3<f64>) {

@@ -114,7 +114,7 @@ impl VirtualRobot {
         self.body.joint_angles()
     }
 
-    /// MuJoCo's simulation as it stands at the last equilibrium.
+    /// MuJoCo's simulation at the last equilibrium's coordinates; of a plain chain its poses are those of Newton's last step but one.
     pub fn simulation(&self) -> &State {
         self.body.state()
     }

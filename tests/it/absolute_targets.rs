@@ -265,13 +265,13 @@ fn gears_and_gaps_are_corrected() {
     }
 }
 
-/// What joints stand off changes nearly as fast as they turn: the tool is where it should be all the same. Where it changes faster, no
-/// command is given.
+/// What joints stand off changes nearly as fast as they turn: the tool is where it should be all the same. Where it changes faster, a
+/// command is right, or there is none.
 #[test]
 fn steep_gear_errors_are_corrected_or_refused() {
     let scenario = scenario("ur10");
     let stands = scenario.task.test_poses[0].configuration_rad.clone();
-    for (slope, joint) in [(0.5, 1), (0.95, 2), (1.5, 3)] {
+    for (slope, joint) in [(0.5, 1), (0.95, 2), (3.0, 3)] {
         let mut arm = scenario.task.belief.arm();
         let per_turn = NonZeroU32::new(360).expect("not zero");
         arm.gear_waves = vec![WaveError {
@@ -287,25 +287,27 @@ fn steep_gear_errors_are_corrected_or_refused() {
             (solver.solve(&mut loaded, compliance, standing, &Load::NONE)).expect("it rests");
             solver.state().tool_position
         };
-        let target = AbsoluteTarget {
-            position_m: place(stands.as_slice()),
-            rotation: None,
-            load: Load::NONE,
-        };
-        let found = InverseKinematics::new(&arm, 0).commands(&target, &[stands.add_scalar(0.01)]);
-        if slope > 1.0 {
-            assert_eq!(found, Err(Unreachable::Unsettled { joint }));
-            continue;
+        let mut refused = 0;
+        for number in 0..12 {
+            let stands = stands.add_scalar(0.003 * f64::from(number));
+            let target = AbsoluteTarget {
+                position_m: place(stands.as_slice()),
+                rotation: None,
+                load: Load::NONE,
+            };
+            let found = InverseKinematics::new(&arm, 0).commands(&target, &[stands]);
+            let Ok(commands) = found else {
+                assert_eq!(found, Err(Unreachable::Unsettled { joint }));
+                refused += 1;
+                continue;
+            };
+            let offsets = arm.offsets_rad(commands.as_slice(), 0, &Load::NONE, None);
+            let standing = commands.iter().zip(&offsets);
+            let standing: Vec<f64> = standing.map(|(q, off)| q + off).collect();
+            let off_m = (place(&standing) - target.position_m).norm();
+            assert!(off_m < 1e-9, "{slope}: {off_m}");
         }
-        let commands = found.expect("there is one");
-        let offsets = arm.offsets_rad(commands.as_slice(), 0, &Load::NONE, None);
-        let standing: Vec<f64> = commands
-            .iter()
-            .zip(&offsets)
-            .map(|(q, off)| q + off)
-            .collect();
-        let off_m = (place(&standing) - target.position_m).norm();
-        assert!(off_m < 1e-9, "{slope}: {off_m}");
+        assert_eq!(refused > 0, slope > 1.0, "{slope}: {refused}");
     }
 }
 
@@ -352,7 +354,7 @@ fn loads_hang_on_the_calibration_tool() {
     place.run("measure true.toml --plan plan.csv --measurements-out m.csv --quiet");
     let found = ["true.toml", "believed.toml"].map(|name| {
         let json = place.json(&format!(
-            "identify {name} --measurements m.csv --parameters compliances --json"
+            "identify {name} --measurements m.csv --parameters compliances"
         ));
         let unknowns = json["unknowns"].as_array().expect("a list").clone();
         let of = |each: &Value| (number(&each["value"]), number(&each["standard_error"]));

@@ -383,7 +383,7 @@ fn what_cannot_be_held_against_is_refused() {
     place.write("n.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm\n1,2,3,4,5,6,0,0,-98,0,0,0,0,0,-1\n");
     let outcome = place.run(command).ends_with(1);
     assert!(
-        outcome.stderr.contains("another file of absolute readings"),
+        outcome.stderr.contains("a file of absolute readings"),
         "{}",
         outcome.stderr
     );
