@@ -12,6 +12,7 @@ use super::error::IdentificationError;
 use super::fit::{Fit, FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
+use crate::numeric::quantile::exceeded_with;
 use crate::parameter::ParameterSet;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
@@ -353,7 +354,8 @@ pub(super) fn two_sided_student(freedom: f64) -> f64 {
     if freedom >= MANY {
         return two_sided_normal();
     }
-    StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |student| student.inverse_cdf(0.975))
+    StudentsT::new(0.0, 1.0, freedom)
+        .map_or(f64::INFINITY, |student| exceeded_with(&student, 0.025))
 }
 
 /// The degrees of freedom of a parameter's variance, where those of the readings' are so many: what is known before is no estimate.

@@ -6,10 +6,11 @@
 
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
 use serde_json::{Value, json};
-use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+use statrs::distribution::FisherSnedecor;
 
 use super::discrepancy::ReadingResidual;
 use super::spread::ErrorSpread;
+use crate::numeric::quantile::exceeded_with;
 use crate::numeric::tolerance::{ends, median};
 use crate::text::wording::counted;
 
@@ -75,7 +76,7 @@ impl SquareLaw {
         }
         let law = FisherSnedecor::new(self.coordinates, OF_A_MEDIAN * freedom);
         law.map_or(f64::INFINITY, |law| {
-            (self.coordinates * law.inverse_cdf(1.0 - BY_CHANCE)).max(self.far)
+            (self.coordinates * exceeded_with(&law, BY_CHANCE)).max(self.far)
         })
     }
 }
@@ -426,7 +427,7 @@ fn shape_of(vectors: &[Vector3<f64>]) -> Matrix3<f64> {
 
 #[cfg(test)]
 mod tests {
-    use statrs::distribution::ChiSquared;
+    use statrs::distribution::{ChiSquared, ContinuousCDF};
 
     use super::*;
 

@@ -7,6 +7,7 @@
 //! - [`least_squares`]: the fit within it (eqs. 5, 6, 9).
 //! - [`posterior`]: what is known afterwards, and the variance of anything that follows from it
 //!   (eqs. 11 to 13, 20).
+//! - [`quantile`]: what is exceeded with a probability.
 //! - [`tolerance`]: the length that a share of errors stays below, and medians.
 //! - [`ornstein_uhlenbeck`]: Ornstein-Uhlenbeck processes along a coordinate.
 
@@ -16,5 +17,6 @@ pub mod factorisation;
 pub mod least_squares;
 pub mod ornstein_uhlenbeck;
 pub mod posterior;
+pub mod quantile;
 pub mod random;
 pub mod tolerance;

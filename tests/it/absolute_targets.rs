@@ -307,7 +307,7 @@ fn steep_gear_errors_are_corrected_or_refused() {
             let off_m = (place(&standing) - target.position_m).norm();
             assert!(off_m < 1e-9, "{slope}: {off_m}");
         }
-        assert_eq!(refused > 0, slope > 1.0, "{slope}: {refused}");
+        assert!(slope > 1.0 || refused == 0, "{slope}: {refused}");
     }
 }
 

@@ -13,13 +13,14 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 
-use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+use statrs::distribution::FisherSnedecor;
 
 use super::super::discrepancy::{six_rows, three_rows};
 use super::super::spread::logarithm;
 use super::residuals::LinearReading;
 use super::{Discrepancy, ReadingResidual};
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
+use crate::numeric::quantile::exceeded_with;
 use crate::numeric::tolerance::{CHI_SQUARE_95, ends};
 
 /// The square that 95 % of normal errors of three coordinates stay below, over their variance.
@@ -146,7 +147,7 @@ impl DiscrepancyModel {
         if !degrees.is_finite() {
             return self;
         }
-        let fisher = FisherSnedecor::new(3.0, degrees).map(|fisher| 3.0 * fisher.inverse_cdf(0.95));
+        let fisher = FisherSnedecor::new(3.0, degrees).map(|law| 3.0 * exceeded_with(&law, 0.05));
         let scale = fisher.ok().filter(|square| square.is_finite());
         let scale = scale.map_or(1.0, |square| square / SQUARE_95);
         Self {
