@@ -97,7 +97,8 @@ fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, form: Form, softness
     let hooks = belief.tools.iter().filter(|_| form == Form::FirstOrder);
     let others = hooks.flat_map(|hook| {
         let targets = belief.tools.iter().enumerate();
-        let inside = targets.filter(move |(_, tool)| tool.joints <= hook.joints && *tool != hook);
+        let inside =
+            targets.filter(move |(_, tool)| tool.joints <= hook.joints && tool.name != hook.name);
         inside.map(move |(target, _)| (target, Some(Box::new(hook.clone()))))
     });
     for (target, hangs_on) in own.chain(others) {
