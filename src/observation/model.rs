@@ -90,13 +90,13 @@ impl Setup {
         load: &Load,
     ) -> Option<Hanging> {
         let given = self.hangs_on.as_deref().filter(|_| *load != Load::NONE)?;
-        let tool = arm.tools.iter().position(|tool| tool.name == given.name);
-        let hook = tool.map_or(given, |tool| &arm.tools[tool]);
+        // Where that tool is read, it hangs where that is found to be; what it moves says nothing of that place.
+        let found = arm.tools.iter().find(|tool| tool.name == given.name);
+        let hook = found.unwrap_or(given);
         let place = |tool: &Tool| chain.at(tool).state(q).tool_position;
         Some(Hanging {
             lever_m: place(hook) - place(&arm.tools[self.target]),
             joints: hook.joints,
-            tool,
             torque_nm: load.torque_nm,
         })
     }

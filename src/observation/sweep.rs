@@ -67,10 +67,8 @@ pub(super) struct Sweep {
 pub(super) struct Hanging {
     /// From the target to where it hangs (m).
     pub lever_m: Vector3<f64>,
-    /// How many joints move that place,
+    /// How many joints move that place.
     pub joints: usize,
-    /// and which of the arm's tools it is, if it is one.
-    pub tool: Option<usize>,
     /// Its own torque (N m).
     pub torque_nm: Vector3<f64>,
 }
@@ -264,11 +262,6 @@ impl Sweep {
                         self.before[joints] * self.tools[tool].displacement.column(axis.index());
                     self.of_tool(pose, &Twist::translation(direction))
                 }
-                ParameterKind::ToolPosition { tool, axis }
-                    if pose.hanging.is_some_and(|each| each.tool == Some(tool)) =>
-                {
-                    self.of_hook(pose, tool, axis)
-                }
                 ParameterKind::ToolRotation { tool, axis } if tool == pose.target => {
                     let joints = pose.state.tool_joints;
                     let about =
@@ -297,13 +290,6 @@ impl Sweep {
             };
             derivatives.set_column(index, &column);
         }
-    }
-
-    /// What more of the place of the tool that the load hangs on moves.
-    fn of_hook(&self, pose: &SweepPose<'_>, tool: usize, axis: Axis) -> Vector6<f64> {
-        let (_, joints) = pose.load_place();
-        let moved = self.before[joints] * self.tools[tool].displacement.column(axis.index());
-        self.inner[joints] * moved.cross(&pose.load.force_n)
     }
 
     /// What more of a joint's commanded angle moves.
