@@ -89,10 +89,7 @@ impl Setup {
         q: &[f64],
         load: &Load,
     ) -> Option<Hanging> {
-        let given = self.hangs_on.as_deref().filter(|_| *load != Load::NONE)?;
-        // Where that tool is read, it hangs where that is found to be; what it moves says nothing of that place.
-        let found = arm.tools.iter().find(|tool| tool.name == given.name);
-        let hook = found.unwrap_or(given);
+        let hook = self.hangs_on.as_deref().filter(|_| *load != Load::NONE)?;
         let place = |tool: &Tool| chain.at(tool).state(q).tool_position;
         Some(Hanging {
             lever_m: place(hook) - place(&arm.tools[self.target]),

@@ -13,7 +13,7 @@ pub struct Setup {
     pub commanded_rad: DVector<f64>,
     /// The load in the robot's base frame.
     pub load: Load,
-    /// The tool that it hangs on, if that is another than the target: one of the belief's tools where one has its name.
+    /// The tool that it hangs on, where the model has it, if that is another than the target.
     pub hangs_on: Option<Box<Tool>>,
     /// Which of the belief's tools is read.
     pub target: usize,

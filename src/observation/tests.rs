@@ -7,7 +7,7 @@ use super::{Form, ObservationModel, Prediction, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, everything, random, random_elastic, ur10};
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 use crate::robot::{
-    Approach, EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, Tool,
+    Approach, EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix,
     rotation_vector,
 };
 
@@ -99,10 +99,6 @@ fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, form: Form, softness
         let targets = belief.tools.iter().enumerate();
         let inside =
             targets.filter(move |(_, tool)| tool.joints <= hook.joints && tool.name != hook.name);
-        let hook = Tool {
-            name: "hook".to_owned(),
-            ..hook.clone()
-        };
         inside.map(move |(target, _)| (target, Some(Box::new(hook.clone()))))
     });
     for (target, hangs_on) in own.chain(others) {
