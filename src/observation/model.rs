@@ -6,11 +6,10 @@ use nalgebra::{DVector, Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3, Vecto
 
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
-use super::sweep::{Hanging, Sweep, SweepPose, SweptForm};
+use super::sweep::{Sweep, SweepPose, SweptForm};
 use crate::parameter::{ElasticArm, Leaning, ParameterKind, ParameterSet};
 use crate::robot::{
-    EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain, Tool,
-    made_up,
+    EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain, made_up,
 };
 
 /// How far the arm's deflection is followed.
@@ -35,8 +34,6 @@ pub struct ObservationModel<'a> {
     /// The geometry to first order in compliance, and where it is: a target's number, and the joints' angles.
     state: KinematicState,
     state_is_of: (usize, Vec<f64>),
-    /// The load of the last setup where it hangs elsewhere than at the target.
-    hanging: Option<Hanging>,
     sweep: Sweep,
     /// What the joints are commanded, and where they stand by that before anything holds them.
     asked_rad: Vec<f64>,
@@ -80,34 +77,6 @@ impl StationBase {
     }
 }
 
-impl Setup {
-    /// How the load hangs elsewhere than at the target, at these angles (rad) of an arm.
-    fn hanging(
-        &self,
-        arm: &ElasticArm,
-        chain: &SerialChain,
-        q: &[f64],
-        load: &Load,
-    ) -> Option<Hanging> {
-        let hook = self.hangs_on.as_deref().filter(|_| *load != Load::NONE)?;
-        let place = |tool: &Tool| chain.at(tool).state(q).tool_position;
-        Some(Hanging {
-            lever_m: place(hook) - place(&arm.tools[self.target]),
-            joints: hook.joints,
-            torque_nm: load.torque_nm,
-        })
-    }
-}
-
-/// What does at the target what a load does where it hangs: for all joints that move the target it is the same load.
-fn at_target(load: &Load, hanging: Option<&Hanging>) -> Load {
-    let lever = hanging.map_or_else(Vector3::zeros, |hanging| hanging.lever_m);
-    Load {
-        force_n: load.force_n,
-        torque_nm: load.torque_nm + lever.cross(&load.force_n),
-    }
-}
-
 impl<'a> ObservationModel<'a> {
     /// The model of a nominal belief in which the parameters have these values (p).
     pub fn new(set: &'a ParameterSet, nominal: &ElasticArm, values: &[f64]) -> Self {
@@ -124,7 +93,6 @@ impl<'a> ObservationModel<'a> {
             solver: EquilibriumSolver::new(joints),
             state: KinematicState::new(joints),
             state_is_of: (usize::MAX, vec![0.0; joints]),
-            hanging: None,
             sweep: Sweep::new(&set, nominal, values),
             asked_rad: vec![0.0; joints],
             commanded_rad: vec![0.0; joints],
@@ -284,7 +252,7 @@ impl<'a> ObservationModel<'a> {
         );
     }
 
-    /// Sets the joints' angles, and returns the load that acts, at the target.
+    /// Sets the joints' angles, and returns the load that acts.
     fn command(&mut self, setup: &Setup) -> Load {
         self.asked_rad
             .copy_from_slice(setup.commanded_rad.as_slice());
@@ -292,9 +260,7 @@ impl<'a> ObservationModel<'a> {
             *commanded = self.belief.stands_at(joint, setup.commanded_rad[joint]);
         }
         self.stand_off_springs(setup, true);
-        let load = self.belief.acting(&setup.load);
-        self.hanging = setup.hanging(&self.belief, &self.chain, &self.commanded_rad, &load);
-        at_target(&load, self.hanging.as_ref())
+        self.belief.acting(&setup.load)
     }
 
     /// Moves joints that have gaps, or give besides their springs, to where they stand with the load of a setup, or without it.
@@ -307,9 +273,7 @@ impl<'a> ObservationModel<'a> {
         let under = |load: &Load| nominal.leanings(q, setup.target, load, approach);
         let unloaded = under(&Load::NONE);
         let here = if is_loaded {
-            let load = nominal.acting(&setup.load);
-            let hanging = setup.hanging(nominal, &nominal.chain, q, &load);
-            under(&at_target(&load, hanging.as_ref()))
+            under(&nominal.acting(&setup.load))
         } else {
             unloaded.clone()
         };
@@ -387,7 +351,6 @@ impl<'a> ObservationModel<'a> {
             target,
             asked_rad: &self.asked_rad,
             load,
-            hanging: self.hanging,
             gravity_m_s2: &gravity,
             torque: &self.torque,
             leanings: (self.off_springs.as_ref())
@@ -436,7 +399,6 @@ impl<'a> ObservationModel<'a> {
             target,
             asked_rad: &self.asked_rad,
             load,
-            hanging: self.hanging.filter(|_| is_loaded),
             gravity_m_s2: &self.chain.gravity_m_s2,
             torque: self.solver.torque(),
             leanings: (self.off_springs.as_ref())

@@ -4,18 +4,16 @@ use nalgebra::{Cholesky, DVector, Matrix3, Matrix6, Matrix6xX, Vector3, Vector6}
 
 use super::rotation::inverse_left_jacobian;
 use crate::parameter::Unloaded;
-use crate::robot::{Approach, Load, Tool, rotation_vector};
+use crate::robot::{Approach, Load, rotation_vector};
 
 /// What the robot is told, and what hangs on it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setup {
     /// The commanded joint angles (rad).
     pub commanded_rad: DVector<f64>,
-    /// The load in the robot's base frame.
+    /// The load in the robot's base frame, at the target.
     pub load: Load,
-    /// The tool that it hangs on, where the model has it, if that is another than the target.
-    pub hangs_on: Option<Box<Tool>>,
-    /// Which of the belief's tools is read.
+    /// Which of the belief's tools is loaded and read.
     pub target: usize,
     /// At which of the belief's stations the instrument stands.
     pub station: usize,

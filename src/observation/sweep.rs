@@ -62,17 +62,6 @@ pub(super) struct Sweep {
     bent_from: Vec<Vector3<f64>>,
 }
 
-/// A load that hangs elsewhere than at the target.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Hanging {
-    /// From the target to where it hangs (m).
-    pub lever_m: Vector3<f64>,
-    /// How many joints move that place.
-    pub joints: usize,
-    /// Its own torque (N m).
-    pub torque_nm: Vector3<f64>,
-}
-
 /// What a sweep is made of.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SweepPose<'a> {
@@ -85,9 +74,8 @@ pub(super) struct SweepPose<'a> {
     /// What the joints are commanded (rad), by which gears err.
     pub asked_rad: &'a [f64],
     pub target: usize,
-    /// The load that acts, its scale included: at the target, what does there what a load that hangs elsewhere does.
+    /// The load that acts, its scale included.
     pub load: &'a Load,
-    pub hanging: Option<Hanging>,
     pub gravity_m_s2: &'a Vector3<f64>,
     /// The joint torques (N m).
     pub torque: &'a [f64],
@@ -119,14 +107,6 @@ impl SweepPose<'_> {
     /// Whether the target's rigid motion counts.
     fn has_rigid_motion(&self) -> bool {
         matches!(self.shown, SweptForm::Rest | SweptForm::Pose)
-    }
-
-    /// Where the load hangs (m), and how many joints move that place.
-    fn load_place(&self) -> (Vector3<f64>, usize) {
-        let (target, joints) = (self.state.tool_position, self.state.tool_joints);
-        self.hanging.map_or((target, joints), |hanging| {
-            (target + hanging.lever_m, hanging.joints)
-        })
     }
 
     fn is_uncompensated(&self) -> bool {
@@ -383,12 +363,10 @@ impl Sweep {
             self.bent_before[joint + 1] =
                 self.bent_before[joint] + state.rotation_column(joint) * off(joint);
         }
-        let (place, moving) = pose.load_place();
-        let own = (pose.hanging).map_or(pose.load.torque_nm, |hanging| hanging.torque_nm);
         for joint in (0..joints).rev() {
             let moved = self.columns[joint] * compliance[joint];
-            let turned = state.moves(joint, moving, &place).cross(&pose.load.force_n)
-                + state.rotation_column(joint).cross(&own)
+            let turned = state.position_column(joint).cross(&pose.load.force_n)
+                + state.rotation_column(joint).cross(&pose.load.torque_nm)
                 + state.weight_moment(joint, pose.gravity_m_s2);
             self.outer[joint] = self.outer[joint + 1] + moved * turned.transpose();
             self.bent_from[joint] =
@@ -400,8 +378,7 @@ impl Sweep {
     fn of_load_parameter(&self, pose: &SweepPose<'_>, kind: ParameterKind) -> Vector6<f64> {
         let force = |force_n| Load {
             force_n,
-            torque_nm: (pose.hanging)
-                .map_or_else(Vector3::zeros, |hanging| hanging.lever_m.cross(&force_n)),
+            torque_nm: Vector3::zeros(),
         };
         let load = match (kind, pose.is_uncompensated()) {
             (ParameterKind::LoadScale, false) | (ParameterKind::TaskScale, true) => *pose.load,
@@ -485,12 +462,10 @@ impl Sweep {
         let carried = twist.at(&state.distal_centre[m]) * state.distal_mass[m];
         let mut moment = carried.cross(pose.gravity_m_s2);
         let mut column = self.outer[m] * twist.omega;
-        let (place, joints) = pose.load_place();
-        if m < joints {
-            moment += twist.at(&place).cross(&pose.load.force_n);
-        }
         if m < state.tool_joints {
-            column += self.rigidly(pose, m, &twist.at(&state.tool_position), &twist.omega);
+            let moved = twist.at(&state.tool_position);
+            moment += moved.cross(&pose.load.force_n);
+            column += self.rigidly(pose, m, &moved, &twist.omega);
         }
         column + self.inner[m] * moment + self.of_places(pose, m, twist)
     }
@@ -498,11 +473,8 @@ impl Sweep {
     fn of_tool(&self, pose: &SweepPose<'_>, twist: &Twist) -> Vector6<f64> {
         let m = pose.state.tool_joints;
         let moved = twist.at(&pose.state.tool_position);
-        let column = self.rigidly(pose, m, &moved, &twist.omega);
-        match pose.hanging {
-            Some(_) => column,
-            None => column + self.inner[m] * moved.cross(&pose.load.force_n),
-        }
+        self.rigidly(pose, m, &moved, &twist.omega)
+            + self.inner[m] * moved.cross(&pose.load.force_n)
     }
 
     /// The target's own motion, and that of its Jacobian where the deflection is J delta.

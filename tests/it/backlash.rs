@@ -291,7 +291,6 @@ pub fn pose_of(
     use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
     let nothing = elastocal::parameter::ParameterSet::empty();
     let setup = Setup {
-        hangs_on: None,
         commanded_rad: told.clone(),
         load: elastocal::robot::Load::NONE,
         target: 0,

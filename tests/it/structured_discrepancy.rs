@@ -225,7 +225,6 @@ impl Wrong {
                 .collect();
             let arm = set.apply(&self.arm, &bent);
             let setup = Setup {
-                hangs_on: None,
                 commanded_rad: stands,
                 load: Load::NONE,
                 target: 0,

@@ -93,6 +93,7 @@ impl<'a> AbsoluteCase<'a> {
     /// # Errors
     /// As [`new`](Self::new), but for units.
     pub fn placed(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
+        let chain = &belief.nominal.chain;
         let mut case = Self {
             belief,
             arm: ElasticArm {
@@ -123,15 +124,14 @@ impl<'a> AbsoluteCase<'a> {
                     target,
                 });
             }
-            let hook = &belief.calibration_tool;
-            let hangs_on = (tool.name != hook.name).then(|| Box::new(hook.clone()));
+            let q = reading.configuration_rad.as_slice();
+            let load = transferred(chain, &belief.calibration_tool, tool, q, &reading.load);
             let covariance = case.covariance(reading)?;
             case.covariances.push(covariance);
             case.observations.push(Observation {
                 setup: Setup {
                     commanded_rad: reading.configuration_rad.clone(),
-                    load: reading.load,
-                    hangs_on,
+                    load,
                     target,
                     station,
                     approach: reading.approach.clone(),
@@ -345,6 +345,30 @@ pub(super) const fn rotation_of(reading: &Reading) -> Option<Matrix3<f64>> {
     match reading {
         Reading::Pose { rotation, .. } => Some(*rotation),
         _ => None,
+    }
+}
+
+/// The wrench at a target that stands for a load at another tool further out, at the commanded angles: for all joints that move
+/// the target it is the same load.
+pub(super) fn transferred(
+    chain: &SerialChain,
+    acts_at: &Tool,
+    target: &Tool,
+    q: &[f64],
+    load: &Load,
+) -> Load {
+    if *load == Load::NONE || acts_at == target {
+        return *load;
+    }
+    let place = |tool: &Tool| -> Vector3<f64> {
+        let mut state = KinematicState::new(chain.len());
+        chain.at(tool).update(q, &mut state);
+        state.tool_position
+    };
+    let lever = place(acts_at) - place(target);
+    Load {
+        force_n: load.force_n,
+        torque_nm: load.torque_nm + lever.cross(&load.force_n),
     }
 }
 
