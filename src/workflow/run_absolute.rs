@@ -26,11 +26,12 @@ use crate::record::absolute::AbsoluteMessage;
 use crate::record::absolute_plan::{AbsolutePlanMessage, ReadingsRunMessage, planned_readings};
 use crate::record::json::{merge, results};
 use crate::record::messages::{ProvenanceMessage, TestPoseMessage, TruthMessage};
+use crate::robot::EquilibriumError;
 use crate::scenario::Scenario;
 use crate::study::absolute::ReadingRuns;
 use crate::study::carried_out::CarriedOut;
 use crate::study::{Conditions, Setting, StudiedReadings};
-use crate::task::TestPose;
+use crate::task::{Task, TestPose};
 use crate::testbed::TrueRobots;
 use crate::understanding::implausible;
 
@@ -113,24 +114,8 @@ pub fn run_absolute<'a>(
     let before_m = seen(&nominal, &[]).map_err(|error| unread(&error))?;
     // What joints are off by counts as the prediction has it: where the planner's model has it as functions.
     let after_m = seen(&fit.arm, fit.known_joint_errors(belief)).map_err(|error| unread(&error))?;
-    let tool = (case.targets.iter()).position(|name| *name == belief.machining_tool.name);
-    let compensated = |(place, pose): (usize, &TestPose)| {
-        let method = belief.method;
-        let commanded_rad = compensate_arm(&fit.arm, tool.unwrap_or(0), pose, method);
-        Ok(CompensatedPose {
-            name: pose.name.clone(),
-            weight: pose.weight,
-            direction: pose.direction,
-            commanded_rad: commanded_rad.map_err(|error| unread(&error))?,
-            predicted_m: predicted(&runs.prediction, place),
-            seen: SeenPose {
-                uncompensated_m: before_m[place],
-                residual_m: after_m[place],
-            },
-        })
-    };
-    let poses = task.test_poses.iter().enumerate().map(compensated);
-    let poses = poses.collect::<Result<Vec<CompensatedPose>, FileError>>()?;
+    let poses = compensated(task, (case, fit), &runs.prediction, [&before_m, &after_m]);
+    let poses = poses.map_err(|error| unread(&error))?;
 
     // Compare.
     stage(&RunStage::Comparing);
@@ -157,6 +142,35 @@ pub fn run_absolute<'a>(
     Ok(((planning, found), run))
 }
 
+/// What is commanded at each test pose by what was identified, and how far off (m) the tool is of the nominal and of the identified robot.
+fn compensated(
+    task: &Task,
+    (case, fit): (&AbsoluteCase<'_>, &AbsoluteFit),
+    prediction: &PredictedAccuracy,
+    [before_m, after_m]: [&[Vector3<f64>]; 2],
+) -> Result<Vec<CompensatedPose>, EquilibriumError> {
+    let belief = &task.belief;
+    let tool = (case.targets.iter()).position(|name| *name == belief.machining_tool.name);
+    let compensated = |(place, pose): (usize, &TestPose)| {
+        Ok(CompensatedPose {
+            name: pose.name.clone(),
+            weight: pose.weight,
+            direction: pose.direction,
+            commanded_rad: compensate_arm(&fit.arm, tool.unwrap_or(0), pose, belief.method)?,
+            predicted_m: predicted(prediction, place),
+            seen: SeenPose {
+                uncompensated_m: before_m[place],
+                residual_m: after_m[place],
+            },
+        })
+    };
+    task.test_poses
+        .iter()
+        .enumerate()
+        .map(compensated)
+        .collect()
+}
+
 /// The predicted rms distance (m) at a test pose, by its place.
 fn predicted(prediction: &PredictedAccuracy, place: usize) -> Result<f64, NotDetermined> {
     prediction.poses_m[place].ok_or_else(|| NotDetermined {
@@ -179,23 +193,10 @@ pub fn replay_readings(
     let mut robots = runs.robots()?;
     let shown = runs.shown(&mut robots, [seed, number])?;
     let (run, commands) = (&shown.run, belief.commands());
-    let seen = shown.before_m.iter().zip(&run.residuals_m);
-    let poses = task.test_poses.iter().enumerate().zip(seen);
-    let pose = |((place, pose), (&uncompensated_m, &residual_m)): ((_, &TestPose), _)| {
-        let pose = CompensatedPose {
-            name: pose.name.clone(),
-            weight: pose.weight,
-            direction: pose.direction,
-            commanded_rad: pose.configuration_rad.clone(),
-            predicted_m: predicted(&runs.prediction, place),
-            seen: SeenPose {
-                uncompensated_m,
-                residual_m,
-            },
-        };
-        TestPoseMessage::new(&commands, &pose)
-    };
     let case = AbsoluteCase::new(belief, &run.readings)?;
+    let seen_m = [&*shown.before_m, &run.residuals_m];
+    let poses = compensated(task, (&case, &run.fit), &runs.prediction, seen_m)?;
+    let pose = |pose| TestPoseMessage::new(&commands, pose);
     let joints = belief.parameters.iter().copied();
     let record = ReadingsRunMessage {
         name: name.to_owned(),
@@ -203,7 +204,7 @@ pub fn replay_readings(
         truth: TruthMessage::new(joints, &robots.sampled(number)),
         true_values: true_values(scenario, &robots, &run.fit),
         identification: AbsoluteMessage::new(&case, &run.fit),
-        test_poses: poses.map(pose).collect(),
+        test_poses: poses.iter().map(pose).collect(),
         readings: shown.run.readings,
     };
     Ok((record, shown.carried_out))
