@@ -104,8 +104,8 @@ impl Budget {
     fn deflections(&self, scenario: &Scenario, written: &mut Written) -> anyhow::Result<Searched> {
         let (common, task, laboratory) = (&self.common, &scenario.task, &scenario.laboratory);
         let up_to = counted(self.up_to.into(), "measurement");
-        common.say(&format!("searching the best plans of up to {up_to}"));
-        let (points, bound) = search(common.quiet, "searching plans", |watch| {
+        let says = format!("searching the best plans of up to {up_to}");
+        let (points, bound) = search(common, &says, |watch| {
             let progress = |done, all| (watch.progress)(done, all, 0.0);
             self.proof.with_effort(common, watch.stop, |proof| {
                 budget(
@@ -145,12 +145,12 @@ impl Budget {
         let wanted = self.readings.wanted(scenario, candidates.as_deref());
         let wrong = |error: AbsolutePlanError| error.in_file(wanted.path);
         let mut planning = wanted.planning(task, seed).map_err(wrong)?;
-        common.say(&format!(
+        let says = format!(
             "searching the best plans of up to {} among {}",
             counted(self.up_to.into(), "absolute reading"),
             counted(planning.candidates.len() as u64, "candidate")
-        ));
-        let found = search(common.quiet, "searching plans", |watch| {
+        );
+        let found = search(common, &says, |watch| {
             wanted.of_sizes(&mut planning, 1..=self.up_to, None, seed, watch)
         });
         let found = planning.budget(found.map_err(wrong)?);

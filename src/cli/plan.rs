@@ -242,10 +242,6 @@ impl PlanCommand {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
         let (groups, sizes) = (&args.parameters, wanted.sizes());
         let readings = counted(sizes[0].into(), "absolute reading");
-        let say = |place: &str| {
-            let designing = format!("designing a plan of {readings} {place}");
-            args.common.say(&designing);
-        };
         let file = args.candidates.as_deref();
         let rows = file.map(|path| read_candidates(path, task.belief.commands()));
         let rows = rows.transpose()?;
@@ -258,8 +254,9 @@ impl PlanCommand {
         };
         let count = |rows: &Vec<_>| counted(rows.len() as u64, "candidate");
         let among = rows.as_ref().map(|rows| format!("among {}", count(rows)));
-        say(among.as_deref().unwrap_or("at sampled configurations"));
-        let (planning, found) = search(args.common.quiet, "searching the plan", |watch| {
+        let place = among.as_deref().unwrap_or("at sampled configurations");
+        let says = format!("designing a plan of {readings} {place}");
+        let (planning, found) = search(&args.common, &says, |watch| {
             chosen.design(task, sizes, seed, watch)
         })
         .map_err(|error| error.in_file(chosen.path))?;
@@ -295,15 +292,16 @@ impl PlanCommand {
             (None, Some(count)) => format!(" in {}", counted(count.into(), "configuration")),
             (None, None) => String::new(),
         };
-        let stop = ask_search();
-        args.common.say(&format!(
+        let says = format!(
             "designing a plan of {}{of} for the criterion {}",
             counted(wanted.experiments.into(), "measurement"),
             self.criterion.name()
-        ));
+        );
         let (mut designed, certificate) = if let Some(candidates) = &candidates {
-            (self.among(scenario, candidates, wanted)?, None)
+            (self.among(scenario, candidates, wanted, &says)?, None)
         } else {
+            let stop = ask_search();
+            args.common.say(&says);
             let (designed, approximate) =
                 design(&args.common, task, seed, wanted, &args.proof, stop)?;
             (designed, Some(approximate.certificate))
@@ -351,8 +349,9 @@ impl PlanCommand {
         scenario: &Scenario,
         candidates: &Candidates,
         wanted: Wanted,
+        says: &str,
     ) -> anyhow::Result<Designed> {
-        let designed = search(self.args.common.quiet, "searching the plan", |watch| {
+        let designed = search(&self.args.common, says, |watch| {
             design_among(&scenario.task, candidates, scenario.seed, wanted, watch)
         });
         designed.map_err(|error| match &self.args.candidates {

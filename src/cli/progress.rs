@@ -5,6 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use elastocal::plan::search::Watch;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::Common;
 use super::interruption::{ask_search, searched};
 
 /// What was said last and the bar that was made since, for who calls commands as functions and shows progress otherwise.
@@ -38,11 +39,14 @@ pub fn bar(quiet: bool, what: &str) -> ProgressBar {
     bar
 }
 
-/// Searches with a bar, as long as the search is not asked to end with what it has.
-pub fn search<T>(quiet: bool, what: &str, work: impl FnOnce(Watch<'_>) -> T) -> T {
-    let bar = bar(quiet, what);
+/// Says what is searched and searches with a bar, as long as the search is not asked to end with what it has: from the
+/// moment that it is said.
+pub fn search<T>(common: &Common, says: &str, work: impl FnOnce(Watch<'_>) -> T) -> T {
+    let stop = ask_search();
+    common.say(says);
+    let bar = bar(common.quiet, "searching");
     let found = work(Watch {
-        stop: ask_search(),
+        stop,
         progress: &|done, all, _| show(&bar, done, all),
     });
     bar.finish_and_clear();

@@ -72,7 +72,7 @@ impl Select {
         }
         let ways = self.sizes.len() * (CHOICES.len() + self.draws as usize);
         let readings_words = counted(readings.len() as u64, "reading");
-        (self.common).say(&format!("choosing among {readings_words} in {ways} ways"));
+        let says = format!("choosing among {readings_words} in {ways} ways");
         let wanted = SelectionWanted {
             sizes: self.sizes.clone(),
             draws: self.draws,
@@ -80,8 +80,7 @@ impl Select {
             seed: scenario.seed,
         };
         let belief = &scenario.task.belief;
-        let what = "choosing, calibrating, judging";
-        let selection = search(self.common.quiet, what, |watch| {
+        let selection = search(&self.common, &says, |watch| {
             select(belief, &readings, &self.parameters, &wanted, watch)
         })
         .map_err(|error| explained(&self.measurements, &error))?;

@@ -76,6 +76,8 @@ struct NextPlan {
 
 /// With --accuracy-um, so many measurements are tried beside those that are there.
 const MORE: u32 = 12;
+/// What is said of the search.
+const PLANNING: &str = "planning what to measure next";
 
 fn angle(text: &str) -> Result<f64, String> {
     let angle = text.parse::<f64>().ok();
@@ -236,9 +238,7 @@ impl Next {
         seed: u64,
         conditions: &mut Vec<Condition>,
     ) -> anyhow::Result<Rest> {
-        self.common.say("planning what to measure next");
-        let what = "searching the plan";
-        let found = search(self.common.quiet, what, |watch| {
+        let found = search(&self.common, PLANNING, |watch| {
             rest(left, goal, seed, watch)
         })?;
         conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));

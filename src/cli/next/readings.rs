@@ -17,7 +17,7 @@ use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::{MORE, Next, NextPlan};
+use super::{MORE, Next, NextPlan, PLANNING};
 use crate::cli::Report;
 use crate::cli::conditions::search_stopped;
 use crate::cli::interruption::STOP;
@@ -68,8 +68,7 @@ impl Next {
             text += "Nothing more needs to be measured.\n";
             None
         } else {
-            (self.common).say("planning what to measure next");
-            let found = search(self.common.quiet, "searching the plan", |watch| {
+            let found = search(&self.common, PLANNING, |watch| {
                 wanted.of_sizes(&mut planning, counts, wanted_m, seed, watch)
             });
             found.map_err(wrong)?.pop()
