@@ -179,10 +179,13 @@ fn bent(scenario: &Scenario, pose: &TestPose) -> Result<Bent, EquilibriumError> 
     let mut solver = EquilibriumSolver::new(commanded.len());
     let mut rest = |load: &Load| {
         solver.solve(&mut arm, &robot.compliance_rad_per_nm, commanded, load)?;
-        Ok((solver.q().to_vec(), solver.state().tool_position))
+        let state = solver.state();
+        Ok((solver.q().to_vec(), state.tool_position, state.tool_rotation))
     };
-    let (unloaded, unloaded_m) = rest(&Load::NONE)?;
-    let (loaded, loaded_m) = rest(&pose.load)?;
+    let (unloaded, unloaded_m, axes) = rest(&Load::NONE)?;
+    // A load in the tool's frame turns with the tool that it turns.
+    let (_, _, axes) = rest(&pose.load_at(&axes))?;
+    let (loaded, loaded_m, _) = rest(&pose.load_at(&axes))?;
     let commanded_m = arm.state(commanded).tool_position;
     Ok(Bent {
         own_weight_m: unloaded_m - commanded_m,
