@@ -147,3 +147,43 @@ fn likely_mistakes_are_named() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
+
+/// A force in the tool's frame turns with the tool: of one joint its torque is F L however far that turns, by k F L.
+#[test]
+fn a_load_in_the_tools_frame_turns_with_the_tool() {
+    let workplace = Workplace::new();
+    workplace.write(
+        "arm.xml",
+        r#"<mujoco><option gravity="0 0 0"/><worldbody><body><inertial pos="0.5 0 0" mass="1" diaginertia="1 1 1"/>
+<joint name="lift" axis="0 1 0" range="-90 90"/><site name="tool" pos="1 0 0"/></body></worldbody>
+<actuator><position joint="lift" kp="1000"/></actuator></mujoco>"#,
+    );
+    workplace.write(
+        "arm.toml",
+        r#"seed = 1
+[robot]
+model = "arm.xml"
+calibration_site = "tool"
+machining_site = "tool"
+parameters = ["lift"]
+[instrument]
+sigma_mm = 0.02
+sigma_of = "position"
+[[test_pose]]
+name = "drilling"
+q_deg = [20]
+tool_force_n = [30, 0, -100]
+[load]
+kind = "fixed"
+force_n = [0, 0, -50]
+[region]
+tool_height_min_mm = -2000
+[design]
+experiments = 2
+"#,
+    );
+    let outcome = workplace.run("check arm.toml");
+    let moved_mm = 2000.0 * 0.05_f64.sin();
+    let told = format!("the task load by {moved_mm:.3} mm (lift by 5.7296 deg)");
+    assert!(outcome.stdout.contains(&told), "{told}: {}", outcome.stdout);
+}
