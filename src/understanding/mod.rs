@@ -180,7 +180,11 @@ fn bent(scenario: &Scenario, pose: &TestPose) -> Result<Bent, EquilibriumError> 
     let mut rest = |load: &Load| {
         solver.solve(&mut arm, &robot.compliance_rad_per_nm, commanded, load)?;
         let state = solver.state();
-        Ok((solver.q().to_vec(), state.tool_position, state.tool_rotation))
+        Ok((
+            solver.q().to_vec(),
+            state.tool_position,
+            state.tool_rotation,
+        ))
     };
     let (unloaded, unloaded_m, axes) = rest(&Load::NONE)?;
     // A load in the tool's frame turns with the tool that it turns.

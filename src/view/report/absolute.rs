@@ -1,9 +1,7 @@
 //! The page of a plan of absolute readings: what is predicted, of what it is made, what to read, and what virtual robots make of it.
 
-use plotters::prelude::*;
-
 use super::distances::{Line, Role, distances_figure, distances_table};
-use super::figures::path_figure;
+use super::test_poses::test_poses;
 use super::{absolute_run, conditions_card, plan_header, plan_row, provenance, sources};
 use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
@@ -13,10 +11,8 @@ use crate::record::{messages::ProvenanceMessage, robot_trials::RobotTrials};
 use crate::scenario::Scenario;
 use crate::study::verdict::Kept;
 use crate::text::wording::{counted, dash, micrometres, percent};
-use crate::view::charts::{COLOURS, ChartAxis, INK, PlotError, Rows, WHOLE};
-use crate::view::markup::{
-    card, figure, heading, micro_sign, page, paragraph, section, table, table_of,
-};
+use crate::view::charts::PlotError;
+use crate::view::markup::{card, heading, micro_sign, page, paragraph, section, table, table_of};
 use crate::workflow::run_absolute::AbsoluteRun;
 
 /// What the page of a plan of absolute readings is made of.
@@ -40,11 +36,6 @@ pub struct AbsolutePageRecord<'a> {
     pub command: &'a str,
 }
 
-/// More test poses are a path or a region, and drawn as one.
-const FEW_POSES: usize = 12;
-/// Half of a bar's height, where rows have height one.
-const HALF_BAR: f64 = 0.3;
-
 /// Which accuracy a page of absolute readings is about.
 pub const ABSOLUTE_ACCURACY: &str = "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.";
 
@@ -65,7 +56,11 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
                  disturbs these.";
     body += &sources::budget_section(plan.uncertainty_budget.as_ref(), about);
     if plan.test_poses.len() > 1 || shown.run.is_some() {
-        body += &section("poses", "At each test pose", &test_poses(plan, shown.run)?);
+        let predicted = (plan.test_poses.iter()).map(|pose| (&*pose.name, pose.rho0_mm));
+        let predicted: Vec<_> = predicted.collect();
+        let observed = (shown.run).map(|run| (&*run.record.test_poses, "of the nominal robot"));
+        let poses = test_poses(&predicted, plan.rho0_mm, observed)?;
+        body += &section("poses", "At each test pose", &poses);
     }
     body += &shown.run.map_or_else(String::new, absolute_run::identified);
     body += &section("readings", "What to read", &readings(shown));
@@ -236,77 +231,6 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
         ));
     }
     Ok(body + &distances_figure(&lines, caption)? + &distances_table(&lines))
-}
-
-/// What is predicted at each test pose, and what was observed of a run.
-fn test_poses(
-    plan: &AbsolutePlanMessage,
-    run: Option<&AbsoluteRun<'_>>,
-) -> Result<String, PlotError> {
-    let observed = run.map_or(&[][..], |run| &run.record.test_poses);
-    let values: Vec<f64> = (plan.test_poses.iter())
-        .map(|pose| pose.rho0_mm.unwrap_or(0.0) * 1e3)
-        .collect();
-    let mut caption = match values.len() {
-        1 => "\u{3c1}\u{2080} at the test pose.".to_owned(),
-        count => format!(
-            "\u{3c1}\u{2080} at each of {}, in their order; over all it is {}.",
-            counted(count as u64, "test pose"),
-            micrometres(plan.rho0_mm)
-        ),
-    };
-    let rows = (plan.test_poses.iter().enumerate()).map(|(index, pose)| {
-        let seen = observed.get(index).into_iter();
-        let seen = seen.flat_map(|seen| [seen.residual_mm, seen.uncompensated_mm]);
-        let mut row = vec![pose.name.clone(), micrometres(pose.rho0_mm)];
-        row.extend(seen.map(|distance_mm| micrometres(Some(distance_mm))));
-        row
-    });
-    let header = match run {
-        Some(_) => {
-            "test pose | predicted rms \u{3c1}\u{2080} | observed in this run | of the nominal robot"
-        }
-        None => "test pose | \u{3c1}\u{2080}",
-    };
-    let numbers = table(header, rows);
-    if values.len() > FEW_POSES {
-        let svg = path_figure(&values, plan.rho0_mm.map(|all| all * 1e3))?;
-        return Ok(figure(&svg, &caption)
-            + &format!("<details><summary>The numbers</summary>\n{numbers}</details>\n"));
-    }
-    let names: Vec<String> = (plan.test_poses.iter())
-        .map(|pose| pose.name.clone())
-        .collect();
-    let notes: Vec<String> = (plan.test_poses.iter())
-        .map(|pose| micrometres(pose.rho0_mm))
-        .collect();
-    let seen_um: Vec<f64> = observed.iter().map(|seen| seen.residual_mm * 1e3).collect();
-    let longest = values.iter().chain(&seen_um).copied().fold(0.0, f64::max) * 1.04;
-    let rows = Rows {
-        names: &names,
-        notes: &notes,
-        width: WHOLE,
-        axis: ChartAxis::linear(0.0..longest.max(f64::MIN_POSITIVE), 8),
-        title: "\u{3c1}\u{2080}, predicted rms distance [\u{b5}m]".to_owned(),
-    };
-    let svg = rows.drawn("Accuracy at each test pose", |chart| {
-        for (row, value) in values.iter().enumerate() {
-            let middle = rows.middle(row);
-            let corners = [(0.0, middle - HALF_BAR), (*value, middle + HALF_BAR)];
-            chart.draw_series([Rectangle::new(corners, COLOURS[0].mix(0.75).filled())])?;
-        }
-        for (row, seen) in seen_um.iter().enumerate() {
-            let middle = rows.middle(row);
-            let across = [(*seen, middle - 0.46), (*seen, middle + 0.46)];
-            chart.draw_series([PathElement::new(across, INK.stroke_width(4))])?;
-        }
-        Ok(())
-    })?;
-    if run.is_none() {
-        return Ok(figure(&svg, &caption));
-    }
-    caption += " Vertical lines: observed in this run.";
-    Ok(figure(&svg, &caption) + &numbers)
 }
 
 /// The stills, and the plan as a table.

@@ -15,6 +15,7 @@ mod overview;
 mod reproduction;
 mod sources;
 mod study;
+mod test_poses;
 
 use super::charts::{self, PlotError};
 use super::markup::{card, escaped, figure, micro_sign, page, paragraph, section, table, table_of};
@@ -30,6 +31,7 @@ use figures::{
     RelativeEstimate, accuracy_figure, compliances_figure, criteria_figure, criteria_names,
     residuals_figure,
 };
+use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
 pub use reproduction::reproduction_page;
@@ -63,6 +65,15 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     body += &distances(evidence, &calibration.name)?;
     let budget = assessment.uncertainty_budget.as_ref();
     body += &sources::budget_section(budget, CONTRIBUTIONS);
+    let poses = &calibration.test_poses;
+    if poses.len() > 1 {
+        let predicted: Vec<_> = (poses.iter())
+            .map(|pose| (&*pose.name, pose.rho0_mm))
+            .collect();
+        let all_mm = assessment.rho0_m.map(|value| value * 1e3);
+        let poses = test_poses(&predicted, all_mm, Some((poses, "uncompensated")))?;
+        body += &section("poses", "At each test pose", &poses);
+    }
     body += &pair(&[
         section(
             "compliances",

@@ -51,11 +51,13 @@ fn plan_card(
 }
 
 fn accuracy_card(calibration: &CalibrationMessage, assessment: &Assessment) -> String {
-    let poses = &calibration.test_poses;
-    let uncompensated = poses.iter().map(|pose| {
-        let bent = micrometres(Some(pose.uncompensated_mm));
-        format!("at \u{201c}{}\u{201d} it bends by {bent}", pose.name)
-    });
+    let poses = &*calibration.test_poses;
+    let largest = poses.iter().map(|pose| pose.uncompensated_mm);
+    let bent = micrometres(largest.max_by(f64::total_cmp));
+    let uncompensated = match poses {
+        [pose] => format!("at \u{201c}{}\u{201d} it bends by {bent}", pose.name),
+        _ => format!("it bends by up to {bent}"),
+    };
     let about = format!(
         "\u{3c1}\u{2080}, the rms distance between the loaded tool and its place, predicted {}{}: a relative accuracy, of what the load bends. Uncompensated, {}.",
         if (assessment.uncertainty_budget.as_ref())
@@ -69,7 +71,7 @@ fn accuracy_card(calibration: &CalibrationMessage, assessment: &Assessment) -> S
             "; 95 % stay below {}",
             length(Some(value_m))
         )),
-        uncompensated.collect::<Vec<_>>().join(", ")
+        uncompensated
     );
     card(
         "",
