@@ -40,6 +40,7 @@ fn poses(scenario: &Scenario, transmission_error_rad: f64) -> Vec<AbsoluteReadin
                 DVector::from_fn(arm.chain.len(), |_, _| random.random_range(-2.6..2.6));
             let mut turns = 1.0;
             let setup = Setup {
+                hangs_on: None,
                 commanded_rad: commanded_rad.map(|angle: f64| {
                     turns += 1.0;
                     angle + transmission_error_rad * (turns * angle).sin()

@@ -124,6 +124,7 @@ fn setups(scenario: &Scenario) -> Vec<Setup> {
     let mut random = generator(1, 0);
     (0..POSES)
         .map(|index| Setup {
+            hangs_on: None,
             commanded_rad: DVector::from_iterator(
                 scenario.task.belief.joints(),
                 (scenario.task.region.joint_range_rad.iter())

@@ -173,7 +173,7 @@ impl<'a> InverseKinematics<'a> {
             if left.amax() <= REACHED || damping > 1e6 {
                 break;
             }
-            (self.solver).response(&self.arm.compliance_rad_per_nm, &mut self.response);
+            (self.solver).response(&self.arm.compliance_rad_per_nm, None, &mut self.response);
             let jacobian = DMatrix::from_fn(left.len(), self.commanded.len(), |row, column| {
                 self.response[(self.commanded[column], row)]
             });

@@ -48,7 +48,7 @@ pub(super) fn nonlinear(
     let mut response = DMatrix::zeros(chain.len(), 6);
     for _ in 0..MAXIMUM_ITERATIONS {
         solver.solve(&mut arm, compliance, command.as_slice(), load)?;
-        solver.response(compliance, &mut response);
+        solver.response(compliance, None, &mut response);
         let state = solver.state();
         let apart_m = wanted_m - state.tool_position;
         let turned = rotation_vector(&(wanted_axes * state.tool_rotation.transpose()));

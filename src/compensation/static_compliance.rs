@@ -75,6 +75,7 @@ impl KnownArm<'_> {
                 let setup = Setup {
                     commanded_rad: q.clone(),
                     load: Load::force(force.x, force.y, force.z),
+                    hangs_on: None,
                     target: self.tool,
                     station: 0,
                     approach: None,

@@ -112,6 +112,7 @@ fn setup_of(measurement: &Measurement) -> (Setup, ReadingKind) {
     let setup = Setup {
         commanded_rad: measurement.configuration_rad.clone(),
         load: measurement.load,
+        hangs_on: None,
         target: 0,
         station: 0,
         approach: measurement.approach.clone(),

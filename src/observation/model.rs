@@ -34,6 +34,8 @@ pub struct ObservationModel<'a> {
     /// The geometry to first order in compliance, and where it is: a target's number, and the joints' angles.
     state: KinematicState,
     state_is_of: (usize, Vec<f64>),
+    /// The same of the tool that the load of the last setup hangs on, if that is another than the target.
+    hook: KinematicState,
     sweep: Sweep,
     /// What the joints are commanded, and where they stand by that before anything holds them.
     asked_rad: Vec<f64>,
@@ -93,6 +95,7 @@ impl<'a> ObservationModel<'a> {
             solver: EquilibriumSolver::new(joints),
             state: KinematicState::new(joints),
             state_is_of: (usize::MAX, vec![0.0; joints]),
+            hook: KinematicState::new(joints),
             sweep: Sweep::new(&set, nominal, values),
             asked_rad: vec![0.0; joints],
             commanded_rad: vec![0.0; joints],
@@ -153,14 +156,14 @@ impl<'a> ObservationModel<'a> {
         let mut prediction = if kind.is_deflection() {
             let mut room = std::mem::replace(&mut self.unloaded, Matrix6xX::zeros(0));
             self.stand_off_springs(setup, false);
-            let unloaded = self.at_rest(false, &Load::NONE, setup.target, &mut room);
+            let unloaded = self.at_rest(false, &Load::NONE, setup, &mut room);
             self.unloaded = room;
             let unloaded = unloaded?;
             self.stand_off_springs(setup, true);
-            let loaded = self.at_rest(true, &load, setup.target, derivatives)?;
+            let loaded = self.at_rest(true, &load, setup, derivatives)?;
             self.deflection(&unloaded, &loaded, kind, derivatives)
         } else {
-            self.at_rest(true, &load, setup.target, derivatives)?
+            self.at_rest(true, &load, setup, derivatives)?
         };
         self.to_instrument(setup.station, kind, &mut prediction, derivatives);
         Ok(prediction)
@@ -206,7 +209,7 @@ impl<'a> ObservationModel<'a> {
         } else {
             SweptForm::Pose
         };
-        let mut prediction = self.first_order(state, &load, setup.target, shown, derivatives);
+        let mut prediction = self.first_order(state, &load, setup, shown, derivatives);
         self.to_instrument(setup.station, kind, &mut prediction, derivatives);
         prediction
     }
@@ -243,13 +246,7 @@ impl<'a> ObservationModel<'a> {
     /// loads, the instrument and where things stand have no part in it, the task's force has.
     pub fn uncompensated(&mut self, setup: &Setup, derivatives: &mut Matrix6xX<f64>) {
         let load = self.command(setup);
-        self.first_order(
-            None,
-            &load,
-            setup.target,
-            SweptForm::Uncompensated,
-            derivatives,
-        );
+        self.first_order(None, &load, setup, SweptForm::Uncompensated, derivatives);
     }
 
     /// Sets the joints' angles, and returns the load that acts.
@@ -270,7 +267,8 @@ impl<'a> ObservationModel<'a> {
         };
         let (nominal, approach) = (&off_springs.nominal, setup.approach.as_ref());
         let q = setup.commanded_rad.as_slice();
-        let under = |load: &Load| nominal.leanings(q, setup.target, load, approach);
+        let tool = setup.hook().unwrap_or(&nominal.tools[setup.target]);
+        let under = |load: &Load| nominal.leanings(q, tool, load, approach);
         let unloaded = under(&Load::NONE);
         let here = if is_loaded {
             under(&nominal.acting(&setup.load))
@@ -301,16 +299,20 @@ impl<'a> ObservationModel<'a> {
         &mut self,
         given: Option<&KinematicState>,
         load: &Load,
-        target: usize,
+        setup: &Setup,
         shown: SweptForm,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Prediction {
         let has_rigid_motion = shown == SweptForm::Pose;
         let given = given.filter(|_| self.commanded_rad == self.asked_rad);
         if given.is_none() {
-            self.stand(target);
+            self.stand(setup.target);
         }
         let state = given.unwrap_or(&self.state);
+        let hook = setup.hook().map(|hook| {
+            (self.chain.at(hook)).update(&self.commanded_rad, &mut self.hook);
+            &self.hook
+        });
         let gravity = if has_rigid_motion {
             self.chain.gravity_m_s2
         } else {
@@ -319,8 +321,8 @@ impl<'a> ObservationModel<'a> {
         let mut bent = Vector3::zeros();
         let mut turned = Vector3::zeros();
         for joint in 0..self.torque.len() {
-            self.torque[joint] =
-                state.load_torque(joint, load) + state.gravity_torque(joint, &gravity);
+            self.torque[joint] = hook.unwrap_or(state).load_torque(joint, load)
+                + state.gravity_torque(joint, &gravity);
             let angle = self.belief.compliance_rad_per_nm[joint] * self.torque[joint];
             bent += state.position_column(joint) * angle;
             turned += state.rotation_column(joint) * angle;
@@ -348,9 +350,10 @@ impl<'a> ObservationModel<'a> {
             chain: &self.chain,
             state,
             q: &self.commanded_rad,
-            target,
+            target: setup.target,
             asked_rad: &self.asked_rad,
             load,
+            hook,
             gravity_m_s2: &gravity,
             torque: &self.torque,
             leanings: (self.off_springs.as_ref())
@@ -376,10 +379,12 @@ impl<'a> ObservationModel<'a> {
         &mut self,
         is_loaded: bool,
         load: &Load,
-        target: usize,
+        setup: &Setup,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Result<Prediction, EquilibriumError> {
-        let mut arm = self.chain.at(&self.belief.tools[target]);
+        let target = &self.belief.tools[setup.target];
+        let hook = setup.hook().filter(|_| is_loaded);
+        let mut arm = self.chain.at(hook.unwrap_or(target));
         let compliance = &self.belief.compliance_rad_per_nm;
         let commanded = &self.commanded_rad;
         match &mut self.near {
@@ -389,16 +394,23 @@ impl<'a> ObservationModel<'a> {
             }
             None => self.solver.solve(&mut arm, compliance, commanded, load)?,
         };
-        self.solver.response(compliance, &mut self.sweep.response);
+        // What a load hangs on comes to rest, and the target with it.
+        let read = hook.map(|_| {
+            (self.chain.at(target)).update(self.solver.q(), &mut self.state);
+            self.state_is_of.0 = usize::MAX;
+            &self.state
+        });
+        (self.solver).response(compliance, read, &mut self.sweep.response);
         let pose = SweepPose {
             set: &self.set,
             belief: &self.belief,
             chain: &self.chain,
-            state: self.solver.state(),
+            state: read.unwrap_or_else(|| self.solver.state()),
             q: self.solver.q(),
-            target,
+            target: setup.target,
             asked_rad: &self.asked_rad,
             load,
+            hook: read.map(|_| self.solver.state()),
             gravity_m_s2: &self.chain.gravity_m_s2,
             torque: self.solver.torque(),
             leanings: (self.off_springs.as_ref())

@@ -70,6 +70,7 @@ impl<'a> ObservedRows<'a> {
                 setup: Setup {
                     commanded_rad: DVector::zeros(arm.chain.len()),
                     load: Load::NONE,
+                    hangs_on: None,
                     target,
                     station: 0,
                     approach: None,

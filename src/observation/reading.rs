@@ -1,24 +1,35 @@
 //! What is set up, what is read, and how precisely.
 
+use std::sync::Arc;
+
 use nalgebra::{Cholesky, DVector, Matrix3, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::rotation::inverse_left_jacobian;
 use crate::parameter::Unloaded;
-use crate::robot::{Approach, Load, rotation_vector};
+use crate::robot::{Approach, Load, Tool, rotation_vector};
 
 /// What the robot is told, and what hangs on it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setup {
     /// The commanded joint angles (rad).
     pub commanded_rad: DVector<f64>,
-    /// The load in the robot's base frame, at the target.
+    /// The load in the robot's base frame.
     pub load: Load,
-    /// Which of the belief's tools is loaded and read.
+    /// The tool that it hangs on, where the model has it, if that is another than the target.
+    pub hangs_on: Option<Arc<Tool>>,
+    /// Which of the belief's tools is read.
     pub target: usize,
     /// At which of the belief's stations the instrument stands.
     pub station: usize,
     /// From which side the configuration is approached; with all joints turning positively where nothing is said.
     pub approach: Option<Approach>,
+}
+
+impl Setup {
+    /// The tool that a load hangs on, if there is one and it is another than the target.
+    pub fn hook(&self) -> Option<&Tool> {
+        (self.hangs_on.as_deref()).filter(|_| self.load != Load::NONE)
+    }
 }
 
 /// What kind of thing an instrument says.

@@ -76,6 +76,8 @@ pub(super) struct SweepPose<'a> {
     pub target: usize,
     /// The load that acts, its scale included.
     pub load: &'a Load,
+    /// The geometry of the tool that it hangs on, if that is another than the target: nothing of the target moves it.
+    pub hook: Option<&'a KinematicState>,
     pub gravity_m_s2: &'a Vector3<f64>,
     /// The joint torques (N m).
     pub torque: &'a [f64],
@@ -107,6 +109,11 @@ impl SweepPose<'_> {
     /// Whether the target's rigid motion counts.
     fn has_rigid_motion(&self) -> bool {
         matches!(self.shown, SweptForm::Rest | SweptForm::Pose)
+    }
+
+    /// The geometry of the tool that the load acts at.
+    fn loaded(&self) -> &KinematicState {
+        self.hook.unwrap_or(self.state)
     }
 
     fn is_uncompensated(&self) -> bool {
@@ -363,10 +370,11 @@ impl Sweep {
             self.bent_before[joint + 1] =
                 self.bent_before[joint] + state.rotation_column(joint) * off(joint);
         }
+        let loaded = pose.loaded();
         for joint in (0..joints).rev() {
             let moved = self.columns[joint] * compliance[joint];
-            let turned = state.position_column(joint).cross(&pose.load.force_n)
-                + state.rotation_column(joint).cross(&pose.load.torque_nm)
+            let turned = loaded.position_column(joint).cross(&pose.load.force_n)
+                + loaded.rotation_column(joint).cross(&pose.load.torque_nm)
                 + state.weight_moment(joint, pose.gravity_m_s2);
             self.outer[joint] = self.outer[joint + 1] + moved * turned.transpose();
             self.bent_from[joint] =
@@ -393,7 +401,7 @@ impl Sweep {
     fn of_load(&self, pose: &SweepPose<'_>, load: &Load) -> Vector6<f64> {
         let mut column = Vector6::zeros();
         for joint in 0..pose.torque.len() {
-            let torque = pose.state.load_torque(joint, load);
+            let torque = pose.loaded().load_torque(joint, load);
             let compliance = pose.belief.compliance_rad_per_nm[joint];
             column += self.columns[joint] * (torque * compliance);
         }
@@ -462,10 +470,12 @@ impl Sweep {
         let carried = twist.at(&state.distal_centre[m]) * state.distal_mass[m];
         let mut moment = carried.cross(pose.gravity_m_s2);
         let mut column = self.outer[m] * twist.omega;
+        let loaded = pose.loaded();
+        if m < loaded.tool_joints {
+            moment += (twist.at(&loaded.tool_position)).cross(&pose.load.force_n);
+        }
         if m < state.tool_joints {
-            let moved = twist.at(&state.tool_position);
-            moment += moved.cross(&pose.load.force_n);
-            column += self.rigidly(pose, m, &moved, &twist.omega);
+            column += self.rigidly(pose, m, &twist.at(&state.tool_position), &twist.omega);
         }
         column + self.inner[m] * moment + self.of_places(pose, m, twist)
     }
@@ -473,8 +483,11 @@ impl Sweep {
     fn of_tool(&self, pose: &SweepPose<'_>, twist: &Twist) -> Vector6<f64> {
         let m = pose.state.tool_joints;
         let moved = twist.at(&pose.state.tool_position);
-        self.rigidly(pose, m, &moved, &twist.omega)
-            + self.inner[m] * moved.cross(&pose.load.force_n)
+        let column = self.rigidly(pose, m, &moved, &twist.omega);
+        match pose.hook {
+            Some(_) => column,
+            None => column + self.inner[m] * moved.cross(&pose.load.force_n),
+        }
     }
 
     /// The target's own motion, and that of its Jacobian where the deflection is J delta.

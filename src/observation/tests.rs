@@ -1,5 +1,7 @@
 //! The model's derivatives against differences of its predictions.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::rotation::inverse_left_jacobian;
@@ -35,6 +37,7 @@ fn setup(numbers: &mut Numbers, belief: &ElasticArm, target: usize, force_n: f64
             force_n: numbers.vector(force_n),
             torque_nm: numbers.vector(force_n * 0.3),
         },
+        hangs_on: None,
         target,
         station: target % belief.instrument_from_base.len(),
     }
@@ -91,8 +94,18 @@ fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, form: Form, softness
             .expect("an equilibrium")
     };
     let mut worst: f64 = 0.0;
-    for target in 0..belief.tools.len() {
-        let setup = setup(numbers, &belief, target, 300.0);
+    let own = (0..belief.tools.len()).map(|target| (target, None));
+    let others = belief.tools.iter().flat_map(|hook| {
+        let targets = belief.tools.iter().enumerate();
+        let inside =
+            targets.filter(move |(_, tool)| tool.joints <= hook.joints && tool.name != hook.name);
+        inside.map(move |(target, _)| (target, Some(Arc::new(hook.clone()))))
+    });
+    for (target, hangs_on) in own.chain(others) {
+        let setup = Setup {
+            hangs_on,
+            ..setup(numbers, &belief, target, 300.0)
+        };
         for kind in KINDS {
             let rows = kind.rows();
             let mut derivatives = Matrix6xX::zeros(set.len());

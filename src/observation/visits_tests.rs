@@ -48,6 +48,7 @@ impl SharingCase {
                 approach: None,
                 commanded_rad: commanded_rad.clone(),
                 load: Load::NONE,
+                hangs_on: None,
                 target: index % belief.tools.len(),
                 station: 0,
             })

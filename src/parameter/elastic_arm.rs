@@ -112,7 +112,7 @@ impl ElasticArm {
     pub fn leanings(
         &self,
         q: &[f64],
-        tool: usize,
+        tool: &Tool,
         load: &Load,
         approach: Option<&Approach>,
     ) -> Vec<Leaning> {
@@ -125,7 +125,7 @@ impl ElasticArm {
                 Some(_) => Cow::Owned(self.loaded_chain()),
                 None => Cow::Borrowed(&self.chain),
             };
-            chain.at(&self.tools[tool]).state(q)
+            chain.at(tool).state(q)
         });
         let leaning = |(joint, (gap, came)): (usize, (&Backlash, bool))| {
             let torque = state.as_ref().map_or(0.0, |state| {
@@ -208,7 +208,7 @@ impl ElasticArm {
             offsets[each.joint] += each.amplitude_rad * each.wave.at(q[each.joint]);
         }
         if self.leans() {
-            let leanings = self.leanings(q, tool, load, approach);
+            let leanings = self.leanings(q, &self.tools[tool], load, approach);
             for (joint, (offset, leaning)) in offsets.iter_mut().zip(&leanings).enumerate() {
                 *offset += self.leans_by(joint, leaning);
             }

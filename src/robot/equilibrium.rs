@@ -236,15 +236,18 @@ impl EquilibriumSolver {
         self.state.jacobian() * moved
     }
 
-    /// Writes how the tool of the last solution moves with each joint's commanded angle, for the same
-    /// compliances: the transpose (n x 6) of J (I - k dtau/dq)^-1, in m and rad per rad; not numbers
+    /// Writes how the tool of the last solution, or another whose geometry there is given, moves with each joint's commanded angle, for
+    /// the same compliances: the transpose (n x 6) of J (I - k dtau/dq)^-1, in m and rad per rad; not numbers
     /// where the matrix is singular. Does not allocate.
-    pub fn response(&mut self, compliance_rad_per_nm: &[f64], transposed: &mut DMatrix<f64>) {
+    pub fn response(
+        &mut self,
+        compliance_rad_per_nm: &[f64],
+        another: Option<&KinematicState>,
+        transposed: &mut DMatrix<f64>,
+    ) {
+        let state = another.unwrap_or(&self.state);
         for joint in 0..self.q.len() {
-            let (position, rotation) = (
-                self.state.position_column(joint),
-                self.state.rotation_column(joint),
-            );
+            let (position, rotation) = (state.position_column(joint), state.rotation_column(joint));
             for row in 0..3 {
                 transposed[(joint, row)] = position[row];
                 transposed[(joint, row + 3)] = rotation[row];

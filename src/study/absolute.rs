@@ -276,6 +276,7 @@ impl<'a> ReadingRuns<'a> {
                 let mut setup = Setup {
                     commanded_rad: pose.configuration_rad.clone(),
                     load: pose.load,
+                    hangs_on: None,
                     target,
                     station,
                     approach: None,

@@ -111,6 +111,7 @@ fn setups(task: &Task, seed: u64) -> Vec<Setup> {
                 }
                 Loads::List(loads) => loads[random.random_range(0..loads.len())],
             },
+            hangs_on: None,
             target: 0,
             station: 0,
             approach: None,

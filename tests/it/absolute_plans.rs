@@ -51,6 +51,7 @@ fn readings(scenario: &Scenario, rows: &[Candidate]) -> Vec<AbsoluteReading> {
     rows.iter()
         .map(|row| {
             let setup = Setup {
+                hangs_on: None,
                 commanded_rad: row.configuration_rad.clone(),
                 load: Load::NONE,
                 target: usize::from(row.target.as_deref() != Some(SPINDLE)),
@@ -100,6 +101,7 @@ fn the_fit_knows_what_was_predicted() {
             .position(|target| target == SPINDLE)
             .expect("it was read");
         let setup = Setup {
+            hangs_on: None,
             commanded_rad: task.test_poses[0].configuration_rad.clone(),
             load: task.test_poses[0].load,
             target,

@@ -126,6 +126,7 @@ fn left_by_one(
     (task.test_poses.iter())
         .map(|pose| {
             let setup = Setup {
+                hangs_on: None,
                 commanded_rad: pose.configuration_rad.clone(),
                 load: pose.load,
                 target: target_of(&read, SPINDLE),
@@ -217,6 +218,7 @@ fn what_the_tasks_force_does_is_added() {
     let pose = &task.test_poses[0];
     let at = |load: Load| {
         let setup = Setup {
+            hangs_on: None,
             commanded_rad: pose.configuration_rad.clone(),
             load,
             target: arm.tools.len() - 1,
@@ -323,6 +325,7 @@ fn readings_are_disturbed_as_much_as_planned() {
     let mut seen = |moved: &DVector<f64>, load: &Load| {
         let mut at = |target: usize, load: Load| {
             let setup = Setup {
+                hangs_on: None,
                 commanded_rad: moved.clone(),
                 load,
                 target,

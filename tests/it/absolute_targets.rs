@@ -10,9 +10,10 @@ use elastocal::robot::{EquilibriumSolver, Load, SerialChain};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Isometry3, Quaternion, UnitQuaternion, Vector3};
+use serde_json::Value;
 
 use crate::support::{
-    Workplace, absolute_scenario_text, numbers, project, scenario, scenario_text,
+    Workplace, absolute_scenario_text, number, numbers, project, scenario, scenario_text,
 };
 
 /// A place in which a KR-270 with unknown zeros and links was identified, and written as a model.
@@ -307,5 +308,65 @@ fn steep_gear_errors_are_corrected_or_refused() {
             assert!(off_m < 1e-9, "{slope}: {off_m}");
         }
         assert!(slope > 1.0 || refused == 0, "{slope}: {refused}");
+    }
+}
+
+/// The load hangs on the calibration tool: where another target that is read is believed to be says nothing of what it bends.
+#[test]
+fn loads_hang_on_the_calibration_tool() {
+    let place = Workplace::new();
+    let text = absolute_scenario_text("ur10")
+        .replace("sigma_mm = 0.02", "sigma_mm = 0.001")
+        .replace("tool_height_min_mm = 300", "tool_height_min_mm = -2000")
+        .replace("tool_radius_min_mm = 400", "tool_radius_min_mm = 1")
+        .replace(
+            "kind = \"fixed\"\nforce_n = [0, 0, -98]",
+            "kind = \"list\"\nwrenches = [{ force_n = [0, 0, -98] }, { force_n = [0, 98, 0] }]",
+        );
+    for (name, x_mm) in [("true.toml", 80), ("believed.toml", 89)] {
+        let corner = format!(
+            "\n[[robot.tool]]\nname = \"corner\"\non = \"spindle\"\nposition_mm = [{x_mm}, 30, 20]\n"
+        );
+        place.write(name, text.clone() + &corner);
+    }
+    let mut plan =
+        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,target\n"
+            .to_owned();
+    let ranges = [
+        (-170, 340),
+        (-120, 80),
+        (20, 100),
+        (-150, 120),
+        (-170, 340),
+        (-170, 340),
+    ];
+    for row in 0..24 {
+        let steps = [61, 37, 29, 43, 71, 53].iter().zip(ranges);
+        let angles = steps.map(|(step, (from, width))| (from + row * step % width).to_string());
+        let angles = angles.collect::<Vec<_>>().join(",");
+        for force in ["0,0,0", "0,0,-98", "0,98,0"] {
+            for target in ["reflector", "corner"] {
+                let _ = writeln!(plan, "{angles},{force},0,0,0,{target}");
+            }
+        }
+    }
+    place.write("plan.csv", plan);
+    place.run("measure true.toml --plan plan.csv --measurements-out m.csv --quiet");
+    let found = ["true.toml", "believed.toml"].map(|name| {
+        let json = place.json(&format!(
+            "identify {name} --measurements m.csv --parameters compliances"
+        ));
+        let unknowns = json["unknowns"].as_array().expect("a list").clone();
+        let of = |each: &Value| (number(&each["value"]), number(&each["standard_error"]));
+        let compliances = unknowns.iter().filter(|each| {
+            let name = each["name"].as_str().expect("a name");
+            name.ends_with(".compliance")
+        });
+        compliances.map(of).collect::<Vec<_>>()
+    });
+    assert_eq!(found[0].len(), 6);
+    for (one, other) in found[0].iter().zip(&found[1]) {
+        assert!((one.0 - other.0).abs() < 0.05 * one.1, "{one:?} {other:?}");
+        assert!((one.1 / other.1 - 1.0).abs() < 0.01, "{one:?} {other:?}");
     }
 }

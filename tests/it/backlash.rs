@@ -291,6 +291,7 @@ pub fn pose_of(
     use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
     let nothing = elastocal::parameter::ParameterSet::empty();
     let setup = Setup {
+        hangs_on: None,
         commanded_rad: told.clone(),
         load: elastocal::robot::Load::NONE,
         target: 0,

@@ -21,6 +21,7 @@ fn seen(arm: &ElasticArm, q: &DVector<f64>, load: &Load, station: usize) -> Isom
     let nothing = ParameterSet::empty();
     let mut model = ObservationModel::new(&nothing, arm, &[]);
     let setup = Setup {
+        hangs_on: None,
         commanded_rad: q.clone(),
         load: *load,
         target: 0,

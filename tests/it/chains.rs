@@ -198,6 +198,7 @@ fn readings(scenario: &Scenario, kind: ReadingKind, count: u32, seed: u64) -> Ve
                 }
             };
             let setup = Setup {
+                hangs_on: None,
                 commanded_rad: DVector::from_vec(vec![turn, shoulder, elbow]),
                 load,
                 target: 0,

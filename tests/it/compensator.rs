@@ -149,6 +149,7 @@ fn a_compensator_is_identified_with_the_compliances() {
             let (position_m, _, _) = robot.rest(&q, &load).expect("stable");
             Observation {
                 setup: Setup {
+                    hangs_on: None,
                     commanded_rad: q,
                     load,
                     target: 0,
@@ -239,6 +240,7 @@ fn campaign(truth: &TrueRobot, scenario: &Scenario, kind: Campaign, run: u64) ->
             };
             Observation {
                 setup: Setup {
+                    hangs_on: None,
                     commanded_rad: q,
                     load,
                     target: 0,

@@ -132,6 +132,7 @@ fn error(random: &mut impl Rng) -> Vector3<f64> {
 
 fn setup(q: &DVector<f64>, load: Load) -> Setup {
     Setup {
+        hangs_on: None,
         commanded_rad: q.clone(),
         load,
         target: 0,

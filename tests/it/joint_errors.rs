@@ -18,6 +18,7 @@ fn stands(arm: &ElasticArm, gear: Gear<'_>, told: &DVector<f64>) -> Isometry3<f6
     let nothing = ParameterSet::empty();
     let mut model = ObservationModel::new(&nothing, arm, &[]);
     let setup = Setup {
+        hangs_on: None,
         commanded_rad: DVector::from_fn(told.len(), |joint, _| {
             told[joint] + gear(joint, told[joint])
         }),

@@ -59,6 +59,7 @@ pub fn read_where<R: Rng>(
         .map(|reading| {
             let told = told(reading, random);
             let setup = Setup {
+                hangs_on: None,
                 commanded_rad: DVector::from_fn(told.len(), |joint, _| {
                     told[joint] + gear(joint, told[joint])
                 }),

@@ -55,6 +55,7 @@ pub fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec
     (0..campaign.readings)
         .map(|index| {
             let setup = Setup {
+                hangs_on: None,
                 commanded_rad: DVector::from_fn(arm.chain.len(), |_, _| between(random, -2.6, 2.6)),
                 load: Load {
                     force_n: vector(random, campaign.force_n),
@@ -424,6 +425,7 @@ fn one_joint_moves() -> Vec<AbsoluteReading> {
         let commanded_rad =
             DVector::from_vec(vec![0.2 * index as f64 - 2.0, -1.0, 1.0, 0.3, 0.4, 0.5]);
         let setup = Setup {
+            hangs_on: None,
             commanded_rad,
             load: Load::NONE,
             target: 0,
@@ -620,6 +622,7 @@ fn readings_of_one_visit_share_what_the_model_does_not_know() {
                 };
                 let commanded_rad = reading.configuration_rad.clone();
                 let setup = Setup {
+                    hangs_on: None,
                     commanded_rad,
                     load,
                     target: 0,

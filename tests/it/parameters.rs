@@ -123,6 +123,7 @@ fn every_frame_moves_the_tool_as_mujoco_says() {
             let (position, axes) = state.site(site);
             let (rows_position, rows_rotation) = state.site_jacobian(site);
             let setup = Setup {
+                hangs_on: None,
                 commanded_rad: q,
                 load: Load::force(10.0, 20.0, 30.0),
                 target: 0,

@@ -45,6 +45,7 @@ fn visits(drift_m_per_h: Vector3<f64>, times: usize) -> Vec<AbsoluteReading> {
     let mut readings = Vec::new();
     for visit in 0..POSES * VISITS {
         let setup = Setup {
+            hangs_on: None,
             commanded_rad: commands[visit % POSES].clone(),
             load: Load::NONE,
             target: 0,

@@ -34,6 +34,7 @@ fn repeated(repeats: u32) -> Plan {
 pub fn deflection(arm: &ElasticArm, q: &DVector<f64>, load: &Load) -> Vector3<f64> {
     let (nothing, mut ignored) = (ParameterSet::empty(), Matrix6xX::zeros(0));
     let setup = Setup {
+        hangs_on: None,
         commanded_rad: q.clone(),
         load: *load,
         target: 0,

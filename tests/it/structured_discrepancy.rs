@@ -225,6 +225,7 @@ impl Wrong {
                 .collect();
             let arm = set.apply(&self.arm, &bent);
             let setup = Setup {
+                hangs_on: None,
                 commanded_rad: stands,
                 load: Load::NONE,
                 target: 0,

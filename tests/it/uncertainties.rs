@@ -213,6 +213,7 @@ fn the_posterior_is_that_of_generalised_least_squares() {
     for (index, experiment) in plan.experiments.iter().enumerate() {
         assert_eq!(experiment.repeats, 1);
         let setup = Setup {
+            hangs_on: None,
             commanded_rad: experiment.configuration_rad.clone(),
             load: experiment.load,
             target: 0,

@@ -1,6 +1,7 @@
 //! Readings together with the arm that they are of: stations and targets by number.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
@@ -93,7 +94,6 @@ impl<'a> AbsoluteCase<'a> {
     /// # Errors
     /// As [`new`](Self::new), but for units.
     pub fn placed(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
-        let chain = &belief.nominal.chain;
         let mut case = Self {
             belief,
             arm: ElasticArm {
@@ -112,6 +112,7 @@ impl<'a> AbsoluteCase<'a> {
             far_from_frames: Vec::new(),
             copies: CopiedReadings::default(),
         };
+        let hook = Arc::new(belief.calibration_tool.clone());
         for (index, reading) in readings.iter().enumerate() {
             let station = case.station(reading.station.as_deref());
             let target = case.target(index, reading.target.as_deref())?;
@@ -124,14 +125,14 @@ impl<'a> AbsoluteCase<'a> {
                     target,
                 });
             }
-            let q = reading.configuration_rad.as_slice();
-            let load = transferred(chain, &belief.calibration_tool, tool, q, &reading.load);
+            let hangs_on = (tool.name != hook.name).then(|| Arc::clone(&hook));
             let covariance = case.covariance(reading)?;
             case.covariances.push(covariance);
             case.observations.push(Observation {
                 setup: Setup {
                     commanded_rad: reading.configuration_rad.clone(),
-                    load,
+                    load: reading.load,
+                    hangs_on,
                     target,
                     station,
                     approach: reading.approach.clone(),
@@ -345,30 +346,6 @@ pub(super) const fn rotation_of(reading: &Reading) -> Option<Matrix3<f64>> {
     match reading {
         Reading::Pose { rotation, .. } => Some(*rotation),
         _ => None,
-    }
-}
-
-/// The wrench at a target that stands for a load at another tool further out, at the commanded angles: for all joints that move
-/// the target it is the same load.
-pub(super) fn transferred(
-    chain: &SerialChain,
-    acts_at: &Tool,
-    target: &Tool,
-    q: &[f64],
-    load: &Load,
-) -> Load {
-    if *load == Load::NONE || acts_at == target {
-        return *load;
-    }
-    let place = |tool: &Tool| -> Vector3<f64> {
-        let mut state = KinematicState::new(chain.len());
-        chain.at(tool).update(q, &mut state);
-        state.tool_position
-    };
-    let lever = place(acts_at) - place(target);
-    Load {
-        force_n: load.force_n,
-        torque_nm: load.torque_nm + lever.cross(&load.force_n),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Translation3};
 
-use super::case::{transferred, whitener};
+use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError};
 use crate::experiment::{is_one_configuration, together};
 use crate::observation::{ReadingErrors, ReadingKind, SharedErrors, SharingReadings};
@@ -46,11 +46,8 @@ impl AbsoluteCase<'_> {
         let belief = self.belief;
         let errors = (0..self.observations.len()).map(|place| {
             let setup = &self.observations[place].setup;
-            let tools = [&self.arm.tools[setup.target], &belief.calibration_tool];
-            let q = setup.commanded_rad.as_slice();
-            let load = transferred(&belief.nominal.chain, tools[0], tools[1], q, &setup.load);
             let sources = belief.uncertain.iter().flat_map(Extended::sources);
-            self.disturbed(place, &load, sources.map(|(_, source)| source))
+            self.disturbed(place, &setup.load, sources.map(|(_, source)| source))
         });
         let mut errors: Vec<ReadingErrors> = errors.collect();
         let setup = |visit: usize| &self.observations[self.visits[visit][0]].setup;

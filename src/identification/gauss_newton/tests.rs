@@ -18,6 +18,7 @@ fn setups(numbers: &mut Numbers, belief: &ElasticArm, count: usize, force_n: f64
         .map(|index| Setup {
             commanded_rad: numbers.configuration(&belief.chain),
             load: Load::force(0.0, 0.0, -numbers.between(0.0, force_n)),
+            hangs_on: None,
             target: index % belief.tools.len(),
             station: 0,
             approach: None,

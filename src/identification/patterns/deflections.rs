@@ -34,6 +34,7 @@ pub fn looked_at(
         let setup = Setup {
             commanded_rad: each.configuration_rad.clone(),
             load: each.load,
+            hangs_on: None,
             target: 0,
             station: 0,
             approach: None,

@@ -159,6 +159,7 @@ fn deflection(arm: &ElasticArm, q: &[f64], load: &Load) -> Vector3<f64> {
     let setup = Setup {
         commanded_rad: DVector::from_column_slice(q),
         load: *load,
+        hangs_on: None,
         target: 0,
         station: 0,
         approach: None,
@@ -198,6 +199,7 @@ fn drifts_are_seen_as_they_are() {
         let setup = Setup {
             commanded_rad: q,
             load,
+            hangs_on: None,
             target: 0,
             station: 0,
             approach: None,
@@ -484,6 +486,7 @@ fn springs_are_seen_at_rest() {
         let setup = Setup {
             commanded_rad: DVector::from_vec(q),
             load,
+            hangs_on: None,
             target: 0,
             station: 0,
             approach: None,

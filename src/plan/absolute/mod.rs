@@ -483,6 +483,7 @@ fn setup_of(q: &DVector<f64>, load: Load, [target, station]: [usize; 2]) -> Setu
     Setup {
         commanded_rad: q.clone(),
         load,
+        hangs_on: None,
         target,
         station,
         approach: None,
