@@ -28,6 +28,9 @@ use super::uncertainty_budget::common_sources;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
 
+/// What a plan shares is as good as constant where it falls by less than this factor.
+const FLAT: f64 = 1.1;
+
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["out"])))]
 pub struct Budget {
@@ -89,7 +92,7 @@ impl Budget {
         let time = minutes.filter(|_| self.by_minutes);
         let time = time.map_or_else(String::new, |minutes| format!(": {minutes:.0} minutes"));
         let needed = match accuracy {
-            AccuracyKind::Absolute => counted(point.experiments.into(), "absolute reading"),
+            AccuracyKind::Absolute => counted(point.experiments.into(), accuracy.noun()),
             AccuracyKind::Relative => format!(
                 "{} in {}",
                 counted(point.experiments.into(), "measurement"),
@@ -274,17 +277,29 @@ fn common_to(points: &[BudgetPoint]) -> String {
     common_sources(last)
 }
 
-/// From where on most of what is left is what the whole plan shares.
+/// From where on most of what is left is what the whole plan shares, where more measurements hardly make that smaller.
 fn stops_helping(points: &[BudgetPoint]) -> String {
     let mostly_shared = |point: &&BudgetPoint| {
         (point.shared_m).is_some_and(|shared_m| shared_m.powi(2) > 0.5 * point.rho0_m.powi(2))
     };
-    let shared = points.iter().rev().find_map(|point| point.shared_m);
+    let all_different =
+        || (points.iter().rev()).filter(|point| point.configurations == point.experiments);
+    let shared = all_different().find_map(|point| point.shared_m);
+    let hardly_falls = |point: &&BudgetPoint| {
+        point
+            .shared_m
+            .zip(shared)
+            .is_some_and(|(own, last)| own < FLAT * last)
+    };
     // From the first on after which all are so.
-    let from = (points.iter().rev())
-        .filter(|point| point.configurations == point.experiments)
-        .take_while(mostly_shared)
-        .last();
+    let from = (all_different().take_while(mostly_shared))
+        .take_while(hardly_falls)
+        .last()
+        .filter(|point| {
+            all_different()
+                .next()
+                .is_some_and(|last| last.experiments > point.experiments)
+        });
     match (from, shared) {
         (Some(point), Some(shared_m)) => format!(
             "\nMore measurements hardly help: from {} on, most of the variance is of sources that the whole plan shares, which \

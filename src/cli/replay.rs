@@ -4,10 +4,10 @@ use clap::Args;
 use elastocal::calibration::calibrate;
 use elastocal::files::make_folder;
 use elastocal::plan::search::random_plan;
-use elastocal::quantities::units::thousandths;
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
+use elastocal::task::AccuracyKind;
 use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::workflow::run_absolute::replay_readings;
 use elastocal::workflow::study::refuse_others;
@@ -76,11 +76,12 @@ impl Replay {
             .collect::<anyhow::Result<Vec<_>>>()?;
         let records: Vec<&Value> = plans.iter().map(|plan| &plan.record).collect();
         let shown = settings[0].conditions;
-        let notes: Vec<String> = of_sweep(&shown, &others).into_iter().collect();
+        let accuracy = scenario.task.design.accuracy;
+        let notes: Vec<String> = of_sweep(accuracy, &shown, &others).into_iter().collect();
         let keys = json!({
             "run": self.run,
             "experiments": shown.experiments,
-            "sigma_mm": thousandths(shown.sigma_m),
+            "sigma_mm": shown.sigma_mm(accuracy),
             "load_scale": shown.load_scale,
             "notes": notes,
             "plans": records,
@@ -139,11 +140,12 @@ impl Replay {
 }
 
 /// Of which conditions of a sweep a run is shown, and of which it is not.
-fn of_sweep(shown: &Conditions, others: &[Conditions]) -> Option<String> {
-    let names: Vec<String> = others.iter().map(ToString::to_string).collect();
+fn of_sweep(accuracy: AccuracyKind, shown: &Conditions, others: &[Conditions]) -> Option<String> {
+    let names: Vec<String> = others.iter().map(|each| each.described(accuracy)).collect();
     (!others.is_empty()).then(|| {
         format!(
-            "the run is shown under the first conditions of study.sweep: {shown}. The others: {}",
+            "the run is shown under the first conditions of study.sweep: {}. The others: {}",
+            shown.described(accuracy),
             names.join("; ")
         )
     })

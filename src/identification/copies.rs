@@ -36,8 +36,8 @@ pub(super) struct ReadBits {
 impl CopiedReadings {
     /// Pairs whose readings are equal in every digit, if chance does not explain them: two readings of the same are equal in a coordinate
     /// with the probability r / (2 sqrt(pi) sigma), for a resolution r; for two readings of different things, sigma is the spread of all
-    /// readings.
-    pub(super) fn of(all: &[ReadBits]) -> Self {
+    /// readings. The instrument may be known to have a resolution (m).
+    pub(super) fn of(all: &[ReadBits], resolution_m: f64) -> Self {
         let mut by_reading: BTreeMap<Vec<u64>, Vec<&ReadBits>> = BTreeMap::new();
         let mut setups: BTreeMap<&[u64], usize> = BTreeMap::new();
         for each in all {
@@ -61,8 +61,10 @@ impl CopiedReadings {
         let pairs = |count: usize| (count * count.saturating_sub(1)) as f64 / 2.0;
         let of_one_setup: f64 = setups.values().map(|&count| pairs(count)).sum();
         let of_others = pairs(all.len()) - of_one_setup;
+        let resolution_m = shown_resolution_m(all).max(resolution_m);
         let is_chance = |found: usize, pairs: f64, deviation: fn(f64, f64) -> f64| {
-            found > 0 && !is_beyond_chance(found, pairs * equal_by_chance(all, deviation))
+            found > 0
+                && !is_beyond_chance(found, pairs * equal_by_chance(all, resolution_m, deviation))
         };
         if is_chance(found.rows.len(), of_one_setup, |sigma, _| sigma) {
             found.rows.clear();
@@ -110,8 +112,7 @@ const SHOWN: usize = 5;
 
 /// The probability that two readings are equal, whose standard deviation follows from that of the
 /// noise and the spread of all readings.
-fn equal_by_chance(all: &[ReadBits], deviation: fn(f64, f64) -> f64) -> f64 {
-    let resolution = resolution_m(all);
+fn equal_by_chance(all: &[ReadBits], resolution_m: f64, deviation: fn(f64, f64) -> f64) -> f64 {
     let count = all.len() as f64;
     (0..3)
         .map(|axis| {
@@ -121,21 +122,22 @@ fn equal_by_chance(all: &[ReadBits], deviation: fn(f64, f64) -> f64) -> f64 {
             let sigmas = all.iter().map(|each| each.sigma_m[axis]);
             let sigma = sigmas.fold(f64::INFINITY, f64::min);
             let density = 2.0 * std::f64::consts::PI.sqrt() * deviation(sigma, spread.sqrt());
-            (resolution / density).min(1.0)
+            (resolution_m / density).min(1.0)
         })
         .product()
 }
 
-/// The last decimal that the file's readings have (m).
-fn resolution_m(all: &[ReadBits]) -> f64 {
-    let is_whole = |scale: f64| {
+/// The largest step, one, two or five of the last decimal, of which all of the file's readings are multiples (m).
+fn shown_resolution_m(all: &[ReadBits]) -> f64 {
+    let is_whole = |step_m: &f64| {
         (all.iter().flat_map(|each| each.position_m.iter())).all(|value| {
-            let steps = value * 1e3 * scale;
+            let steps = value / step_m;
             (steps - steps.round()).abs() <= 1e-9 * steps.abs().max(1.0)
         })
     };
-    let decimals = (0..=MOST_DECIMALS).find(|&decimals| is_whole(10_f64.powi(decimals)));
-    1e-3 * 10_f64.powi(-decimals.unwrap_or(MOST_DECIMALS + 6))
+    let decimals = (0..=MOST_DECIMALS).map(|decimals| 1e-3 * 10_f64.powi(-decimals));
+    let mut steps_m = decimals.flat_map(|last_m| [5.0, 2.0, 1.0].map(|times| times * last_m));
+    (steps_m.find(is_whole)).unwrap_or_else(|| 1e-3 * 10_f64.powi(-MOST_DECIMALS - 6))
 }
 
 /// Whether as many, or more, are less probable than chance makes them where so many are expected.

@@ -244,11 +244,14 @@ impl Campaign {
         there.sum::<f64>() + self.return_way.as_ref().map_or(0.0, |way| way.length)
     }
 
+    /// How often the robot is moved to a stop: not where a load is hung in place.
+    pub fn moves(&self) -> usize {
+        self.stops.iter().filter(|stop| !stop.is_in_place()).count()
+    }
+
     fn minutes_of(&self, laboratory: &Laboratory) -> f64 {
         let turning_min = self.travel() / laboratory.axis_speed_per_s / 60.0;
-        // A load that is hung in place moves no robot.
-        let moves = self.stops.iter().filter(|stop| !stop.is_in_place()).count();
-        let work = [self.set_ups(), moves, self.load_changes()];
+        let work = [self.set_ups(), self.moves(), self.load_changes()];
         laboratory.costs.work_min(work, self.readings()) + turning_min
     }
 }

@@ -7,6 +7,7 @@ use crate::study::account::{Account, predicted_quantile95_m};
 use crate::study::runner::Runner;
 use crate::study::summary::Measured;
 use crate::study::{StudyError, tally::Tally, verdict::Kept};
+use crate::task::AccuracyKind;
 
 /// Robots that were drawn, measured as the plan says, identified and looked at.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +33,13 @@ impl RobotTrials {
         let quantile95_m = predicted_quantile95_m(only);
         let conditions = only.1.conditions;
         let predicted = (Some(&account), quantile95_m);
-        let runs = StudyPlanMessage::new(&only.0.name, &conditions, 0, (tally, None), predicted);
+        let runs = StudyPlanMessage::new(
+            &only.0.name,
+            (&conditions, AccuracyKind::Absolute),
+            0,
+            (tally, None),
+            predicted,
+        );
         let first_failure = runner.first_failure();
         let (Some(value), Some(standard_error)) = (runs.rms_mm, runs.rms_std_mm) else {
             return Err(StudyError::AllFailed {

@@ -9,6 +9,7 @@ use crate::study::account::{Account, Contribution};
 use crate::study::summary::{Measured, Summary};
 use crate::study::tally::{Failure, Tally};
 use crate::study::verdict::{MonteCarloOutcome, numerical_tolerance};
+use crate::task::AccuracyKind;
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -137,7 +138,7 @@ impl StudyPlanMessage {
     /// with.
     pub fn new(
         name: &str,
-        conditions: &Conditions,
+        (conditions, accuracy): (&Conditions, AccuracyKind),
         parameters: usize,
         (tally, reference): (&Tally, Option<&Tally>),
         (account, predicted_quantile95_m): (Option<&Account>, Option<f64>),
@@ -152,7 +153,7 @@ impl StudyPlanMessage {
             name: name.to_owned(),
             experiments: conditions.experiments,
             // 0.03 and not 0.030000000000000002.
-            sigma_mm: (conditions.sigma_m * 1e15).round() * 1e-12,
+            sigma_mm: conditions.sigma_mm(accuracy),
             load_scale: conditions.load_scale,
             runs: tally.runs,
             failed: tally.failures(),

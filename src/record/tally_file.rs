@@ -157,7 +157,9 @@ impl Header {
         let label = |plan: &PlanHeader| {
             let same = |other: &&PlanHeader| other.name == plan.name;
             match (self.plans.iter().filter(same).count(), plan.conditions) {
-                (2.., conditions) => format!("{}, {conditions}", plan.name),
+                (2.., conditions) => {
+                    format!("{}, {}", plan.name, conditions.described(self.accuracy()))
+                }
                 _ => plan.name.clone(),
             }
         };

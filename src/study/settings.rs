@@ -1,12 +1,12 @@
 //! What a study is made of: its runs, the conditions, and the plans that it compares.
 
-use std::fmt::{Display, Formatter};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::Candidate;
 use crate::plan::{Criterion, Plan};
-use crate::task::Task;
+use crate::task::{AccuracyKind, Task};
 use crate::text::wording::counted;
 
 /// What the runs of a study are made of.
@@ -65,19 +65,26 @@ pub struct Conditions {
     pub load_scale: f64,
 }
 
-impl Display for Conditions {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        write!(
-            formatter,
+impl Conditions {
+    /// The standard deviation (mm) of each coordinate of what is measured: of a deflection, or of a reading, of which two make one.
+    pub fn sigma_mm(&self, accuracy: AccuracyKind) -> f64 {
+        let share = match accuracy {
+            AccuracyKind::Relative => 1.0,
+            AccuracyKind::Absolute => FRAC_1_SQRT_2,
+        };
+        (self.sigma_m * share * 1e15).round() * 1e-12
+    }
+
+    /// In words.
+    pub fn described(&self, accuracy: AccuracyKind) -> String {
+        format!(
             "{}, sigma {:.4} mm, load {}",
-            counted(self.experiments.into(), "measurement"),
-            self.sigma_m * 1e3,
+            counted(self.experiments.into(), accuracy.noun()),
+            self.sigma_mm(accuracy),
             self.load_scale
         )
     }
-}
 
-impl Conditions {
     /// Those of a task as it is, with so many measurements in each run.
     pub const fn plain(task: &Task, experiments: u32) -> Self {
         Self {

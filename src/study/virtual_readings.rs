@@ -8,6 +8,7 @@ use nalgebra::{
 };
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use crate::experiment::{Candidate, Experiment};
@@ -155,11 +156,11 @@ impl<'a> ReadPlan<'a> {
         })
     }
 
-    /// The frame of each station in a run: anywhere about the robot; of points near where they are believed to be, with the base's axes.
-    pub fn frames(&self, [seed, run]: [u64; 2]) -> Vec<Isometry3<f64>> {
-        let mut random = generator(seed, frames_of_trial(run));
+    /// The frame of each station in a run, whatever else is read: anywhere about the robot; of points near where they are believed to be,
+    /// with the base's axes.
+    pub fn frames(&self, numbers: [u64; 2]) -> Vec<Isometry3<f64>> {
         let stations = self.planning.stations().iter();
-        let frames = stations.map(|_| anywhere(&mut random));
+        let frames = stations.map(|name| self.frame(name.as_deref(), numbers));
         (frames.zip(self.planning.points()))
             .map(|(frame, point)| match point {
                 None => frame,
@@ -169,6 +170,21 @@ impl<'a> ReadPlan<'a> {
                 }
             })
             .collect()
+    }
+
+    /// Where a station's instrument stands in a run: one of the scenario by its place in there, another by its name.
+    fn frame(&self, name: Option<&str>, [seed, run]: [u64; 2]) -> Isometry3<f64> {
+        let known = &self.planning.task().belief.stations;
+        let place = known.iter().position(|each| Some(&*each.name) == name);
+        let own = name.filter(|_| place.is_none()).map_or(0, |name| {
+            let digest = Sha256::digest(name.as_bytes());
+            (digest.iter().take(8)).fold(0, |all, &byte| all << 8 | u64::from(byte))
+        });
+        let mut random = generator(seed ^ own, frames_of_trial(run));
+        for _ in 0..place.unwrap_or(0) {
+            anywhere(&mut random);
+        }
+        anywhere(&mut random)
     }
 
     /// Reads the robot of a run from instruments with these frames: each of the readings that visits repeat alike, so often.

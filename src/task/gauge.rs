@@ -24,7 +24,8 @@ impl Gauge {
     pub fn rounded_m(&self, length_m: f64) -> f64 {
         match self.resolution_m {
             0.0 => length_m,
-            step => (length_m / step).round() * step,
+            // Of 0.05 mm a whole number of twentieths: a decimal as it is written.
+            step => (length_m / step).round() / step.recip(),
         }
     }
 

@@ -92,6 +92,14 @@ impl AccuracyKind {
             Self::Absolute => "absolute",
         }
     }
+
+    /// What is measured for it.
+    pub const fn noun(self) -> &'static str {
+        match self {
+            Self::Relative => "measurement",
+            Self::Absolute => "absolute reading",
+        }
+    }
 }
 
 /// How large a plan is to be, and what it must contain.

@@ -121,7 +121,7 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
             "{} of {} in {stops}: {readings} with {changes} of load and {}. {takes}",
             counted(plan.measurements().into(), "measurement"),
             counted(plan.experiments.len() as u64, "experiment"),
-            counted(campaign.stops.len() as u64, "move"),
+            counted(campaign.moves() as u64, "move"),
         )
     };
     let of_gauge = "For each measurement in turn, without moving the robot in between: set the gauge against the tool along the \

@@ -16,7 +16,7 @@ use crate::scenario::Scenario;
 use crate::study::model_level::LinearModel;
 use crate::study::runner::Runner;
 use crate::study::{Conditions, Entry, EntryKind, Level, Setting, StudyError};
-use crate::task::Task;
+use crate::task::{AccuracyKind, Task};
 
 /// The number of runs.
 const TRIALS: u64 = 10_000;
@@ -117,7 +117,13 @@ pub fn distances(
     let message = |(index, reference): (usize, Option<usize>)| {
         let runs = (&tallies[index], reference.map(|other| &tallies[other]));
         let name = &entries[index].name;
-        StudyPlanMessage::new(name, &conditions, parameters, runs, (None, None))
+        StudyPlanMessage::new(
+            name,
+            (&conditions, AccuracyKind::Relative),
+            parameters,
+            runs,
+            (None, None),
+        )
     };
     let references = runner.references().into_iter();
     Ok(references.enumerate().map(message).collect())

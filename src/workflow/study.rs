@@ -1,6 +1,5 @@
 //! The plans of a study, and what its runs come to.
 
-use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -292,7 +291,7 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Vec<StudyPlanMessage
         let reference = plan.reference.and_then(|other| tallies.get(other));
         let mut message = StudyPlanMessage::new(
             &plan.name,
-            &plan.conditions,
+            (&plan.conditions, header.accuracy()),
             parameters,
             (tally, reference),
             (plan.account.as_ref(), plan.predicted_quantile95_m),
@@ -300,8 +299,6 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Vec<StudyPlanMessage
         if header.absolute.is_some() {
             // What is left at several test poses is one robot's: its squares are not independent.
             message.nees_z = None;
-            // Of a reading, where conditions have that of a deflection.
-            message.sigma_mm = (message.sigma_mm * FRAC_1_SQRT_2 * 1e12).round() * 1e-12;
         }
         message
     };

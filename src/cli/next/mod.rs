@@ -121,7 +121,7 @@ impl Next {
         let identification = &identified.identification;
         let so_far = measured_plan(&measurements);
         let measured = so_far.measurements();
-        let impossible = self.impossible(given.as_ref())?;
+        let impossible = self.impossible(given.as_ref(), &so_far)?;
         let within_rad = self.skip_within_deg.to_radians();
         let left = Remaining::new(task, identification, &measurements, &impossible, within_rad);
         let reached_m = rho0_m(&left.task, &identification.posterior);
@@ -252,20 +252,30 @@ impl Next {
         Some(ConditionCode::OutOfReach.with(format!("{count} do not reach {wanted} um")))
     }
 
-    /// The configurations that turned out impossible.
-    fn impossible(&self, plan: Option<&Plan>) -> Result<Vec<nalgebra::DVector<f64>>, FileError> {
+    /// The configurations that turned out impossible: of experiments that are not measured.
+    fn impossible(
+        &self,
+        plan: Option<&Plan>,
+        measured: &Plan,
+    ) -> Result<Vec<nalgebra::DVector<f64>>, FileError> {
         let (Some(plan), Some(path)) = (plan, &self.plan) else {
             return Ok(Vec::new());
         };
         let count = plan.experiments.len();
         let configuration = |&number: &usize| {
             let index = number.checked_sub(1).filter(|index| *index < count);
-            index
-                .map(|index| plan.experiments[index].configuration_rad.clone())
-                .ok_or_else(|| {
-                    let problem = format!("found {number}; 1 to {count} are allowed");
-                    (FileError::new(path, problem).at("--skip")).code(ErrorCode::PlanFile)
-                })
+            let wrong = |problem: String| {
+                (FileError::new(path, problem).at("--skip")).code(ErrorCode::PlanFile)
+            };
+            let allowed = || wrong(format!("found {number}; 1 to {count} are allowed"));
+            let experiment = &plan.experiments[index.ok_or_else(allowed)?];
+            let alone = Plan {
+                experiments: vec![experiment.clone()],
+            };
+            if not_measured(&alone, measured).experiments.is_empty() {
+                return Err(wrong(format!("found {number}, which is measured")));
+            }
+            Ok(experiment.configuration_rad.clone())
         };
         self.skip.iter().map(configuration).collect()
     }

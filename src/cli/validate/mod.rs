@@ -11,6 +11,7 @@ use elastocal::laboratory::validation::{Validation, validate, validation_plan};
 use elastocal::measurement::read_measurements;
 use elastocal::plan::write_plan;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
+use elastocal::robot::ReadsAlong;
 use elastocal::text::wording::counted;
 use elastocal::workflow::stored_robot::StoredRobot;
 use elastocal::workflow::validate_absolute::prediction_failed;
@@ -58,11 +59,16 @@ impl Validate {
         }
         let origin = StoredIdentification::origin(&self.identified)?;
         let scenario = (self.common).load_for(input, &self.identified, origin.as_ref())?;
-        if scenario.task.reads_along() {
-            let problem = "is \"displacement\", and predictions are compared with deflections of all three coordinates";
-            return Err(FileError::new(&scenario.path, problem)
-                .at("instrument.reads")
-                .into());
+        let (key, is) = match scenario.task.belief.instrument.reads_along() {
+            ReadsAlong::Never => ("", ""),
+            ReadsAlong::Sometimes => ("instrument.gauge", "is there"),
+            ReadsAlong::Always => ("instrument.reads", "is \"displacement\""),
+        };
+        if !key.is_empty() {
+            let problem = format!(
+                "{is}, and predictions are compared with deflections of all three coordinates"
+            );
+            return Err(FileError::new(&scenario.path, problem).at(key).into());
         }
         let identified = read_identified(&self.identified, &scenario)?;
         let mut roles = inputs(&scenario);

@@ -67,7 +67,7 @@ impl<'a> AbsoluteCase<'a> {
         let mut case = Self::placed(belief, readings)?;
         if case.reads_distances() {
             // Places of points are known well enough to begin with.
-            case.copies = CopiedReadings::of(&case.read_bits());
+            case.copies = case.copied();
             return Ok(case);
         }
         let sights = case.sights();
@@ -85,7 +85,7 @@ impl<'a> AbsoluteCase<'a> {
         let mut places = 0..right.len();
         right.retain(|_| (places.next()).is_some_and(|place| wrong.binary_search(&place).is_err()));
         case.check_likeness(&right)?;
-        case.copies = CopiedReadings::of(&case.read_bits());
+        case.copies = case.copied();
         Ok(case)
     }
 
@@ -293,6 +293,15 @@ impl<'a> AbsoluteCase<'a> {
                 }
             })
             .collect()
+    }
+
+    /// Readings that are equal to the last digit.
+    fn copied(&self) -> CopiedReadings {
+        let shows = self.belief.instrument.distance.as_ref();
+        CopiedReadings::of(
+            &self.read_bits(),
+            shows.map_or(0.0, |shows| shows.resolution_m),
+        )
     }
 
     /// What was read, and where, to the bit.

@@ -112,7 +112,7 @@ fn copied(case: &Case<'_>) -> CopiedReadings {
             sigma_m: each.sigma_m.unwrap_or(unknown),
         }
     });
-    CopiedReadings::of(&bits.collect::<Vec<_>>())
+    CopiedReadings::of(&bits.collect::<Vec<_>>(), 0.0)
 }
 
 /// The likely input errors where an identification (`None` if it failed) is suspicious: residuals are too large or too small, or a

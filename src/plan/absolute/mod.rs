@@ -178,6 +178,11 @@ impl AbsolutePlanning<'_> {
         }
     }
 
+    /// What it is planned for.
+    pub const fn task(&self) -> &Task {
+        self.task
+    }
+
     /// The names of the stations that candidates are read from; one without a name where they name none.
     pub fn stations(&self) -> &[Option<String>] {
         &self.case.stations

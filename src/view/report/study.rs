@@ -50,11 +50,7 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
         header.level.words(),
         counted(
             plans[0].conditions.experiments.into(),
-            if is_absolute {
-                "absolute reading"
-            } else {
-                "measurement"
-            }
+            header.accuracy().noun()
         )
     );
     let title = format!("Plans compared: {}", header.provenance.scenario);
