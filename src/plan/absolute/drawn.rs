@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use super::distances::in_range;
 use super::error::AbsolutePlanError;
+use super::from_rows::merged;
 use super::{AbsolutePlan, AbsolutePlanning};
 use crate::experiment::Candidate;
 use crate::identification::ParameterGroup;
@@ -32,6 +33,11 @@ const STEPS: [f64; 5] = [0.06, 0.03, 0.015, 0.008, 0.004];
 const SEARCHES: usize = 3;
 /// So many configurations are tried near each that is chosen.
 const NEAR: usize = 12;
+
+/// Near no more test poses than so many,
+const MOST_POSES: usize = 4;
+/// and where angles of several are mixed, the number of the first round.
+const MIXED: u64 = 100;
 
 /// So many random plans are tried for one that tells the tool's place.
 const RANDOM_PLANS: usize = 200;
@@ -114,27 +120,35 @@ impl ReadingsWanted<'_> {
         watch: Watch<'_>,
     ) -> Result<(Option<AbsolutePlanning<'t>>, AbsolutePlan), AbsolutePlanError> {
         if self.candidates.is_some() {
-            let found = planning.design_by((super::SEARCHES, known), sizes, seed, watch)?;
+            let found = planning.design_from(known, sizes, seed, watch)?;
             return Ok((None, found));
         }
         let (task, rounds) = (planning.task, STEPS.len() + 1);
-        let search = |planning: &AbsolutePlanning<'t>, round: usize| {
-            let found = watch.part(round, rounds, |here| {
-                planning.design_by((SEARCHES, &[]), sizes, seed, here)
+        let tied = self.with_test_poses(planning, seed)?;
+        let search = |own: &AbsolutePlanning<'t>, best: &[(Candidate, u32)], round: usize| {
+            let found = watch.part(round, rounds, |here| match &tied {
+                Some(_) => own.tied_from(best, sizes, seed, here),
+                None => own.design_by((SEARCHES, &[]), sizes, seed, here),
             })?;
-            let chosen = planning.readings(&found.plan).into_iter();
-            let chosen: Vec<Candidate> = chosen.map(|(row, _)| row.clone()).collect();
-            let rho0_m = planning.prediction(&found.plan).rho0_m();
-            Ok::<_, AbsolutePlanError>((found, chosen, rho0_m))
+            let chosen = own.readings(&found.plan).into_iter();
+            let chosen = chosen.map(|(row, times)| (row.clone(), times));
+            let rho0_m = own.prediction(&found.plan).rho0_m();
+            Ok::<_, AbsolutePlanError>((found, chosen.collect::<Vec<_>>(), rho0_m))
         };
-        let (mut found, mut best, mut least) = search(planning, 0)?;
+        let first = tied.as_ref().unwrap_or(planning);
+        let (mut found, mut best, mut least) = search(first, &[], 0)?;
         for (round, step) in (1..).zip(STEPS) {
             if watch.stop.load(Ordering::Relaxed) {
                 break;
             }
-            let near = near(task, &best, step, [seed, round as u64]);
-            let local = AbsolutePlanning::of_rows(task, self.groups, self.measured, &near);
-            let searched = local.and_then(|local| search(&local, round));
+            let rows: Vec<Candidate> = best.iter().map(|(row, _)| row.clone()).collect();
+            let mut rows = near(task, &rows, step, [seed, round as u64]);
+            if tied.is_some() {
+                rows.extend(mixed(task, &best, &first.candidates, [seed, round as u64]));
+                rows = merged(&rows);
+            }
+            let local = AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows);
+            let searched = local.and_then(|local| search(&local, &best, round));
             let Ok((searched, chosen, rho0_m)) = searched else {
                 continue;
             };
@@ -142,6 +156,7 @@ impl ReadingsWanted<'_> {
                 (found, best, least) = (searched, chosen, rho0_m);
             }
         }
+        let best: Vec<Candidate> = best.into_iter().map(|(row, _)| row).collect();
         let offered = planning.places().len();
         // Those that were chosen are possible.
         let all = self.with_rows(planning, &best)?;
@@ -151,6 +166,47 @@ impl ReadingsWanted<'_> {
         // All that were drawn were looked at, and there are others.
         found.bound = all.bound(&found.plan)?.map(PlanBound::into_evidence);
         Ok((Some(all), found))
+    }
+
+    /// What may be read, and besides at the test poses and near them, where functions tie readings there.
+    fn with_test_poses<'t>(
+        &self,
+        planning: &AbsolutePlanning<'t>,
+        seed: u64,
+    ) -> Result<Option<AbsolutePlanning<'t>>, AbsolutePlanError> {
+        if !planning.ties_all() {
+            return Ok(None);
+        }
+        let (task, offered) = (
+            planning.task,
+            &planning.candidates[..planning.places().len()],
+        );
+        let way = |row: &Candidate| {
+            (
+                row.target.clone(),
+                row.station.clone(),
+                row.load.is_some_and(|load| load != Load::NONE),
+            )
+        };
+        let mut ways: Vec<&Candidate> = Vec::new();
+        for row in offered {
+            if ways.iter().all(|known| way(known) != way(row)) {
+                ways.push(row);
+            }
+        }
+        let apart = task.test_poses.len().div_ceil(MOST_POSES);
+        let poses = task.test_poses.iter().step_by(apart);
+        let at = |q: &DVector<f64>| {
+            let rows = ways.iter().map(|row| moved(task, row, q.clone()));
+            rows.collect::<Vec<Candidate>>()
+        };
+        let poses: Vec<Candidate> = poses.flat_map(|pose| at(&pose.configuration_rad)).collect();
+        let mut rows = offered.to_vec();
+        for (round, step) in (STEPS.len() as u64 + 1..).zip(STEPS.iter().step_by(2)) {
+            rows.extend(near(task, &poses, *step, [seed, round]));
+        }
+        let rows = merged(&rows);
+        AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows).map(Some)
     }
 
     /// What may be read, with rows behind that are not of the offer.
@@ -311,19 +367,60 @@ fn near(task: &Task, best: &[Candidate], step: f64, [seed, round]: [u64; 2]) -> 
                     (angle + step * (high - low) * normal).clamp(*low, *high)
                 })
                 .collect();
-            let moved = DVector::from_vec(moved);
-            let belief = &task.belief;
-            let station = station_named(&belief.stations, row.station.as_deref());
-            let is_machining = row.target.as_ref() == Some(&belief.machining_tool.name);
-            let target = if is_machining {
-                &belief.machining_tool
+            all.push(self::moved(task, row, DVector::from_vec(moved)));
+        }
+    }
+    all
+}
+
+/// A candidate at another configuration (rad).
+fn moved(task: &Task, row: &Candidate, q: DVector<f64>) -> Candidate {
+    let belief = &task.belief;
+    let station = station_named(&belief.stations, row.station.as_deref());
+    let is_machining = row.target.as_ref() == Some(&belief.machining_tool.name);
+    let target = if is_machining {
+        &belief.machining_tool
+    } else {
+        &belief.calibration_tool
+    };
+    Candidate {
+        configuration_rad: in_range(task, target, station, q),
+        ..row.clone()
+    }
+}
+
+/// Candidates that have angles of each other, or of a test pose: at equal angles a joint's function is the same. Half of them are read as
+/// another is that is offered.
+fn mixed(
+    task: &Task,
+    best: &[(Candidate, u32)],
+    offered: &[Candidate],
+    [seed, round]: [u64; 2],
+) -> Vec<Candidate> {
+    let mut random = generator(seed, drawn_candidates(MIXED + round));
+    let poses = task.test_poses.iter().map(|pose| &pose.configuration_rad);
+    let chosen = best.iter().map(|(row, _)| &row.configuration_rad);
+    let angles: Vec<&DVector<f64>> = chosen.chain(poses).collect();
+    let mut all = Vec::new();
+    for (row, _) in best {
+        for _ in 0..NEAR {
+            let mut q = row.configuration_rad.clone();
+            let other = angles[random.random_range(0..angles.len())];
+            // One joint, some, or all.
+            let share = [0.0, 0.5, 1.0][random.random_range(0..3)];
+            let alone = random.random_range(0..q.len());
+            for (joint, angle) in q.iter_mut().enumerate() {
+                if joint == alone || random.random::<f64>() < share {
+                    *angle = other[joint];
+                }
+            }
+            let is_another = random.random::<bool>();
+            let like = if is_another {
+                &offered[random.random_range(0..offered.len())]
             } else {
-                &belief.calibration_tool
+                row
             };
-            all.push(Candidate {
-                configuration_rad: in_range(task, target, station, moved),
-                ..row.clone()
-            });
+            all.push(moved(task, like, q));
         }
     }
     all

@@ -53,8 +53,10 @@ use readable::reading_of;
 use together::Neighbours;
 pub use together::RepeatedReading;
 
-/// Searches for one plan.
+/// Searches for one plan,
 const SEARCHES: usize = 12;
+/// and for one whose readings functions tie.
+const TIED_SEARCHES: usize = 3;
 /// Candidates that are looked at together.
 const TOGETHER: usize = 512;
 /// What stands for nothing known, as a share of what a plan tells on average of what it tells most of: more than costs take for
@@ -313,10 +315,25 @@ impl AbsolutePlanning<'_> {
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        self.design_by((SEARCHES, &[]), sizes, seed, watch)
+        self.design_from(&[], sizes, seed, watch)
     }
 
-    /// The same by so many searches, and from plans that are known.
+    /// The same also from plans that are known.
+    fn design_from(
+        &self,
+        known: &[CandidatePlan],
+        sizes: [u32; 2],
+        seed: u64,
+        watch: Watch<'_>,
+    ) -> Result<AbsolutePlan, AbsolutePlanError> {
+        if let Some(tied) = self.tied_plan((TIED_SEARCHES, known), sizes, seed, watch.stop) {
+            let bound = self.bound(&tied.plan)?;
+            return Ok(AbsolutePlan { bound, ..tied });
+        }
+        self.design_by((SEARCHES, known), sizes, seed, watch)
+    }
+
+    /// The best plan that is found as if no functions tied readings, by so many searches and from plans that are known.
     fn design_by(
         &self,
         (searches, known): (usize, &[CandidatePlan]),
@@ -353,19 +370,7 @@ impl AbsolutePlanning<'_> {
             found.as_ref().map_or(f64::INFINITY, |found| found.cost)
         };
         let best = (designs.into_iter()).min_by(|one, other| cost(one).total_cmp(&cost(other)));
-        let mut best = best.unwrap_or_else(|| Err(CandidateError::undetermined()))?;
-        let stations = shown.test_poses.iter().map(|&(station, _)| station);
-        for station in stations {
-            let sizes = [measurements, configurations];
-            let tied = self.tied_choice(station, sizes, seed, watch.stop);
-            let rho0_m = |plan: &CandidatePlan| self.prediction(plan).rho0_m();
-            if let Some(plan) = tied
-                && let Some(tied_m) = rho0_m(&plan)
-                && rho0_m(&best.plan).is_none_or(|known_m| tied_m < known_m)
-            {
-                best.plan = plan;
-            }
-        }
+        let best = best.unwrap_or_else(|| Err(CandidateError::undetermined()))?;
         if let Err(names) = self.prediction(&best.plan).left {
             let problem = format!(
                 "no {measurements} readings of the candidates were found that determine the tool's place at the test poses: it depends on {} besides",
