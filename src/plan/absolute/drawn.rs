@@ -3,6 +3,7 @@
 //!
 //! What comes of it is evidence, and no proof: the region has more configurations than are looked at.
 
+use std::iter::repeat_n;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
@@ -34,10 +35,13 @@ const SEARCHES: usize = 3;
 /// So many configurations are tried near each that is chosen.
 const NEAR: usize = 12;
 
-/// Near no more test poses than so many,
+/// Where functions tie readings, so many rounds of each step,
+const TIED_ROUNDS: usize = 2;
+/// first near no more test poses than so many.
 const MOST_POSES: usize = 4;
-/// and where angles of several are mixed, the number of the first round.
-const MIXED: u64 = 100;
+/// The numbers of the first rounds near test poses, and of those that mix angles.
+const POSES: u64 = 100;
+const MIXED: u64 = 200;
 
 /// So many random plans are tried for one that tells the tool's place.
 const RANDOM_PLANS: usize = 200;
@@ -123,32 +127,46 @@ impl ReadingsWanted<'_> {
             let found = planning.design_from(known, sizes, seed, watch)?;
             return Ok((None, found));
         }
-        let (task, rounds) = (planning.task, STEPS.len() + 1);
-        let tied = self.with_test_poses(planning, seed)?;
+        let (task, is_tied) = (planning.task, planning.ties_all());
+        let of_rows =
+            |rows: &[Candidate]| AbsolutePlanning::of_rows(task, self.groups, self.measured, rows);
+        let again = if is_tied { TIED_ROUNDS } else { 1 };
+        let rounds = again * STEPS.len() + 1;
         let search = |own: &AbsolutePlanning<'t>, best: &[(Candidate, u32)], round: usize| {
-            let found = watch.part(round, rounds, |here| match &tied {
-                Some(_) => own.tied_from(best, sizes, seed, here),
-                None => own.design_by((SEARCHES, &[]), sizes, seed, here),
+            let known = own.plan_of(best);
+            let effort = if is_tied && !known.is_empty() {
+                (0, &[known][..])
+            } else {
+                (SEARCHES, &[][..])
+            };
+            let found = watch.part(round, rounds, |here| {
+                own.design_by(effort, sizes, seed, here)
             })?;
             let chosen = own.readings(&found.plan).into_iter();
             let chosen = chosen.map(|(row, times)| (row.clone(), times));
             let rho0_m = own.prediction(&found.plan).rho0_m();
             Ok::<_, AbsolutePlanError>((found, chosen.collect::<Vec<_>>(), rho0_m))
         };
-        let first = tied.as_ref().unwrap_or(planning);
-        let (mut found, mut best, mut least) = search(first, &[], 0)?;
-        for (round, step) in (1..).zip(STEPS) {
+        let offered = &planning.candidates[..planning.places().len()];
+        let (mut found, mut best, mut least) = if is_tied {
+            let rows = [offered, &near_test_poses(task, offered, seed)].concat();
+            search(&of_rows(&merged(&rows))?, &[], 0)?
+        } else {
+            search(planning, &[], 0)?
+        };
+        let steps = STEPS.iter().flat_map(|step| repeat_n(*step, again));
+        for (round, step) in (1..).zip(steps) {
             if watch.stop.load(Ordering::Relaxed) {
                 break;
             }
+            let numbers = [seed, round as u64];
             let rows: Vec<Candidate> = best.iter().map(|(row, _)| row.clone()).collect();
-            let mut rows = near(task, &rows, step, [seed, round as u64]);
-            if tied.is_some() {
-                rows.extend(mixed(task, &best, &first.candidates, [seed, round as u64]));
+            let mut rows = near(task, &rows, step, numbers);
+            if is_tied {
+                rows.extend(mixed(task, &best, offered, numbers));
                 rows = merged(&rows);
             }
-            let local = AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows);
-            let searched = local.and_then(|local| search(&local, &best, round));
+            let searched = of_rows(&rows).and_then(|local| search(&local, &best, round));
             let Ok((searched, chosen, rho0_m)) = searched else {
                 continue;
             };
@@ -157,56 +175,14 @@ impl ReadingsWanted<'_> {
             }
         }
         let best: Vec<Candidate> = best.into_iter().map(|(row, _)| row).collect();
-        let offered = planning.places().len();
         // Those that were chosen are possible.
         let all = self.with_rows(planning, &best)?;
         for (index, (place, _)) in found.plan.iter_mut().enumerate() {
-            *place = offered + index;
+            *place = offered.len() + index;
         }
         // All that were drawn were looked at, and there are others.
         found.bound = all.bound(&found.plan)?.map(PlanBound::into_evidence);
         Ok((Some(all), found))
-    }
-
-    /// What may be read, and besides at the test poses and near them, where functions tie readings there.
-    fn with_test_poses<'t>(
-        &self,
-        planning: &AbsolutePlanning<'t>,
-        seed: u64,
-    ) -> Result<Option<AbsolutePlanning<'t>>, AbsolutePlanError> {
-        if !planning.ties_all() {
-            return Ok(None);
-        }
-        let (task, offered) = (
-            planning.task,
-            &planning.candidates[..planning.places().len()],
-        );
-        let way = |row: &Candidate| {
-            (
-                row.target.clone(),
-                row.station.clone(),
-                row.load.is_some_and(|load| load != Load::NONE),
-            )
-        };
-        let mut ways: Vec<&Candidate> = Vec::new();
-        for row in offered {
-            if ways.iter().all(|known| way(known) != way(row)) {
-                ways.push(row);
-            }
-        }
-        let apart = task.test_poses.len().div_ceil(MOST_POSES);
-        let poses = task.test_poses.iter().step_by(apart);
-        let at = |q: &DVector<f64>| {
-            let rows = ways.iter().map(|row| moved(task, row, q.clone()));
-            rows.collect::<Vec<Candidate>>()
-        };
-        let poses: Vec<Candidate> = poses.flat_map(|pose| at(&pose.configuration_rad)).collect();
-        let mut rows = offered.to_vec();
-        for (round, step) in (STEPS.len() as u64 + 1..).zip(STEPS.iter().step_by(2)) {
-            rows.extend(near(task, &poses, *step, [seed, round]));
-        }
-        let rows = merged(&rows);
-        AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows).map(Some)
     }
 
     /// What may be read, with rows behind that are not of the offer.
@@ -225,6 +201,15 @@ impl ReadingsWanted<'_> {
 }
 
 impl AbsolutePlanning<'_> {
+    /// A plan of rows that are candidates, each so often.
+    fn plan_of(&self, rows: &[(Candidate, u32)]) -> CandidatePlan {
+        let place = |(row, times): &(Candidate, u32)| {
+            let mut places = self.candidates.iter();
+            Some((places.position(|each| each == row)?, *times))
+        };
+        rows.iter().filter_map(place).collect()
+    }
+
     /// The median of the rms distances (m) that so many random plans predict, sampled on all threads.
     ///
     /// # Errors
@@ -308,6 +293,14 @@ fn sampled_candidates(
             AbsolutePlanError::other(format!("no candidates could be sampled: {error}"), None)
         })?
         .experiments;
+    let rows = experiments.iter().enumerate();
+    let rows =
+        rows.map(|(index, each)| rows_at(task, &each.configuration_rad, each.load, index + 1));
+    Ok(rows.flatten().collect())
+}
+
+/// What may be read at a configuration (rad), without and with a load.
+fn rows_at(task: &Task, q: &DVector<f64>, load: Load, line: usize) -> Vec<Candidate> {
     let belief = &task.belief;
     let carried = belief.calibration_tool.joints;
     let mut targets = vec![&belief.calibration_tool, &belief.machining_tool];
@@ -320,22 +313,14 @@ fn sampled_candidates(
         vec![None]
     };
     let mut rows = Vec::new();
-    for (index, experiment) in experiments.iter().enumerate() {
-        for (target, station) in targets
-            .iter()
-            .flat_map(|target| stations.iter().map(move |station| (target, station)))
-        {
+    for target in targets {
+        for station in &stations {
             // A load acts at the calibration tool, and no further; none hangs where a ballbar's ball is.
             let is_loaded = target.joints <= carried && !reads_distances;
-            let loads = [Some(Load::NONE), is_loaded.then_some(experiment.load)];
+            let loads = [Some(Load::NONE), is_loaded.then_some(load)];
             rows.extend(loads.into_iter().flatten().map(|load| Candidate {
-                line: index + 1,
-                configuration_rad: in_range(
-                    task,
-                    target,
-                    *station,
-                    experiment.configuration_rad.clone(),
-                ),
+                line,
+                configuration_rad: in_range(task, target, *station, q.clone()),
                 load: Some(load),
                 most: None,
                 target: Some(target.name.clone()),
@@ -344,7 +329,23 @@ fn sampled_candidates(
             }));
         }
     }
-    Ok(rows)
+    rows
+}
+
+/// What may be read near test poses, under the load of some candidate.
+fn near_test_poses(task: &Task, offered: &[Candidate], seed: u64) -> Vec<Candidate> {
+    let loads = offered.iter().filter_map(|row| row.load);
+    let load = loads.max_by(|one, other| one.force_n.norm().total_cmp(&other.force_n.norm()));
+    let load = load.unwrap_or(Load::NONE);
+    let apart = task.test_poses.len().div_ceil(MOST_POSES);
+    let poses = task.test_poses.iter().step_by(apart);
+    let at: Vec<Candidate> = poses
+        .flat_map(|pose| rows_at(task, &pose.configuration_rad, load, 0))
+        .collect();
+    let rounds = (POSES..).zip(STEPS.iter().chain(&STEPS));
+    rounds
+        .flat_map(|(round, step)| near(task, &at, *step, [seed, round]))
+        .collect()
 }
 
 /// Some candidates, and others near each: a step of each joint by a share of its range.

@@ -53,10 +53,8 @@ use readable::reading_of;
 use together::Neighbours;
 pub use together::RepeatedReading;
 
-/// Searches for one plan,
+/// Searches for one plan.
 const SEARCHES: usize = 12;
-/// and for one whose readings functions tie.
-const TIED_SEARCHES: usize = 3;
 /// Candidates that are looked at together.
 const TOGETHER: usize = 512;
 /// What stands for nothing known, as a share of what a plan tells on average of what it tells most of: more than costs take for
@@ -326,21 +324,27 @@ impl AbsolutePlanning<'_> {
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        if let Some(tied) = self.tied_plan((TIED_SEARCHES, known), sizes, seed, watch.stop) {
-            let bound = self.bound(&tied.plan)?;
-            return Ok(AbsolutePlan { bound, ..tied });
-        }
-        self.design_by((SEARCHES, known), sizes, seed, watch)
+        let found = self.design_by((SEARCHES, known), sizes, seed, watch)?;
+        let bound = match found.bound {
+            None => self.bound(&found.plan)?,
+            bound => bound,
+        };
+        Ok(AbsolutePlan { bound, ..found })
     }
 
-    /// The best plan that is found as if no functions tied readings, by so many searches and from plans that are known.
+    /// The best plan that is found by so many searches and from plans that are known; where functions tie readings, without a bound.
     fn design_by(
         &self,
         (searches, known): (usize, &[CandidatePlan]),
-        [measurements, configurations]: [u32; 2],
+        sizes: [u32; 2],
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
+        if let Some(tied) = self.tied_plan((searches, known), sizes, seed, watch.stop) {
+            (watch.progress)(1, 1, f64::INFINITY);
+            return Ok(tied);
+        }
+        let [measurements, configurations] = sizes;
         let effort = FiniteEffort {
             measurements,
             configurations,

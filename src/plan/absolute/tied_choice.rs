@@ -7,16 +7,15 @@ use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Cholesky, DMatrix};
 
-use super::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, SEARCHES, TIED_SEARCHES};
-use crate::experiment::Candidate;
+use super::{AbsolutePlan, AbsolutePlanning};
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::ornstein_uhlenbeck::ProcessPoint;
 use crate::observation::planned_rows;
-use crate::plan::search::{CandidatePlan, Watch, best_choice};
+use crate::plan::search::{CandidatePlan, best_choice};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 
 /// What stands for nothing known: this share of what a reading tells in the mean, and of typical sizes where none tells anything.
-const FAINT: f64 = 1e-7;
+const FAINT: f64 = 1e-4;
 
 impl AbsolutePlanning<'_> {
     /// The best plan that is found of so many readings, of so many different candidates, by so many searches and from plans that are known,
@@ -38,37 +37,6 @@ impl AbsolutePlanning<'_> {
         });
         let best = found.min_by(|one, other| one.0.total_cmp(&other.0));
         best.map(|(_, found)| found)
-    }
-
-    /// The same from a plan of some rows, where these are candidates; from none by searches of its own.
-    pub(super) fn tied_from(
-        &self,
-        rows: &[(Candidate, u32)],
-        sizes: [u32; 2],
-        seed: u64,
-        watch: Watch<'_>,
-    ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        let place = |(row, times): &(Candidate, u32)| {
-            let mut places = self.places().into_iter();
-            Some((
-                places.find(|&place| self.candidates[place] == *row)?,
-                *times,
-            ))
-        };
-        let known: CandidatePlan = rows.iter().filter_map(place).collect();
-        let (searches, known) = if known.is_empty() {
-            (TIED_SEARCHES, Vec::new())
-        } else {
-            (0, vec![known])
-        };
-        let found = self.tied_plan((searches, &known), sizes, seed, watch.stop);
-        match found {
-            Some(found) => {
-                (watch.progress)(1, 1, f64::INFINITY);
-                Ok(found)
-            }
-            None => self.design_by((SEARCHES, &known), sizes, seed, watch),
-        }
     }
 
     /// The same for the tool's place in the frame of a station.
