@@ -20,6 +20,8 @@ pub struct CorrelatedReading {
     pub by_unknowns: DMatrix<f64>,
     /// How they follow the processes.
     pub by_processes: ProcessPoint,
+    /// A number, and how they follow what all readings of that number share (r x s).
+    pub shared: (usize, DMatrix<f64>),
     /// The covariance of what is new at it (r x r).
     pub new: DMatrix<f64>,
 }
@@ -31,8 +33,8 @@ pub struct CorrelatedList {
     pub lengths: Vec<f64>,
     /// All of them.
     pub readings: Vec<CorrelatedReading>,
-    /// The first so many may be chosen,
-    pub choosable: usize,
+    /// The first may be chosen, each so often,
+    pub most: Vec<u32>,
     /// and the last so many are read already. Others are predicted alone.
     pub known: usize,
 }
@@ -41,8 +43,12 @@ impl CorrelatedList {
     /// K between two readings (r x r'), before anything is read.
     fn between(&self, one: usize, other: usize) -> DMatrix<f64> {
         let [one, other] = [&self.readings[one], &self.readings[other]];
-        one.by_unknowns.tr_mul(&other.by_unknowns)
-            + (one.by_processes).covariance(&other.by_processes, &self.lengths)
+        let mut between = (one.by_processes).covariance(&other.by_processes, &self.lengths);
+        between.gemm_tr(1.0, &one.by_unknowns, &other.by_unknowns, 1.0);
+        if one.shared.0 == other.shared.0 {
+            between += &one.shared.1 * other.shared.1.transpose();
+        }
+        between
     }
 
     /// K between all readings and one of them.
@@ -61,7 +67,8 @@ pub struct KnownOfReadings<'a> {
     place_among_wanted: Vec<Option<usize>>,
     /// What is chosen, by its place.
     chosen: Vec<Option<usize>>,
-    is_chosen: Vec<bool>,
+    /// How often each reading is.
+    times: Vec<u32>,
     /// The rows of a place.
     width: usize,
     /// K between each reading (r) and those that are chosen.
@@ -98,7 +105,7 @@ impl<'a> KnownOfReadings<'a> {
             wanted: wanted.to_vec(),
             place_among_wanted,
             chosen: vec![None; room],
-            is_chosen: vec![false; count],
+            times: vec![0; count],
             with_chosen: (0..count)
                 .map(|each| DMatrix::zeros(rows(each), width * room))
                 .collect(),
@@ -130,7 +137,7 @@ impl<'a> KnownOfReadings<'a> {
 
     /// The same as a sum, and how many there are.
     fn unread(&self) -> (f64, usize) {
-        let unread = self.wanted.iter().filter(|each| !self.is_chosen[**each]);
+        let unread = self.wanted.iter().filter(|each| self.times[**each] == 0);
         unread.fold((0.0, 0), |(sum, count), &each| {
             (sum + self.square(each), count + 1)
         })
@@ -141,16 +148,17 @@ impl<'a> KnownOfReadings<'a> {
         self.own[each].diagonal().rows(0, 3).sum()
     }
 
-    /// The reading with which the cost is least, and that cost.
+    /// The reading with which the cost is least, and that cost. Those that are wanted are chosen once at most.
     pub fn most_helpful(&self) -> Option<(usize, f64)> {
         let (sum, count) = self.unread();
         let read: Vec<usize> = (self.chosen())
             .filter_map(|each| self.place_among_wanted[each])
             .collect();
-        let others = (0..self.list.choosable).into_par_iter().filter_map(|each| {
+        let offered = self.list.most.par_iter().enumerate();
+        let others = offered.filter_map(|(each, &most)| {
             let mine = self.place_among_wanted[each];
             let left = count - usize::from(mine.is_some());
-            if self.is_chosen[each] || left == 0 {
+            if self.times[each] >= most || left == 0 {
                 return None;
             }
             let with = &self.wanted_with[each];
@@ -189,7 +197,7 @@ impl<'a> KnownOfReadings<'a> {
         (self.inverse.view_mut((first, 0), (rows, beside.nrows()))).copy_from(&-beside.transpose());
         (self.inverse.view_mut((first, first), (rows, rows))).copy_from(&told);
         self.chosen[place] = Some(one);
-        self.is_chosen[one] = true;
+        self.times[one] += 1;
         Some(())
     }
 
@@ -208,7 +216,7 @@ impl<'a> KnownOfReadings<'a> {
         for with in &mut self.with_chosen {
             with.columns_mut(first, rows).fill(0.0);
         }
-        self.is_chosen[one] = false;
+        self.times[one] -= 1;
         Some(one)
     }
 
@@ -250,13 +258,14 @@ pub(crate) mod tests {
                     columns: DMatrix::from_fn(rows, 2, of(50)) * 0.5,
                     places: vec![value(each), value(5 * each + 3)],
                 },
+                shared: (each / 2, DMatrix::from_fn(rows, 1, of(70)) * 0.1),
                 new: DMatrix::identity(rows, rows) * 0.01,
             }
         };
         CorrelatedList {
             lengths: vec![0.2, 0.3],
             readings: (0..20).map(reading).collect(),
-            choosable: 20,
+            most: vec![1; 20],
             known: 0,
         }
     }

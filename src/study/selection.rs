@@ -375,12 +375,12 @@ impl Chooser<'_> {
         let found = best_choice(
             list,
             size as usize,
-            SEARCHES_WITH_FUNCTIONS,
+            (SEARCHES_WITH_FUNCTIONS, &[]),
             self.wanted.seed,
             stop,
         );
         let found = found.ok_or("the readings determine nothing")?;
-        Ok(self.judged(found))
+        Ok(self.judged(found.chosen))
     }
 
     /// A random choice.

@@ -165,7 +165,7 @@ impl PartsOfReadings<'_> {
         let deviations: Vec<f64> = deviations.collect();
         let deviations = DMatrix::from_diagonal(&deviations.into());
         let rest = Discrepancy::from(self.known.rest).covariance();
-        let reading = |(each, rows): (&Observation, LinearReading)| {
+        let reading = |(number, (each, rows)): (usize, (&Observation, LinearReading))| {
             let mut by_unknowns = &sizes * rows.columns.transpose();
             factor
                 .l_dirty()
@@ -178,6 +178,7 @@ impl PartsOfReadings<'_> {
                     columns: rows.joints * &deviations,
                     places: joints.iter().map(|&joint| q[joint]).collect(),
                 },
+                shared: (number, DMatrix::zeros(count, 0)),
                 new: rows.own + rest.view((0, 0), (count, count)) + returns,
             }
         };
@@ -185,9 +186,9 @@ impl PartsOfReadings<'_> {
             lengths: (self.known.functions.iter())
                 .map(|each| each.correlation_rad)
                 .collect(),
-            choosable: rows.len(),
+            most: vec![1; rows.len()],
             known: 0,
-            readings: (self.case.observations.iter().zip(rows))
+            readings: (self.case.observations.iter().zip(rows).enumerate())
                 .map(reading)
                 .collect(),
         })

@@ -3,6 +3,7 @@
 //!
 //! What comes of it is evidence, and no proof: the region has more configurations than are looked at.
 
+use std::iter::repeat_n;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 
 use super::distances::in_range;
 use super::error::AbsolutePlanError;
+use super::from_rows::merged;
 use super::{AbsolutePlan, AbsolutePlanning};
 use crate::experiment::Candidate;
 use crate::identification::ParameterGroup;
@@ -32,6 +34,14 @@ const STEPS: [f64; 5] = [0.06, 0.03, 0.015, 0.008, 0.004];
 const SEARCHES: usize = 3;
 /// So many configurations are tried near each that is chosen.
 const NEAR: usize = 12;
+
+/// Where functions tie readings, so many rounds of each step,
+const TIED_ROUNDS: usize = 2;
+/// first near no more test poses than so many.
+const MOST_POSES: usize = 4;
+/// The numbers of the first rounds near test poses, and of those that mix angles.
+const POSES: u64 = 100;
+const MIXED: u64 = 200;
 
 /// So many random plans are tried for one that tells the tool's place.
 const RANDOM_PLANS: usize = 200;
@@ -114,27 +124,49 @@ impl ReadingsWanted<'_> {
         watch: Watch<'_>,
     ) -> Result<(Option<AbsolutePlanning<'t>>, AbsolutePlan), AbsolutePlanError> {
         if self.candidates.is_some() {
-            let found = planning.design_by((super::SEARCHES, known), sizes, seed, watch)?;
+            let found = planning.design_from(known, sizes, seed, watch)?;
             return Ok((None, found));
         }
-        let (task, rounds) = (planning.task, STEPS.len() + 1);
-        let search = |planning: &AbsolutePlanning<'t>, round: usize| {
+        let (task, is_tied) = (planning.task, planning.ties_all());
+        let of_rows =
+            |rows: &[Candidate]| AbsolutePlanning::of_rows(task, self.groups, self.measured, rows);
+        let again = if is_tied { TIED_ROUNDS } else { 1 };
+        let rounds = again * STEPS.len() + 1;
+        let search = |own: &AbsolutePlanning<'t>, best: &[(Candidate, u32)], round: usize| {
+            let known = own.plan_of(best);
+            let effort = if is_tied && !known.is_empty() {
+                (0, &[known][..])
+            } else {
+                (SEARCHES, &[][..])
+            };
             let found = watch.part(round, rounds, |here| {
-                planning.design_by((SEARCHES, &[]), sizes, seed, here)
+                own.design_by(effort, sizes, seed, here)
             })?;
-            let chosen = planning.readings(&found.plan).into_iter();
-            let chosen: Vec<Candidate> = chosen.map(|(row, _)| row.clone()).collect();
-            let rho0_m = planning.prediction(&found.plan).rho0_m();
-            Ok::<_, AbsolutePlanError>((found, chosen, rho0_m))
+            let chosen = own.readings(&found.plan).into_iter();
+            let chosen = chosen.map(|(row, times)| (row.clone(), times));
+            let rho0_m = own.prediction(&found.plan).rho0_m();
+            Ok::<_, AbsolutePlanError>((found, chosen.collect::<Vec<_>>(), rho0_m))
         };
-        let (mut found, mut best, mut least) = search(planning, 0)?;
-        for (round, step) in (1..).zip(STEPS) {
+        let offered = &planning.candidates[..planning.places().len()];
+        let (mut found, mut best, mut least) = if is_tied {
+            let rows = [offered, &near_test_poses(task, offered, seed)].concat();
+            search(&of_rows(&merged(&rows))?, &[], 0)?
+        } else {
+            search(planning, &[], 0)?
+        };
+        let steps = STEPS.iter().flat_map(|step| repeat_n(*step, again));
+        for (round, step) in (1..).zip(steps) {
             if watch.stop.load(Ordering::Relaxed) {
                 break;
             }
-            let near = near(task, &best, step, [seed, round as u64]);
-            let local = AbsolutePlanning::of_rows(task, self.groups, self.measured, &near);
-            let searched = local.and_then(|local| search(&local, round));
+            let numbers = [seed, round as u64];
+            let rows: Vec<Candidate> = best.iter().map(|(row, _)| row.clone()).collect();
+            let mut rows = near(task, &rows, step, numbers);
+            if is_tied {
+                rows.extend(mixed(task, &best, offered, numbers));
+                rows = merged(&rows);
+            }
+            let searched = of_rows(&rows).and_then(|local| search(&local, &best, round));
             let Ok((searched, chosen, rho0_m)) = searched else {
                 continue;
             };
@@ -142,11 +174,11 @@ impl ReadingsWanted<'_> {
                 (found, best, least) = (searched, chosen, rho0_m);
             }
         }
-        let offered = planning.places().len();
+        let best: Vec<Candidate> = best.into_iter().map(|(row, _)| row).collect();
         // Those that were chosen are possible.
         let all = self.with_rows(planning, &best)?;
         for (index, (place, _)) in found.plan.iter_mut().enumerate() {
-            *place = offered + index;
+            *place = offered.len() + index;
         }
         // All that were drawn were looked at, and there are others.
         found.bound = all.bound(&found.plan)?.map(PlanBound::into_evidence);
@@ -169,6 +201,15 @@ impl ReadingsWanted<'_> {
 }
 
 impl AbsolutePlanning<'_> {
+    /// A plan of rows that are candidates, each so often.
+    fn plan_of(&self, rows: &[(Candidate, u32)]) -> CandidatePlan {
+        let place = |(row, times): &(Candidate, u32)| {
+            let mut places = self.candidates.iter();
+            Some((places.position(|each| each == row)?, *times))
+        };
+        rows.iter().filter_map(place).collect()
+    }
+
     /// The median of the rms distances (m) that so many random plans predict, sampled on all threads.
     ///
     /// # Errors
@@ -252,6 +293,14 @@ fn sampled_candidates(
             AbsolutePlanError::other(format!("no candidates could be sampled: {error}"), None)
         })?
         .experiments;
+    let rows = experiments.iter().enumerate();
+    let rows =
+        rows.map(|(index, each)| rows_at(task, &each.configuration_rad, each.load, index + 1));
+    Ok(rows.flatten().collect())
+}
+
+/// What may be read at a configuration (rad), without and with a load.
+fn rows_at(task: &Task, q: &DVector<f64>, load: Load, line: usize) -> Vec<Candidate> {
     let belief = &task.belief;
     let carried = belief.calibration_tool.joints;
     let mut targets = vec![&belief.calibration_tool, &belief.machining_tool];
@@ -264,22 +313,14 @@ fn sampled_candidates(
         vec![None]
     };
     let mut rows = Vec::new();
-    for (index, experiment) in experiments.iter().enumerate() {
-        for (target, station) in targets
-            .iter()
-            .flat_map(|target| stations.iter().map(move |station| (target, station)))
-        {
+    for target in targets {
+        for station in &stations {
             // A load acts at the calibration tool, and no further; none hangs where a ballbar's ball is.
             let is_loaded = target.joints <= carried && !reads_distances;
-            let loads = [Some(Load::NONE), is_loaded.then_some(experiment.load)];
+            let loads = [Some(Load::NONE), is_loaded.then_some(load)];
             rows.extend(loads.into_iter().flatten().map(|load| Candidate {
-                line: index + 1,
-                configuration_rad: in_range(
-                    task,
-                    target,
-                    *station,
-                    experiment.configuration_rad.clone(),
-                ),
+                line,
+                configuration_rad: in_range(task, target, *station, q.clone()),
                 load: Some(load),
                 most: None,
                 target: Some(target.name.clone()),
@@ -288,7 +329,23 @@ fn sampled_candidates(
             }));
         }
     }
-    Ok(rows)
+    rows
+}
+
+/// What may be read near test poses, under the load of some candidate.
+fn near_test_poses(task: &Task, offered: &[Candidate], seed: u64) -> Vec<Candidate> {
+    let loads = offered.iter().filter_map(|row| row.load);
+    let load = loads.max_by(|one, other| one.force_n.norm().total_cmp(&other.force_n.norm()));
+    let load = load.unwrap_or(Load::NONE);
+    let apart = task.test_poses.len().div_ceil(MOST_POSES);
+    let poses = task.test_poses.iter().step_by(apart);
+    let at: Vec<Candidate> = poses
+        .flat_map(|pose| rows_at(task, &pose.configuration_rad, load, 0))
+        .collect();
+    let rounds = (POSES..).zip(STEPS.iter().chain(&STEPS));
+    rounds
+        .flat_map(|(round, step)| near(task, &at, *step, [seed, round]))
+        .collect()
 }
 
 /// Some candidates, and others near each: a step of each joint by a share of its range.
@@ -311,19 +368,60 @@ fn near(task: &Task, best: &[Candidate], step: f64, [seed, round]: [u64; 2]) -> 
                     (angle + step * (high - low) * normal).clamp(*low, *high)
                 })
                 .collect();
-            let moved = DVector::from_vec(moved);
-            let belief = &task.belief;
-            let station = station_named(&belief.stations, row.station.as_deref());
-            let is_machining = row.target.as_ref() == Some(&belief.machining_tool.name);
-            let target = if is_machining {
-                &belief.machining_tool
+            all.push(self::moved(task, row, DVector::from_vec(moved)));
+        }
+    }
+    all
+}
+
+/// A candidate at another configuration (rad).
+fn moved(task: &Task, row: &Candidate, q: DVector<f64>) -> Candidate {
+    let belief = &task.belief;
+    let station = station_named(&belief.stations, row.station.as_deref());
+    let is_machining = row.target.as_ref() == Some(&belief.machining_tool.name);
+    let target = if is_machining {
+        &belief.machining_tool
+    } else {
+        &belief.calibration_tool
+    };
+    Candidate {
+        configuration_rad: in_range(task, target, station, q),
+        ..row.clone()
+    }
+}
+
+/// Candidates that have angles of each other, or of a test pose: at equal angles a joint's function is the same. Half of them are read as
+/// another is that is offered.
+fn mixed(
+    task: &Task,
+    best: &[(Candidate, u32)],
+    offered: &[Candidate],
+    [seed, round]: [u64; 2],
+) -> Vec<Candidate> {
+    let mut random = generator(seed, drawn_candidates(MIXED + round));
+    let poses = task.test_poses.iter().map(|pose| &pose.configuration_rad);
+    let chosen = best.iter().map(|(row, _)| &row.configuration_rad);
+    let angles: Vec<&DVector<f64>> = chosen.chain(poses).collect();
+    let mut all = Vec::new();
+    for (row, _) in best {
+        for _ in 0..NEAR {
+            let mut q = row.configuration_rad.clone();
+            let other = angles[random.random_range(0..angles.len())];
+            // One joint, some, or all.
+            let share = [0.0, 0.5, 1.0][random.random_range(0..3)];
+            let alone = random.random_range(0..q.len());
+            for (joint, angle) in q.iter_mut().enumerate() {
+                if joint == alone || random.random::<f64>() < share {
+                    *angle = other[joint];
+                }
+            }
+            let is_another = random.random::<bool>();
+            let like = if is_another {
+                &offered[random.random_range(0..offered.len())]
             } else {
-                &belief.calibration_tool
+                row
             };
-            all.push(Candidate {
-                configuration_rad: in_range(task, target, station, moved),
-                ..row.clone()
-            });
+            all.push(moved(task, like, q));
         }
     }
     all

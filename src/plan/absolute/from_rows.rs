@@ -167,7 +167,7 @@ fn alike(rows: &[Candidate]) -> Vec<Vec<usize>> {
 }
 
 /// Rows that are alike as one that is read as often as all.
-fn merged(rows: &[Candidate]) -> Vec<Candidate> {
+pub(super) fn merged(rows: &[Candidate]) -> Vec<Candidate> {
     let times = |group: &[usize]| -> Option<u32> {
         let each: Option<Vec<u32>> = group.iter().map(|&place| rows[place].most).collect();
         each.map(|each| each.into_iter().fold(0, u32::saturating_add))

@@ -318,17 +318,38 @@ impl AbsolutePlanning<'_> {
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        self.design_by((SEARCHES, &[]), sizes, seed, watch)
+        self.design_from(&[], sizes, seed, watch)
     }
 
-    /// The same by so many searches, and from plans that are known.
-    fn design_by(
+    /// The same also from plans that are known.
+    fn design_from(
         &self,
-        (searches, known): (usize, &[CandidatePlan]),
-        [measurements, configurations]: [u32; 2],
+        known: &[CandidatePlan],
+        sizes: [u32; 2],
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
+        let found = self.design_by((SEARCHES, known), sizes, seed, watch)?;
+        let bound = match found.bound {
+            None => self.bound(&found.plan)?,
+            bound => bound,
+        };
+        Ok(AbsolutePlan { bound, ..found })
+    }
+
+    /// The best plan that is found by so many searches and from plans that are known; where functions tie readings, without a bound.
+    fn design_by(
+        &self,
+        (searches, known): (usize, &[CandidatePlan]),
+        sizes: [u32; 2],
+        seed: u64,
+        watch: Watch<'_>,
+    ) -> Result<AbsolutePlan, AbsolutePlanError> {
+        if let Some(tied) = self.tied_plan((searches, known), sizes, seed, watch.stop) {
+            (watch.progress)(1, 1, f64::INFINITY);
+            return Ok(tied);
+        }
+        let [measurements, configurations] = sizes;
         let effort = FiniteEffort {
             measurements,
             configurations,
@@ -358,19 +379,7 @@ impl AbsolutePlanning<'_> {
             found.as_ref().map_or(f64::INFINITY, |found| found.cost)
         };
         let best = (designs.into_iter()).min_by(|one, other| cost(one).total_cmp(&cost(other)));
-        let mut best = best.unwrap_or_else(|| Err(CandidateError::undetermined()))?;
-        let stations = shown.test_poses.iter().map(|&(station, _)| station);
-        for station in stations {
-            let sizes = [measurements, configurations];
-            let tied = self.tied_choice(station, sizes, seed, watch.stop);
-            let rho0_m = |plan: &CandidatePlan| self.prediction(plan).rho0_m();
-            if let Some(plan) = tied
-                && let Some(tied_m) = rho0_m(&plan)
-                && rho0_m(&best.plan).is_none_or(|known_m| tied_m < known_m)
-            {
-                best.plan = plan;
-            }
-        }
+        let best = best.unwrap_or_else(|| Err(CandidateError::undetermined()))?;
         if let Err(names) = self.prediction(&best.plan).left {
             let problem = format!(
                 "no {measurements} readings of the candidates were found that determine the tool's place at the test poses: it depends on {} besides",

@@ -1,48 +1,84 @@
 //! Plans whose readings the joints' error functions tie: chosen by exchanges that count what each reading tells of the functions.
 //!
-//! The search alone is simpler than predictions are: it takes errors of visits and configurations as new in each reading.
+//! The search alone is simpler than predictions are: it takes errors of visits as new in each reading.
 
+use std::iter::repeat_n;
 use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Cholesky, DMatrix};
 
-use super::AbsolutePlanning;
+use super::{AbsolutePlan, AbsolutePlanning};
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::ornstein_uhlenbeck::ProcessPoint;
 use crate::observation::planned_rows;
 use crate::plan::search::{CandidatePlan, best_choice};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 
-/// Searches: by greed, and from a random choice.
-const SEARCHES: usize = 2;
 /// What stands for nothing known: this share of what a reading tells in the mean, and of typical sizes where none tells anything.
 const FAINT: f64 = 1e-4;
 
 impl AbsolutePlanning<'_> {
-    /// The best plan that is found of so many readings, of so many different candidates, for the tool's place in the frame of a station;
-    /// none without functions, and where candidates may not be read so often.
-    pub(super) fn tied_choice(
+    /// The best plan that is found of so many readings, of so many different candidates, by so many searches and from plans that are known,
+    /// without a bound; none without functions, where candidates may not be read so often, and where none determines the tool's place.
+    pub(super) fn tied_plan(
         &self,
-        station: usize,
-        [measurements, configurations]: [u32; 2],
+        search: (usize, &[CandidatePlan]),
+        sizes: [u32; 2],
         seed: u64,
         stop: &AtomicBool,
-    ) -> Option<CandidatePlan> {
+    ) -> Option<AbsolutePlan> {
         if !self.ties_all() {
             return None;
         }
+        let stations = 0..self.case.stations.len();
+        let found = stations.filter_map(|station| {
+            let found = self.tied_choice(station, search, sizes, (seed, stop))?;
+            Some((self.prediction(&found.plan).rho0_m()?, found))
+        });
+        let best = found.min_by(|one, other| one.0.total_cmp(&other.0));
+        best.map(|(_, found)| found)
+    }
+
+    /// The same for the tool's place in the frame of a station.
+    fn tied_choice(
+        &self,
+        station: usize,
+        (searches, known): (usize, &[CandidatePlan]),
+        [measurements, configurations]: [u32; 2],
+        (seed, stop): (u64, &AtomicBool),
+    ) -> Option<AbsolutePlan> {
+        // Where there are fewer configurations than readings, each that is chosen is read so often.
         let repeats = measurements.div_ceil(configurations);
-        let most = |place: usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS);
+        let most = |place: usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS) / repeats;
         let mut places = self.places();
-        places.retain(|&place| most(place) >= repeats);
+        places.retain(|&place| most(place) > 0);
         let share = f64::from(configurations) / f64::from(measurements);
-        let list = self.tied_list(station, &places, share)?;
-        let chosen = best_choice(&list, configurations as usize, SEARCHES, seed, stop)?;
+        let mut list = self.tied_list(station, &places, share)?;
+        list.most = places.iter().map(|&place| most(place)).collect();
+        let size = configurations as usize;
+        let indices = |plan: &CandidatePlan| -> Vec<usize> {
+            let indices = plan.iter().filter_map(|&(place, times)| {
+                let index = places.binary_search(&place).ok()?;
+                Some(repeat_n(index, times.div_ceil(repeats) as usize))
+            });
+            indices.flatten().take(size).collect()
+        };
+        let known: Vec<Vec<usize>> = known.iter().map(indices).collect();
+        let found = best_choice(&list, size, (searches, &known), seed, stop)?;
         let more = (measurements % configurations) as usize;
-        let times = |number: usize| measurements / configurations + u32::from(number < more);
-        let chosen = chosen.into_iter().enumerate();
-        let plan = chosen.map(|(number, index)| (places[index], times(number)));
-        Some(plan.collect())
+        let mut plan = CandidatePlan::new();
+        for (number, index) in found.chosen.into_iter().enumerate() {
+            let times = measurements / configurations + u32::from(number < more);
+            match plan.last_mut() {
+                Some(last) if last.0 == places[index] => last.1 += times,
+                _ => plan.push((places[index], times)),
+            }
+        }
+        Some(AbsolutePlan {
+            plan,
+            bound: None,
+            searches: found.searches,
+        })
     }
 
     /// Candidates of which each has so large a share of its own errors; behind them the tool at the test poses, and what is measured.
@@ -54,9 +90,12 @@ impl AbsolutePlanning<'_> {
             let rows = planned_rows(&self.set, &self.case.arm, mean, &[setup]).remove(0);
             let count = setup.1.rows();
             let rows = rows.rows(0, count).into_owned();
-            let own = self.own_covariance(place, 1) + self.errors[place].effects_covariance();
+            let errors = &self.errors[place];
+            let own = self.own_covariance(place, 1) + &errors.visit * errors.visit.transpose();
             let new: DMatrix<f64> = own.view((0, 0), (count, count)).into_owned();
             told += rows.tr_mul(&Cholesky::new(new.clone())?.solve(&rows));
+            let kept = DMatrix::from(errors.configuration.rows(0, count));
+            let configuration = self.neighbours.configurations[place];
             let by_functions = &self.functions.candidates[place];
             Some(CorrelatedReading {
                 by_unknowns: rows.transpose(),
@@ -64,6 +103,7 @@ impl AbsolutePlanning<'_> {
                     columns: by_functions.columns.rows(0, count).into_owned(),
                     places: by_functions.places.clone(),
                 },
+                shared: (configuration, kept),
                 new: new * share,
             })
         };
@@ -72,6 +112,7 @@ impl AbsolutePlanning<'_> {
         let measured = self.measured.iter();
         let measured = measured.map(|&(place, times)| reading(place, f64::from(times).recip()));
         let measured = measured.collect::<Option<Vec<CorrelatedReading>>>()?;
+        let (size, none) = (self.set.len(), self.candidates.len());
         readings.extend(
             (self.poses.iter().zip(&self.functions.poses)).map(|(pose, point)| {
                 let root = pose.weight.sqrt();
@@ -81,13 +122,13 @@ impl AbsolutePlanning<'_> {
                         columns: &point.columns * root,
                         places: point.places.clone(),
                     },
+                    shared: (none, DMatrix::zeros(3, 0)),
                     new: DMatrix::zeros(3, 3),
                 }
             }),
         );
         let known = measured.len();
         readings.extend(measured);
-        let size = self.set.len();
         let mean = told / places.len().max(1) as f64;
         let faint = (mean + DMatrix::identity(size, size)) * FAINT;
         let factor = Cholesky::new(self.known_before() + faint)?;
@@ -96,7 +137,7 @@ impl AbsolutePlanning<'_> {
         }
         Some(CorrelatedList {
             lengths: self.functions.lengths.clone(),
-            choosable: places.len(),
+            most: vec![1; places.len()],
             known,
             readings,
         })

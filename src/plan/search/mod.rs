@@ -46,7 +46,7 @@ pub use candidate_error::{CandidateError, LeftOutCandidates, OfferedCandidates};
 pub use candidate_information::CandidateInformation;
 pub use candidates::Candidates;
 pub(in crate::plan) use candidates::possible_of;
-pub use correlated_choice::best_choice;
+pub use correlated_choice::{CorrelatedChoice, best_choice};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
