@@ -26,29 +26,33 @@ impl ReadingsWanted<'_> {
     ) -> Result<Vec<AbsolutePlan>, AbsolutePlanError> {
         let mut plans: Vec<AbsolutePlan> = Vec::new();
         let mut problem = None;
-        let offered = planning.places().len();
         let mut rows: Vec<Candidate> = Vec::new();
+        let mut last: Vec<(Candidate, u32)> = Vec::new();
         let numbers = counts.clone().count();
         for (number, readings) in counts.enumerate() {
             if watch.stop.load(Ordering::Relaxed) && !plans.is_empty() {
                 break;
             }
-            // One reading less, with one more repeat.
-            let fewer = plans.last().filter(|_| rows.is_empty());
-            let known = fewer.and_then(|fewer| planning.once_more(fewer.plan.clone()));
+            let known = once_more(last.clone()).unwrap_or_default();
             let found = watch.part(number, numbers, |here| {
-                self.design_from(planning, known.as_slice(), [readings; 2], seed, here)
+                self.design_from(planning, &known, [readings; 2], seed, here)
             });
             match found {
-                Ok((all, mut found)) => {
-                    let own = all.as_ref().unwrap_or(planning);
+                Ok((chosen, mut found)) => {
+                    let with_chosen = match &*chosen {
+                        [] => None,
+                        _ => Some(self.with_rows(planning, &chosen)?),
+                    };
+                    let own = with_chosen.as_ref().unwrap_or(planning);
                     let rho0_m = own.prediction(&found.plan).rho0_m();
-                    if let Some(all) = all {
+                    let read = own.readings(&found.plan).into_iter();
+                    last = read.map(|(row, times)| (row.clone(), times)).collect();
+                    if !chosen.is_empty() {
                         for (place, _) in &mut found.plan {
                             *place += rows.len();
                         }
-                        rows.extend_from_slice(&all.candidates[offered..all.places().len()]);
                     }
+                    rows.extend(chosen);
                     plans.push(found);
                     if wanted_m.is_some_and(|most| rho0_m.is_some_and(|rho0_m| rho0_m <= most)) {
                         break;
@@ -60,7 +64,11 @@ impl ReadingsWanted<'_> {
             }
         }
         if !rows.is_empty() {
+            // Bounds are of all that may be read: what more readings cannot reach fewer do not.
             *planning = self.with_rows(planning, &rows)?;
+            for found in &mut plans {
+                found.bound = planning.sampled_bound(&found.plan)?;
+            }
         }
         match problem.filter(|_| plans.is_empty()) {
             Some(problem) => Err(problem),
@@ -88,16 +96,6 @@ impl AbsolutePlanning<'_> {
         points
     }
 
-    /// A plan with one more repeat, where there may be one.
-    fn once_more(&self, mut plan: CandidatePlan) -> Option<CandidatePlan> {
-        let most = |place: usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS);
-        let (_, times) = plan
-            .iter_mut()
-            .find(|(place, times)| *times < most(*place))?;
-        *times += 1;
-        Some(plan)
-    }
-
     /// The point of a plan, with the plan.
     fn point(&self, found: AbsolutePlan) -> Option<(BudgetPoint, CandidatePlan)> {
         let prediction = self.prediction(&found.plan);
@@ -118,4 +116,12 @@ impl AbsolutePlanning<'_> {
         };
         Some((point, found.plan))
     }
+}
+
+/// A plan with one more repeat, where there may be one.
+fn once_more(mut plan: Vec<(Candidate, u32)>) -> Option<Vec<(Candidate, u32)>> {
+    let most = |row: &Candidate| row.most.unwrap_or(MOST_EXPERIMENTS);
+    let (_, times) = plan.iter_mut().find(|(row, times)| *times < most(row))?;
+    *times += 1;
+    Some(plan)
 }

@@ -109,23 +109,31 @@ impl ReadingsWanted<'_> {
         watch: Watch<'_>,
     ) -> Result<(AbsolutePlanning<'t>, AbsolutePlan), AbsolutePlanError> {
         let planning = self.planning(task, seed)?;
-        let (all, found) = self.design_from(&planning, &[], sizes, seed, watch)?;
-        Ok((all.unwrap_or(planning), found))
+        let (rows, mut found) = self.design_from(&planning, &[], sizes, seed, watch)?;
+        if self.candidates.is_some() {
+            return Ok((planning, found));
+        }
+        // Those that were chosen are possible.
+        let all = self.with_rows(&planning, &rows)?;
+        found.bound = all.sampled_bound(&found.plan)?;
+        Ok((all, found))
     }
 
-    /// The same of what may be read, and from plans of a list that are known. Where configurations are drawn, others near those that are
-    /// chosen may be read, too: then also what all may be read, with the rows behind that are chosen in the end.
+    /// The same of what may be read, and no worse than a plan that is known: rows, and how often each is read. Where configurations are
+    /// drawn, others near those that are chosen may be read, too: the plan then is of the rows that come with it, which stand behind what
+    /// was drawn, and has no bound yet.
     pub(super) fn design_from<'t>(
         &self,
         planning: &AbsolutePlanning<'t>,
-        known: &[CandidatePlan],
+        known: &[(Candidate, u32)],
         sizes: [u32; 2],
         seed: u64,
         watch: Watch<'_>,
-    ) -> Result<(Option<AbsolutePlanning<'t>>, AbsolutePlan), AbsolutePlanError> {
+    ) -> Result<(Vec<Candidate>, AbsolutePlan), AbsolutePlanError> {
         if self.candidates.is_some() {
-            let found = planning.design_from(known, sizes, seed, watch)?;
-            return Ok((None, found));
+            let known: Vec<CandidatePlan> = planning.plan_of(known).into_iter().collect();
+            let found = planning.design_from(&known, sizes, seed, watch)?;
+            return Ok((Vec::new(), found));
         }
         let (task, is_tied) = (planning.task, planning.ties_all());
         let of_rows =
@@ -133,14 +141,10 @@ impl ReadingsWanted<'_> {
         let again = if is_tied { TIED_ROUNDS } else { 1 };
         let rounds = again * STEPS.len() + 1;
         let search = |own: &AbsolutePlanning<'t>, best: &[(Candidate, u32)], round: usize| {
-            let known = own.plan_of(best);
-            let effort = if is_tied && !known.is_empty() {
-                (0, &[known][..])
-            } else {
-                (SEARCHES, &[][..])
-            };
+            let known = own.plan_of(best).filter(|_| is_tied);
+            let searches = if known.is_some() { 0 } else { SEARCHES };
             let found = watch.part(round, rounds, |here| {
-                own.design_by(effort, sizes, seed, here)
+                own.design_by((searches, known.as_slice()), sizes, seed, here)
             })?;
             let chosen = own.readings(&found.plan).into_iter();
             let chosen = chosen.map(|(row, times)| (row.clone(), times));
@@ -148,11 +152,29 @@ impl ReadingsWanted<'_> {
             Ok::<_, AbsolutePlanError>((found, chosen.collect::<Vec<_>>(), rho0_m))
         };
         let offered = &planning.candidates[..planning.places().len()];
-        let (mut found, mut best, mut least) = if is_tied {
+        let first = if is_tied {
             let rows = [offered, &near_test_poses(task, offered, seed)].concat();
-            search(&of_rows(&merged(&rows))?, &[], 0)?
+            search(&of_rows(&merged(&rows))?, &[], 0)
         } else {
-            search(planning, &[], 0)?
+            search(planning, &[], 0)
+        };
+        let rows: Vec<Candidate> = known.iter().map(|(row, _)| row.clone()).collect();
+        let known = of_rows(&rows).ok().and_then(|own| {
+            let plan = own.plan_of(known)?;
+            let rho0_m = own.prediction(&plan).rho0_m()?;
+            let found = AbsolutePlan {
+                plan,
+                bound: None,
+                searches: [0; 2],
+            };
+            Some((found, known.to_vec(), Some(rho0_m)))
+        });
+        let (mut found, mut best, mut least) = match (first, known) {
+            (Ok(first), Some(known)) if first.2.is_some_and(|first| Some(first) <= known.2) => {
+                first
+            }
+            (_, Some(known)) => known,
+            (first, None) => first?,
         };
         let steps = STEPS.iter().flat_map(|step| repeat_n(*step, again));
         for (round, step) in (1..).zip(steps) {
@@ -174,15 +196,10 @@ impl ReadingsWanted<'_> {
                 (found, best, least) = (searched, chosen, rho0_m);
             }
         }
-        let best: Vec<Candidate> = best.into_iter().map(|(row, _)| row).collect();
-        // Those that were chosen are possible.
-        let all = self.with_rows(planning, &best)?;
         for (index, (place, _)) in found.plan.iter_mut().enumerate() {
             *place = offered.len() + index;
         }
-        // All that were drawn were looked at, and there are others.
-        found.bound = all.bound(&found.plan)?.map(PlanBound::into_evidence);
-        Ok((Some(all), found))
+        Ok((best.into_iter().map(|(row, _)| row).collect(), found))
     }
 
     /// What may be read, with rows behind that are not of the offer.
@@ -201,13 +218,26 @@ impl ReadingsWanted<'_> {
 }
 
 impl AbsolutePlanning<'_> {
-    /// A plan of rows that are candidates, each so often.
-    fn plan_of(&self, rows: &[(Candidate, u32)]) -> CandidatePlan {
+    /// A plan of rows, each so often, if there are some and all are candidates.
+    fn plan_of(&self, rows: &[(Candidate, u32)]) -> Option<CandidatePlan> {
         let place = |(row, times): &(Candidate, u32)| {
             let mut places = self.candidates.iter();
             Some((places.position(|each| each == row)?, *times))
         };
-        rows.iter().filter_map(place).collect()
+        let plan: Option<CandidatePlan> = rows.iter().map(place).collect();
+        plan.filter(|plan| !plan.is_empty())
+    }
+
+    /// What no plan of as many readings of the candidates is below where these are sampled: all that were sampled are looked at, and there
+    /// are others.
+    ///
+    /// # Errors
+    /// As [`bound`](Self::bound).
+    pub(super) fn sampled_bound(
+        &self,
+        plan: &[(usize, u32)],
+    ) -> Result<Option<PlanBound>, AbsolutePlanError> {
+        Ok(self.bound(plan)?.map(PlanBound::into_evidence))
     }
 
     /// The median of the rms distances (m) that so many random plans predict, sampled on all threads.
