@@ -72,7 +72,7 @@ impl Conditions {
             AccuracyKind::Relative => 1.0,
             AccuracyKind::Absolute => FRAC_1_SQRT_2,
         };
-        (self.sigma_m * share * 1e15).round() * 1e-12
+        (self.sigma_m * share * 1e15).round() / 1e12
     }
 
     /// In words.
