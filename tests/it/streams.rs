@@ -161,7 +161,8 @@ fn the_stream_as_a_file_and_no_stream_give_the_same_results() {
     assert_eq!(results(&workplace, "plain"), results(&workplace, "saved"));
     let path = workplace.path("live.rrd");
     let saved = workplace.path("saved/s/study.rrd");
-    rerun(&["rrd", "compare", saved.to_str().expect("UTF-8")], &path);
+    let saved = saved.to_str().expect("UTF-8");
+    rerun(&["rrd", "compare", "--unordered", saved], &path);
 
     // A part of a study has no folder for results, and can be shown all the same.
     workplace
@@ -175,6 +176,16 @@ fn the_stream_as_a_file_and_no_stream_give_the_same_results() {
         "the second of three blocks"
     );
     assert!(!workplace.path("out/s/study.rrd").exists());
+}
+
+/// `RERUN=off` switches the SDK off elsewhere; here a recording that was asked for is written.
+#[test]
+fn the_environment_does_not_switch_recordings_off() {
+    let workplace = small();
+    with(&workplace, "study s.toml", &[("RERUN", "off")]).ends_with(0);
+    let path = workplace.path("out/s/study.rrd");
+    rerun(&["rrd", "verify"], &path);
+    assert_eq!(rows(&rerun(&["rrd", "print"], &path))["/text/table"], 10);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use elastocal::study::{Entry, EntryKind, Setting, tally::Tally};
 use elastocal::view::mcap_file::study::write_study_mcap;
 use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
-use elastocal::view::rerun_file::viewer::{Messages, Viewer};
+use elastocal::view::rerun_file::viewer::Viewer;
 use elastocal::view::study_recording::{Snapshot, StudyRecording};
 use elastocal::workflow::run_absolute::replay_readings;
 use elastocal::workflow::study::plan_messages;
@@ -67,28 +67,18 @@ impl StudyObserver {
             header: header.clone(),
             arms: Recording::new(scenario, &shown)?,
         };
-        let mut observer = Self {
+        let live = match target.and_then(ViewerTarget::open) {
+            Some(viewer) => {
+                let stream = StudyStream::begin(viewer.stream(), &study)?;
+                Some((viewer, stream))
+            }
+            None => None,
+        };
+        Ok(Self {
             study,
             snapshots: Vec::new(),
-            live: None,
-        };
-        if let Some(viewer) = target.and_then(ViewerTarget::open) {
-            let (stream, messages) =
-                StudyStream::new(&observer.study).map_err(anyhow::Error::msg)?;
-            observer.live = Some((viewer, stream));
-            observer.send(messages);
-        }
-        Ok(observer)
-    }
-
-    /// Sends messages to the viewer; that it is gone is said once.
-    fn send(&mut self, messages: Messages) {
-        if let Some((viewer, _)) = &mut self.live
-            && let Some(problem) = viewer.send(messages)
-        {
-            warn(&problem, None);
-            self.live = None;
-        }
+            live,
+        })
     }
 
     /// Makes the first runs, to be shown before the first block is done; the block makes them again.
@@ -114,10 +104,13 @@ impl StudyObserver {
                 .map_or(0, |tally| tally.runs + tally.failures()),
             plans,
         };
-        if let Some((_, stream)) = &mut self.live {
-            stream.log(&self.study, &snapshot);
-            let messages = stream.take().map_err(anyhow::Error::msg)?;
-            self.send(messages);
+        if let Some((viewer, stream)) = &mut self.live {
+            stream.log(viewer.stream(), &self.study, &snapshot)?;
+            // That it is gone is said once.
+            if let Some(problem) = viewer.lost() {
+                warn(&problem, None);
+                self.live = None;
+            }
         }
         self.snapshots.push(snapshot);
         Ok(())

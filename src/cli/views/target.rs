@@ -53,7 +53,7 @@ impl ViewerTarget {
             Self::Save(_) => return None,
             Self::Spawn => spawn(),
             Self::Connect(address) => match address.probe() {
-                Ok(()) => Ok(Viewer::connect(address)),
+                Ok(()) => connect(address),
                 Err(error) => Err((
                     format!("there is no rerun viewer at {address}: {error}"),
                     "start `rerun` first, or use --rerun spawn".to_owned(),
@@ -64,6 +64,10 @@ impl ViewerTarget {
             .inspect_err(|(problem, hint)| warn(problem, Some(hint)))
             .ok()
     }
+}
+
+fn connect(address: &Address) -> Result<Viewer, (String, String)> {
+    Viewer::connect(address).map_err(|error| (error.to_string(), String::new()))
 }
 
 /// A viewer that may be there already, or is started and outlives this program.
@@ -89,7 +93,7 @@ fn spawn() -> Result<Viewer, (String, String)> {
                 (problem, "start it by hand to see why".to_owned())
             })?;
     }
-    Ok(Viewer::connect(&here))
+    connect(&here)
 }
 
 /// Starts a viewer that listens to this machine alone.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elastocal::text::wording::shell_word;
-use elastocal::view::rerun_file::{messages, write_rerun};
+use elastocal::view::rerun_file::{log_recording, write_rerun};
 use elastocal::view::{mcap_file::write_mcap, recording::Recording};
 
 use crate::cli::written::{Written, warn};
@@ -31,11 +31,9 @@ pub fn show(
     if let Some(path) = target.file() {
         written.note(path, write_rerun(path, recording));
     }
-    if let Some(mut viewer) = target.open() {
-        let problem = viewer
-            .send(messages(recording).map_err(anyhow::Error::msg)?)
-            .or_else(|| viewer.finish());
-        if let Some(problem) = problem {
+    if let Some(viewer) = target.open() {
+        log_recording(viewer.stream(), recording)?;
+        if let Some(problem) = viewer.finish() {
             warn(&problem, None);
         }
     }

@@ -2,26 +2,28 @@
 
 mod blueprint;
 mod scene;
-mod store;
 pub mod study;
 mod study_text;
 mod text;
 pub mod viewer;
 
 use std::collections::BTreeSet;
+use std::error::Error;
 use std::path::Path;
 
-use re_log_types::{EntityPath, LogMsg, StoreId, StoreKind, entity_path};
-use re_sdk_types::archetypes::{RecordingInfo, Scalars, SeriesPoints, TextDocument};
-use re_sdk_types::blueprint::components::PlayState;
-use sha2::{Digest, Sha256};
+use re_sdk::blueprint::components::PlayState;
+use re_sdk::blueprint::{ContainerLike, Horizontal, Tabs, Vertical};
+use re_sdk::log::ChunkBatcherConfig;
+use re_sdk::{RecordingStream, RecordingStreamBuilder, RecordingStreamResult, entity_path};
+use re_sdk_types::archetypes::{Scalars, SeriesPoints, TextDocument};
 
 use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind};
 use crate::files::{FileError, output::write_whole};
-use blueprint::{Clock, SPACE, TEXT, ViewArea};
-use store::Store;
+use blueprint::{Clock, Layout};
 
-const APPLICATION: &str = "elastocal";
+/// Whether a stream took what was logged.
+pub type Logged = RecordingStreamResult<()>;
+
 /// The timeline of steps: experiments and test poses, numbered from 1.
 const STEP: &str = "step";
 /// The timeline of measurements, repeats counted, numbered from 1.
@@ -35,70 +37,54 @@ const AXES: [(&str, [u8; 3]); 4] = [
     ("along", [150, 90, 20]),
 ];
 
-/// Writes a recording for the rerun viewer. The same recording gives the same bytes but for the
-/// order of two parts of the footer.
+/// Writes a recording for the rerun viewer.
 pub fn write_rerun(path: &Path, recording: &Recording) -> Result<(), FileError> {
-    write_messages(path, messages(recording))
+    write_stream(path, |stream| log_recording(stream, recording))
 }
 
-/// The messages of a recording with its layout, for a file or a viewer.
-pub fn messages(recording: &Recording) -> Result<Vec<LogMsg>, String> {
-    let mut content = format!("{:?}", recording.provenance);
-    for calibration in &recording.calibrations {
-        content += &format!("{:?}", calibration.record);
-    }
-    let clock = Clock {
-        timeline: STEP,
-        // The legend has its place behind the last step.
-        range: Some((
-            0,
-            i64::try_from(recording.steps().count() / 6 * 7 + 1).unwrap_or(i64::MAX),
-        )),
-        per_second: 0.5,
-        play_state: PlayState::Playing,
+/// What streams have in common: in whatever environment, and without the time of day.
+fn new_stream() -> RecordingStreamBuilder {
+    (RecordingStreamBuilder::new("elastocal").enabled(true)).send_properties(false)
+}
+
+/// Writes what is logged to a file, whole or not at all: the SDK's own files keep their errors to themselves.
+fn write_stream(
+    path: &Path,
+    log: impl FnOnce(&RecordingStream) -> Logged,
+) -> Result<(), FileError> {
+    let encode = || {
+        let builder = new_stream().batcher_config(ChunkBatcherConfig::NEVER);
+        let (stream, memory) = builder.memory()?;
+        let logged = log(&stream);
+        let bytes = memory.drain_as_bytes();
+        // A stream and its memory hold each other.
+        stream.disconnect();
+        logged?;
+        Ok(bytes?)
     };
-    let (mut messages, mut store) = open(&content, &layout(recording), recording, &clock)?;
-    log_recording(&mut store, recording);
-    messages.extend(store.take()?);
-    Ok(messages)
-}
-
-fn write_messages(path: &Path, messages: Result<Vec<LogMsg>, String>) -> Result<(), FileError> {
-    let bytes = messages
-        .and_then(store::encode)
-        .map_err(|error| FileError::new(path, format!("cannot be written: {error}")))?;
+    let bytes = encode().map_err(|error: Box<dyn Error>| {
+        FileError::new(path, format!("cannot be written: {error}"))
+    })?;
     write_whole(path, &bytes)
 }
 
-/// The messages that lay out the viewer, and the store of a recording whose numbers follow from the
-/// content: the viewer takes two with the same number for parts of one recording.
-fn open(
-    content: &str,
-    layout: &ViewArea,
+/// Begins a recording: its name, and how the viewer lays it out.
+fn begin(
+    stream: &RecordingStream,
     recording: &Recording,
     clock: &Clock,
-) -> Result<(Vec<LogMsg>, Store), String> {
-    let digest = Sha256::digest(content.as_bytes());
-    let id = (digest.iter())
-        .take(15)
-        .fold(0, |number, byte| number << 8 | u128::from(*byte));
-    let new = |kind, name, first| Store::new(StoreId::new(kind, APPLICATION, name), first);
-    let blueprint = format!("blueprint-{id:032x}");
-    let mut blueprint = new(StoreKind::Blueprint, blueprint, id ^ (1 << 120));
-    let eye_m = recording.eye_m();
-    let eye_m = eye_m.map(|places| places.map(|place| scene::single(&place)));
-    blueprint::lay_out(&mut blueprint, layout, clock, eye_m);
-    let mut store = new(StoreKind::Recording, format!("{id:032x}"), id);
-    let info = RecordingInfo::new().with_name(recording.provenance.scenario.as_str());
-    store.log_static(EntityPath::properties(), &info);
-    Ok((store::show_by(blueprint)?, store))
+    root: impl FnOnce(&mut Layout) -> ContainerLike,
+) -> Logged {
+    stream.set_log_time_enabled(false);
+    stream.send_recording_name(recording.provenance.scenario.as_str())?;
+    let mut layout = Layout::new(clock, recording.eye_m());
+    let root = root(&mut layout);
+    layout.send(root, stream)
 }
 
-fn layout(recording: &Recording) -> ViewArea {
-    let view =
-        |class, name: &str, content: &str| ViewArea::View(class, name.into(), content.into());
+fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
     let [readings, of_readings] = curves_of_readings(recording);
-    let curves = |name: &str, group: &str| {
+    let mut curves = |name: &str, group: &str| {
         let values = (recording.steps()).flat_map(|(_, calibration, step)| {
             (measured(calibration, step).into_iter())
                 .flatten()
@@ -106,36 +92,41 @@ fn layout(recording: &Recording) -> ViewArea {
                 .flat_map(|(_, values)| values.into_iter().flatten())
         });
         let largest = values.map(f64::abs).fold(0.0, f64::max);
-        let content = format!("measurements/{group}/**");
-        ViewArea::Curves(name.into(), content, blueprint::about_nought(largest))
+        let values = blueprint::about_nought(largest);
+        layout.curves(name, entity_path!["measurements", group], values)
     };
-    ViewArea::Row(vec![
-        (2.2, view(SPACE, "robot", "world/**")),
-        (
-            1.0,
-            ViewArea::Column(vec![
-                (1.0, view(TEXT, "step", "text/step")),
-                (
-                    1.3,
-                    ViewArea::Tabs(vec![
-                        view(TEXT, "results", "text/results"),
-                        view(TEXT, "all plans", "text/overview"),
-                    ]),
-                ),
-                (
-                    0.87,
-                    ViewArea::Tabs(vec![
-                        curves("residuals [mm]", "residual_mm"),
-                        curves(of_readings, readings),
-                    ]),
-                ),
-            ]),
-        ),
+    let curves = [
+        curves("residuals [mm]", "residual_mm"),
+        curves(of_readings, readings),
+    ];
+    let results = [
+        blueprint::text("results", "text/results"),
+        blueprint::text("all plans", "text/overview"),
+    ];
+    let beside = Vertical::new([
+        blueprint::text("step", "text/step"),
+        Tabs::new(results).into(),
+        Tabs::new(curves).into(),
+    ]);
+    Horizontal::new([
+        layout.space(),
+        beside.with_row_shares([1.0, 1.3, 0.87]).into(),
     ])
+    .with_column_shares([2.2, 1.0])
+    .into()
 }
 
-fn log_recording(store: &mut Store, recording: &Recording) {
-    scene::log_bodies(store, recording);
+/// Logs a recording with its layout, for a file or a viewer.
+pub fn log_recording(stream: &RecordingStream, recording: &Recording) -> Logged {
+    let clock = Clock {
+        timeline: STEP,
+        // The legend has its place behind the last step.
+        range: [0, recording.steps().count() / 6 * 7 + 1],
+        per_second: 0.5,
+        play_state: PlayState::Playing,
+    };
+    begin(stream, recording, &clock, |layout| root(recording, layout))?;
+    scene::log_bodies(stream, recording)?;
     let plans = recording.calibrations.iter();
     let shown = plans.flat_map(|each| {
         let all = 0..each.record.measured();
@@ -151,52 +142,53 @@ fn log_recording(store: &mut Store, recording: &Recording) {
                 .with_colors([colour])
                 .with_names([axis])
                 .with_marker_sizes([4.0]);
-            store.log_static(entity_path!["measurements", group, axis], &series);
+            stream.log_static(entity_path!["measurements", group, axis], &series)?;
         }
     }
     let overview = TextDocument::from_markdown(text::overview(recording));
-    store.log_static("text/overview", &overview);
-    log_steps(store, recording);
+    stream.log_static("text/overview", &overview)?;
+    log_steps(stream, recording)
 }
 
-fn log_steps(store: &mut Store, recording: &Recording) {
+fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
     let mut mounted = None;
     let mut named = None;
     let mut measurement = 0;
     for (number, calibration, step) in recording.steps() {
-        let now = [(STEP, i64::from(number))];
+        stream.set_time_sequence(STEP, number);
         if named != Some(calibration.record.name()) {
             let results = TextDocument::from_markdown(text::results(calibration));
-            store.log("text/results", &now, &results);
+            stream.log("text/results", &results)?;
             named = Some(calibration.record.name());
         }
-        log_step(store, recording, (calibration, step), &mut mounted, &now);
+        log_step(stream, recording, (calibration, step), &mut mounted)?;
         for groups in measured(calibration, step) {
             measurement += 1;
-            let now = [(STEP, i64::from(number)), (MEASUREMENT, measurement)];
+            stream.set_time_sequence(MEASUREMENT, measurement);
             for (group, values) in groups {
                 for ((axis, _), value) in AXES.iter().zip(values) {
                     if let Some(value) = value {
                         let path = entity_path!["measurements", group, axis];
-                        store.log(path, &now, &Scalars::single(value));
+                        stream.log(path, &Scalars::single(value))?;
                     }
                 }
             }
         }
+        stream.disable_timeline(MEASUREMENT);
     }
+    Ok(())
 }
 
 /// The arms in a step, in pictures and in words; `mounted` is the tool of the step before.
 fn log_step(
-    store: &mut Store,
+    stream: &RecordingStream,
     recording: &Recording,
     (calibration, step): (&RecordedCalibration, &Step),
     mounted: &mut Option<ShownTool>,
-    now: store::Now<'_>,
-) {
-    scene::log_step(store, recording, step, mounted, now);
+) -> Logged {
+    scene::log_step(stream, recording, step, mounted)?;
     let described = TextDocument::from_markdown(text::step(calibration, step));
-    store.log("text/step", now, &described);
+    stream.log("text/step", &described)
 }
 
 /// What was measured in a step and what identification left of it (mm) along [`AXES`], measurement by measurement; none in a test

@@ -1,13 +1,13 @@
 //! The robot with what acts on it.
 
 use nalgebra::{Isometry3, Vector3};
-use re_log_types::{EntityPath, entity_path};
+use re_sdk::{EntityPath, RecordingStream, entity_path};
 use re_sdk_types::archetypes::{
     Arrows3D, Clear, LineStrips3D, Mesh3D, Points3D, Transform3D, ViewCoordinates,
 };
 use re_sdk_types::datatypes::Quaternion;
 
-use super::store::{Now, Store};
+use super::Logged;
 use crate::view::recording::{Body, Recording, ShownTool, Step};
 
 /// How far labels are from what they name (m).
@@ -22,40 +22,41 @@ const DEFLECTION_RGB: [u8; 3] = [255, 200, 40];
 const TRACKER_RGB: [u8; 3] = [40, 200, 110];
 
 /// What does not change: surroundings and links, without tools.
-pub(super) fn log_bodies(store: &mut Store, recording: &Recording) {
-    store.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP());
+pub(super) fn log_bodies(stream: &RecordingStream, recording: &Recording) -> Logged {
+    stream.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
     for body in &recording.surroundings {
-        store.log_static(
+        stream.log_static(
             entity_path!["world", "surroundings", body.name],
             &coloured_mesh(body),
-        );
+        )?;
     }
     for body in &recording.links {
         if body.only_with.is_none() {
-            store.log_static(link_path("robot", body), &coloured_mesh(body));
-            store.log_static(link_path("loaded", body), &ghost_mesh(body));
+            stream.log_static(link_path("robot", body), &coloured_mesh(body))?;
+            stream.log_static(link_path("loaded", body), &ghost_mesh(body))?;
         }
     }
+    Ok(())
 }
 
 /// The arms and what acts on them in a step; `mounted` is the tool of the step before.
 pub(super) fn log_step(
-    store: &mut Store,
+    stream: &RecordingStream,
     recording: &Recording,
     step: &Step,
     mounted: &mut Option<ShownTool>,
-    now: Now<'_>,
-) {
+) -> Logged {
     let tool = step.tool();
     if *mounted != Some(tool) {
-        log_tools(store, recording, tool, now);
+        log_tools(stream, recording, tool)?;
         *mounted = Some(tool);
     }
-    log_arms(store, recording, step, now);
-    log_arrows(store, recording, step, now);
+    log_arms(stream, recording, step)?;
+    log_arrows(stream, recording, step)?;
     if recording.has_lines_of_sight() {
-        log_line_of_sight(store, step, now);
+        log_line_of_sight(stream, step)?;
     }
+    Ok(())
 }
 
 fn link_path(arm: &str, body: &Body) -> EntityPath {
@@ -63,43 +64,45 @@ fn link_path(arm: &str, body: &Body) -> EntityPath {
 }
 
 /// Takes the tool that was at work off the arm and puts the other one on.
-fn log_tools(store: &mut Store, recording: &Recording, tool: ShownTool, now: Now<'_>) {
+fn log_tools(stream: &RecordingStream, recording: &Recording, tool: ShownTool) -> Logged {
     for body in &recording.links {
         if body.only_with == Some(tool) {
-            store.log(link_path("robot", body), now, &coloured_mesh(body));
-            store.log(link_path("loaded", body), now, &ghost_mesh(body));
+            stream.log(link_path("robot", body), &coloured_mesh(body))?;
+            stream.log(link_path("loaded", body), &ghost_mesh(body))?;
         } else if body.only_with.is_some() {
             for arm in ["robot", "loaded"] {
-                store.log(link_path(arm, body), now, &Mesh3D::clear_fields());
+                stream.log(link_path(arm, body), &Mesh3D::clear_fields())?;
             }
         }
     }
+    Ok(())
 }
 
-fn log_arms(store: &mut Store, recording: &Recording, step: &Step, now: Now<'_>) {
+fn log_arms(stream: &RecordingStream, recording: &Recording, step: &Step) -> Logged {
     let [unloaded, enlarged] =
         [&step.unloaded, &step.enlarged].map(|stance| &stance.world_from_link);
     for (body, (unloaded, enlarged)) in recording.links.iter().zip(unloaded.iter().zip(enlarged)) {
-        store.log(link_path("robot", body), now, &transform(unloaded));
-        store.log(link_path("loaded", body), now, &transform(enlarged));
+        stream.log(link_path("robot", body), &transform(unloaded))?;
+        stream.log(link_path("loaded", body), &transform(enlarged))?;
         // Two surfaces in the same place flicker: a link that does not move is drawn once.
         let apart = unloaded.inv_mul(enlarged);
         let moves = apart.translation.vector.norm() > 1e-3 || apart.rotation.angle() > 1e-3;
         let alpha = if moves { LOADED_ALPHA } else { 0 };
         let opacity = Mesh3D::update_fields().with_albedo_factor([255, 255, 255, alpha]);
-        store.log(link_path("loaded", body), now, &opacity);
+        stream.log(link_path("loaded", body), &opacity)?;
     }
+    Ok(())
 }
 
-fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, now: Now<'_>) {
+fn log_arrows(stream: &RecordingStream, recording: &Recording, step: &Step) -> Logged {
     if let Some(force) = recording.force_arrow_m(step) {
         let arrow = Arrows3D::from_vectors([single(&force)])
             .with_origins([single(&step.enlarged.tool_m)])
             .with_radii([0.018])
             .with_colors([FORCE_RGB]);
-        store.log("world/force", now, &arrow);
+        stream.log("world/force", &arrow)?;
     } else {
-        store.log("world/force", now, &Clear::flat());
+        stream.log("world/force", &Clear::flat())?;
     }
     let label = step.displacement_label();
     if label.is_some() {
@@ -108,9 +111,9 @@ fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, now: Now<'_
             .with_origins([single(&step.unloaded.tool_m)])
             .with_radii([0.014])
             .with_colors([DEFLECTION_RGB]);
-        store.log("world/deflection", now, &arrow);
+        stream.log("world/deflection", &arrow)?;
     } else {
-        store.log("world/deflection", now, &Clear::flat());
+        stream.log("world/deflection", &Clear::flat())?;
     }
 
     // Away from the arrows, where labels would hide them and the arm.
@@ -126,18 +129,18 @@ fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, now: Now<'_
         .with_radii([0.0])
         .with_colors(labels.iter().map(|(_, colour, _)| *colour))
         .with_labels(labels.iter().map(|(_, _, text)| text.as_str()));
-    store.log("world/labels", now, &points);
+    stream.log("world/labels", &points)
 }
 
 /// The instrument's line to what it reads.
-fn log_line_of_sight(store: &mut Store, step: &Step, now: Now<'_>) {
+fn log_line_of_sight(stream: &RecordingStream, step: &Step) -> Logged {
     if let Some(instrument_m) = &step.instrument_m {
         let line = LineStrips3D::new([[single(instrument_m), single(&step.unloaded.tool_m)]])
             .with_radii([0.006])
             .with_colors([TRACKER_RGB]);
-        store.log("world/tracker_line", now, &line);
+        stream.log("world/tracker_line", &line)
     } else {
-        store.log("world/tracker_line", now, &Clear::flat());
+        stream.log("world/tracker_line", &Clear::flat())
     }
 }
 

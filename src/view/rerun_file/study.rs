@@ -5,15 +5,15 @@
 
 use std::path::Path;
 
-use re_log_types::{EntityPath, LogMsg, entity_path};
+use re_sdk::blueprint::components::PlayState;
+use re_sdk::blueprint::{BarChartView, ContainerLike, Horizontal, Spatial2DView, Tabs, Vertical};
+use re_sdk::{EntityPath, RecordingStream, RecordingStreamResult, entity_path};
 use re_sdk_types::archetypes::{
     BarChart, LineStrips2D, Points2D, Scalars, SeriesLines, TextDocument,
 };
-use re_sdk_types::blueprint::components::PlayState;
 
-use super::blueprint::{BARS, Clock, PLANE, SPACE, TEXT, ViewArea};
-use super::store::Store;
-use super::{STEP, log_step, open, scene, study_text, write_messages};
+use super::blueprint::{Clock, Layout, text};
+use super::{Logged, STEP, begin, log_step, scene, study_text, write_stream};
 use crate::files::FileError;
 use crate::record::study::HistogramMessage;
 use crate::study::account::Contribution;
@@ -51,136 +51,125 @@ pub fn write_study_rerun(
     study: &StudyRecording,
     snapshots: &[Snapshot],
 ) -> Result<(), FileError> {
-    let messages = StudyStream::new(study).and_then(|(mut stream, mut messages)| {
+    write_stream(path, |stream| {
+        let mut logged = StudyStream::begin(stream, study)?;
         for snapshot in snapshots {
-            stream.log(study, snapshot);
+            logged.log(stream, study, snapshot)?;
         }
-        messages.extend(stream.take()?);
-        Ok(messages)
-    });
-    write_messages(path, messages)
+        Ok(())
+    })
 }
 
-/// A study on its way to a file or a viewer.
+/// How far a study has come on its way to a file or a viewer.
 pub struct StudyStream {
-    store: Store,
     snapshots: usize,
     mounted: Option<ShownTool>,
 }
 
 impl StudyStream {
     /// Begins with the layout and what is there before the first run.
-    pub fn new(study: &StudyRecording) -> Result<(Self, Vec<LogMsg>), String> {
-        let content = format!("{:?}", study.header);
-        // The legend has its place behind the last run.
-        let end = i64::try_from(study.header.trials / 7 * 8).unwrap_or(i64::MAX);
+    pub fn begin(stream: &RecordingStream, study: &StudyRecording) -> RecordingStreamResult<Self> {
+        let runs = usize::try_from(study.header.trials).unwrap_or(usize::MAX);
         let clock = Clock {
             timeline: RUN,
-            range: Some((0, end)),
+            // The legend has its place behind the last run.
+            range: [0, runs / 7 * 8],
             per_second: study.header.trials as f64 / REPLAY_S,
             play_state: PlayState::Following,
         };
-        let (mut messages, store) = open(&content, &layout(study), &study.arms, &clock)?;
-        let mut stream = Self {
-            store,
+        begin(stream, &study.arms, &clock, |layout| root(study, layout))?;
+        log_beginning(stream, study)?;
+        Ok(Self {
             snapshots: 0,
             mounted: None,
-        };
-        stream.log_beginning(study);
-        messages.extend(stream.take()?);
-        Ok((stream, messages))
+        })
     }
 
     /// Adds a snapshot.
-    pub fn log(&mut self, study: &StudyRecording, snapshot: &Snapshot) {
-        let store = &mut self.store;
-        let now = [(RUN, i64::try_from(snapshot.runs).unwrap_or(i64::MAX))];
+    pub fn log(
+        &mut self,
+        stream: &RecordingStream,
+        study: &StudyRecording,
+        snapshot: &Snapshot,
+    ) -> Logged {
+        stream.set_time_sequence(RUN, i64::try_from(snapshot.runs).unwrap_or(i64::MAX));
         let table = TextDocument::from_markdown(study_text::table(study, snapshot));
-        store.log("text/table", &now, &table);
+        stream.log("text/table", &table)?;
         for (index, plan) in snapshot.plans.iter().enumerate() {
             if let (Some(mean), Some([low, high])) = (plan.mean_mm, plan.mean_ci95_mm)
                 && snapshot.runs >= study.header.trials / UNSETTLED
             {
                 let values = [mean, low, high].map(|value| value * 1e3);
-                store.log(mean_path(&plan.name), &now, &Scalars::new(values));
+                stream.log(mean_path(&plan.name), &Scalars::new(values))?;
             }
-            log_sources(store, &plan.name, &plan.contributions, &now);
+            log_sources(stream, &plan.name, &plan.contributions)?;
             if let Some(bars) = bars(&plan.histogram) {
                 let bars = bars.with_color(translucent(colour(index)));
-                store.log(distance_path(&plan.name), &now, &bars);
+                stream.log(distance_path(&plan.name), &bars)?;
             }
         }
         let steps = study.arms.steps().count().max(1);
         if let Some((_, calibration, step)) = study.arms.steps().nth(self.snapshots % steps) {
-            log_step(
-                store,
-                &study.arms,
-                (calibration, step),
-                &mut self.mounted,
-                &now,
-            );
+            let shown = (calibration, step);
+            log_step(stream, &study.arms, shown, &mut self.mounted)?;
         }
         self.snapshots += 1;
-    }
-
-    /// The messages of what was added since the last call.
-    pub fn take(&mut self) -> Result<Vec<LogMsg>, String> {
-        self.store.take()
-    }
-
-    fn log_beginning(&mut self, study: &StudyRecording) {
-        let store = &mut self.store;
-        if study.arms.shows_robot() {
-            scene::log_bodies(store, &study.arms);
-        }
-        let about = TextDocument::from_markdown(study_text::about(study));
-        store.log_static("text/about", &about);
-        for (index, name) in study.header.labels().iter().enumerate() {
-            let colour = colour(index);
-            // One name for the mean and its band makes one entry in the legend.
-            let lines = SeriesLines::new()
-                .with_colors([colour; 3])
-                .with_widths([2.5, 0.7, 0.7])
-                .with_names([name.as_str(); 3]);
-            store.log_static(mean_path(name), &lines);
-        }
-        let mut mounted = None;
-        for (number, calibration, step) in study.arms.steps() {
-            let now = [(STEP, i64::from(number))];
-            log_step(store, &study.arms, (calibration, step), &mut mounted, &now);
-        }
+        Ok(())
     }
 }
 
-fn layout(study: &StudyRecording) -> ViewArea {
-    let view =
-        |class, name: &str, content: &str| ViewArea::View(class, name.into(), content.into());
-    let about = view(TEXT, "about this study", "text/about");
+fn log_beginning(stream: &RecordingStream, study: &StudyRecording) -> Logged {
+    if study.arms.shows_robot() {
+        scene::log_bodies(stream, &study.arms)?;
+    }
+    let about = TextDocument::from_markdown(study_text::about(study));
+    stream.log_static("text/about", &about)?;
+    for (index, name) in study.header.labels().iter().enumerate() {
+        let colour = colour(index);
+        // One name for the mean and its band makes one entry in the legend.
+        let lines = SeriesLines::new()
+            .with_colors([colour; 3])
+            .with_widths([2.5, 0.7, 0.7])
+            .with_names([name.as_str(); 3]);
+        stream.log_static(mean_path(name), &lines)?;
+    }
+    let mut mounted = None;
+    for (number, calibration, step) in study.arms.steps() {
+        stream.set_time_sequence(STEP, number);
+        log_step(stream, &study.arms, (calibration, step), &mut mounted)?;
+    }
+    stream.disable_timeline(STEP);
+    Ok(())
+}
+
+fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
+    let about = text("about this study", "text/about");
     let left = if study.arms.shows_robot() {
-        let texts = ViewArea::Tabs(vec![about, view(TEXT, "step", "text/step")]);
-        ViewArea::Column(vec![(2.2, view(SPACE, "robot", "world/**")), (1.0, texts)])
+        let texts = Tabs::new([about, text("step", "text/step")]);
+        Vertical::new([layout.space(), texts.into()])
+            .with_row_shares([2.2, 1.0])
+            .into()
     } else {
         about
     };
     let means = "mean distance over the number of runs, with 95 % bands [µm]";
-    let mut tabs = sources(study);
-    tabs.extend(distributions(study));
-    let right = ViewArea::Column(vec![
-        (
-            1.1,
-            ViewArea::Curves(means.into(), "means_um/**".into(), None),
-        ),
-        (1.1, ViewArea::Tabs(tabs)),
-        (1.0, view(TEXT, "results so far", "text/table")),
+    let tabs = sources(study).chain(distributions(study));
+    let right = Vertical::new([
+        layout.curves(means, "means_um".into(), None),
+        Tabs::new(tabs).into(),
+        text("results so far", "text/table"),
     ]);
-    ViewArea::Row(vec![(1.25, left), (1.0, right)])
+    Horizontal::new([left, right.with_row_shares([1.1, 1.1, 1.0]).into()])
+        .with_column_shares([1.25, 1.0])
+        .into()
 }
 
 /// Each plan's distribution with that of the plan that it is compared with, the last plan's first.
-fn distributions(study: &StudyRecording) -> Vec<ViewArea> {
+fn distributions(study: &StudyRecording) -> impl Iterator<Item = ContainerLike> {
     let header = &study.header;
     let labels = header.labels();
-    let view = |(index, plan): (usize, &String)| {
+    let view = move |index: usize| {
+        let plan = &labels[index];
         let compared = (header.plans[index]
             .reference
             .filter(|&reference| reference != index))
@@ -192,28 +181,24 @@ fn distributions(study: &StudyRecording) -> Vec<ViewArea> {
             Some(reference) => format!("{plan}, {reference}: % of runs per µm, up to 95 % of them"),
             None => format!("{plan}: % of runs per µm, up to 95 % of them"),
         };
-        ViewArea::View(BARS, name, shown.join("\n"))
+        BarChartView::new(name).with_contents(shown).into()
     };
-    let others = |(index, _): &(usize, &String)| {
-        labels.len() == 1 || header.plans[*index].reference != Some(*index)
-    };
-    (labels.iter().enumerate().rev().filter(others))
-        .take(MOST_TABS)
-        .map(view)
-        .collect()
+    let plans = header.plans.len();
+    let others = move |index: &usize| plans == 1 || header.plans[*index].reference != Some(*index);
+    (0..plans).rev().filter(others).take(MOST_TABS).map(view)
 }
 
 /// Where each plan's errors come from, where the scenario lists what is uncertain.
-fn sources(study: &StudyRecording) -> Vec<ViewArea> {
+fn sources(study: &StudyRecording) -> impl Iterator<Item = ContainerLike> {
     let header = &study.header;
-    (header.labels().iter().zip(&header.plans))
+    (header.labels().into_iter().zip(&header.plans))
         .filter(|(_, plan)| plan.account.is_some())
         .take(MOST_TABS)
         .map(|(name, _)| {
             let title = format!("{name}: where the error comes from, rms [µm]");
-            ViewArea::View(PLANE, title, format!("{}/**", sources_path(name)))
+            let view = Spatial2DView::new(title);
+            view.with_origin(sources_path(&name)).into()
         })
-        .collect()
 }
 
 fn sources_path(plan: &str) -> EntityPath {
@@ -221,7 +206,7 @@ fn sources_path(plan: &str) -> EntityPath {
 }
 
 /// A bar for each source, as long as its contribution (the longest is 24 rows wide), the largest above.
-fn log_sources(store: &mut Store, plan: &str, parts: &[Contribution], now: &[(&'static str, i64)]) {
+fn log_sources(stream: &RecordingStream, plan: &str, parts: &[Contribution]) -> Logged {
     let mut parts: Vec<&Contribution> = parts.iter().collect();
     parts.sort_by(|one, other| other.contribution_um.total_cmp(&one.contribution_um));
     let total: f64 = parts.iter().map(|part| part.contribution_um.powi(2)).sum();
@@ -230,7 +215,7 @@ fn log_sources(store: &mut Store, plan: &str, parts: &[Contribution], now: &[(&'
         .map(|part| part.contribution_um)
         .filter(|_| total > 0.0)
     else {
-        return;
+        return Ok(());
     };
     let (mut strips, mut colours) = (Vec::new(), Vec::new());
     let (mut places, mut labels) = (Vec::new(), Vec::new());
@@ -261,8 +246,8 @@ fn log_sources(store: &mut Store, plan: &str, parts: &[Contribution], now: &[(&'
         .with_radii([0.02])
         .with_labels(labels)
         .with_show_labels(true);
-    store.log(sources_path(plan).join(&entity_path!["bars"]), now, &bars);
-    store.log(sources_path(plan).join(&entity_path!["names"]), now, &names);
+    stream.log(sources_path(plan).join(&entity_path!["bars"]), &bars)?;
+    stream.log(sources_path(plan).join(&entity_path!["names"]), &names)
 }
 
 fn mean_path(plan: &str) -> EntityPath {

@@ -1,21 +1,24 @@
-//! A rerun viewer that is sent messages while it shows them.
+//! A rerun viewer that is sent a recording while it shows it.
 //!
-//! A thread of its own sends, so that a viewer that is slow, not there or gone never holds up the
-//! work whose results it shows.
+//! The SDK sends in threads of its own, so that a viewer that is slow, not there or gone never holds
+//! up the work whose results it shows. Only a stream that ends waits for it: here not for long.
 
+use std::any::Any;
 use std::net::{TcpStream, ToSocketAddrs};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use re_grpc_client::write::{Client, ClientConnectionState, Options};
-use re_log_types::LogMsg;
-use re_uri::ProxyUri;
+use re_sdk::external::re_uri::ProxyUri;
+use re_sdk::sink::{GrpcSink, GrpcSinkConnectionState as State};
+use re_sdk::{RecordingStream, RecordingStreamResult};
+
+use super::new_stream;
 
 /// Where a viewer on this machine listens.
-pub const DEFAULT_URL: &str = "rerun+http://127.0.0.1:9876/proxy";
+pub const DEFAULT_URL: &str = re_sdk::DEFAULT_CONNECT_URL;
 /// The port of [`DEFAULT_URL`].
-pub const DEFAULT_PORT: u16 = re_uri::DEFAULT_PROXY_PORT;
+pub const DEFAULT_PORT: u16 = re_sdk::DEFAULT_SERVER_PORT;
 
 /// How long a viewer may take to answer.
 const ANSWER: Duration = Duration::from_secs(15);
@@ -23,9 +26,6 @@ const ANSWER: Duration = Duration::from_secs(15);
 const REST: Duration = Duration::from_secs(10);
 /// How often a connection is looked at.
 const GLANCE: Duration = Duration::from_millis(50);
-
-/// What a viewer is sent.
-pub type Messages = Vec<LogMsg>;
 
 /// A viewer's address.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -70,97 +70,72 @@ impl Address {
 pub struct Viewer {
     address: Address,
     start: Instant,
-    messages: Option<Sender<Messages>>,
-    /// Why the viewer does not get any more; empty when it has got all.
-    outcome: Receiver<Option<String>>,
+    stream: RecordingStream,
 }
 
 impl Viewer {
     /// Begins to connect to a viewer, which may be about to start.
-    pub fn connect(address: &Address) -> Self {
-        let (messages, inbox) = channel();
-        let (outbox, outcome) = channel();
-        let uri = address.0.clone();
-        thread::spawn(move || {
-            let client = Client::new(uri, Options::default());
-            let result = pass_on(&client, &inbox);
-            let failed = result.is_err();
-            if failed {
-                // What is gone is said before the client is closed, which can take its time.
-                let _ = outbox.send(result.err());
-            }
-            drop(client);
-            if !failed {
-                let _ = outbox.send(None);
-            }
-        });
-        Self {
+    pub fn connect(address: &Address) -> RecordingStreamResult<Self> {
+        Ok(Self {
             address: address.clone(),
             start: Instant::now(),
-            messages: Some(messages),
-            outcome,
-        }
+            stream: new_stream().connect_grpc_opts(address.to_string())?,
+        })
     }
 
-    /// Sends messages, unless the viewer is gone. Returns why it does not get any more, once.
-    #[must_use = "nobody else says that the viewer is gone"]
-    pub fn send(&mut self, messages: Messages) -> Option<String> {
-        let failed = (self.outcome.try_recv().ok().flatten())
-            .map(|reason| format!("the rerun viewer at {} {reason}", self.address));
-        if failed.is_some() {
-            self.messages = None;
-        } else if let Some(outbox) = &self.messages {
-            // Whoever does not listen has said why, or will.
-            let _ = outbox.send(messages);
-        }
-        failed
+    /// Where to log what it is to show.
+    pub fn stream(&self) -> &RecordingStream {
+        &self.stream
     }
 
-    /// Waits, not for long, until the viewer has got all. Returns why it has not, unless that was
-    /// said before.
-    pub fn finish(mut self) -> Option<String> {
-        // Without a sender the thread knows that nothing more comes.
-        self.messages.take()?;
-        let wait = ANSWER.saturating_sub(self.start.elapsed()).max(REST);
-        let reason = match self.outcome.recv_timeout(wait) {
-            Ok(reason) => reason?,
-            Err(RecvTimeoutError::Timeout) => "did not take all in time".to_owned(),
-            Err(RecvTimeoutError::Disconnected) => "does not answer".to_owned(),
-        };
-        Some(format!("the rerun viewer at {} {reason}", self.address))
+    /// How the connection is, unless the stream has its hands full.
+    fn state(&self) -> Option<State> {
+        let (outbox, state) = channel();
+        self.stream.inspect_sink(move |sink| {
+            let sink = (sink as &dyn Any).downcast_ref();
+            // Nobody waits for an answer that comes late.
+            let _ = outbox.send(sink.map(GrpcSink::status));
+        });
+        state.recv_timeout(GLANCE).ok().flatten()
     }
-}
 
-/// Sends what comes in until nothing more comes.
-fn pass_on(client: &Client, inbox: &Receiver<Messages>) -> Result<(), String> {
-    let start = Instant::now();
-    // The client takes a few messages only before it is connected.
-    while matches!(client.status(), ClientConnectionState::Connecting { .. }) {
-        if start.elapsed() > ANSWER {
-            return Err("does not answer".to_owned());
-        }
-        thread::sleep(GLANCE);
+    /// That the viewer is gone, if it is.
+    pub fn lost(&self) -> Option<String> {
+        matches!(self.state(), Some(State::Disconnected(_)))
+            .then(|| format!("the rerun viewer at {} has gone away", self.address))
     }
-    loop {
-        // A viewer that goes away is noticed between messages too.
-        let messages = match inbox.recv_timeout(GLANCE) {
-            Ok(messages) => messages,
-            Err(RecvTimeoutError::Timeout) => Vec::new(),
-            Err(RecvTimeoutError::Disconnected) => break,
-        };
-        for message in messages {
-            client.send_blocking(message);
-        }
-        check(client)?;
-    }
-    let flushed = client.flush_blocking(REST);
-    check(client)?;
-    flushed.map_err(|_| "did not take all in time".to_owned())
-}
 
-fn check(client: &Client) -> Result<(), String> {
-    match client.status() {
-        ClientConnectionState::Disconnected(_) => Err("has gone away".to_owned()),
-        _ => Ok(()),
+    /// Waits, not for long, until the viewer has got all. Returns why it has not.
+    pub fn finish(self) -> Option<String> {
+        let wait = ANSWER.saturating_sub(self.start.elapsed()) + REST;
+        let address = self.address.clone();
+        let (outbox, outcome) = channel();
+        thread::spawn(move || {
+            let sent = self.send_rest();
+            if sent.is_ok() {
+                // A stream that ends waits for its viewer, if need be without end.
+                drop(self);
+            }
+            let _ = outbox.send(sent);
+        });
+        let late = Err("did not take all in time");
+        let reason = outcome.recv_timeout(wait).unwrap_or(late).err()?;
+        Some(format!("the rerun viewer at {address} {reason}"))
+    }
+
+    fn send_rest(&self) -> Result<(), &'static str> {
+        // The stream gives up on an answer before a viewer that was just started may have one.
+        while matches!(self.state(), Some(State::Connecting { .. }))
+            && self.start.elapsed() < ANSWER
+        {
+            thread::sleep(GLANCE);
+        }
+        let flushed = self.stream.flush_with_timeout(REST);
+        match (self.state(), flushed) {
+            (Some(State::Disconnected(_)), _) => Err("has gone away"),
+            (_, Ok(())) => Ok(()),
+            (Some(State::Connecting { .. }), _) => Err("does not answer"),
+            _ => Err("did not take all in time"),
+        }
     }
 }
