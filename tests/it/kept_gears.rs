@@ -180,3 +180,40 @@ fn budgets_and_next_readings_are_as_good_as_plans() {
     let [own, of_plan] = [&next, &planned].map(|found| number(&found["rho0_mm"]));
     assert!(own < 1.3 * of_plan, "{own} {of_plan}");
 }
+
+/// A plan is no worse than what going on from a plan of one reading fewer finds, within 3 per cent, and near what no plan is below: with errors
+/// that the robot keeps, readings help that have angles of each other or of the test pose, which no sampled configuration has. A search
+/// among those and others near them ended 7 times above the bound.
+#[test]
+fn plans_are_no_worse_than_going_on_from_fewer() {
+    let place = Workplace::new();
+    let scenario = |count: usize| {
+        let gears = gears("correlation_deg = 25", "").replace("std_mrad = 0.2", "std_mrad = 0.3");
+        let text = absolute(&gears).replace("experiments = 20", &format!("experiments = {count}"));
+        let text = text.replace(
+            "[20, -60, 80, -110, -70, 30]",
+            "[-35, -75, 65, -80, -60, 20]",
+        );
+        place.write("s.toml", text);
+    };
+    let options = "s.toml --parameters zeros --draw 30";
+    for count in [7, 10, 14] {
+        scenario(count - 1);
+        place.json(&format!("plan {options} --plan-out p.csv"));
+        place.json("measure s.toml --plan p.csv --measurements-out m.csv");
+        scenario(count);
+        let gone_on = place.json(&format!("next {options} --measurements m.csv"));
+        let planned = place.json(&format!("plan {options}"));
+        let [gone_on_mm, planned_mm] = [&gone_on, &planned].map(|found| number(&found["rho0_mm"]));
+        assert!(
+            planned_mm < 1.03 * gone_on_mm,
+            "{count}: {planned_mm} {gone_on_mm}"
+        );
+        let bound_mm = number(&planned["lower_bound_rho0_mm"]);
+        let near = bound_mm..1.6 * bound_mm;
+        assert!(
+            near.contains(&planned_mm),
+            "{count}: {planned_mm} {bound_mm}"
+        );
+    }
+}
