@@ -234,6 +234,16 @@ fn sweeps_and_replays_are_of_the_same_runs() {
         );
     }
 
+    // A replay has the first conditions, and says what their noise is of a reading.
+    place.write("s.toml", study(swept));
+    let replayed = place.json("replay s.toml --run 0");
+    assert_eq!(replayed["sigma_mm"], all[0]["sigma_mm"]);
+    let notes = replayed["notes"].to_string();
+    assert!(
+        notes.contains("sigma 0.0200 mm") && notes.contains("sigma 0.0400 mm"),
+        "{notes}"
+    );
+
     let one = plans(study(""), "--trials 1");
     let replayed = place.json("replay s.toml --run 0");
     let replayed = &replayed["plans"][0];

@@ -300,3 +300,28 @@ fn a_coarse_ballbar_is_predicted_to_be_one() {
     assert!(rho0(&coarse) > 1.2 * rho0(&fine));
     holds(&coarse["trials"]);
 }
+
+/// Distances that a coarse instrument shows are often equal where a visit is repeated: that is chance, and all of them count.
+#[test]
+fn equal_distances_of_a_coarse_instrument_are_no_copies() {
+    let place = workplace();
+    let text = scenario_text(BALLBAR);
+    place.write(
+        "s.toml",
+        text.replace("resolution_mm = 0.001", "resolution_mm = 0.05"),
+    );
+    let plan = place.read("plan.csv").replace(",1,spindle,", ",3,spindle,");
+    place.write("plan.csv", plan);
+    place.json("measure s.toml --plan plan.csv --measurements-out m.csv");
+    let table = place.read("m.csv");
+    let rows: Vec<&str> = table
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .collect();
+    let mut different = rows.clone();
+    different.sort_unstable();
+    different.dedup();
+    assert!(different.len() + 5 < rows.len(), "some are equal");
+    let json = place.json("identify s.toml --measurements m.csv");
+    assert_eq!(json["numbers"], rows.len() - 1, "{json}");
+}

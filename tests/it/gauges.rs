@@ -252,6 +252,10 @@ fn the_laboratory_sets_a_gauge_for_each_measurement() {
     assert!(table.contains("direction_z,displacement_mm"));
     let sheet = place.read("out/gauge/lab/run_sheet.html");
     assert_eq!(sheet.matches("set the gauge along").count(), 6);
+    assert!(
+        sheet.contains(" and 6 moves."),
+        "the robot stands where the weight is hung"
+    );
 }
 
 fn refused(change: [&str; 2], key: &str, says: &str) {

@@ -151,6 +151,13 @@ fn what_is_impossible_is_replaced() {
         "{outcome:#?}"
     );
     let outcome = workplace
+        .run("next --quiet --measurements m.csv --plan plan.csv --skip 2")
+        .ends_with(1);
+    assert!(
+        (outcome.stderr).contains("plan.csv: --skip: found 2, which is measured"),
+        "{outcome:#?}"
+    );
+    let outcome = workplace
         .run("next --quiet --measurements m.csv --skip 2")
         .ends_with(2);
     assert!(outcome.stderr.contains("--plan"), "{outcome:#?}");

@@ -156,3 +156,32 @@ fn what_is_of_the_other_accuracy_is_refused() {
     place.json("measure relative.toml --plan p.csv --measurements-out read.csv");
     refused(NEXT, "holds deflections");
 }
+
+/// Where configurations are sampled, more readings are never worse, none is left out, and no plan is below the bound beside it.
+#[test]
+fn budgets_of_sampled_configurations_fall() {
+    let place = Workplace::new();
+    let repeatability = "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.05\n";
+    let text = absolute_scenario_text("ur10") + repeatability;
+    place.write("s.toml", text.replace("seed = 1", "seed = 5"));
+    let json = place.json("budget s.toml --draw 4 --up-to 14 --parameters zeros");
+    let points = json["budget"].as_array().expect("a list");
+    let of = |key: &str| {
+        points
+            .iter()
+            .map(|each| number(&each[key]))
+            .collect::<Vec<_>>()
+    };
+    let (sizes, rho0, bounds) = (of("experiments"), of("rho0_mm"), of("lower_bound_rho0_mm"));
+    assert_eq!(sizes, (6..=14).map(f64::from).collect::<Vec<_>>());
+    for falling in [&rho0, &bounds] {
+        assert!(
+            falling.windows(2).all(|pair| pair[1] <= pair[0]),
+            "{falling:?}"
+        );
+    }
+    assert!(
+        rho0.iter().zip(&bounds).all(|(rho0, bound)| rho0 >= bound),
+        "{rho0:?} {bounds:?}"
+    );
+}

@@ -376,3 +376,45 @@ fn rows_times_stations_have_a_limit() {
         other => panic!("{:?}", other.map(|planning| planning.offer.offered)),
     }
 }
+
+/// A virtual robot's station stands where it stands, whatever else is read: what is identified by one plan is validated by another.
+#[test]
+fn a_station_stands_where_it_stands_whatever_else_is_read() {
+    let place = Workplace::new();
+    let exact = absolute_scenario_text("ur10").replace("sigma_mm = 0.02", "sigma_mm = 1e-5");
+    let known = station("door", [-3500.0, -2500.0, 1200.0], "")
+        + &station("wall", [-1800.0, 2500.0, 800.0], "");
+    let row = |station: &str| format!("-10,-65,110,-160,120,-20,spindle,{station}\n");
+    let header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,target,station\n";
+    for (name, stations) in [("known", ["door", "wall"]), ("other", ["floor", "roof"])] {
+        let more = if name == "known" { &*known } else { "" };
+        place.write("s.toml", exact.clone() + more);
+        let read = |rows: &[&str]| -> Vec<String> {
+            let rows: String = rows.iter().map(|each| row(each)).collect();
+            place.write("plan.csv", header.to_owned() + &rows);
+            place
+                .run("measure s.toml --plan plan.csv --measurements-out m.csv --quiet")
+                .ends_with(0);
+            place.read("m.csv").lines().map(str::to_owned).collect()
+        };
+        let of = |lines: &[String], station: &str| -> Vec<f64> {
+            let line = lines
+                .iter()
+                .find(|line| line.contains(&format!(",{station},")));
+            let fields = line.expect("a row").split(',');
+            fields
+                .filter_map(|field| field.parse().ok())
+                .skip(6)
+                .take(3)
+                .collect()
+        };
+        let [one, other] = stations;
+        let (both, turned, alone) = (read(&[one, other]), read(&[other, one]), read(&[other]));
+        for lines in [&turned, &alone] {
+            for (there, here) in of(&both, other).iter().zip(of(lines, other)) {
+                assert!((there - here).abs() < 1e-3, "{name}: {there} {here}");
+            }
+        }
+        assert_ne!(of(&both, one), of(&both, other));
+    }
+}
