@@ -331,7 +331,7 @@ impl AbsolutePlanning<'_> {
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
         let found = self.design_by((SEARCHES, known), sizes, seed, watch)?;
         let bound = match found.bound {
-            None => self.bound(&found.plan)?,
+            None if self.ties_all() => self.bound(&found.plan)?,
             bound => bound,
         };
         Ok(AbsolutePlan { bound, ..found })

@@ -27,8 +27,6 @@ const AGREEING: f64 = 2e-3;
 pub struct CorrelatedChoice {
     /// The readings in rising order, each as often as it is taken.
     pub chosen: Vec<usize>,
-    /// The mean square error (m^2) of what is predicted.
-    pub cost: f64,
     /// How many searches there were, and how many ended within 0.1 %.
     pub searches: [usize; 2],
 }
@@ -69,11 +67,10 @@ pub fn best_choice(
     }
     let best = (found.iter()).min_by(|one, other| one.0.total_cmp(&other.0))?;
     let is_as_good = |each: &&(f64, Vec<usize>)| each.0 <= best.0 * (1.0 + AGREEING);
-    let (cost, mut chosen) = best.clone();
+    let mut chosen = best.1.clone();
     chosen.sort_unstable();
     Some(CorrelatedChoice {
         chosen,
-        cost,
         searches: [found.len(), found.iter().filter(is_as_good).count()],
     })
 }
