@@ -264,9 +264,10 @@ impl PlanCommand {
         let offer = offered(drawn, file, &planning.offer);
         let [searches, agreeing] = found.searches;
         let json = json!({ "searches": searches, "searches_agreeing": agreeing });
-        let after = format!(
-            "{offer}Of {searches} searches for the plan, {agreeing} ended within 0.1 % of it.\n"
-        );
+        let told =
+            format!("Of {searches} searches for the plan, {agreeing} ended within 0.1 % of it.\n");
+        // One that goes on from the last plan agrees with nothing but itself.
+        let after = if searches > 1 { offer + &told } else { offer };
         let beside = (found.bound.as_ref(), drawn);
         let planned = PlannedAccuracy::of_readings(task, groups, planning, found.plan, beside);
         let conditions = STOP.load(Ordering::Relaxed).then(search_stopped);
