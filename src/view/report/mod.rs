@@ -318,7 +318,7 @@ fn residuals(
         |both| format!("{both} as given, {sigma} rms over all that is read"),
     );
     let seen = format!(
-        "sigma: {given}; {} from the residuals. Residuals at least this large have probability {}.",
+        "sigma: {given}; {} from the residuals, p = {} (chi-square).",
         micrometres(identification.residual_sigma_mm),
         number(identification.consistency, 3)
     );
