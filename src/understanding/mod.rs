@@ -17,6 +17,9 @@ pub use plausibility::{collapse, implausible, impossible};
 pub use truth::UnderstoodTruth;
 pub use unknowns::{Unknowns, unknowns};
 
+/// So often a load in the tool's frame is turned with the tool: each time what is wrong is as much less as the angle is small.
+const TURNS: usize = 8;
+
 /// What a scenario was understood to say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Understanding {
@@ -188,8 +191,10 @@ fn bent(scenario: &Scenario, pose: &TestPose) -> Result<Bent, EquilibriumError> 
     };
     let (unloaded, unloaded_m, axes) = rest(&Load::NONE)?;
     // A load in the tool's frame turns with the tool that it turns.
-    let (_, _, axes) = rest(&pose.load_at(&axes))?;
-    let (loaded, loaded_m, _) = rest(&pose.load_at(&axes))?;
+    let (mut loaded, mut loaded_m, mut axes) = rest(&pose.load_at(&axes))?;
+    for _ in pose.load_axes.iter().cycle().take(TURNS) {
+        (loaded, loaded_m, axes) = rest(&pose.load_at(&axes))?;
+    }
     let commanded_m = arm.state(commanded).tool_position;
     Ok(Bent {
         own_weight_m: unloaded_m - commanded_m,
