@@ -262,6 +262,7 @@ impl Next {
             return Ok(Vec::new());
         };
         let count = plan.experiments.len();
+        let left = not_measured(plan, measured);
         let configuration = |&number: &usize| {
             let index = number.checked_sub(1).filter(|index| *index < count);
             let wrong = |problem: String| {
@@ -269,10 +270,14 @@ impl Next {
             };
             let allowed = || wrong(format!("found {number}; 1 to {count} are allowed"));
             let experiment = &plan.experiments[index.ok_or_else(allowed)?];
-            let alone = Plan {
-                experiments: vec![experiment.clone()],
+            let is_it = |left: &Experiment| {
+                let whole = Experiment {
+                    repeats: experiment.repeats,
+                    ..left.clone()
+                };
+                whole == *experiment
             };
-            if not_measured(&alone, measured).experiments.is_empty() {
+            if !left.experiments.iter().any(is_it) {
                 return Err(wrong(format!("found {number}, which is measured")));
             }
             Ok(experiment.configuration_rad.clone())

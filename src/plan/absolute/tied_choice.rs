@@ -5,17 +5,26 @@
 use std::iter::repeat_n;
 use std::sync::atomic::AtomicBool;
 
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rand::RngExt;
 
-use super::{AbsolutePlan, AbsolutePlanning};
+use super::{AbsolutePlan, AbsolutePlanning, setup_of};
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::ornstein_uhlenbeck::ProcessPoint;
-use crate::observation::planned_rows;
+use crate::numeric::random::generator;
+use crate::numeric::random::streams::drawn_candidates;
+use crate::observation::{ReadingKind, planned_rows};
 use crate::plan::search::{CandidatePlan, best_choice};
 use crate::quantities::limits::MOST_EXPERIMENTS;
+use crate::robot::Load;
 
 /// What stands for nothing known: this share of what a reading tells in the mean, and of typical sizes where none tells anything.
 const FAINT: f64 = 1e-4;
+/// The tool's place anywhere counts by this share of a variance beside the test poses: readings near these alone would leave frames, and
+/// what else is unknown, so far open that nobody identifies them. Predictions are to first order.
+const ANYWHERE: f64 = 1e-4;
+/// Anywhere is at so many sampled configurations.
+const SAMPLED: usize = 12;
 
 impl AbsolutePlanning<'_> {
     /// The best plan that is found of so many readings, of so many different candidates, by so many searches and from plans that are known,
@@ -81,6 +90,23 @@ impl AbsolutePlanning<'_> {
         })
     }
 
+    /// How the tool's place anywhere follows the unknowns (3 x p each), by its weight.
+    fn anywhere(&self, station: usize) -> impl Iterator<Item = DMatrix<f64>> {
+        let ranges = &self.task.region.joint_range_rad;
+        let mut random = generator(0, drawn_candidates(0));
+        (0..SAMPLED).map(move |_| {
+            let q = ranges
+                .iter()
+                .map(|[low, high]| low + (high - low) * random.random::<f64>());
+            let q = DVector::from_iterator(ranges.len(), q);
+            let setup = setup_of(&q, Load::NONE, [self.target, station]);
+            let mean = &self.set.prior().mean;
+            let wanted = [(&setup, ReadingKind::Position)];
+            let rows = planned_rows(&self.set, &self.case.arm, mean, &wanted).remove(0);
+            rows.rows(0, 3) * (ANYWHERE / SAMPLED as f64).sqrt()
+        })
+    }
+
     /// Candidates of which each has so large a share of its own errors; behind them the tool at the test poses, and what is measured.
     fn tied_list(&self, station: usize, places: &[usize], share: f64) -> Option<CorrelatedList> {
         let mean = &self.set.prior().mean;
@@ -127,6 +153,16 @@ impl AbsolutePlanning<'_> {
                 }
             }),
         );
+        let processes = self.functions.lengths.len();
+        readings.extend((self.anywhere(station)).map(|rows| CorrelatedReading {
+            by_unknowns: rows.transpose(),
+            by_processes: ProcessPoint {
+                columns: DMatrix::zeros(3, processes),
+                places: vec![0.0; processes],
+            },
+            shared: (none, DMatrix::zeros(3, 0)),
+            new: DMatrix::zeros(3, 3),
+        }));
         let known = measured.len();
         readings.extend(measured);
         let mean = told / places.len().max(1) as f64;
