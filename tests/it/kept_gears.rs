@@ -220,3 +220,16 @@ fn plans_are_no_worse_than_going_on_from_fewer() {
         );
     }
 }
+
+/// Plans near a test pose leave frames open but for what counts there: all robots are identified by them none the less.
+#[test]
+fn plans_near_a_test_pose_are_identified() {
+    let place = Workplace::new();
+    let text = absolute_scenario_text("spatial_3r").replace("experiments = 3", "experiments = 7");
+    let gears = gears("correlation_deg = 15", "").replace("std_mrad = 0.2", "std_mrad = 0.3");
+    place.write("s.toml", text + &gears);
+    place.json("plan s.toml --parameters zeros --draw 20 --plan-out p.csv");
+    let json = place.json("evaluate s.toml --parameters zeros --plan p.csv --trials 100");
+    assert_eq!(json["trials"]["failed"], 0, "{json}");
+    holds(&json["trials"]);
+}
