@@ -59,12 +59,12 @@ impl Validate {
         }
         let origin = StoredIdentification::origin(&self.identified)?;
         let scenario = (self.common).load_for(input, &self.identified, origin.as_ref())?;
-        let (key, is) = match scenario.task.belief.instrument.reads_along() {
-            ReadsAlong::Never => ("", ""),
-            ReadsAlong::Sometimes => ("instrument.gauge", "is there"),
-            ReadsAlong::Always => ("instrument.reads", "is \"displacement\""),
+        let gauge = match scenario.task.belief.instrument.reads_along() {
+            ReadsAlong::Never => None,
+            ReadsAlong::Sometimes => Some(("instrument.gauge", "is there")),
+            ReadsAlong::Always => Some(("instrument.reads", "is \"displacement\"")),
         };
-        if !key.is_empty() {
+        if let Some((key, is)) = gauge {
             let problem = format!(
                 "{is}, and predictions are compared with deflections of all three coordinates"
             );

@@ -39,18 +39,16 @@ impl ReadingsWanted<'_> {
             });
             match found {
                 Ok((chosen, mut found)) => {
-                    let with_chosen = match &*chosen {
-                        [] => None,
-                        _ => Some(self.with_rows(planning, &chosen)?),
-                    };
+                    let with_chosen =
+                        (!chosen.is_empty()).then(|| self.with_rows(planning, &chosen));
+                    let with_chosen = with_chosen.transpose()?;
                     let own = with_chosen.as_ref().unwrap_or(planning);
                     let rho0_m = own.prediction(&found.plan).rho0_m();
                     let read = own.readings(&found.plan).into_iter();
                     last = read.map(|(row, times)| (row.clone(), times)).collect();
-                    if !chosen.is_empty() {
-                        for (place, _) in &mut found.plan {
-                            *place += rows.len();
-                        }
+                    // Of a list there are no rows behind it.
+                    for (place, _) in &mut found.plan {
+                        *place += rows.len();
                     }
                     rows.extend(chosen);
                     plans.push(found);

@@ -107,7 +107,8 @@ impl AbsolutePlanning<'_> {
         })
     }
 
-    /// Candidates of which each has so large a share of its own errors; behind them the tool at the test poses, and what is measured.
+    /// Candidates of which each has so large a share of its own errors; behind them the tool at the test poses and anywhere, and what is
+    /// measured.
     fn tied_list(&self, station: usize, places: &[usize], share: f64) -> Option<CorrelatedList> {
         let mean = &self.set.prior().mean;
         let mut told = DMatrix::zeros(self.set.len(), self.set.len());
@@ -139,29 +140,22 @@ impl AbsolutePlanning<'_> {
         let measured = measured.map(|&(place, times)| reading(place, f64::from(times).recip()));
         let measured = measured.collect::<Option<Vec<CorrelatedReading>>>()?;
         let (size, none) = (self.set.len(), self.candidates.len());
-        readings.extend(
-            (self.poses.iter().zip(&self.functions.poses)).map(|(pose, point)| {
-                let root = pose.weight.sqrt();
-                CorrelatedReading {
-                    by_unknowns: pose.by_station[station].transpose() * root,
-                    by_processes: ProcessPoint {
-                        columns: &point.columns * root,
-                        places: point.places.clone(),
-                    },
-                    shared: (none, DMatrix::zeros(3, 0)),
-                    new: DMatrix::zeros(3, 3),
-                }
-            }),
-        );
-        let processes = self.functions.lengths.len();
-        readings.extend((self.anywhere(station)).map(|rows| CorrelatedReading {
-            by_unknowns: rows.transpose(),
-            by_processes: ProcessPoint {
-                columns: DMatrix::zeros(3, processes),
-                places: vec![0.0; processes],
-            },
+        let predicted = |by_unknowns, columns, places| CorrelatedReading {
+            by_unknowns,
+            by_processes: ProcessPoint { columns, places },
             shared: (none, DMatrix::zeros(3, 0)),
             new: DMatrix::zeros(3, 3),
+        };
+        let at_poses = self.poses.iter().zip(&self.functions.poses);
+        readings.extend(at_poses.map(|(pose, point)| {
+            let root = pose.weight.sqrt();
+            let by_unknowns = pose.by_station[station].transpose() * root;
+            predicted(by_unknowns, &point.columns * root, point.places.clone())
+        }));
+        let processes = self.functions.lengths.len();
+        readings.extend(self.anywhere(station).map(|rows| {
+            let columns = DMatrix::zeros(3, processes);
+            predicted(rows.transpose(), columns, vec![0.0; processes])
         }));
         let known = measured.len();
         readings.extend(measured);
