@@ -136,7 +136,8 @@ impl<'a> ObservationModel<'a> {
 
     /// Predicts a reading and writes its derivatives (6 x p, each column in m and rad per the
     /// parameter's unit; a reading of three rows leaves the last three to be ignored). Rotation rows
-    /// are those of the rotation vector for a deflection, and the angular velocity for a pose.
+    /// are those of the rotation vector for a deflection, and the angular velocity for a pose. At rest, derivatives without a column
+    /// stay without.
     ///
     /// # Errors
     /// The arm has no equilibrium there.
@@ -154,11 +155,15 @@ impl<'a> ObservationModel<'a> {
             Form::AtRest => self.command(setup),
         };
         let mut prediction = if kind.is_deflection() {
-            let mut room = std::mem::replace(&mut self.unloaded, Matrix6xX::zeros(0));
             self.stand_off_springs(setup, false);
-            let unloaded = self.at_rest(false, &Load::NONE, setup, &mut room);
-            self.unloaded = room;
-            let unloaded = unloaded?;
+            let unloaded = if derivatives.ncols() == 0 {
+                self.at_rest(false, &Load::NONE, setup, derivatives)?
+            } else {
+                let mut room = std::mem::replace(&mut self.unloaded, Matrix6xX::zeros(0));
+                let unloaded = self.at_rest(false, &Load::NONE, setup, &mut room);
+                self.unloaded = room;
+                unloaded?
+            };
             self.stand_off_springs(setup, true);
             let loaded = self.at_rest(true, &load, setup, derivatives)?;
             self.deflection(&unloaded, &loaded, kind, derivatives)
@@ -400,6 +405,14 @@ impl<'a> ObservationModel<'a> {
             self.state_is_of.0 = usize::MAX;
             &self.state
         });
+        let rests = read.unwrap_or_else(|| self.solver.state());
+        let prediction = Prediction {
+            position_m: rests.tool_position,
+            rotation: rests.tool_rotation,
+        };
+        if derivatives.ncols() == 0 {
+            return Ok(prediction);
+        }
         (self.solver).response(compliance, read, &mut self.sweep.response);
         let pose = SweepPose {
             set: &self.set,
@@ -419,10 +432,7 @@ impl<'a> ObservationModel<'a> {
             made_up: None,
         };
         self.sweep.derivatives(&pose, derivatives);
-        Ok(Prediction {
-            position_m: pose.state.tool_position,
-            rotation: pose.state.tool_rotation,
-        })
+        Ok(prediction)
     }
 
     /// Loaded minus unloaded; `derivatives` are those of the loaded pose before, of the deflection
@@ -435,7 +445,7 @@ impl<'a> ObservationModel<'a> {
         derivatives: &mut Matrix6xX<f64>,
     ) -> Prediction {
         let rotation = loaded.rotation * unloaded.rotation.transpose();
-        if kind.rows() == 3 {
+        if derivatives.ncols() > 0 && kind.rows() == 3 {
             *derivatives -= &self.unloaded;
         } else {
             let inverse = inverse_left_jacobian(&crate::robot::rotation_vector(&rotation));
@@ -483,7 +493,8 @@ impl<'a> ObservationModel<'a> {
             }
         }
         let (displacement, rotation) = self.sweep.base_axes(station);
-        for (index, parameter) in self.set.parameters().iter().enumerate() {
+        let parameters = self.set.parameters().iter().enumerate();
+        for (index, parameter) in parameters.take(derivatives.ncols()) {
             let (moved, turned) = match parameter.kind {
                 ParameterKind::BasePosition { station: at, axis }
                     if at == station && !kind.is_deflection() =>

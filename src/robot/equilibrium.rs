@@ -57,6 +57,14 @@ pub enum EquilibriumError {
         /// The number of iterations.
         iterations: usize,
     },
+    /// A load in the tool's frame turns with the tool on and on.
+    #[error(
+        "no static equilibrium: a load in the tool's frame still turns by {turned_rad:.3e} rad with the tool that it turns"
+    )]
+    LoadTurns {
+        /// The last turn (rad).
+        turned_rad: f64,
+    },
     /// MuJoCo cannot calculate the forces.
     #[error("no static equilibrium: {0}")]
     NoForces(String),

@@ -23,7 +23,7 @@ use crate::parameter::{
     ElasticArm, ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty,
 };
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RepeatedReading};
-use crate::robot::SerialChain;
+use crate::robot::{Load, SerialChain};
 use crate::task::Task;
 use crate::testbed::{TrueRobots, Truth};
 
@@ -285,23 +285,20 @@ impl<'a> ReadingRuns<'a> {
                     let commanded_rad = pose.configuration_rad[each.joint];
                     setup.commanded_rad[each.joint] += each.at(commanded_rad);
                 }
-                let mut rest = |setup: &Setup| {
+                let base = arm.instrument_from_base[station].rotation.inverse();
+                let rest = |load: &Load| {
+                    setup.load = *load;
                     let kind = ReadingKind::Position;
-                    let found = model.predict(Form::AtRest, setup, kind, &mut ignored);
-                    found.map_err(no_rest)
+                    let said = model.predict(Form::AtRest, &setup, kind, &mut ignored)?;
+                    let axes = base.to_rotation_matrix() * said.rotation;
+                    Ok((said.position_m, axes))
                 };
-                let mut said = rest(&setup)?;
-                if pose.load_axes.is_some() {
-                    let base = arm.instrument_from_base[station].rotation;
-                    let axes = base.inverse().to_rotation_matrix() * said.rotation;
-                    setup.load = pose.load_at(&axes);
-                    said = rest(&setup)?;
-                }
+                let said_m = pose.at_rest(&pose.load, rest).map_err(no_rest)?;
                 let is_at = robots
                     .machining_tool_at_work(&pose.configuration_rad, pose)
                     .map_err(no_rest)?;
                 let frame = &frames[frame];
-                let off = (frame * Point3::from(is_at)).coords - said.position_m;
+                let off = (frame * Point3::from(is_at)).coords - said_m;
                 Ok(pose.counted(&(frame.rotation.inverse() * off)))
             })
             .collect()

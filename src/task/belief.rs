@@ -246,6 +246,17 @@ impl Belief {
         }
     }
 
+    /// The standard deviations of the unknowns before any measurement, in their units; `None` where nothing is known of one.
+    pub fn prior_deviations(&self) -> Vec<Option<f64>> {
+        let Some(prior) = self.known() else {
+            return vec![None; self.unknowns()];
+        };
+        let spread = prior.spread(&self.sizes());
+        let is_known = |place: usize| prior.precision[(place, place)] > 0.0;
+        let deviation = |place: usize| is_known(place).then(|| spread.row(place).norm());
+        (0..self.unknowns()).map(deviation).collect()
+    }
+
     /// The precision of what is known of the unknowns before any measurement (p x p), in their units.
     pub fn precision(&self) -> DMatrix<f64> {
         let nothing = || DMatrix::zeros(self.unknowns(), self.unknowns());

@@ -17,9 +17,10 @@ use crate::task::{Belief, Instrument, TestPose};
 
 /// No study has more than two to the power of so many runs.
 const RUNS_BITS: u32 = 40;
-/// How often what depends on where the loaded tool rests is found anew: it moves by millimetres and turns by milliradians, and each
-/// time leaves a thousandth of what is left.
-const TURNS: usize = 3;
+/// A load that hangs on another target is found anew until that moves by no more (m), at most so often: each time what is wrong is
+/// as much less as the angle is small by which the load bends.
+const STANDS_M: f64 = 1e-10;
+const MOST_TURNS: usize = 50;
 /// The place of the body that carries the calibration tool, at which loads act,
 const MEASURING: usize = 0;
 /// and of that which carries the machining tool, also where they are one.
@@ -319,10 +320,14 @@ impl TrueRobots {
         let body = &mut self.bodies[place].1;
         let mut rest = body.rest(commanded, &transferred)?;
         if place > 0 && load != Load::NONE {
-            for _ in 0..TURNS {
-                let lever = carried_m - rest.0;
-                transferred.torque_nm = load.torque_nm + lever.cross(&load.force_n);
+            for _ in 0..MOST_TURNS {
+                let before_m = rest.0;
+                transferred.torque_nm =
+                    load.torque_nm + (carried_m - before_m).cross(&load.force_n);
                 rest = body.rest(commanded, &transferred)?;
+                if (rest.0 - before_m).norm() <= STANDS_M {
+                    break;
+                }
             }
         }
         let (at_m, axes, _) = rest;
@@ -345,13 +350,8 @@ impl TrueRobots {
         commanded_rad: &DVector<f64>,
         pose: &TestPose,
     ) -> Result<Vector3<f64>, EquilibriumError> {
-        let said = self.laboratory.acting_at_test_pose(&pose.load);
-        let mut load = said;
-        for nominal in pose.load_axes.iter().cycle().take(TURNS) {
-            let (_, axes) = self.machining_rest(commanded_rad, &load)?;
-            load = said.turned(&(axes * nominal.transpose()));
-        }
-        self.machining_tool(commanded_rad, &load)
+        let load = self.laboratory.acting_at_test_pose(&pose.load);
+        pose.at_rest(&load, |load| self.machining_rest(commanded_rad, load))
     }
 
     /// Where the machining tool rests (m) if a controller commands these angles (rad).

@@ -17,9 +17,6 @@ pub use plausibility::{collapse, implausible, impossible};
 pub use truth::UnderstoodTruth;
 pub use unknowns::{Unknowns, unknowns};
 
-/// So often a load in the tool's frame is turned with the tool: each time what is wrong is as much less as the angle is small.
-const TURNS: usize = 8;
-
 /// What a scenario was understood to say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Understanding {
@@ -184,17 +181,12 @@ fn bent(scenario: &Scenario, pose: &TestPose) -> Result<Bent, EquilibriumError> 
         solver.solve(&mut arm, &robot.compliance_rad_per_nm, commanded, load)?;
         let state = solver.state();
         Ok((
-            solver.q().to_vec(),
-            state.tool_position,
+            (solver.q().to_vec(), state.tool_position),
             state.tool_rotation,
         ))
     };
-    let (unloaded, unloaded_m, axes) = rest(&Load::NONE)?;
-    // A load in the tool's frame turns with the tool that it turns.
-    let (mut loaded, mut loaded_m, mut axes) = rest(&pose.load_at(&axes))?;
-    for _ in pose.load_axes.iter().cycle().take(TURNS) {
-        (loaded, loaded_m, axes) = rest(&pose.load_at(&axes))?;
-    }
+    let ((unloaded, unloaded_m), _) = rest(&Load::NONE)?;
+    let (loaded, loaded_m) = pose.at_rest(&pose.load, rest)?;
     let commanded_m = arm.state(commanded).tool_position;
     Ok(Bent {
         own_weight_m: unloaded_m - commanded_m,

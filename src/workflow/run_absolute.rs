@@ -16,6 +16,7 @@ use crate::files::FileError;
 use crate::identification::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, ParameterGroup, ReadingWeights,
 };
+use crate::measurement::AbsoluteReading;
 use crate::numeric::posterior::NotDetermined;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::plan::absolute::{
@@ -23,7 +24,9 @@ use crate::plan::absolute::{
 };
 use crate::plan::search::Watch;
 use crate::record::absolute::AbsoluteMessage;
-use crate::record::absolute_plan::{AbsolutePlanMessage, ReadingsRunMessage, planned_readings};
+use crate::record::absolute_plan::{
+    AbsolutePlanMessage, PlannedReadingMessage, ReadingsRunMessage, planned_readings,
+};
 use crate::record::json::{merge, results};
 use crate::record::messages::{ProvenanceMessage, TestPoseMessage, TruthMessage};
 use crate::robot::EquilibriumError;
@@ -120,20 +123,16 @@ pub fn run_absolute<'a>(
     // Compare.
     stage(&RunStage::Comparing);
     let random_rho0_m = planning.median_random_rho0_m(sizes[0], RANDOM_PLANS, seed);
-    let (commands, joints) = (belief.commands(), belief.parameters.iter().copied());
-    let record = |pose| TestPoseMessage::new(&commands, pose);
-    let record = ReadingsRunMessage {
-        name: "optimal".to_owned(),
-        plan: planned_readings(task, &planning, &found.plan),
-        truth: TruthMessage::new(joints, &robots.sampled(RUN)),
-        true_values: true_values(scenario, &robots, fit),
-        identification: AbsoluteMessage::new(case, fit),
-        test_poses: poses.iter().map(record).collect(),
-        readings,
-    };
+    let plan = planned_readings(task, &planning, &found.plan);
     let run = AbsoluteRun {
         searches: found.searches,
-        record,
+        record: record(
+            scenario,
+            (&robots, RUN),
+            ("optimal", plan),
+            (case, fit, &poses),
+            readings,
+        ),
         carried_out,
         identified,
         poses,
@@ -192,22 +191,42 @@ pub fn replay_readings(
     let runs = ReadingRuns::new(setting, studied)?;
     let mut robots = runs.robots()?;
     let shown = runs.shown(&mut robots, [seed, number])?;
-    let (run, commands) = (&shown.run, belief.commands());
+    let run = shown.run;
     let case = AbsoluteCase::new(belief, &run.readings)?;
     let seen_m = [&*shown.before_m, &run.residuals_m];
     let poses = compensated(task, (&case, &run.fit), &runs.prediction, seen_m)?;
-    let pose = |pose| TestPoseMessage::new(&commands, pose);
-    let joints = belief.parameters.iter().copied();
-    let record = ReadingsRunMessage {
-        name: name.to_owned(),
-        plan: planned_readings(task, &studied.planning, &studied.plan),
-        truth: TruthMessage::new(joints, &robots.sampled(number)),
-        true_values: true_values(scenario, &robots, &run.fit),
-        identification: AbsoluteMessage::new(&case, &run.fit),
-        test_poses: poses.iter().map(pose).collect(),
-        readings: shown.run.readings,
-    };
+    let plan = planned_readings(task, &studied.planning, &studied.plan);
+    let found = (&case, &run.fit, poses.as_slice());
+    let record = record(
+        scenario,
+        (&robots, number),
+        (name, plan),
+        found,
+        run.readings.clone(),
+    );
     Ok((record, shown.carried_out))
+}
+
+/// What is kept of a run: the plan, what its robot truly was, what it was found to be, and what that achieves.
+fn record(
+    scenario: &Scenario,
+    (robots, number): (&TrueRobots, u64),
+    (name, plan): (&str, Vec<PlannedReadingMessage>),
+    (case, fit, poses): (&AbsoluteCase<'_>, &AbsoluteFit, &[CompensatedPose]),
+    readings: Vec<AbsoluteReading>,
+) -> ReadingsRunMessage {
+    let belief = &scenario.task.belief;
+    let (commands, joints) = (belief.commands(), belief.parameters.iter().copied());
+    let pose = |pose| TestPoseMessage::new(&commands, pose);
+    ReadingsRunMessage {
+        name: name.to_owned(),
+        plan,
+        truth: TruthMessage::new(joints, &robots.sampled(number)),
+        true_values: true_values(scenario, robots, fit),
+        identification: AbsoluteMessage::new(case, fit),
+        test_poses: poses.iter().map(pose).collect(),
+        readings,
+    }
 }
 
 /// The true quantities of what was identified, in this run.

@@ -165,6 +165,25 @@ fn uncertain(identification: &Identification) -> String {
     text
 }
 
+/// The compliances of which the measurements tell next to nothing beside what was known before.
+fn known_before(identification: &Identification, belief: &Belief) -> String {
+    let parameters = identification.parameters.iter();
+    let only_before: Vec<&str> = (parameters.zip(belief.prior_deviations()))
+        .filter(|(parameter, before)| match (parameter.estimate, before) {
+            (Some(estimate), Some(before)) => estimate.standard_error > TOLD * before,
+            _ => false,
+        })
+        .map(|(parameter, _)| parameter.name.as_str())
+        .collect();
+    if only_before.is_empty() {
+        return String::new();
+    }
+    let names = only_before.join(", ");
+    format!(
+        "  the measurements say next to nothing of the compliance of {names}: as known before\n"
+    )
+}
+
 /// An identification for a person.
 pub fn describe(identification: &Identification, belief: &Belief) -> String {
     let micro = |value: f64| number(Some(value * 1e6), 4);
@@ -194,6 +213,7 @@ pub fn describe(identification: &Identification, belief: &Belief) -> String {
         belief.compliance_unit("1e-6")
     );
     let mut text = table(&header, rows);
+    text += &known_before(identification, belief);
     text += &uncertain(identification);
     text += &format!(
         "  sigma {:.4} mm, from residuals {} mm; condition number {:.2}\n",

@@ -135,71 +135,43 @@ impl ReadingsWanted<'_> {
             let found = planning.design_from(&known, sizes, seed, watch)?;
             return Ok((Vec::new(), found));
         }
-        let (task, is_tied) = (planning.task, planning.ties_all());
-        let of_rows =
-            |rows: &[Candidate]| AbsolutePlanning::of_rows(task, self.groups, self.measured, rows);
-        let again = if is_tied { TIED_ROUNDS } else { 1 };
-        let rounds = again * STEPS.len() + 1;
-        let search = |own: &AbsolutePlanning<'t>, best: &[(Candidate, u32)], round: usize| {
-            let known = own.plan_of(best).filter(|_| is_tied);
-            let searches = if known.is_some() { 0 } else { SEARCHES };
-            let found = watch.part(round, rounds, |here| {
-                own.design_by((searches, known.as_slice()), sizes, seed, here)
-            })?;
-            let chosen = own.readings(&found.plan).into_iter();
-            let chosen = chosen.map(|(row, times)| (row.clone(), times));
-            let rho0_m = own.prediction(&found.plan).rho0_m();
-            Ok::<_, AbsolutePlanError>((found, chosen.collect::<Vec<_>>(), rho0_m))
+        let of_rows = |rows: &[Candidate]| {
+            AbsolutePlanning::of_rows(planning.task, self.groups, self.measured, rows)
         };
-        let offered = &planning.candidates[..planning.places().len()];
-        let first = if is_tied {
-            let rows = [offered, &near_test_poses(task, offered, seed)].concat();
-            search(&of_rows(&merged(&rows))?, &[], 0)
+        let rounds = Rounds {
+            sizes,
+            seed,
+            again: if planning.ties_all() { TIED_ROUNDS } else { 1 },
+            watch,
+        };
+        let first = if planning.ties_all() {
+            let offered = planning.offered();
+            let rows = [offered, &near_test_poses(planning.task, offered, seed)].concat();
+            rounds.search(&of_rows(&merged(&rows))?, None, 0)
         } else {
-            search(planning, &[], 0)
+            rounds.search(planning, None, 0)
         };
         let rows: Vec<Candidate> = known.iter().map(|(row, _)| row.clone()).collect();
         let known = of_rows(&rows).ok().and_then(|own| {
-            let plan = own.plan_of(known)?;
-            let rho0_m = own.prediction(&plan).rho0_m()?;
             let found = AbsolutePlan {
-                plan,
+                plan: own.plan_of(known)?,
                 bound: None,
                 searches: [0; 2],
             };
-            Some((found, known.to_vec(), Some(rho0_m)))
+            Some(PlanOfRows::new(&own, found)).filter(|known| known.rho0_m.is_finite())
         });
-        let (mut found, mut best, mut least) = match (first, known) {
-            (Ok(first), Some(known)) if first.2.is_some_and(|first| Some(first) <= known.2) => {
-                first
-            }
+        let best = match (first, known) {
+            (Ok(first), Some(known)) if first.rho0_m <= known.rho0_m => first,
             (_, Some(known)) => known,
             (first, None) => first?,
         };
-        let steps = STEPS.iter().flat_map(|step| repeat_n(*step, again));
-        for (round, step) in (1..).zip(steps) {
-            if watch.stop.load(Ordering::Relaxed) {
-                break;
-            }
-            let numbers = [seed, round as u64];
-            let rows: Vec<Candidate> = best.iter().map(|(row, _)| row.clone()).collect();
-            let mut rows = near(task, &rows, step, numbers);
-            if is_tied {
-                rows.extend(mixed(task, &best, offered, numbers));
-                rows = merged(&rows);
-            }
-            let searched = of_rows(&rows).and_then(|local| search(&local, &best, round));
-            let Ok((searched, chosen, rho0_m)) = searched else {
-                continue;
-            };
-            if rho0_m.is_some_and(|rho0_m| least.is_none_or(|least| rho0_m < least)) {
-                (found, best, least) = (searched, chosen, rho0_m);
-            }
-        }
+        let PlanOfRows {
+            rows, mut found, ..
+        } = rounds.bettered(best, planning, of_rows);
         for (index, (place, _)) in found.plan.iter_mut().enumerate() {
-            *place = offered.len() + index;
+            *place = planning.offered().len() + index;
         }
-        Ok((best.into_iter().map(|(row, _)| row).collect(), found))
+        Ok((rows.into_iter().map(|(row, _)| row).collect(), found))
     }
 
     /// What may be read, with rows behind that are not of the offer.
@@ -208,7 +180,7 @@ impl ReadingsWanted<'_> {
         planning: &AbsolutePlanning<'t>,
         rows: &[Candidate],
     ) -> Result<AbsolutePlanning<'t>, AbsolutePlanError> {
-        let rows = [&planning.candidates[..planning.places().len()], rows].concat();
+        let rows = [planning.offered(), rows].concat();
         let all = AbsolutePlanning::of_rows(planning.task, self.groups, self.measured, &rows)?;
         Ok(AbsolutePlanning {
             offer: planning.offer.clone(),
@@ -217,7 +189,89 @@ impl ReadingsWanted<'_> {
     }
 }
 
+/// A plan, and what it predicts.
+struct PlanOfRows {
+    found: AbsolutePlan,
+    /// What it reads, and how often each.
+    rows: Vec<(Candidate, u32)>,
+    /// Infinite where it does not determine the tool's place.
+    rho0_m: f64,
+}
+
+impl PlanOfRows {
+    fn new(planning: &AbsolutePlanning<'_>, found: AbsolutePlan) -> Self {
+        let rows = planning.readings(&found.plan).into_iter();
+        Self {
+            rows: rows.map(|(row, times)| (row.clone(), times)).collect(),
+            rho0_m: (planning.prediction(&found.plan).rho0_m()).unwrap_or(f64::INFINITY),
+            found,
+        }
+    }
+}
+
+/// Searches of which each goes on from the last.
+struct Rounds<'a> {
+    sizes: [u32; 2],
+    seed: u64,
+    /// How often each step is tried.
+    again: usize,
+    watch: Watch<'a>,
+}
+
+impl Rounds<'_> {
+    /// The best plan of what may be read; where functions tie readings, gone on from a plan that is known.
+    fn search(
+        &self,
+        own: &AbsolutePlanning<'_>,
+        known: Option<&PlanOfRows>,
+        round: usize,
+    ) -> Result<PlanOfRows, AbsolutePlanError> {
+        let known = known.filter(|_| own.ties_all());
+        let known = known.and_then(|known| own.plan_of(&known.rows));
+        let searches = if known.is_some() { 0 } else { SEARCHES };
+        let rounds = self.again * STEPS.len() + 1;
+        let found = self.watch.part(round, rounds, |here| {
+            own.design_by((searches, known.as_slice()), self.sizes, self.seed, here)
+        })?;
+        Ok(PlanOfRows::new(own, found))
+    }
+
+    /// The best plan, when others near what it reads may be read, too, in steps that get smaller.
+    fn bettered<'t>(
+        &self,
+        mut best: PlanOfRows,
+        planning: &AbsolutePlanning<'t>,
+        of_rows: impl Fn(&[Candidate]) -> Result<AbsolutePlanning<'t>, AbsolutePlanError>,
+    ) -> PlanOfRows {
+        let task = planning.task;
+        let steps = STEPS.iter().flat_map(|step| repeat_n(*step, self.again));
+        for (round, step) in (1..).zip(steps) {
+            if self.watch.stop.load(Ordering::Relaxed) {
+                break;
+            }
+            let numbers = [self.seed, round as u64];
+            let chosen: Vec<Candidate> = best.rows.iter().map(|(row, _)| row.clone()).collect();
+            let mut rows = near(task, &chosen, step, numbers);
+            if planning.ties_all() {
+                rows.extend(mixed(task, &best.rows, planning.offered(), numbers));
+                rows = merged(&rows);
+            }
+            let searched = of_rows(&rows).and_then(|local| self.search(&local, Some(&best), round));
+            best = match searched {
+                Ok(searched) if searched.rho0_m < best.rho0_m => searched,
+                _ => best,
+            };
+        }
+        best
+    }
+}
+
 impl AbsolutePlanning<'_> {
+    /// What may be chosen: candidates that are not measured.
+    fn offered(&self) -> &[Candidate] {
+        &self.candidates[..self.candidates.len() - self.measured.len()]
+    }
+
     /// A plan of rows, each so often, if there are some and all are candidates.
     fn plan_of(&self, rows: &[(Candidate, u32)]) -> Option<CandidatePlan> {
         let place = |(row, times): &(Candidate, u32)| {
