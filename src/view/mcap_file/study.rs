@@ -2,12 +2,12 @@
 //! say. Snapshot k is at minute k, and the final record comes with the last one.
 
 use std::path::Path;
+use std::time::Duration;
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::foxglove::Time;
-use super::{Topic, write_file};
+use super::{Topic, minutes, write_file};
 use crate::files::FileError;
 use crate::record::study::StudyPlanMessage;
 use crate::study::Level;
@@ -65,9 +65,9 @@ pub fn write_study_mcap(
 ) -> Result<(), FileError> {
     write_file(path, &study.header.provenance, |mut channels| {
         channels.write_recording(&study.arms)?;
-        let mut now = Time::default();
+        let mut now = Duration::ZERO;
         for snapshot in snapshots {
-            now = now.later(1.0);
+            now += minutes(1.0);
             channels.write(&PROGRESS, now, &progress_record(snapshot))?;
         }
         if let Some(last) = snapshots.last() {

@@ -47,8 +47,6 @@ pub struct Line<'a> {
     pub runs: &'a StudyPlanMessage,
     /// What it is compared as.
     pub role: Role,
-    /// A mean that was published (mm).
-    pub printed_mean_mm: Option<f64>,
 }
 
 impl<'a> Line<'a> {
@@ -58,13 +56,11 @@ impl<'a> Line<'a> {
             name: runs.name.clone(),
             runs,
             role,
-            printed_mean_mm: None,
         }
     }
 }
 
-/// The figure: a row for each plan with the distribution of its distances, its mean and, where
-/// there is one, the published mean.
+/// The figure: a row for each plan with the distribution of its distances and its mean.
 pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, PlotError> {
     let lines: Vec<&Line<'_>> = (lines.iter()).filter(|line| line.runs.runs > 0).collect();
     if lines.is_empty() {
@@ -209,13 +205,6 @@ fn draw_line(
         let mark = [(mean, foot), (mean, foot + FILL)];
         chart.draw_series([PathElement::new(mark, INK.stroke_width(4))])?;
     }
-    if let Some(mean) = line.printed_mean_mm.map(logarithm).filter(inside) {
-        let corners = vec![(-12, 0), (0, -12), (12, 0), (0, 12), (-12, 0)];
-        let diamond = EmptyElement::at((mean, foot + 0.5 * FILL))
-            + Polygon::new(corners.clone(), WHITE.filled())
-            + PathElement::new(corners, INK.stroke_width(3));
-        chart.draw_series([diamond])?;
-    }
     Ok(())
 }
 
@@ -223,8 +212,7 @@ fn draw_line(
 pub fn distances_table(lines: &[Line<'_>]) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
     let interval = |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to {:.3}", low * 1e3, high * 1e3);
-    let has_printed = lines.iter().any(|line| line.printed_mean_mm.is_some());
-    let mut header = vec![
+    let header = [
         "plan",
         "mean [\u{b5}m]",
         "95 % interval [\u{b5}m]",
@@ -235,13 +223,10 @@ pub fn distances_table(lines: &[Line<'_>]) -> String {
         "95 % interval",
         "failed runs",
     ];
-    if has_printed {
-        header.push("mean as printed [\u{b5}m]");
-    }
     let rows = (lines.iter()).map(|line| {
         let runs = line.runs;
         let ratio = runs.mean_ratio_to_random.map(f64::recip);
-        let mut row = vec![
+        vec![
             line.name.clone(),
             micro(runs.mean_mm),
             runs.mean_ci95_mm.map_or_else(String::new, interval),
@@ -251,11 +236,7 @@ pub fn distances_table(lines: &[Line<'_>]) -> String {
             number(ratio, 2),
             (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
             runs.failed.to_string(),
-        ];
-        if has_printed {
-            row.push(number(line.printed_mean_mm.map(|value| value * 1e3), 2));
-        }
-        row
+        ]
     });
     table_of(&header, rows)
 }

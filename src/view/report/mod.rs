@@ -3,7 +3,6 @@
 //! - [`run_page`]: a designed plan, its calibration, and what it is shown beside.
 //! - [`absolute_page`]: a plan of absolute readings, and a run of it.
 //! - [`study_page`]: a Monte Carlo study.
-//! - [`reproduction_page`]: the paper's numbers beside this program's.
 //!
 //! The numbers are those of the JSON records.
 
@@ -12,7 +11,6 @@ mod absolute_run;
 mod distances;
 mod figures;
 mod overview;
-mod reproduction;
 mod sources;
 mod study;
 mod test_poses;
@@ -34,7 +32,6 @@ use figures::{
 use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
-pub use reproduction::reproduction_page;
 pub use study::{StudyPageRecord, study_page};
 
 /// What the report of a run is made of.
