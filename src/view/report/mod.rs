@@ -16,7 +16,10 @@ mod study;
 mod test_poses;
 
 use super::charts::{self, PlotError};
-use super::markup::{card, escaped, figure, micro_sign, page, paragraph, section, table, table_of};
+use super::markup::{
+    card, cell, escaped, figure, micro_sign, page, paragraph, section, table, table_of,
+    table_of_cells,
+};
 use crate::codes::Condition;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
@@ -26,8 +29,7 @@ use crate::text::wording::{dash, micrometres, number, percent};
 use crate::workflow::run::{RunOutcome, TriedPlan};
 use distances::{Line, Role, distances_figure, distances_table};
 use figures::{
-    RelativeEstimate, accuracy_figure, compliances_figure, criteria_figure, criteria_names,
-    residuals_figure,
+    RelativeEstimate, accuracy_figure, compliances_figure, criteria_names, residuals_figure,
 };
 use test_poses::test_poses;
 
@@ -89,12 +91,11 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
         &evidence.lower_bounds_rho0_mm,
         assessment.experiments,
     )?;
-    let criteria = criteria_figure(&evidence.criteria_compared)?;
     body += &pair(&[
         section(
             "criteria",
             "The criteria compared",
-            &(figure(&criteria, &criteria_caption(&evidence.criteria_compared)) + CRITERIA_LEGEND),
+            &criteria(&evidence.criteria_compared),
         ),
         section(
             "accuracy",
@@ -150,6 +151,29 @@ fn accuracy_caption(experiments: u32) -> String {
         "The bound holds for every plan of as many measurements. Crosses: this plan of {experiments}, measured again as \
          a whole; what its repeats share they do not average. The searches for other numbers were short; the command budget looks closer."
     )
+}
+
+/// The accuracy of the best plan for each criterion.
+fn criteria(plans: &[CriterionPlanMessage]) -> String {
+    let best = plans.first().and_then(|plan| plan.rho0_mm);
+    let largest = plans.iter().filter_map(|plan| plan.rho0_mm);
+    let largest = largest.fold(f64::MIN_POSITIVE, f64::max);
+    let row = |plan: &CriterionPlanMessage| {
+        let rho0_mm = plan.rho0_mm;
+        let shown = match rho0_mm {
+            None if plan.problem.is_some() => "no plan".to_owned(),
+            rho0_mm => micrometres(rho0_mm),
+        };
+        let share = 100.0 * rho0_mm.unwrap_or(0.0) / largest;
+        let more = rho0_mm.zip(best).map(|(rho0, best)| rho0 / best - 1.0);
+        let more = more.filter(|more| *more > 0.001);
+        let more = more.map_or_else(String::new, |more| format!("+{}", percent(Some(more), 0)));
+        cell(&criteria_names(plan)) + &sources::bar(share, false, &shown) + &cell(&more)
+    };
+    let header = ["criterion", "\u{3c1}\u{2080} at the test pose", "more"];
+    table_of_cells(&header, plans.iter().map(row))
+        + &paragraph(&criteria_caption(plans))
+        + CRITERIA_LEGEND
 }
 
 /// Which criterion's plan does best at the test poses, and by how much.

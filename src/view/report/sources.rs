@@ -23,7 +23,7 @@ fn with_bars(header: &[&str], mut rows: Vec<SourceRow>) -> String {
 }
 
 /// A cell with a bar over so many percent of it behind its text.
-fn bar(percent: f64, is_hidden: bool, text: &str) -> String {
+pub(super) fn bar(percent: f64, is_hidden: bool, text: &str) -> String {
     let class = if is_hidden { "bar hidden" } else { "bar" };
     format!("<td class=\"{class}\" style=\"--share: {percent:.2}%\">{text}</td>")
 }
