@@ -4,9 +4,9 @@ use plotters::style::RGBColor;
 
 use crate::numeric::tolerance::ends;
 use crate::record::study::StudyPlanMessage;
-use crate::text::wording::{inverse_interval, micrometres, number};
+use crate::text::wording::micrometres;
 use crate::view::charts::{COLOURS, Chart, ChartAxis, INK, Mark, PlotError, Rows, Series, WHOLE};
-use crate::view::markup::{figure, table_of};
+use crate::view::{markup::figure, tables};
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;
@@ -40,8 +40,6 @@ impl Role {
 
 /// A plan's runs, with what they are drawn and listed as.
 pub struct Line<'a> {
-    /// What the plan is called here.
-    pub name: String,
     /// Its runs.
     pub runs: &'a StudyPlanMessage,
     /// What it is compared as.
@@ -49,13 +47,9 @@ pub struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// A plan under its own name.
-    pub fn new(runs: &'a StudyPlanMessage, role: Role) -> Self {
-        Self {
-            name: runs.name.clone(),
-            runs,
-            role,
-        }
+    /// A plan's.
+    pub const fn new(runs: &'a StudyPlanMessage, role: Role) -> Self {
+        Self { runs, role }
     }
 }
 
@@ -72,7 +66,7 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
     }
     let note = |line: &&Line<'_>| format!("mean {}", micrometres(line.runs.mean_mm));
     let rows = Rows {
-        names: lines.iter().map(|line| line.name.clone()).collect(),
+        names: lines.iter().map(|line| line.runs.name.clone()).collect(),
         notes: lines.iter().map(note).collect(),
         width: WHOLE,
         axis: ChartAxis::logarithmic(range(&lines)),
@@ -105,7 +99,10 @@ pub fn means_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
         format!("{mean} ({low} to {high})")
     };
     let rows = Rows {
-        names: means.iter().map(|(line, _)| line.name.clone()).collect(),
+        names: means
+            .iter()
+            .map(|(line, _)| line.runs.name.clone())
+            .collect(),
         notes: means.iter().map(note).collect(),
         width: WHOLE,
         axis: ChartAxis::logarithmic(low - MARGIN..high + MARGIN),
@@ -142,7 +139,7 @@ pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
             Mark::Dashed
         };
         let points = below(line.runs).filter(|(x, _)| inside.contains(x));
-        Series::new(&line.name, colour, mark, points.collect())
+        Series::new(&line.runs.name, colour, mark, points.collect())
     };
     let chart = Chart {
         series: lines.iter().enumerate().map(series).collect(),
@@ -189,35 +186,7 @@ fn hill(rows: &Rows<'_>, row: usize, line: &Line<'_>, highest: f64) -> [Series; 
 
 /// The numbers below the figure.
 pub fn distances_table(lines: &[Line<'_>]) -> String {
-    let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let interval = |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to {:.3}", low * 1e3, high * 1e3);
-    let header = [
-        "plan",
-        "mean [\u{b5}m]",
-        "95 % interval [\u{b5}m]",
-        "rms [\u{b5}m]",
-        "rms expected of these runs [\u{b5}m]",
-        "95 % of runs below [\u{b5}m]",
-        "mean of random over it",
-        "95 % interval",
-        "failed runs",
-    ];
-    let rows = (lines.iter()).map(|line| {
-        let runs = line.runs;
-        let ratio = runs.mean_ratio_to_random.map(f64::recip);
-        vec![
-            line.name.clone(),
-            micro(runs.mean_mm),
-            runs.mean_ci95_mm.map_or_else(String::new, interval),
-            micro(runs.rms_mm),
-            micro(runs.predicted_rms_mm),
-            micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
-            number(ratio, 2),
-            (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
-            runs.failed.to_string(),
-        ]
-    });
-    table_of(&header, rows)
+    tables::study(lines.iter().map(|line| line.runs)).html()
 }
 
 /// The middle of each bin (logarithm of um) and the share of the runs for each unit of the

@@ -17,9 +17,9 @@ mod test_poses;
 
 use super::charts::{self, PlotError};
 use super::markup::{
-    card, cell, escaped, figure, micro_sign, page, paragraph, section, table, table_of,
-    table_of_cells,
+    card, cell, escaped, figure, page, paragraph, section, table, table_of, table_of_cells,
 };
+use super::tables;
 use crate::codes::Condition;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
@@ -268,43 +268,23 @@ fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<Strin
 
 /// The identified compliances.
 fn compliances(belief: &Belief, calibration: &CalibrationMessage) -> Result<String, PlotError> {
-    let identification = &calibration.identification;
-    let mut estimates = Vec::new();
-    let mut rows = Vec::new();
-    for (index, name) in identification.parameters.iter().enumerate() {
-        let value = identification
-            .compliance_rad_per_nm
-            .get(index)
-            .copied()
-            .flatten();
-        let interval = (identification.compliance_ci95_rad_per_nm)
-            .get(index)
-            .copied()
-            .flatten();
+    let found = &calibration.identification;
+    let estimate = |(index, name): (usize, &String)| {
         let truth = (calibration.truth.compliance_rad_per_nm.get(index)).copied();
-        let error = match (value, interval, truth) {
-            (Some(value), Some(ends), Some(truth)) => {
-                Some((value / truth - 1.0, ends.map(|end| end / truth - 1.0)))
-            }
-            _ => None,
-        };
-        let micro = |value: Option<f64>| number(value.map(|value| value * 1e6), 4);
-        rows.push(vec![
-            name.clone(),
-            micro(value),
-            interval.map_or_else(dash, |[low, high]| {
-                format!("{} to {}", micro(Some(low)), micro(Some(high)))
+        let value = found.compliance_rad_per_nm[index].zip(truth);
+        let value = value.zip(found.compliance_ci95_rad_per_nm[index]);
+        RelativeEstimate {
+            name: name.clone(),
+            error: value.map(|((value, truth), ends)| {
+                (value / truth - 1.0, ends.map(|end| end / truth - 1.0))
             }),
-            micro(truth),
-        ]);
-        let name = name.clone();
-        estimates.push(RelativeEstimate { name, error });
-    }
+        }
+    };
+    let estimates: Vec<_> = found.parameters.iter().enumerate().map(estimate).collect();
     let svg = compliances_figure(&estimates)?;
     let caption = "From this run's measurements of the virtual robot, beside the simulated truth of this run: 95 % of such intervals cover it.";
-    let unit = micro_sign(&belief.compliance_unit("1e-6"));
-    let header = format!("joint | compliance [{unit}] | 95 % interval | simulated truth");
-    Ok(figure(&svg, caption) + &table(&header, rows))
+    let unit = belief.compliance_unit("1e-6");
+    Ok(figure(&svg, caption) + &tables::compliances(calibration, &unit).html())
 }
 
 /// What the fit leaves of each measurement.

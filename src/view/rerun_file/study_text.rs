@@ -2,19 +2,19 @@
 
 use std::fmt::Write;
 
+use super::text::{heading, origin};
+use crate::study::account::Contribution;
 use crate::task::AccuracyKind;
 use crate::text::markdown_text;
+use crate::text::wording::{micrometres, number, percent};
 use crate::view::study_recording::{Snapshot, StudyRecording};
+use crate::view::tables::{self, Table};
 
 /// What is shown, and where it comes from.
 pub(super) fn about(study: &StudyRecording) -> String {
     let provenance = &study.header.provenance;
-    let mut text = format!(
-        "## {}\n\n{}\n\n{}.\n\n",
-        markdown_text(&provenance.scenario),
-        markdown_text(&study.arms.description),
-        markdown_text(&study.title())
-    );
+    let mut text = heading(provenance, &study.arms.description);
+    text += &format!("{}.\n\n", markdown_text(&study.title()));
     text += match study.header.accuracy() {
         AccuracyKind::Relative => {
             "Each run measures a plan with fresh noise, identifies the compliances and compensates; \
@@ -39,50 +39,55 @@ pub(super) fn about(study: &StudyRecording) -> String {
                  timeline `step` has all of them. Red: force. Yellow: enlarged deflection. Translucent: \
                  the loaded arm. Green: the tracker's line of sight.\n\n";
     }
-    let _ = writeln!(
-        text,
-        "elastocal {}, commit {}, seed {}, scenario hash {}",
-        provenance.version, provenance.commit, provenance.seed, provenance.scenario_sha256
-    );
-    text
+    text + &origin(provenance)
 }
 
 /// What the runs so far say.
 pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
-    let micro = |value: Option<f64>| {
-        value.map_or_else(|| "-".to_owned(), |value| format!("{:.2}", value * 1e3))
-    };
     let failed: u64 = snapshot.plans.iter().map(|plan| plan.failed).sum();
     let mut text = format!(
-        "**{} of {} runs**\n\n| plan | mean [µm] | 95 % interval | rms [µm] | expected rms [µm] |\n|:--|--:|--:|--:|--:|\n",
-        snapshot.runs, study.header.trials
+        "**{} of {} runs**\n\n{}",
+        snapshot.runs,
+        study.header.trials,
+        tables::study(&snapshot.plans).markdown(5)
     );
     for plan in &snapshot.plans {
-        let interval = plan.mean_ci95_mm.map_or_else(
-            || "-".to_owned(),
-            |[low, high]| format!("{} to {}", micro(Some(low)), micro(Some(high))),
-        );
-        let _ = writeln!(
-            text,
-            "| {} | {} | {interval} | {} | {} |",
-            markdown_text(&plan.name),
-            micro(plan.mean_mm),
-            micro(plan.rms_mm),
-            micro(plan.predicted_rms_mm)
-        );
-    }
-    for plan in &snapshot.plans {
         if let (Some(predicted_mm), Some(verdict)) = (plan.combined_rms_mm, &plan.verdict) {
-            let predicted = micro(Some(predicted_mm));
             let _ = writeln!(
                 text,
-                "\n{}: predicted {predicted} µm; the prediction {verdict}.",
-                markdown_text(&plan.name)
+                "\n{}: predicted {}; the prediction {verdict}.",
+                markdown_text(&plan.name),
+                micrometres(Some(predicted_mm))
             );
         }
+        text += &sources(&plan.contributions);
     }
     if failed > 0 {
         let _ = writeln!(text, "\n{failed} runs failed.");
     }
     text
+}
+
+/// Where a plan's errors come from, the largest above, where the scenario lists what is uncertain.
+fn sources(parts: &[Contribution]) -> String {
+    let mut parts: Vec<&Contribution> = parts.iter().collect();
+    parts.sort_by(|one, other| other.contribution_um.total_cmp(&one.contribution_um));
+    let total: f64 = parts.iter().map(|part| part.contribution_um.powi(2)).sum();
+    if total <= 0.0 {
+        return String::new();
+    }
+    let rows = parts.into_iter().map(|part| {
+        let hidden = if part.hidden { " (hidden)" } else { "" };
+        let share = part.contribution_um.powi(2) / total;
+        vec![
+            format!("{}{hidden}", part.source),
+            number(Some(part.contribution_um), 2),
+            percent(Some(share), 1),
+        ]
+    });
+    let table = Table::new(
+        "error source | contribution, rms [\u{b5}m] | share of variance",
+        rows,
+    );
+    format!("\n{}", table.markdown(3))
 }
