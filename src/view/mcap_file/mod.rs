@@ -20,6 +20,7 @@ use mcap::{Compression, McapError, WriteOptions, Writer};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::Serialize;
+use serde_json::Value;
 
 use super::recording::{PlanRecord, RecordedCalibration, Recording, Stance, Step, StepKind};
 use crate::files::{FileError, output::Output};
@@ -207,25 +208,16 @@ struct Channels<W: Write + Seek> {
 
 impl<W: Write + Seek> Channels<W> {
     fn write_recording(&mut self, recording: &Recording) -> Result<(), McapError> {
-        let ProvenanceMessage {
-            version,
-            commit,
-            scenario,
-            scenario_sha256,
-            seed,
-            platform,
-            ..
-        } = recording.provenance.clone();
+        let provenance = serde_json::to_value(&recording.provenance);
+        let provenance = provenance.map_err(std::io::Error::from)?;
+        let entries = provenance.as_object().into_iter().flatten();
+        let text = |value: &Value| {
+            let word = value.as_str().map(str::to_owned);
+            word.unwrap_or_else(|| value.to_string())
+        };
         self.writer.write_metadata(&Metadata {
             name: "provenance".to_owned(),
-            metadata: BTreeMap::from([
-                ("version".to_owned(), version),
-                ("commit".to_owned(), commit),
-                ("scenario".to_owned(), scenario),
-                ("scenario_sha256".to_owned(), scenario_sha256),
-                ("seed".to_owned(), seed.to_string()),
-                ("platform".to_owned(), platform),
-            ]),
+            metadata: (entries.map(|(key, value)| (key.clone(), text(value)))).collect(),
         })?;
         let start = Duration::ZERO;
         self.write(&PROVENANCE, start, &recording.provenance)?;

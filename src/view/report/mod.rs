@@ -16,9 +16,7 @@ mod study;
 mod test_poses;
 
 use super::charts::{self, PlotError};
-use super::markup::{
-    card, cell, escaped, figure, page, paragraph, section, table, table_of, table_of_cells,
-};
+use super::markup::{card, cell, escaped, figure, page, paragraph, section, table, table_of_cells};
 use super::tables;
 use crate::codes::Condition;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
@@ -62,16 +60,14 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     let evidence = &run.outcome.evidence;
     let mut body = overview::overview(run, calibration, assessment);
     body += &distances(evidence, &calibration.name)?;
-    let budget = assessment.uncertainty_budget.as_ref();
-    body += &sources::budget_section(budget, CONTRIBUTIONS);
+    body += &sources::budget_section(assessment.uncertainty_budget.as_ref(), CONTRIBUTIONS);
     let poses = &calibration.test_poses;
+    let predicted: Vec<_> = (poses.iter())
+        .map(|pose| (&*pose.name, pose.rho0_mm))
+        .collect();
+    let all_mm = assessment.rho0_m.map(|value| value * 1e3);
     if poses.len() > 1 {
-        let predicted: Vec<_> = (poses.iter())
-            .map(|pose| (&*pose.name, pose.rho0_mm))
-            .collect();
-        let all_mm = assessment.rho0_m.map(|value| value * 1e3);
-        let poses = test_poses(&predicted, all_mm, Some((poses, "uncompensated")))?;
-        body += &section("poses", "At each test pose", &poses);
+        body += &test_poses(&predicted, all_mm, Some((poses, "uncompensated")))?;
     }
     body += &pair(&[
         section(
@@ -213,52 +209,51 @@ const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summ
     <dt>D, O1</dt><dd>the smallest volume of the confidence ellipsoid</dd></dl>\n\
     <p>Variances are those of relative errors of the compliances.</p></details>\n";
 
-/// The stills, and the plan as a table.
+/// What is measured: the stills, and the plan as a table.
 fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> String {
     let reads_along = run.scenario.task.reads_along();
     let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
         let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
         if reads_along {
-            let all = || "all coordinates".to_owned();
-            let along = experiment
-                .direction
-                .map(|each| each.map(charts::short).join(", "));
-            row.push(along.unwrap_or_else(all));
+            let along = experiment.direction.map(|each| vector(&each));
+            row.push(along.unwrap_or_else(|| "all coordinates".to_owned()));
         }
         row.push(experiment.repeats.to_string());
         row
     });
-    let along = reads_along.then_some("read along");
-    let more: Vec<&str> = along.into_iter().chain(["times"]).collect();
-    let header = plan_header(run.scenario, "experiment", &more);
-    format!(
-        "<div class=\"stills\">{}</div>\n{}{}",
-        run.stills,
-        paragraph(
-            "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up."
-        ),
-        table_of(&header, rows)
-    )
+    let own = if reads_along {
+        "experiment | read along | times"
+    } else {
+        "experiment | times"
+    };
+    let about = "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up.";
+    plan_table(run.scenario, (run.stills, about), own, rows)
 }
 
-/// The columns of a plan's table.
-fn plan_header(scenario: &Scenario, row: &str, more: &[&str]) -> Vec<String> {
+/// Stills, what is to be known of them, and the rows of a plan; `own` names the rows and the columns that follow angles and load.
+fn plan_table(
+    scenario: &Scenario,
+    (stills, about): (&str, &str),
+    own: &str,
+    rows: impl Iterator<Item = Vec<String>>,
+) -> String {
+    let (row, own) = own.split_once(" | ").unwrap_or((own, ""));
     let columns = scenario.task.belief.commands().columns();
     let angles = columns.iter().map(|column| column.replace('_', " [") + "]");
-    let words = |words: &[&str]| words.iter().map(ToString::to_string).collect::<Vec<_>>();
-    let mut header = words(&[row]);
-    header.extend(angles);
-    header.extend(words(&["force [N]", "torque [N m]"]));
-    header.extend(words(more));
-    header
+    let angles: Vec<String> = angles.collect();
+    let angles = angles.join(" | ");
+    let header = format!("{row} | {angles} | force [N] | torque [N m] | {own}");
+    format!("<div class=\"stills\">{stills}</div>\n") + &paragraph(about) + &table(&header, rows)
+}
+
+/// The numbers of a vector.
+fn vector(values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
+    values.join(", ")
 }
 
 /// A row of it: number, angles and load, where there is one.
 fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<String> {
-    let vector = |values: &[f64]| {
-        let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
-        values.join(", ")
-    };
     let mut row = vec![(index + 1).to_string()];
     row.extend(q_deg.iter().map(|&angle| number(Some(angle), 3)));
     row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
@@ -345,6 +340,18 @@ fn plans(run: &RunRecord<'_>) -> String {
     let rows = run.outcome.tried.iter().map(row);
     let header = "plan | measurements | predicted rms \u{3c1}\u{2080} [\u{b5}m] | efficiency | observed in this run [\u{b5}m] | violations";
     table(header, rows)
+}
+
+/// A card that says by how much a plan of as many could be better, and on what the bound (mm) rests.
+fn bound_card(tone: &str, (bound_mm, efficiency): (f64, f64), noun: &str, basis: &str) -> String {
+    let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
+    let about = format!(
+        "No plan of as many {noun} can be below {}: efficiency {}. {basis}",
+        micrometres(Some(bound_mm)),
+        percent(Some(efficiency), 1)
+    );
+    let answer = format!("at most {better} can be gained");
+    card(tone, "Is it the best?", &answer, &about)
 }
 
 /// A card of what must be looked at; nothing where there is nothing.

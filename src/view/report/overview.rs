@@ -1,11 +1,11 @@
 //! What a run's report answers first: which plan, how accurate, proved by what; and what to do.
 
-use super::RunRecord;
+use super::{RunRecord, bound_card};
 use crate::plan::search::{BoundKind, RepeatsNeeded};
 use crate::plan::{Assessment, UncertaintyBudget};
 use crate::record::messages::CalibrationMessage;
 use crate::robot::ReadsAlong;
-use crate::text::wording::{counted, micrometres, number, percent, shell_path};
+use crate::text::wording::{counted, micrometres, number, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};
 use crate::workflow::run::RANDOM_PLANS;
 
@@ -97,7 +97,6 @@ fn proof_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
             ),
         );
     };
-    let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
     let found = assessment.bound();
     let proved = found.filter(|bound| bound.kind == BoundKind::Proved);
     let proved = proved.and_then(|bound| bound.proof.as_ref());
@@ -117,16 +116,7 @@ fn proof_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     } else {
         ""
     };
-    card(
-        tone,
-        "Is it the best?",
-        &format!("at most {better} can be gained"),
-        &format!(
-            "No plan of as many measurements can be below {}: efficiency {}. {basis}",
-            length(Some(bound)),
-            percent(Some(efficiency), 1),
-        ),
-    )
+    bound_card(tone, (bound * 1e3, efficiency), "measurements", &basis)
 }
 
 /// What a proof says that does not reach the bound, and what it takes for certain.

@@ -5,19 +5,12 @@ use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{micrometres, number, percent, significant};
 use crate::view::markup::{cell, micro_sign, paragraph, section, table_of_cells};
 
-/// A row of a table: its words and numbers, and the share that ends it (%).
-struct SourceRow {
-    cells: Vec<String>,
-    share_percent: f64,
-}
-
-/// A table whose last column is a share with its bar, the largest first.
-fn with_bars(header: &[&str], mut rows: Vec<SourceRow>) -> String {
-    rows.sort_by(|one, other| other.share_percent.total_cmp(&one.share_percent));
-    let cells = rows.iter().map(|row| {
-        let cells: String = row.cells.iter().map(|text| cell(text)).collect();
-        let share = row.share_percent;
-        cells + &bar(share, false, &percent(Some(share / 100.0), 1))
+/// A table of rows with a share (%) that ends each, with its bar, the largest first.
+fn with_bars(header: &[&str], mut rows: Vec<(Vec<String>, f64)>) -> String {
+    rows.sort_by(|one, other| other.1.total_cmp(&one.1));
+    let cells = rows.iter().map(|(row, share)| {
+        let cells: String = row.iter().map(|text| cell(text)).collect();
+        cells + &bar(*share, false, &percent(Some(share / 100.0), 1))
     });
     table_of_cells(header, cells)
 }
@@ -35,8 +28,8 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
     };
     let unit = |each: &BudgetSource| Some(micro_sign(each.unit.as_deref()?));
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "\u{2013}".to_owned());
-    let row = |each: &BudgetSource| SourceRow {
-        cells: vec![
+    let row = |each: &BudgetSource| {
+        let cells = vec![
             each.source.clone(),
             each.evaluation.name().to_owned(),
             each.level.name().to_owned(),
@@ -44,8 +37,8 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
             or_none(unit(each)),
             or_none(each.sensitivity.map(|value| significant(value, 3))),
             number(Some(each.contribution_um), 2),
-        ],
-        share_percent: each.variance_share_percent,
+        ];
+        (cells, each.variance_share_percent)
     };
     let header = [
         "source",
@@ -165,12 +158,9 @@ mod tests {
 
     #[test]
     fn bars_are_as_long_as_shares_and_the_largest_comes_first() {
-        let row = |name: &str, share_percent| SourceRow {
-            cells: vec![name.to_owned()],
-            share_percent,
-        };
-        let rows = vec![row("a <&", 36.0), row("b", 64.0)];
-        let html = with_bars(&["source", "share"], rows);
+        let rows =
+            [("a <&", 36.0), ("b", 64.0)].map(|(name, share)| (vec![name.to_owned()], share));
+        let html = with_bars(&["source", "share"], rows.into());
         let places = [
             "<td>b</td><td class=\"bar\" style=\"--share: 64.00%\">64.0\u{a0}%</td>",
             "<td>a &lt;&amp;</td><td class=\"bar\" style=\"--share: 36.00%\">36.0\u{a0}%</td>",

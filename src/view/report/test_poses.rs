@@ -5,12 +5,13 @@ use super::sources::bar;
 use crate::record::messages::TestPoseMessage;
 use crate::text::wording::{counted, micrometres};
 use crate::view::charts::PlotError;
-use crate::view::markup::{cell, figure, paragraph, table_of_cells};
+use crate::view::markup::{cell, figure, paragraph, section, table_of_cells};
 
 /// More test poses are a path or a region, and drawn as one.
 const FEW_POSES: usize = 12;
+const TITLE: &str = "At each test pose";
 
-/// What is predicted (mm) at each test pose, by its name, and over all; of a run beside what was observed and, under a name, without what
+/// The section of what is predicted (mm) at each test pose, by its name, and over all; of a run beside what was observed and, under a name, without what
 /// was identified.
 pub(super) fn test_poses(
     predicted: &[(&str, Option<f64>)],
@@ -47,10 +48,15 @@ pub(super) fn test_poses(
     );
     let numbers = table_of_cells(&header, rows);
     if predicted.len() <= FEW_POSES {
-        return Ok(paragraph(&caption) + &numbers);
+        let body = paragraph(&caption) + &numbers;
+        return Ok(section("poses", TITLE, &body));
     }
     let values_um: Vec<f64> = values_mm().map(|value_mm| value_mm * 1e3).collect();
     let svg = path_figure(&values_um, all_mm.map(|all| all * 1e3))?;
-    Ok(figure(&svg, &caption)
-        + &format!("<details><summary>The numbers</summary>\n{numbers}</details>\n"))
+    let numbers = format!("<details><summary>The numbers</summary>\n{numbers}</details>\n");
+    Ok(section(
+        "poses",
+        TITLE,
+        &(figure(&svg, &caption) + &numbers),
+    ))
 }
