@@ -2,7 +2,10 @@
 
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::test_poses::test_poses;
-use super::{absolute_run, bound_card, conditions_card, plan_row, plan_table, provenance, sources};
+use super::{
+    absolute_run, bound_card, conditions_card, each_once, plan_row, plan_table, provenance,
+    sources, verdict_card,
+};
 use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
@@ -78,9 +81,8 @@ fn cards(shown: &AbsolutePageRecord<'_>) -> String {
             micrometres(trials.runs.rms_mm),
             micrometres(trials.runs.combined_rms_mm)
         );
-        let tone = if is_kept { "good" } else { "bad" };
         let verdict = trials.runs.verdict.as_deref().unwrap_or_default();
-        cards += &card(tone, "Does the prediction hold?", verdict, &about);
+        cards += &verdict_card(is_kept, verdict, &about);
     }
     if !shown.plan.assumed_exact.is_empty() {
         let about = shown.plan.assumed_exact.join("; ") + ".";
@@ -94,42 +96,28 @@ fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     cards + &conditions_card(shown.conditions)
 }
 
-/// The words that rows have in a column, each once.
-fn words<'a>(
-    plan: &'a AbsolutePlanMessage,
-    of: impl Fn(&'a PlannedReadingMessage) -> Option<&'a String>,
-) -> Vec<&'a str> {
-    let mut known: Vec<&str> = Vec::new();
-    for word in plan.plan.iter().filter_map(of) {
-        if !known.contains(&word.as_str()) {
-            known.push(word);
-        }
-    }
-    known
-}
-
 fn plan_card(plan: &AbsolutePlanMessage) -> String {
-    let mut configurations: Vec<&Vec<f64>> = Vec::new();
-    for row in &plan.plan {
-        if !configurations.contains(&&row.q_deg) {
-            configurations.push(&row.q_deg);
+    let rows = || plan.plan.iter();
+    let configurations = each_once(rows().map(|row| &row.q_deg)).len();
+    let loaded = rows().filter(|row| row.wrench.is_some()).count();
+    let listed = |title: &str, of: fn(&PlannedReadingMessage) -> Option<&str>| {
+        let words = each_once(rows().filter_map(of));
+        if words.is_empty() {
+            String::new()
+        } else {
+            format!(" {title}: {}.", words.join(", "))
         }
-    }
-    let loaded = plan.plan.iter().filter(|row| row.wrench.is_some()).count();
-    let listed = |title: &str, words: &[&str]| match words {
-        [] => String::new(),
-        words => format!(" {title}: {}.", words.join(", ")),
     };
     let about = format!(
         "{loaded} of {} under a load.{}{}",
         counted(plan.plan.len() as u64, "row"),
-        listed("Reflectors", &words(plan, |row| row.target.as_ref())),
-        listed("Stations", &words(plan, |row| row.station.as_ref()))
+        listed("Reflectors", |row| row.target.as_deref()),
+        listed("Stations", |row| row.station.as_deref())
     );
     let answer = format!(
         "{} in {}",
         counted(plan.experiments.into(), "reading"),
-        counted(configurations.len() as u64, "configuration")
+        counted(configurations as u64, "configuration")
     );
     card("", "Plan", &answer, &about)
 }

@@ -112,6 +112,17 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     ))
 }
 
+/// What comes several times, once.
+fn each_once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
+    let mut once = Vec::new();
+    for each in all {
+        if !once.contains(&each) {
+            once.push(each);
+        }
+    }
+    once
+}
+
 /// Two sections beside each other, where there is room.
 fn pair(sections: &[String; 2]) -> String {
     format!("<div class=\"pair\">\n{}</div>\n", sections.concat())
@@ -172,24 +183,9 @@ fn criteria(plans: &[CriterionPlanMessage]) -> String {
         + CRITERIA_LEGEND
 }
 
-/// Which criterion's plan does best at the test poses, and by how much.
+/// What the plans of criteria are, and which of them are rough.
 fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
-    let others = plans.iter().skip(1);
-    let best = others
-        .filter_map(|plan| Some((plan, plan.rho0_mm?)))
-        .min_by(|one, other| one.1.total_cmp(&other.1));
-    let own = plans.first().and_then(|plan| plan.rho0_mm);
-    let (Some((best, rho0)), Some(own)) = (best, own) else {
-        return "No other criterion has a plan.".to_owned();
-    };
-    let mut caption = format!(
-        "The best plan found for each criterion, of as many measurements, evaluated at the test pose. Next to the \
-         test-pose plan comes {}: {} against {} ({} more).",
-        criteria_names(best),
-        micrometres(Some(rho0)),
-        micrometres(Some(own)),
-        percent(Some(rho0 / own - 1.0), 1)
-    );
+    let mut caption = "The best plan found for each criterion, of as many measurements, evaluated at the test pose.".to_owned();
     let alone =
         |plan: &&CriterionPlanMessage| plan.searches_agreeing.is_some_and(|count| count < 2);
     let rough: Vec<String> = plans.iter().filter(alone).map(criteria_names).collect();
@@ -352,6 +348,12 @@ fn bound_card(tone: &str, (bound_mm, efficiency): (f64, f64), noun: &str, basis:
     );
     let answer = format!("at most {better} can be gained");
     card(tone, "Is it the best?", &answer, &about)
+}
+
+/// A card of what became of a prediction.
+fn verdict_card(is_kept: bool, verdict: &str, about: &str) -> String {
+    let tone = if is_kept { "good" } else { "bad" };
+    card(tone, "Does the prediction hold?", verdict, about)
 }
 
 /// A card of what must be looked at; nothing where there is nothing.

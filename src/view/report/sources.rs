@@ -1,5 +1,6 @@
 //! The uncertainty budget as a table, with a bar in the cell of each source's share of variance.
 
+use super::each_once;
 use crate::plan::{BudgetSource, UncertaintyBudget};
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{micrometres, number, percent, significant};
@@ -123,12 +124,7 @@ fn contributions(plans: &[&StudyPlanMessage]) -> String {
             .map(|each| each.contribution_um)
             .fold(0.0, f64::max)
     };
-    let mut sources: Vec<&str> = Vec::new();
-    for each in all() {
-        if !sources.contains(&each.source.as_str()) {
-            sources.push(&each.source);
-        }
-    }
+    let mut sources = each_once(all().map(|each| &*each.source));
     sources.sort_by(|one, other| largest_of(other).total_cmp(&largest_of(one)));
     let largest = largest_of(sources.first().unwrap_or(&"")).max(f64::MIN_POSITIVE);
     let contribution = |plan: &&StudyPlanMessage, source: &str| {

@@ -92,6 +92,9 @@ impl StudyStream {
         stream.set_time_sequence(RUN, i64::try_from(snapshot.runs).unwrap_or(i64::MAX));
         let table = TextDocument::from_markdown(study_text::table(study, snapshot));
         stream.log("text/table", &table)?;
+        if let Some(sources) = study_text::sources(snapshot) {
+            stream.log("text/sources", &TextDocument::from_markdown(sources))?;
+        }
         for (index, plan) in snapshot.plans.iter().enumerate() {
             if let (Some(mean), Some([low, high])) = (plan.mean_mm, plan.mean_ci95_mm)
                 && snapshot.runs >= study.header.trials / UNSETTLED
@@ -149,9 +152,11 @@ fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
         about
     };
     let means = "mean distance over the number of runs, with 95 % bands [µm]";
+    let has_sources = study.header.plans.iter().any(|plan| plan.account.is_some());
+    let sources = has_sources.then(|| text("where the error comes from", "text/sources"));
     let right = Vertical::new([
         layout.curves(means, "means_um".into(), None),
-        Tabs::new(distributions(study)).into(),
+        Tabs::new(sources.into_iter().chain(distributions(study))).into(),
         text("results so far", "text/table"),
     ]);
     Horizontal::new([left, right.with_row_shares([1.1, 1.1, 1.0]).into()])

@@ -60,7 +60,6 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
                 micrometres(Some(predicted_mm))
             );
         }
-        text += &sources(&plan.contributions);
     }
     if failed > 0 {
         let _ = writeln!(text, "\n{failed} runs failed.");
@@ -68,13 +67,27 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
     text
 }
 
-/// Where a plan's errors come from, the largest above, where the scenario lists what is uncertain.
-fn sources(parts: &[Contribution]) -> String {
+/// Where each plan's errors come from, where the scenario lists what is uncertain.
+pub(super) fn sources(snapshot: &Snapshot) -> Option<String> {
+    let plans = snapshot.plans.iter();
+    let listed = plans.filter_map(|plan| {
+        let name = markdown_text(&plan.name);
+        Some(format!(
+            "#### {name}\n\n{}\n",
+            contributions(&plan.contributions)?
+        ))
+    });
+    let text: String = listed.collect();
+    (!text.is_empty()).then_some(text)
+}
+
+/// A plan's error sources, the largest above.
+fn contributions(parts: &[Contribution]) -> Option<String> {
     let mut parts: Vec<&Contribution> = parts.iter().collect();
     parts.sort_by(|one, other| other.contribution_um.total_cmp(&one.contribution_um));
     let total: f64 = parts.iter().map(|part| part.contribution_um.powi(2)).sum();
     if total <= 0.0 {
-        return String::new();
+        return None;
     }
     let rows = parts.into_iter().map(|part| {
         let hidden = if part.hidden { " (hidden)" } else { "" };
@@ -89,5 +102,5 @@ fn sources(parts: &[Contribution]) -> String {
         "error source | contribution, rms [\u{b5}m] | share of variance",
         rows,
     );
-    format!("\n{}", table.markdown(3))
+    Some(table.markdown(3))
 }
