@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use thiserror::Error;
 
-use crate::text::wording::shortened;
+use crate::text::wording::{listed, shortened};
 use crate::view::markup::escaped;
 
 /// The size of a plot that is a file of its own.
@@ -117,8 +117,8 @@ impl ChartAxis {
         let place = self.ticks.iter().position(is_here);
         match place.and_then(|place| self.names.get(place)) {
             Some(name) => name.clone(),
-            None if self.is_logarithmic => short(10_f64.powf(tick)),
-            None => short(tick),
+            None if self.is_logarithmic => listed([10_f64.powf(tick)], 4),
+            None => listed([tick], 4),
         }
     }
 
@@ -593,13 +593,6 @@ fn pixels(count: usize) -> u32 {
 
 fn signed(pixels: u32) -> i32 {
     i32::try_from(pixels).unwrap_or(i32::MAX)
-}
-
-/// A number without needless zeros.
-pub fn short(value: f64) -> String {
-    let text = format!("{value:.4}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0" } else { text }.replace('-', "\u{2212}")
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use crate::plan::{Experiment, Plan};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::Load;
 use crate::scenario::Scenario;
-use crate::text::wording::counted;
+use crate::text::wording::{counted, listed};
 
 /// The width of a still and the space between stills (px).
 const STILL_PX: f64 = 400.0;
@@ -200,22 +200,14 @@ impl<'a> Stills<'a> {
     fn words(&self, index: usize, experiment: &Experiment) -> [String; 2] {
         let commands = self.scenario.task.belief.commands();
         let q = commands.shown(experiment.configuration_rad.as_slice());
-        let q: Vec<_> = q.into_iter().map(short).collect();
-        let vector = |values: &Vector3<f64>| {
-            values
-                .map(short)
-                .iter()
-                .map(String::as_str)
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
         let (load, row) = (&experiment.load, self.rows.get(index));
         let mut loads = match row {
             Some(_) if *load == Load::NONE => "no load".to_owned(),
-            _ => format!("F = {} N", vector(&load.force_n)),
+            _ => format!("F = {} N", listed(load.force_n.iter().copied(), 1)),
         };
         if load.torque_nm != Vector3::zeros() {
-            let _ = write!(loads, ", T = {} N m", vector(&load.torque_nm));
+            let torque = listed(load.torque_nm.iter().copied(), 1);
+            let _ = write!(loads, ", T = {torque} N m");
         }
         if let Some(row) = row {
             let own = &self.scenario.task.belief.calibration_tool.name;
@@ -228,7 +220,7 @@ impl<'a> Stills<'a> {
                 let _ = write!(loads, " from {}", escaped(station));
             }
         }
-        [format!("q = {} {}", q.join(", "), commands.unit()), loads]
+        [format!("q = {} {}", listed(q, 1), commands.unit()), loads]
     }
 
     /// A still: the floor, the robot, the tracker's line, the force.
@@ -313,17 +305,6 @@ fn caption(
     );
 }
 
-/// With one decimal, and none where it would be a zero.
-fn short(value: f64) -> String {
-    let text = format!("{value:.1}");
-    let text = text.strip_suffix(".0").unwrap_or(&text);
-    if text == "-0" {
-        "0".to_owned()
-    } else {
-        text.to_owned()
-    }
-}
-
 /// The floor with its grid, as far as the pictures reach.
 fn floor(camera: &Camera) -> String {
     const LINES: i32 = 30;
@@ -406,7 +387,11 @@ mod tests {
         assert_eq!(svg.matches("class=\"still\"").count(), 12);
         assert_eq!(svg.matches(" 1 x").count(), 0);
         assert_eq!(svg.matches(">1 x<").count(), 12);
-        assert!(svg.contains("q = 0, -83.8, 127.6, -120, -60.9, -173.8 deg"));
+        assert!(
+            svg.contains(
+                "q = 0, \u{2212}83.8, 127.6, \u{2212}120, \u{2212}60.9, \u{2212}173.8 deg"
+            )
+        );
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
         assert!(svg.len() < 300_000, "{} bytes", svg.len());
     }

@@ -15,7 +15,7 @@ mod sources;
 mod study;
 mod test_poses;
 
-use super::charts::{self, PlotError};
+use super::charts::PlotError;
 use super::markup::{card, cell, escaped, figure, page, paragraph, section, table, table_of_cells};
 use super::tables;
 use crate::codes::Condition;
@@ -23,7 +23,7 @@ use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::task::{Belief, Instrument};
-use crate::text::wording::{dash, micrometres, number, percent};
+use crate::text::wording::{dash, listed, micrometres, number, percent};
 use crate::workflow::run::{RunOutcome, TriedPlan};
 use distances::{Line, Role, distances_figure, distances_table};
 use figures::{
@@ -58,7 +58,7 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     };
     let (calibration, assessment) = (&own.record, &own.assessment);
     let evidence = &run.outcome.evidence;
-    let mut body = overview::overview(run, calibration, assessment);
+    let mut body = overview::overview(run, own);
     body += &distances(evidence, &calibration.name)?;
     body += &sources::budget_section(assessment.uncertainty_budget.as_ref(), CONTRIBUTIONS);
     let poses = &calibration.test_poses;
@@ -211,7 +211,7 @@ fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Stri
     let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
         let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
         if reads_along {
-            let along = experiment.direction.map(|each| vector(&each));
+            let along = experiment.direction.map(|each| listed(each, 4));
             row.push(along.unwrap_or_else(|| "all coordinates".to_owned()));
         }
         row.push(experiment.repeats.to_string());
@@ -242,18 +242,13 @@ fn plan_table(
     format!("<div class=\"stills\">{stills}</div>\n") + &paragraph(about) + &table(&header, rows)
 }
 
-/// The numbers of a vector.
-fn vector(values: &[f64]) -> String {
-    let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
-    values.join(", ")
-}
-
 /// A row of it: number, angles and load, where there is one.
 fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<String> {
     let mut row = vec![(index + 1).to_string()];
     row.extend(q_deg.iter().map(|&angle| number(Some(angle), 3)));
-    row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
-    row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[3..])));
+    for half in [0..3, 3..6] {
+        row.push(wrench.map_or_else(dash, |wrench| listed(wrench[half].iter().copied(), 4)));
+    }
     row
 }
 

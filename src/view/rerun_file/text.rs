@@ -4,8 +4,7 @@ use nalgebra::Vector3;
 
 use crate::record::messages::{ProvenanceMessage, TestPoseMessage};
 use crate::text::markdown_text;
-use crate::text::wording::{micrometres, number};
-use crate::view::charts::short;
+use crate::text::wording::{listed, micrometres, number};
 use crate::view::recording::{PlanRecord, RecordedCalibration, Recording, Step, StepKind};
 use crate::view::tables::{self, Table};
 
@@ -29,7 +28,7 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
             let direction = record.direction(number - 1);
             let along = direction.map_or_else(
                 || "distance".to_owned(),
-                |along| format!("along {}", along.map(short).join(", ")),
+                |along| format!("along {}", listed(along, 4)),
             );
             let is_along = shown.iter().any(|each| each.along_mm.is_some());
             let rows = shown.into_iter().map(|each| {
