@@ -388,20 +388,15 @@ impl<W: Write + Seek> Channels<W> {
         (encoding, schema): (&str, impl FnOnce() -> Option<Schema>),
         data: &[u8],
     ) -> Result<(), McapError> {
-        let channel_id = match self.ids.get(topic) {
-            Some(id) => *id,
-            None => {
-                let schema = match schema() {
-                    Some(Schema {
-                        name,
-                        encoding,
-                        data,
-                    }) => self.writer.add_schema(&name, &encoding, &data)?,
-                    None => 0,
-                };
+        let channel_id = if let Some(id) = self.ids.get(topic) {
+            *id
+        } else {
+            let schema = schema().map(|each| {
                 let writer = &mut self.writer;
-                writer.add_channel(schema, topic, encoding, &BTreeMap::new())?
-            }
+                writer.add_schema(&each.name, &each.encoding, &each.data)
+            });
+            let (schema, writer) = (schema.transpose()?, &mut self.writer);
+            writer.add_channel(schema.unwrap_or(0), topic, encoding, &BTreeMap::new())?
         };
         self.ids.insert(topic, channel_id);
         let time_ns = u64::try_from(now.as_nanos()).unwrap_or(u64::MAX);

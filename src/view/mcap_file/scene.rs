@@ -30,9 +30,9 @@ pub(super) fn stamp(now: Duration) -> Option<Timestamp> {
     Timestamp::new_checked(u32::try_from(now.as_secs()).ok()?, now.subsec_nanos())
 }
 
-fn vector(vector: &Vector3<f64>) -> Option<Vector> {
+fn vector(vector: &Vector3<f64>) -> Vector {
     let [x, y, z] = (*vector).into();
-    Some(Vector { x, y, z })
+    Vector { x, y, z }
 }
 
 fn point(vector: &Vector3<f64>) -> Point3 {
@@ -40,21 +40,21 @@ fn point(vector: &Vector3<f64>) -> Point3 {
     Point3 { x, y, z }
 }
 
-fn quaternion(rotation: &UnitQuaternion<f64>) -> Option<Quaternion> {
+fn quaternion(rotation: &UnitQuaternion<f64>) -> Quaternion {
     let [x, y, z, w] = rotation.coords.into();
-    Some(Quaternion { x, y, z, w })
+    Quaternion { x, y, z, w }
 }
 
-fn pose(pose: &Isometry3<f64>) -> Option<Pose> {
-    Some(Pose {
-        position: vector(&pose.translation.vector),
-        orientation: quaternion(&pose.rotation),
-    })
+fn pose(pose: &Isometry3<f64>) -> Pose {
+    Pose {
+        position: Some(vector(&pose.translation.vector)),
+        orientation: Some(quaternion(&pose.rotation)),
+    }
 }
 
-fn opaque(rgb: [u8; 3]) -> Option<Color> {
+fn opaque(rgb: [u8; 3]) -> Color {
     let [r, g, b] = rgb.map(|part| f64::from(part) / 255.0);
-    Some(Color { r, g, b, a: 1.0 })
+    Color { r, g, b, a: 1.0 }
 }
 
 /// An empty entity that stays until it is replaced or deleted and moves with its frame.
@@ -79,8 +79,8 @@ pub(super) fn transforms(recording: &Recording, step: &Step, now: Duration) -> F
             timestamp: stamp(now),
             parent_frame_id: WORLD.to_owned(),
             child_frame_id: frame(arm, part),
-            translation: vector(&pose.translation.vector),
-            rotation: quaternion(&pose.rotation),
+            translation: Some(vector(&pose.translation.vector)),
+            rotation: Some(quaternion(&pose.rotation)),
         };
         let named = names.chain([TOOL]).zip(poses);
         named.map(transform).collect::<Vec<_>>()
@@ -155,7 +155,7 @@ pub(super) fn annotations(
 /// An arrow or a line with its label; nothing takes the place of what is not in a step.
 fn drawing(drawn: &Drawn, now: Duration) -> SceneEntity {
     let mut entity = entity(now, WORLD, drawn.name);
-    let color = opaque(drawn.rgb);
+    let color = Some(opaque(drawn.rgb));
     let thickness = 2.0 * f64::from(drawn.radius_m);
     match &drawn.ends_m {
         Some([from, to]) if drawn.is_arrow => {
@@ -165,7 +165,10 @@ fn drawing(drawn: &Drawn, now: Duration) -> SceneEntity {
             let rotation = Rotation3::rotation_between(&Vector3::x(), &along)
                 .unwrap_or_else(|| Rotation3::new(Vector3::z() * std::f64::consts::PI));
             entity.arrows.push(ArrowPrimitive {
-                pose: pose(&Isometry3::from_parts((*from).into(), rotation.into())),
+                pose: Some(pose(&Isometry3::from_parts(
+                    (*from).into(),
+                    rotation.into(),
+                ))),
                 shaft_length: along.norm() - head_length,
                 shaft_diameter: thickness,
                 head_length,
@@ -174,7 +177,7 @@ fn drawing(drawn: &Drawn, now: Duration) -> SceneEntity {
             });
         }
         Some(ends) => entity.lines.push(LinePrimitive {
-            pose: pose(&Isometry3::identity()),
+            pose: Some(pose(&Isometry3::identity())),
             thickness,
             points: ends.iter().map(point).collect(),
             color,
@@ -192,11 +195,11 @@ fn drawing(drawn: &Drawn, now: Duration) -> SceneEntity {
 /// A label that faces the viewer, 8 cm high.
 fn text(place: &Vector3<f64>, rgb: [u8; 3], text: String) -> TextPrimitive {
     TextPrimitive {
-        pose: pose(&Isometry3::translation(place.x, place.y, place.z)),
+        pose: Some(pose(&Isometry3::translation(place.x, place.y, place.z))),
         billboard: true,
         font_size: 0.08,
         scale_invariant: false,
-        color: opaque(rgb),
+        color: Some(opaque(rgb)),
         text,
     }
 }
@@ -218,7 +221,7 @@ fn surfaces(body: &Body, rgba: Option<[f32; 4]>) -> Vec<TriangleListPrimitive> {
             let [r, g, b, a] = rgba.unwrap_or(surface.rgba).map(f64::from);
             let vertices = surface.mesh.vertices.iter();
             TriangleListPrimitive {
-                pose: pose(&Isometry3::identity()),
+                pose: Some(pose(&Isometry3::identity())),
                 points: vertices.map(|vertex| point(&vertex.coords)).collect(),
                 color: Some(Color { r, g, b, a }),
                 indices: surface.mesh.triangles.iter().flatten().copied().collect(),

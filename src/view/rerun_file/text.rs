@@ -31,10 +31,8 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
                 |along| format!("along {}", listed(along, 4)),
             );
             let is_along = shown.iter().any(|each| each.along_mm.is_some());
-            let rows = shown.into_iter().map(|each| {
-                let along = is_along.then_some(each.along_mm);
-                row(each.label, each.vector_mm, along)
-            });
+            let rows = shown.into_iter();
+            let rows = rows.map(|each| row(each.label, each.vector_mm, each.along_mm));
             let along = if is_along { &*along } else { "" };
             vectors(along, rows)
         }
@@ -65,12 +63,12 @@ fn vectors(along: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
 }
 
 /// A vector as far as it is known, and what of it is along the direction.
-fn row(name: &str, vector: Option<[f64; 3]>, along: Option<Option<f64>>) -> Vec<String> {
+fn row(name: &str, vector: Option<[f64; 3]>, along: Option<f64>) -> Vec<String> {
     let cells = vector.map_or([None; 4], |each| {
         let [x, y, z] = each;
         [x, y, z, Vector3::from(each).norm()].map(Some)
     });
-    let cells = cells.into_iter().chain(along);
+    let cells = cells.into_iter().chain([along]);
     let cells = cells.map(|value| number(value, 3));
     [name.to_owned()].into_iter().chain(cells).collect()
 }
