@@ -46,13 +46,12 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
         }
     };
     let joints = calibration.commands.shown(step.commanded_rad.as_slice());
-    let joints: Vec<_> = joints.iter().map(|shown| format!("{shown:.2}")).collect();
     format!(
         "## {}: {}\n\n{load}\n\n{table}\nCommanded [{}]: {}\n",
         markdown_text(record.name()),
         markdown_text(&calibration.title(step)),
         calibration.commands.unit(),
-        joints.join(", ")
+        listed(joints, 2)
     )
 }
 
