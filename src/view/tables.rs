@@ -10,12 +10,12 @@ use crate::view::markup::{micro_sign, table_of};
 
 /// A table; the first column is text, the others are numbers.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table {
+pub struct RecordTable {
     header: Vec<String>,
     rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl RecordTable {
     /// With the names of its columns between bars.
     pub fn new(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> Self {
         Self {
@@ -48,7 +48,7 @@ impl Table {
 }
 
 /// The identified compliances beside the simulated truth; `unit` is a millionth of SI's.
-pub fn compliances(calibration: &CalibrationMessage, unit: &str) -> Table {
+pub fn compliances(calibration: &CalibrationMessage, unit: &str) -> RecordTable {
     let found = &calibration.identification;
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e6), 4);
     let rows = (found.parameters.iter().enumerate()).map(|(index, name)| {
@@ -63,11 +63,11 @@ pub fn compliances(calibration: &CalibrationMessage, unit: &str) -> Table {
     });
     let unit = micro_sign(unit);
     let header = format!("joint | compliance [{unit}] | 95 % interval | simulated truth");
-    Table::new(&header, rows)
+    RecordTable::new(&header, rows)
 }
 
 /// What was identified from absolute readings, frames left out, beside the simulated truth of the run.
-pub fn unknowns(run: &ReadingsRunMessage) -> Table {
+pub fn unknowns(run: &ReadingsRunMessage) -> RecordTable {
     let found = &run.identification;
     let unknowns = found.unknowns.iter().zip(&run.true_values);
     let known = unknowns.filter(|(unknown, _)| !found.is_of_frame(&unknown.name));
@@ -87,14 +87,14 @@ pub fn unknowns(run: &ReadingsRunMessage) -> Table {
             micro_sign(unit),
         ]
     });
-    Table::new(
+    RecordTable::new(
         "unknown | nominal | simulated truth | estimate | standard error | estimate less truth [standard errors] | unit",
         rows,
     )
 }
 
 /// What the runs of each plan of a study say.
-pub fn study<'a>(plans: impl IntoIterator<Item = &'a StudyPlanMessage>) -> Table {
+pub fn study<'a>(plans: impl IntoIterator<Item = &'a StudyPlanMessage>) -> RecordTable {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
     let interval = |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to {:.3}", low * 1e3, high * 1e3);
     let rows = plans.into_iter().map(|runs| {
@@ -110,7 +110,7 @@ pub fn study<'a>(plans: impl IntoIterator<Item = &'a StudyPlanMessage>) -> Table
             runs.failed.to_string(),
         ]
     });
-    Table::new(
+    RecordTable::new(
         "plan | mean [\u{b5}m] | 95 % interval [\u{b5}m] | rms [\u{b5}m] | rms expected of these runs [\u{b5}m] | \
          95 % of runs below [\u{b5}m] | mean of random over it | 95 % interval | failed runs",
         rows,

@@ -9,7 +9,7 @@ use foxglove::messages::{
 };
 use nalgebra::{Isometry3, Rotation3, UnitQuaternion, Vector3};
 
-use crate::view::recording::{Body, Drawn, RecordedCalibration, Recording, ShownTool, Step};
+use crate::view::recording::{Annotation, Body, RecordedCalibration, Recording, ShownTool, Step};
 
 /// The root of all frames: the robot's base, z up.
 const WORLD: &str = "world";
@@ -131,7 +131,7 @@ pub(super) fn annotations(
     step: &Step,
     now: Duration,
 ) -> SceneUpdate {
-    let drawn = recording.drawn(step);
+    let drawn = recording.annotations(step);
     let mut entities: Vec<SceneEntity> = drawn.iter().map(|each| drawing(each, now)).collect();
     let title = format!(
         "{}: {}; joint deflections enlarged {} times",
@@ -153,7 +153,7 @@ pub(super) fn annotations(
 }
 
 /// An arrow or a line with its label; nothing takes the place of what is not in a step.
-fn drawing(drawn: &Drawn, now: Duration) -> SceneEntity {
+fn drawing(drawn: &Annotation, now: Duration) -> SceneEntity {
     let mut entity = entity(now, WORLD, drawn.name);
     let color = Some(opaque(drawn.rgb));
     let thickness = 2.0 * f64::from(drawn.radius_m);

@@ -1,8 +1,8 @@
 //! What both recordings show: the virtual robot in every experiment and test pose, unloaded and
 //! loaded, with the measurements and results.
 
+mod annotations;
 mod bodies;
-mod drawn;
 mod record;
 mod steps;
 
@@ -18,9 +18,9 @@ use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::study::carried_out::CarriedOut;
+pub use annotations::Annotation;
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, is_moved};
-pub use drawn::Drawn;
 pub use record::PlanRecord;
 use steps::{Stage, enlarge};
 

@@ -46,7 +46,7 @@ pub(super) fn log_step(
         *mounted = Some(tool);
     }
     log_arms(stream, recording, step)?;
-    let drawn = recording.drawn(step);
+    let drawn = recording.annotations(step);
     for each in &drawn {
         let path = entity_path!["world", each.name];
         let Some([from, to]) = each.ends_m else {

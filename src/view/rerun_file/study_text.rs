@@ -8,7 +8,7 @@ use crate::task::AccuracyKind;
 use crate::text::markdown_text;
 use crate::text::wording::{micrometres, number, percent};
 use crate::view::study_recording::{Snapshot, StudyRecording};
-use crate::view::tables::{self, Table};
+use crate::view::tables::{self, RecordTable};
 
 /// What is shown, and where it comes from.
 pub(super) fn about(study: &StudyRecording) -> String {
@@ -98,7 +98,7 @@ fn contributions(parts: &[Contribution]) -> Option<String> {
             percent(Some(share), 1),
         ]
     });
-    let table = Table::new(
+    let table = RecordTable::new(
         "error source | contribution, rms [\u{b5}m] | share of variance",
         rows,
     );

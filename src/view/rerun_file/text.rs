@@ -6,7 +6,7 @@ use crate::record::messages::{ProvenanceMessage, TestPoseMessage};
 use crate::text::markdown_text;
 use crate::text::wording::{listed, micrometres, number};
 use crate::view::recording::{PlanRecord, RecordedCalibration, Recording, Step, StepKind};
-use crate::view::tables::{self, Table};
+use crate::view::tables::{self, RecordTable};
 
 /// What the robot does in a step.
 pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
@@ -58,7 +58,7 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
 /// A table of vectors, and of what a gauge or a ballbar reads under a name, if it does.
 fn vectors(along: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let columns = if along.is_empty() { 5 } else { 6 };
-    Table::new(&format!("| x | y | z | length | {along}"), rows).markdown(columns)
+    RecordTable::new(&format!("| x | y | z | length | {along}"), rows).markdown(columns)
 }
 
 /// A vector as far as it is known, and what of it is along the direction.
@@ -84,7 +84,7 @@ pub(super) fn results(calibration: &RecordedCalibration) -> String {
         let uncompensated = micrometres(Some(pose.uncompensated_mm));
         [vec![pose.name.clone(), uncompensated], achieved(pose)].concat()
     });
-    let poses = Table::new(
+    let poses = RecordTable::new(
         "test pose | not compensated | compensated | predicted rms",
         poses,
     );
@@ -113,7 +113,7 @@ pub(super) fn overview(recording: &Recording) -> String {
             [first, achieved(pose)].concat()
         })
     });
-    let table = Table::new(
+    let table = RecordTable::new(
         "plan | measurements | test pose | compensated | predicted rms",
         rows,
     );

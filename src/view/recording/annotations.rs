@@ -13,7 +13,7 @@ const TRACKER_RGB: [u8; 3] = [40, 200, 110];
 
 /// An arrow or a line.
 #[derive(Debug, Clone)]
-pub struct Drawn {
+pub struct Annotation {
     /// What it is.
     pub name: &'static str,
     /// Whether it has a head.
@@ -30,14 +30,14 @@ pub struct Drawn {
 
 impl Recording {
     /// Deflection, force and, where one is known in any step, line of sight.
-    pub fn drawn(&self, step: &Step) -> Vec<Drawn> {
+    pub fn annotations(&self, step: &Step) -> Vec<Annotation> {
         let tool_m = step.unloaded.tool_m;
         let label = displacement_label(step);
         let deflection_m = step.displacement_m() * step.enlargement;
         let force = step.force_arrow_m;
         let force = force.map(|force| [step.enlarged.tool_m, step.enlarged.tool_m + force]);
         let mut drawn = vec![
-            Drawn {
+            Annotation {
                 name: "deflection",
                 is_arrow: true,
                 ends_m: label.as_ref().map(|_| [tool_m, tool_m + deflection_m]),
@@ -46,7 +46,7 @@ impl Recording {
                 // Away from the arrows, where labels would hide them and the arm.
                 label: label.map(|label| (tool_m + Vector3::z() * LABEL_AWAY_M, label)),
             },
-            Drawn {
+            Annotation {
                 name: "force",
                 is_arrow: true,
                 ends_m: force,
@@ -59,7 +59,7 @@ impl Recording {
             },
         ];
         if self.has_lines_of_sight {
-            drawn.push(Drawn {
+            drawn.push(Annotation {
                 name: "tracker_line",
                 is_arrow: false,
                 ends_m: step.instrument_m.map(|from| [from, tool_m]),
