@@ -13,7 +13,7 @@ ifeq ($(strip $(ARGS)),)
 	$(CARGO) run --release --locked --quiet -- lab --quiet --plan out/kr270/plan.csv
 endif
 
-reproduce: setup ## set the paper's numbers beside this program's: out/klimchik2012/reproduction.html
+reproduce: setup ## set the paper's numbers beside this program's: out/klimchik2012/reproduction.json
 	$(CARGO) run --release --locked -- reproduce $(ARGS)
 
 test: setup ## run all tests

@@ -6,13 +6,11 @@ use elastocal::files::make_folder;
 use elastocal::paper::{Reproduction, reproduce};
 use elastocal::plan::search::Watch;
 use elastocal::record::{json::merge, messages::ProvenanceMessage};
-use elastocal::view::report::reproduction_page;
 use serde_json::json;
 
 use super::interruption::{STOP, proceed};
 use super::progress::{bar, show};
 use super::table::{number, table};
-use super::views::{REPRODUCTION_PAGE, command_line};
 use super::written::{Written, record_text};
 use super::{Common, Report, inputs, results};
 
@@ -35,7 +33,6 @@ impl Reproduce {
         let scenario = common.load()?;
         let folder = common.folder(&scenario);
         let mut roles = inputs(&scenario);
-        roles.writes_to(&folder, &[REPRODUCTION_PAGE]);
         roles.writes_to(&folder, &[FILE]).check()?;
         make_folder(&folder)?;
         let trials = self.trials.unwrap_or(scenario.study.trials);
@@ -49,15 +46,12 @@ impl Reproduce {
         let provenance = ProvenanceMessage::new(&scenario);
         let mut json = results("reproduce", &provenance, json!({}));
         merge(&mut json, serde_json::to_value(&message)?);
-        let page = reproduction_page(&message, &provenance, &command_line())?;
         let failures = message.failures.iter();
         let mut conditions: Vec<Condition> = failures
             .map(|text| ConditionCode::NotReproduced.with(text))
             .collect();
         let record = record_text(&mut json, &conditions)?;
         let mut written = Written::default();
-        let file = folder.join(REPRODUCTION_PAGE);
-        written.save(&file, &page);
         let file = folder.join(FILE);
         written.save(&file, &record);
         conditions.extend(written.conditions());

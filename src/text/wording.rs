@@ -24,6 +24,20 @@ pub fn number(value: Option<f64>, decimals: usize) -> String {
     })
 }
 
+/// Numbers without needless zeros, of at most so many decimals.
+pub fn listed(values: impl IntoIterator<Item = f64>, decimals: usize) -> String {
+    let short = |value: f64| {
+        let text = format!("{value:.decimals$}");
+        let text = match text.split_once('.') {
+            Some(_) => text.trim_end_matches('0').trim_end_matches('.'),
+            None => &text,
+        };
+        if text == "-0" { "0" } else { text }.replace('-', "\u{2212}")
+    };
+    let all: Vec<String> = values.into_iter().map(short).collect();
+    all.join(", ")
+}
+
 /// A number of so many significant digits without needless zeros.
 pub fn significant(value: f64, digits: usize) -> String {
     let text = format!("{value:.*e}", digits.saturating_sub(1));

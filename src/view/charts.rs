@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use thiserror::Error;
 
-use crate::text::wording::shortened;
+use crate::text::wording::{listed, shortened};
 use crate::view::markup::escaped;
 
 /// The size of a plot that is a file of its own.
@@ -91,7 +91,7 @@ impl ChartAxis {
     }
 
     /// With these ticks.
-    pub const fn new(range: std::ops::Range<f64>, ticks: Vec<f64>) -> Self {
+    const fn new(range: std::ops::Range<f64>, ticks: Vec<f64>) -> Self {
         Self {
             range,
             ticks,
@@ -117,9 +117,18 @@ impl ChartAxis {
         let place = self.ticks.iter().position(is_here);
         match place.and_then(|place| self.names.get(place)) {
             Some(name) => name.clone(),
-            None if self.is_logarithmic => short(10_f64.powf(tick)),
-            None => short(tick),
+            None if self.is_logarithmic => listed([10_f64.powf(tick)], 4),
+            None => listed([tick], 4),
         }
+    }
+
+    /// Of whole numbers.
+    pub fn whole(range: std::ops::Range<f64>) -> Self {
+        let mut ticks = ticks(range.start, range.end, 8);
+        if ticks.windows(2).any(|pair| pair[1] - pair[0] < 1.0) {
+            ticks.retain(|tick| (tick - tick.round()).abs() < 1e-9);
+        }
+        Self::new(range, ticks)
     }
 
     /// Of logarithms (base 10): numbers at 1, 2, 5, 10, ..., lines at all of 1, 2, 3, ... 10, 20, ...
@@ -171,43 +180,63 @@ impl Ranged for ChartAxis {
     }
 }
 
-/// A chart with two of them.
-pub type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<ChartAxis, ChartAxis>>;
+/// Two of them, to draw over.
+type Plane<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<ChartAxis, ChartAxis>>;
 
-/// What is read at a point of a drawing when it is pointed at.
-pub struct Tip {
-    at: (i32, i32),
-    words: String,
+/// Series over two axes.
+pub struct Chart {
+    /// Along x, and upwards.
+    pub axes: [ChartAxis; 2],
+    /// What they show, with units.
+    pub names: [String; 2],
+    /// What is drawn, in this order.
+    pub series: Vec<Series>,
 }
 
-impl Tip {
-    /// At a point of a chart.
-    pub fn new(chart: &Chart<'_, '_>, at: (f64, f64), words: String) -> Self {
-        let at = chart.backend_coord(&at);
-        Self { at, words }
+impl Chart {
+    /// A chart as a figure of a page, under a name.
+    pub fn figure(&self, size: (u32, u32), name: &str) -> Result<String, PlotError> {
+        drawing(size, name, |area| self.draw(area))
     }
 
-    fn svg(&self) -> String {
-        let ((x, y), words) = (self.at, escaped(&self.words));
-        format!(
-            "<circle class=\"tip\" cx=\"{x}\" cy=\"{y}\" r=\"22\"><title>{words}</title></circle>\n"
-        )
+    /// A chart as a file of its own.
+    pub fn file(&self, title: &str) -> Result<String, PlotError> {
+        plot(SIZE, title, |area| self.draw(area).map(drop))
     }
+
+    /// Draws it; returns what is to be read at its points (SVG).
+    pub fn draw(&self, area: &Area<'_>) -> Result<String, PlotError> {
+        draw_series(&mut self.plane(area)?, &self.series)
+    }
+}
+
+/// Draws series; returns what is to be read at their points (SVG).
+fn draw_series(plane: &mut Plane<'_, '_>, series: &[Series]) -> Result<String, PlotError> {
+    let mut tips = String::new();
+    for each in series {
+        each.draw(plane)?;
+        for (point, words) in each.points.iter().zip(&each.tips) {
+            let ((x, y), words) = (plane.backend_coord(point), escaped(words));
+            tips += &format!(
+                "<circle class=\"tip\" cx=\"{x}\" cy=\"{y}\" r=\"22\"><title>{words}</title></circle>\n"
+            );
+        }
+    }
+    Ok(tips)
 }
 
 /// An SVG drawing with a name, which takes the width that it is given and the colours of its page.
-pub fn drawing(
+fn drawing(
     size: (u32, u32),
     name: &str,
-    draw: impl FnOnce(&Area<'_>) -> Result<Vec<Tip>, PlotError>,
+    draw: impl FnOnce(&Area<'_>) -> Result<String, PlotError>,
 ) -> Result<String, PlotError> {
-    let mut tips = Vec::new();
+    let mut tips = String::new();
     let svg = svg(size, |area| {
         tips = draw(area)?;
         Ok(())
     })?;
     let content = svg.split_once('>').map_or("", |(_, content)| content);
-    let tips: String = tips.iter().map(Tip::svg).collect();
     let content = content.replace("</svg>", &(tips + "</svg>"));
     let content = (OF_PAGE.iter()).fold(content, |content, (own, of_page)| {
         content.replace(own, of_page)
@@ -253,17 +282,17 @@ pub fn text(colour: RGBColor) -> TextStyle<'static> {
 }
 
 /// A chart with a named row for each thing, and room for a note to the right of each.
-pub struct Rows<'n> {
+pub struct Rows<'t> {
     /// The names, from top to bottom.
-    pub names: &'n [String],
+    pub names: Vec<String>,
     /// The notes.
-    pub notes: &'n [String],
+    pub notes: Vec<String>,
     /// The width of the drawing.
     pub width: u32,
     /// The axis along x.
     pub axis: ChartAxis,
     /// What it shows, with the unit.
-    pub title: String,
+    pub title: &'t str,
 }
 
 impl Rows<'_> {
@@ -278,20 +307,15 @@ impl Rows<'_> {
         (self.names.len() - row) as f64 - 0.5
     }
 
-    /// A drawing under a name, with names, notes and axis; `fill` draws what is in the rows.
-    pub fn drawn(
-        &self,
-        name: &str,
-        fill: impl FnOnce(&mut Chart<'_, '_>) -> Result<(), PlotError>,
-    ) -> Result<String, PlotError> {
+    /// A drawing under a name: names, notes, axis and series.
+    pub fn figure(&self, name: &str, series: &[Series]) -> Result<String, PlotError> {
         drawing(self.size(), name, |area| {
-            fill(&mut self.draw(area)?)?;
-            Ok(Vec::new())
+            draw_series(&mut self.plane(area)?, series)
         })
     }
 
     /// Draws names, notes and axis.
-    fn draw<'a, 'b>(&self, area: &'a Area<'b>) -> Result<Chart<'a, 'b>, PlotError> {
+    fn plane<'a, 'b>(&self, area: &'a Area<'b>) -> Result<Plane<'a, 'b>, PlotError> {
         let names = self.names.iter().map(|name| shortened(name, LONGEST_NAME));
         let names: Vec<String> = names.collect();
         let middles = (0..names.len()).map(|row| self.middle(row)).collect();
@@ -302,11 +326,11 @@ impl Rows<'_> {
         };
         let mut chart = ChartBuilder::on(area)
             .margin_top(TOP)
-            .margin_right(12 + width_of(self.notes))
+            .margin_right(12 + width_of(&self.notes))
             .x_label_area_size(AXIS)
             .y_label_area_size(room)
             .build_cartesian_2d(self.axis.clone(), rows)?;
-        draw_axes(&mut chart, [&self.title, ""])?;
+        draw_axes(&mut chart, [self.title, ""])?;
         let style = text(INK).pos(Pos::new(HPos::Left, VPos::Center));
         for (row, note) in self.notes.iter().enumerate() {
             let (_, y) = chart.backend_coord(&(self.axis.range.end, self.middle(row)));
@@ -328,7 +352,7 @@ fn width_of(texts: &[String]) -> u32 {
 }
 
 /// About so many round ticks between two values.
-pub fn ticks(low: f64, high: f64, about: u32) -> Vec<f64> {
+fn ticks(low: f64, high: f64, about: u32) -> Vec<f64> {
     let rough = ((high - low) / f64::from(about)).max(f64::MIN_POSITIVE);
     let power = 10_f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0]
@@ -344,7 +368,7 @@ pub fn ticks(low: f64, high: f64, about: u32) -> Vec<f64> {
 }
 
 /// Draws its axes with their names and the grid; rows with names of their own have no lines.
-fn draw_axes(chart: &mut Chart<'_, '_>, [x, y]: [&str; 2]) -> Result<(), PlotError> {
+fn draw_axes(chart: &mut Plane<'_, '_>, [x, y]: [&str; 2]) -> Result<(), PlotError> {
     let spec = chart.as_coord_spec();
     let (across, upwards) = (spec.x_spec().clone(), spec.y_spec().clone());
     let mut mesh = chart.configure_mesh();
@@ -365,7 +389,7 @@ fn draw_axes(chart: &mut Chart<'_, '_>, [x, y]: [&str; 2]) -> Result<(), PlotErr
 }
 
 /// How a series is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mark {
     /// A line.
     Line,
@@ -383,6 +407,14 @@ pub enum Mark {
     Diamond,
     /// A cross.
     Cross,
+    /// A large filled circle.
+    Disc,
+    /// A line between every two points, so thick (pixels).
+    Segments(u32),
+    /// A rectangle between every two points, with an opacity.
+    Bars(f64),
+    /// A translucent area with these corners.
+    Area,
 }
 
 /// The corners of a filled mark with straight sides (pixels from its middle).
@@ -394,35 +426,69 @@ const fn corners(mark: Mark) -> &'static [(i32, i32)] {
     }
 }
 
-/// A series' name with its colour and mark.
+/// Points with a colour and a mark.
 pub struct Series {
-    /// What it is called.
-    pub name: String,
-    /// Its colour.
-    pub colour: RGBColor,
-    /// How it is drawn.
-    pub mark: Mark,
+    /// What it is called in the legend; without a name it is not there.
+    name: String,
+    colour: RGBColor,
+    mark: Mark,
+    points: Vec<(f64, f64)>,
+    /// What is read at each point when it is pointed at.
+    tips: Vec<String>,
 }
 
 impl Series {
-    /// A series.
-    pub fn new(name: &str, colour: RGBColor, mark: Mark) -> Self {
-        let name = shortened(name, LONGEST_NAME);
-        Self { name, colour, mark }
+    /// A series; the points are in the axes' units.
+    pub fn new(name: &str, colour: RGBColor, mark: Mark, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name: shortened(name, LONGEST_NAME),
+            colour,
+            mark,
+            points,
+            tips: Vec::new(),
+        }
     }
 
-    /// Draws its points.
-    pub fn draw(&self, chart: &mut Chart<'_, '_>, points: &[(f64, f64)]) -> Result<(), PlotError> {
-        let points = points.iter().copied();
-        let thick = self.colour.stroke_width(3);
+    /// The same with words about each of its points, of its name and the point.
+    pub fn tipped(mut self, words: impl Fn(&str, f64, f64) -> String) -> Self {
+        let words = |&(x, y): &(f64, f64)| words(&self.name, x, y);
+        self.tips = self.points.iter().map(words).collect();
+        self
+    }
+
+    /// A value between the ends of its interval, at a height: `[low, value, high]`.
+    pub fn interval([low, value, high]: [f64; 3], y: f64, colour: RGBColor) -> [Self; 2] {
+        let cap = |x: f64| [(x, y - 0.16), (x, y + 0.16)];
+        let lines = [[(low, y), (high, y)], cap(low), cap(high)].concat();
+        let lines = Self::new("", colour, Mark::Segments(5), lines);
+        [lines, Self::new("", colour, Mark::Disc, vec![(value, y)])]
+    }
+
+    fn draw(&self, plane: &mut Plane<'_, '_>) -> Result<(), PlotError> {
+        let points = self.points.iter().copied();
+        let (colour, thick) = (self.colour, self.colour.stroke_width(3));
         match self.mark {
-            Mark::Line => drop(chart.draw_series(LineSeries::new(points, thick))?),
-            Mark::Dashed => drop(chart.draw_series(DashedLineSeries::new(points, 10, 7, thick))?),
+            Mark::Line => drop(plane.draw_series(LineSeries::new(points, thick))?),
+            Mark::Dashed => drop(plane.draw_series(DashedLineSeries::new(points, 10, 7, thick))?),
+            Mark::Segments(width) => {
+                let pairs = self.points.chunks(2);
+                let line = |pair: &[_]| PathElement::new(pair.to_vec(), colour.stroke_width(width));
+                plane.draw_series(pairs.map(line))?;
+            }
+            Mark::Bars(opacity) => {
+                let pairs = self.points.chunks_exact(2);
+                let style = colour.mix(opacity).filled();
+                plane.draw_series(pairs.map(|pair| Rectangle::new([pair[0], pair[1]], style)))?;
+            }
+            Mark::Area => {
+                let area = Polygon::new(self.points.clone(), colour.mix(0.35).filled());
+                plane.draw_series([area])?;
+            }
             _ => {
-                let area = chart.plotting_area().strip_coord_spec();
+                let area = plane.plotting_area().strip_coord_spec();
                 let (left, top) = area.get_base_pixel();
                 for point in points {
-                    let (x, y) = chart.backend_coord(&point);
+                    let (x, y) = plane.backend_coord(&point);
                     self.draw_mark(&area, (x - left, y - top))?;
                 }
             }
@@ -434,6 +500,7 @@ impl Series {
         let (thick, filled) = (self.colour.stroke_width(3), self.colour.filled());
         match self.mark {
             Mark::Dot => area.draw(&Circle::new((x, y), 6, filled))?,
+            Mark::Disc => area.draw(&Circle::new((x, y), 10, filled))?,
             Mark::Ring => area.draw(&Circle::new((x, y), 15, thick))?,
             Mark::Cross => area.draw(&Cross::new((x, y), 9, self.colour.stroke_width(5)))?,
             mark => {
@@ -463,63 +530,61 @@ impl Series {
     }
 }
 
-/// A chart with named axes, and the names of its series off the data, beside it or, where it is narrow, above.
-pub fn chart_of<'a, 'b>(
-    area: &'a Area<'b>,
-    axes: [ChartAxis; 2],
-    names: [&str; 2],
-    series: &[Series],
-) -> Result<Chart<'a, 'b>, PlotError> {
-    const LINE: u32 = 46;
-    let entries: Vec<String> = series.iter().map(|each| each.name.clone()).collect();
-    let width = area.dim_in_pixel().0;
-    let is_wide = width >= WHOLE;
-    let (above, beside) = match pixels(series.len()) {
-        0 => (0, 0),
-        _ if is_wide => (0, 70 + width_of(&entries)),
-        count => (count.div_ceil(2) * LINE, 0),
-    };
-    let [mut x, y] = axes;
-    // Names that are too long to stand beside one another are in several lines by turns.
-    let room = width.saturating_sub(140 + beside).max(1);
-    let needed = width_of(&x.names) * pixels(x.names.len());
-    let lines = needed.div_ceil(room).clamp(1, 4);
-    let ticks = x.ticks.clone();
-    let below = match lines {
-        1 => Vec::new(),
-        _ => std::mem::replace(&mut x.names, vec![String::new(); ticks.len()]),
-    };
-    let mut chart = ChartBuilder::on(area)
-        .margin(14)
-        .margin_top(14 + above)
-        .margin_right(14 + beside)
-        .x_label_area_size(78 + LINE * (lines - 1))
-        .y_label_area_size(112)
-        .build_cartesian_2d(x, y)?;
-    draw_axes(&mut chart, names)?;
-    let (left, top) = area.get_base_pixel();
-    let (across, down) = chart.plotting_area().get_pixel_range();
-    for (row, each) in (0..).zip(series) {
-        let at = if is_wide {
-            (
-                across.end - left + 24,
-                down.start - top + signed(LINE * row) + 23,
-            )
-        } else {
-            (
-                112 + signed(row % 2 * (width / 2 - 50)),
-                28 + signed(LINE * (row / 2)),
-            )
+impl Chart {
+    /// Draws its axes, and the names of its series off the data, beside it or, where it is narrow, above.
+    fn plane<'a, 'b>(&self, area: &'a Area<'b>) -> Result<Plane<'a, 'b>, PlotError> {
+        const LINE: u32 = 46;
+        let named = || self.series.iter().filter(|each| !each.name.is_empty());
+        let entries: Vec<String> = named().map(|each| each.name.clone()).collect();
+        let width = area.dim_in_pixel().0;
+        let is_wide = width >= WHOLE;
+        let (above, beside) = match pixels(entries.len()) {
+            0 => (0, 0),
+            _ if is_wide => (0, 70 + width_of(&entries)),
+            count => (count.div_ceil(2) * LINE, 0),
         };
-        each.draw_entry(area, at)?;
+        let [mut x, y] = self.axes.clone();
+        // Names that are too long to stand beside one another are in several lines by turns.
+        let room = width.saturating_sub(140 + beside).max(1);
+        let needed = width_of(&x.names) * pixels(x.names.len());
+        let lines = needed.div_ceil(room).clamp(1, 4);
+        let ticks = x.ticks.clone();
+        let below = match lines {
+            1 => Vec::new(),
+            _ => std::mem::replace(&mut x.names, vec![String::new(); ticks.len()]),
+        };
+        let mut chart = ChartBuilder::on(area)
+            .margin(14)
+            .margin_top(14 + above)
+            .margin_right(14 + beside)
+            .x_label_area_size(78 + LINE * (lines - 1))
+            .y_label_area_size(112)
+            .build_cartesian_2d(x, y)?;
+        draw_axes(&mut chart, self.names.each_ref().map(String::as_str))?;
+        let (left, top) = area.get_base_pixel();
+        let (across, down) = chart.plotting_area().get_pixel_range();
+        for (row, each) in (0..).zip(named()) {
+            let at = if is_wide {
+                (
+                    across.end - left + 24,
+                    down.start - top + signed(LINE * row) + 23,
+                )
+            } else {
+                (
+                    112 + signed(row % 2 * (width / 2 - 50)),
+                    28 + signed(LINE * (row / 2)),
+                )
+            };
+            each.draw_entry(area, at)?;
+        }
+        let style = text(INK).pos(Pos::new(HPos::Center, VPos::Top));
+        for (row, (tick, name)) in (0..).zip(ticks.into_iter().zip(below)) {
+            let (x, _) = chart.backend_coord(&(tick, 0.0));
+            let y = down.end - top + 12 + signed(LINE * (row % lines));
+            area.draw(&Text::new(name, (x - left, y), style.clone()))?;
+        }
+        Ok(chart)
     }
-    let style = text(INK).pos(Pos::new(HPos::Center, VPos::Top));
-    for (row, (tick, name)) in (0..).zip(ticks.into_iter().zip(below)) {
-        let (x, _) = chart.backend_coord(&(tick, 0.0));
-        let y = down.end - top + 12 + signed(LINE * (row % lines));
-        area.draw(&Text::new(name, (x - left, y), style.clone()))?;
-    }
-    Ok(chart)
 }
 
 fn pixels(count: usize) -> u32 {
@@ -528,37 +593,6 @@ fn pixels(count: usize) -> u32 {
 
 fn signed(pixels: u32) -> i32 {
     i32::try_from(pixels).unwrap_or(i32::MAX)
-}
-
-/// A value between the ends of its interval, at a height: `[low, value, high]`.
-pub fn interval(
-    chart: &mut Chart<'_, '_>,
-    [low, value, high]: [f64; 3],
-    y: f64,
-    colour: RGBColor,
-) -> Result<(), PlotError> {
-    let cap = |x: f64| [(x, y - 0.16), (x, y + 0.16)];
-    for line in [[(low, y), (high, y)], cap(low), cap(high)] {
-        chart.draw_series([PathElement::new(line, colour.stroke_width(5))])?;
-    }
-    chart.draw_series([Circle::new((value, y), 10, colour.filled())])?;
-    Ok(())
-}
-
-/// Ticks at whole numbers.
-pub fn whole_ticks(low: f64, high: f64) -> Vec<f64> {
-    let mut ticks = ticks(low, high, 8);
-    if ticks.windows(2).any(|pair| pair[1] - pair[0] < 1.0) {
-        ticks.retain(|tick| (tick - tick.round()).abs() < 1e-9);
-    }
-    ticks
-}
-
-/// A number without needless zeros.
-pub fn short(value: f64) -> String {
-    let text = format!("{value:.4}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0" } else { text }.replace('-', "\u{2212}")
 }
 
 #[cfg(test)]

@@ -1,8 +1,6 @@
 //! Plots of residuals and of model selection, as SVG.
 
-use super::charts::{
-    Area, COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, text,
-};
+use super::charts::{Area, COLOURS, Chart, ChartAxis, INK, Mark, PlotError, Series, plot, text};
 use crate::identification::patterns::{Pattern, PatternPoint, Patterns};
 use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
 use crate::numeric::tolerance::ends;
@@ -47,24 +45,25 @@ pub fn model_selection_plot(
         let nested_model = nested_models.get(place)?;
         Some((place as f64, predicted(nested_model)?))
     });
-    let series = [
-        Series::new("fitted readings", COLOURS[0], Mark::Line),
-        Series::new("blocks that were not", COLOURS[1], Mark::Line),
-        Series::new("recommended", INK, Mark::Ring),
-    ];
-    let axes = [
-        ChartAxis::named(nested_models.iter().enumerate().map(name).collect()),
-        ChartAxis::linear(0.0..top.max(1e-9), 8),
-    ];
-    let names = ["parameters (unknowns)", "rms residual [mm]"];
-    plot(SIZE, title, |area| {
-        let mut chart = chart_of(area, axes, names, &series)?;
-        for (each, line) in series.iter().zip(&lines) {
-            each.draw(&mut chart, line)?;
-            Series::new("", each.colour, Mark::Dot).draw(&mut chart, line)?;
-        }
-        series[2].draw(&mut chart, chosen.as_slice())
-    })
+    let [fitted, predicted] = lines;
+    let dots = |line: &Vec<_>, colour| Series::new("", colour, Mark::Dot, line.clone());
+    let chosen = chosen.into_iter().collect();
+    let [blue, orange, ..] = COLOURS;
+    let chart = Chart {
+        axes: [
+            ChartAxis::named(nested_models.iter().enumerate().map(name).collect()),
+            ChartAxis::linear(0.0..top.max(1e-9), 8),
+        ],
+        names: ["parameters (unknowns)", "rms residual [mm]"].map(str::to_owned),
+        series: vec![
+            dots(&fitted, blue),
+            Series::new("fitted readings", blue, Mark::Line, fitted),
+            dots(&predicted, orange),
+            Series::new("blocks that were not", orange, Mark::Line, predicted),
+            Series::new("recommended", INK, Mark::Ring, chosen),
+        ],
+    };
+    chart.file(title)
 }
 
 /// A panel's size (pixels).
@@ -121,25 +120,29 @@ fn draw_pattern(pattern: &Pattern, panel: &Area<'_>) -> Result<(), PlotError> {
     let y = reach(&mut ends.map(|value| value * factor));
     let panel = panel.titled(&panel_title(pattern), text(INK))?;
     let at = pattern.joint.as_deref().unwrap_or(pattern.kind);
-    let names = [
-        format!("{at} [{}]", pattern.at_unit),
-        format!("residual [{unit}]"),
-    ];
-    let axes = [ChartAxis::linear(x, 6), ChartAxis::linear(y, 6)];
-    let mut chart = chart_of(&panel, axes, [&names[0], &names[1]], &[])?;
-    for point in points {
-        let [low, high] = [-1.0, 1.0].map(|side| point.seen + side * point.standard_error);
-        let bar = [(point.at, low * factor), (point.at, high * factor)];
-        Series::new("", COLOURS[0], Mark::Line).draw(&mut chart, &bar)?;
-    }
-    let line = |of: fn(&PatternPoint) -> f64| -> Vec<(f64, f64)> {
-        points
-            .iter()
-            .map(|point| (point.at, of(point) * factor))
-            .collect()
+    let bars = points.iter().flat_map(|point| {
+        [-1.0, 1.0].map(|side| {
+            let end = point.seen + side * point.standard_error;
+            (point.at, end * factor)
+        })
+    });
+    let line = |of: fn(&PatternPoint) -> f64| {
+        let points = points.iter().map(|point| (point.at, of(point) * factor));
+        points.collect()
     };
-    Series::new("", COLOURS[0], Mark::Dot).draw(&mut chart, &line(|point| point.seen))?;
-    Series::new("", COLOURS[1], Mark::Line).draw(&mut chart, &line(|point| point.pattern))
+    let chart = Chart {
+        axes: [ChartAxis::linear(x, 6), ChartAxis::linear(y, 6)],
+        names: [
+            format!("{at} [{}]", pattern.at_unit),
+            format!("residual [{unit}]"),
+        ],
+        series: vec![
+            Series::new("", COLOURS[0], Mark::Segments(3), bars.collect()),
+            Series::new("", COLOURS[0], Mark::Dot, line(|point| point.seen)),
+            Series::new("", COLOURS[1], Mark::Line, line(|point| point.pattern)),
+        ],
+    };
+    chart.draw(&panel).map(drop)
 }
 
 fn panel_title(pattern: &Pattern) -> String {

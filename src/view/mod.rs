@@ -8,6 +8,7 @@
 //! - [`plots`]: budgets of measurements as SVG; [`discrepancy_plots`]: residuals; [`selection_plot`]: choices of readings. All are made of
 //!   `charts`, as the figures of pages are.
 //! - [`report`]: pages to look at, on [`markup`].
+//! - `tables`: what pages and texts of recordings list.
 //! - [`mesh`]: the model's shapes as triangles.
 
 mod charts;
@@ -23,3 +24,4 @@ pub mod run_sheet;
 pub mod selection_plot;
 pub mod stills;
 pub mod study_recording;
+mod tables;

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use plotters::style::RGBColor;
 
-use super::charts::{COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot};
+use super::charts::{COLOURS, Chart, ChartAxis, INK, Mark, PlotError, Series};
 use crate::study::selection::{Chosen, Selection, choice_name};
 
 /// The random choices of a size stand so far to the left of it at most, the planned ones to the right.
@@ -32,13 +32,19 @@ pub fn selection_plot(title: &str, selection: &Selection<'_>) -> Result<String, 
         let all = (0..).map(f64::from).zip(means);
         all.map(move |(index, mean)| (place - RANDOM + step * index, *mean))
     });
+    // What lies above is counted and not drawn.
+    let mut above = 0;
+    let mut series = |name: &str, colour: RGBColor, mark: Mark, points: Vec<(f64, f64)>| {
+        let points = points.into_iter().map(|(x, mean)| (x, mean.log10()));
+        let (seen, higher): (Vec<_>, Vec<_>) = points.partition(|(_, y)| *y < heights.end);
+        above += higher.len();
+        Series::new(name, colour, mark, seen)
+    };
+    let across = vec![(-0.5, all), (count - 0.5, all)];
     let grey = RGBColor(150, 150, 150);
     let mut drawn = vec![
-        (
-            Series::new("fitted to all readings", INK, Mark::Dashed),
-            vec![(-0.5, all), (count - 0.5, all)],
-        ),
-        (Series::new("random", grey, Mark::Dot), random.collect()),
+        series("fitted to all readings", INK, Mark::Dashed, across),
+        series("random", grey, Mark::Dot, random.collect()),
     ];
     let criteria = (selection.sizes.first()).map_or(&[][..], |first| &first.planned);
     for (number, (criterion, _)) in criteria.iter().enumerate() {
@@ -49,36 +55,26 @@ pub fn selection_plot(title: &str, selection: &Selection<'_>) -> Result<String, 
             Some((place + step * (number + 1) as f64, mean))
         });
         let colour = *COLOURS.get(number).unwrap_or(&INK);
-        drawn.push((
-            Series::new(choice_name(criterion), colour, Mark::Triangle),
-            marks.collect(),
-        ));
-    }
-    let (series, points): (Vec<Series>, Vec<Vec<(f64, f64)>>) = drawn.into_iter().unzip();
-    let size_names = selection.sizes.iter().map(|each| each.size.to_string());
-    let axes = [
-        ChartAxis::named(size_names.collect()),
-        ChartAxis::logarithmic(heights.clone()),
-    ];
-    let names = [
-        "readings that were chosen",
-        "mean distance at all others [mm], logarithmic",
-    ];
-    let (mut above, mut drawn) = (0, Vec::new());
-    for points in points {
-        let points = points.into_iter().map(|(x, mean)| (x, mean.log10()));
-        let (seen, higher): (Vec<_>, Vec<_>) = points.partition(|(_, y)| *y < heights.end);
-        above += higher.len();
-        drawn.push(seen);
+        let name = choice_name(criterion);
+        drawn.push(series(name, colour, Mark::Triangle, marks.collect()));
     }
     let title = match above {
         0 => title.to_owned(),
         _ => format!("{title} ({above} lie above)"),
     };
-    plot(SIZE, &title, |area| {
-        let mut chart = chart_of(area, axes, names, &series)?;
-        (series.iter().zip(&drawn)).try_for_each(|(each, points)| each.draw(&mut chart, points))
-    })
+    let size_names = selection.sizes.iter().map(|each| each.size.to_string());
+    let chart = Chart {
+        axes: [
+            ChartAxis::named(size_names.collect()),
+            ChartAxis::logarithmic(heights),
+        ],
+        names: [
+            "readings that were chosen".to_owned(),
+            "mean distance at all others [mm], logarithmic".to_owned(),
+        ],
+        series: drawn,
+    };
+    chart.file(&title)
 }
 
 /// From the lowest mean to the highest that matters (logarithms of mm), of the fit to all readings and of each size's random and planned

@@ -19,7 +19,7 @@ use crate::plan::{Experiment, Plan};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::Load;
 use crate::scenario::Scenario;
-use crate::text::wording::counted;
+use crate::text::wording::{counted, listed};
 
 /// The width of a still and the space between stills (px).
 const STILL_PX: f64 = 400.0;
@@ -132,8 +132,9 @@ impl<'a> Stills<'a> {
             );
             let words = self.words(index, experiment);
             caption(&mut svg, &words, index + 1, experiment.repeats, still_width);
+            let _ = write!(svg, "<g transform=\"translate(0 {CAPTION_PX})\">");
             self.picture(&mut svg, scene);
-            svg.push_str("</g>\n");
+            svg.push_str("</g></g>\n");
         }
         svg.push_str("</svg>\n");
         svg
@@ -161,11 +162,11 @@ impl<'a> Stills<'a> {
         let [x, y, width, height] = within.unwrap_or([0.0, 0.0, width, height]);
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"{x:.1} {y:.1} {width:.1} {height:.1}\" width=\"{width:.0}\" \
-             height=\"{height:.0}\" role=\"img\" aria-label=\"{}\"><g transform=\"translate(0 -{CAPTION_PX})\">",
+             height=\"{height:.0}\" role=\"img\" aria-label=\"{}\">",
             escaped(label)
         );
         self.picture(&mut svg, scene);
-        svg + "</g></svg>"
+        svg + "</svg>"
     }
 
     /// What the sheet is about.
@@ -199,22 +200,14 @@ impl<'a> Stills<'a> {
     fn words(&self, index: usize, experiment: &Experiment) -> [String; 2] {
         let commands = self.scenario.task.belief.commands();
         let q = commands.shown(experiment.configuration_rad.as_slice());
-        let q: Vec<_> = q.into_iter().map(short).collect();
-        let vector = |values: &Vector3<f64>| {
-            values
-                .map(short)
-                .iter()
-                .map(String::as_str)
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
         let (load, row) = (&experiment.load, self.rows.get(index));
         let mut loads = match row {
             Some(_) if *load == Load::NONE => "no load".to_owned(),
-            _ => format!("F = {} N", vector(&load.force_n)),
+            _ => format!("F = {} N", listed(load.force_n.iter().copied(), 1)),
         };
         if load.torque_nm != Vector3::zeros() {
-            let _ = write!(loads, ", T = {} N m", vector(&load.torque_nm));
+            let torque = listed(load.torque_nm.iter().copied(), 1);
+            let _ = write!(loads, ", T = {torque} N m");
         }
         if let Some(row) = row {
             let own = &self.scenario.task.belief.calibration_tool.name;
@@ -227,7 +220,7 @@ impl<'a> Stills<'a> {
                 let _ = write!(loads, " from {}", escaped(station));
             }
         }
-        [format!("q = {} {}", q.join(", "), commands.unit()), loads]
+        [format!("q = {} {}", listed(q, 1), commands.unit()), loads]
     }
 
     /// A still: the floor, the robot, the tracker's line, the force.
@@ -242,7 +235,7 @@ impl<'a> Stills<'a> {
         }
         let _ = write!(
             svg,
-            "<g transform=\"translate(0 {CAPTION_PX})\" clip-path=\"url(#still)\"><use href=\"#floor\"/>\
+            "<g clip-path=\"url(#still)\"><use href=\"#floor\"/>\
              <g transform=\"scale(.1)\" fill=\"currentColor\" stroke=\"currentColor\" stroke-width=\"5\" \
              stroke-linejoin=\"round\">{}</g>",
             painter.paint()
@@ -310,17 +303,6 @@ fn caption(
          <tspan x=\"20\">{angles}</tspan></text><text x=\"20\" y=\"31\" fill=\"#b3261e\">{loads}</text>\
          <text x=\"{width:.0}\" y=\"31\" text-anchor=\"end\" font-weight=\"bold\">{repeats} x</text></g>"
     );
-}
-
-/// With one decimal, and none where it would be a zero.
-fn short(value: f64) -> String {
-    let text = format!("{value:.1}");
-    let text = text.strip_suffix(".0").unwrap_or(&text);
-    if text == "-0" {
-        "0".to_owned()
-    } else {
-        text.to_owned()
-    }
 }
 
 /// The floor with its grid, as far as the pictures reach.
@@ -393,37 +375,23 @@ mod tests {
         Stills::of_plan(&scenario, &plan).sheet()
     }
 
-    /// Every tag is closed in turn, and attributes are quoted; returns the names of the elements.
-    fn elements(svg: &str) -> Vec<&str> {
-        let mut open = Vec::new();
-        let mut elements = Vec::new();
-        for tag in svg.split('<').skip(1) {
-            let (tag, text) = tag.split_once('>').expect("the tag ends");
-            assert!(!text.contains('&') || text.contains(';'));
-            assert_eq!(tag.matches('"').count() % 2, 0, "{tag}");
-            if let Some(name) = tag.strip_prefix('/') {
-                assert_eq!(open.pop(), Some(name));
-                continue;
-            }
-            let name = tag.split([' ', '/']).next().unwrap_or_default();
-            elements.push(name);
-            if !tag.ends_with('/') {
-                open.push(name);
-            }
-        }
-        assert!(open.is_empty(), "{open:?}");
-        elements
-    }
-
     #[test]
     fn a_sheet_is_well_formed_with_a_still_for_every_configuration() {
         let svg = sheet_of("klimchik2012", "scenarios/plans/klimchik2012_m12.csv");
-        let elements = elements(&svg);
-        assert_eq!(elements[0], "svg");
+        let document = roxmltree::Document::parse(&svg).expect("well-formed");
+        assert!(
+            document
+                .root_element()
+                .has_tag_name(("http://www.w3.org/2000/svg", "svg"))
+        );
         assert_eq!(svg.matches("class=\"still\"").count(), 12);
         assert_eq!(svg.matches(" 1 x").count(), 0);
         assert_eq!(svg.matches(">1 x<").count(), 12);
-        assert!(svg.contains("q = 0, -83.8, 127.6, -120, -60.9, -173.8 deg"));
+        assert!(
+            svg.contains(
+                "q = 0, \u{2212}83.8, 127.6, \u{2212}120, \u{2212}60.9, \u{2212}173.8 deg"
+            )
+        );
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
         assert!(svg.len() < 300_000, "{} bytes", svg.len());
     }
@@ -498,11 +466,9 @@ mod tests {
             experiments: vec![experiment],
         };
         let svg = Stills::of_plan(&scenario, &plan).sheet();
-        elements(&svg);
         assert!(svg.contains(">4 x<") && !svg.contains("NaN"));
-        assert_eq!(
-            elements(&Stills::of_plan(&scenario, &Plan::default()).sheet())[0],
-            "svg"
-        );
+        for svg in [svg, Stills::of_plan(&scenario, &Plan::default()).sheet()] {
+            roxmltree::Document::parse(&svg).expect("well-formed");
+        }
     }
 }

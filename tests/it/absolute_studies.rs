@@ -44,10 +44,10 @@ fn absolute(more: &str) -> String {
 fn planned() -> (Workplace, Value) {
     let place = Workplace::new();
     place.write("s.toml", absolute(KNOWN));
-    place.write(
-        "path.csv",
-        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n20,-60,80,-110,-70,30\n25,-62,82,-110,-70,30\n",
-    );
+    let poses = (0..13).map(|each| format!("{},{},80,-110,-70,30\n", 20 + each, -60 - each));
+    let path =
+        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n".to_owned() + &poses.collect::<String>();
+    place.write("path.csv", path);
     // Whether so few readings determine the last joint's compliance is not asked here.
     let planned = place.run(
         "plan s.toml --draw 20 --test-poses path.csv --plan-out p.csv --stills-out p.svg --report-out p.html --json --quiet",
@@ -106,6 +106,7 @@ fn a_prediction_is_split_and_shown() {
         assert!(page.contains(words), "{words}");
     }
     let stills = place.read("p.html").matches("class=\"still\"").count();
+    // With the figure of the path.
     looks_well(&place.path("p.html"), 1 + stills);
 }
 

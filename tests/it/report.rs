@@ -18,11 +18,11 @@ const SECTIONS: [&str; 8] = [
     "plans",
     "provenance",
 ];
-/// Its figures: one in each of five sections, and a still of each configuration.
+/// Its figures: one in each of four sections, and a still of each configuration.
 fn looks_well_with_stills(workplace: &Workplace, page: &str, results: &Value) {
     let stills = page.matches("class=\"still\"").count();
     assert_eq!(Some(stills), results["plan"].as_array().map(Vec::len));
-    looks_well(&workplace.path("out/s/report.html"), 5 + stills);
+    looks_well(&workplace.path("out/s/report.html"), 4 + stills);
 }
 
 /// Runs a scenario under the name `s`, and gives the page and results.json.

@@ -1,10 +1,9 @@
 //! The MCAP file: plan, measurements and results as JSON with schemas, and the robot in Foxglove's
-//! message types.
+//! message types, as its SDK writes them.
 //!
 //! Time is that of the laboratory from the recording's beginning, as long as its `[laboratory]` says: a move, the readings without a
 //! load, the load, the readings with it. The times are no times of day, and the same recording gives the same bytes.
 
-mod foxglove;
 mod scene;
 pub mod study;
 
@@ -12,12 +11,16 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
+use std::time::Duration;
 
+use foxglove::messages::{JointState, JointStates};
+use foxglove::{Encode, Schema};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions, Writer};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::Serialize;
+use serde_json::Value;
 
 use super::recording::{PlanRecord, RecordedCalibration, Recording, Stance, Step, StepKind};
 use crate::files::{FileError, output::Output};
@@ -27,7 +30,7 @@ use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::record::messages::{
     IdentificationMessage, MeasurementMessage, ProvenanceMessage, TestPoseMessage, thousandfold,
 };
-use foxglove::{JointState, JointStates, Time};
+use scene::stamp;
 
 /// Where messages of one type are.
 struct Topic(&'static str, &'static str);
@@ -42,9 +45,10 @@ const READINGS_PLAN: Topic = Topic("/plan", "elastocal.ReadingsPlan");
 const READINGS: Topic = Topic("/measurements", "elastocal.Reading");
 const IDENTIFIED_READINGS: Topic = Topic("/identification", "elastocal.IdentifiedReadings");
 const TEST_POSES: Topic = Topic("/test_poses", "elastocal.TestPose");
-const JOINTS: Topic = Topic("/joint_states", "foxglove.JointStates");
-const TRANSFORMS: Topic = Topic("/tf", "foxglove.FrameTransforms");
-const SCENE: Topic = Topic("/scene", "foxglove.SceneUpdate");
+// Of Foxglove's types.
+const JOINTS: &str = "/joint_states";
+const TRANSFORMS: &str = "/tf";
+const SCENE: &str = "/scene";
 
 /// A plan with its name.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -204,27 +208,18 @@ struct Channels<W: Write + Seek> {
 
 impl<W: Write + Seek> Channels<W> {
     fn write_recording(&mut self, recording: &Recording) -> Result<(), McapError> {
-        let ProvenanceMessage {
-            version,
-            commit,
-            scenario,
-            scenario_sha256,
-            seed,
-            platform,
-            ..
-        } = recording.provenance.clone();
+        let provenance = serde_json::to_value(&recording.provenance);
+        let provenance = provenance.map_err(std::io::Error::from)?;
+        let entries = provenance.as_object().into_iter().flatten();
+        let text = |value: &Value| {
+            let word = value.as_str().map(str::to_owned);
+            word.unwrap_or_else(|| value.to_string())
+        };
         self.writer.write_metadata(&Metadata {
             name: "provenance".to_owned(),
-            metadata: BTreeMap::from([
-                ("version".to_owned(), version),
-                ("commit".to_owned(), commit),
-                ("scenario".to_owned(), scenario),
-                ("scenario_sha256".to_owned(), scenario_sha256),
-                ("seed".to_owned(), seed.to_string()),
-                ("platform".to_owned(), platform),
-            ]),
+            metadata: (entries.map(|(key, value)| (key.clone(), text(value)))).collect(),
         })?;
-        let start = Time::default();
+        let start = Duration::ZERO;
         self.write(&PROVENANCE, start, &recording.provenance)?;
         for each in &recording.calibrations {
             let calibration = each.record.name();
@@ -240,7 +235,7 @@ impl<W: Write + Seek> Channels<W> {
             }
         }
         if recording.shows_robot() {
-            self.write(&SCENE, start, &scene::scenery(recording, start))?;
+            self.draw(SCENE, start, &scene::scenery(recording, start))?;
         }
         self.write_steps(recording)
     }
@@ -253,21 +248,21 @@ impl<W: Write + Seek> Channels<W> {
     fn write_steps(&mut self, recording: &Recording) -> Result<(), McapError> {
         let costs = &recording.costs;
         let mut mounted = None;
-        let mut now = Time::default();
+        let mut now = Duration::ZERO;
         for calibration in &recording.calibrations {
             for step in &calibration.steps {
-                now = now.later(costs.move_min);
+                now += minutes(costs.move_min);
                 if mounted.replace(step.tool()) != Some(step.tool()) {
                     let change = scene::change_tool(recording, step.tool(), now);
-                    self.write(&SCENE, now, &change)?;
+                    self.draw(SCENE, now, &change)?;
                 }
                 self.write(&STEPS, now, &step_record(calibration, step))?;
-                self.write(&TRANSFORMS, now, &scene::transforms(recording, step, now))?;
+                self.draw(TRANSFORMS, now, &scene::transforms(recording, step, now))?;
                 let annotations = scene::annotations(recording, calibration, step, now);
-                self.write(&SCENE, now, &annotations)?;
-                self.write(&JOINTS, now, &joints(recording, &step.unloaded, now))?;
-                now = now.later(costs.reading_min * step.readings() as f64 + costs.load_change_min);
-                self.write(&JOINTS, now, &joints(recording, &step.loaded, now))?;
+                self.draw(SCENE, now, &annotations)?;
+                self.draw(JOINTS, now, &joints(recording, &step.unloaded, now))?;
+                now += minutes(costs.reading_min * step.readings() as f64 + costs.load_change_min);
+                self.draw(JOINTS, now, &joints(recording, &step.loaded, now))?;
                 now = self.write_measurements(calibration, step, costs, now)?;
             }
             self.write_results(calibration, now)?;
@@ -281,18 +276,18 @@ impl<W: Write + Seek> Channels<W> {
         calibration: &RecordedCalibration,
         step: &Step,
         costs: &Costs,
-        mut now: Time,
-    ) -> Result<Time, McapError> {
+        mut now: Duration,
+    ) -> Result<Duration, McapError> {
         let StepKind::Experiment {
             number,
             measurements,
         } = &step.kind
         else {
-            return Ok(now.later(costs.reading_min));
+            return Ok(now + minutes(costs.reading_min));
         };
         let all = &calibration.record;
         for (repeat, index) in (1..).zip(measurements.clone()) {
-            now = now.later(costs.reading_min);
+            now += minutes(costs.reading_min);
             let read = |vector_mm| all.as_read(index, vector_mm).unwrap_or_default();
             let record = match all {
                 PlanRecord::Deflections(record) => record,
@@ -333,7 +328,7 @@ impl<W: Write + Seek> Channels<W> {
     fn write_results(
         &mut self,
         calibration: &RecordedCalibration,
-        now: Time,
+        now: Duration,
     ) -> Result<(), McapError> {
         let all = &calibration.record;
         let calibration = all.name();
@@ -361,27 +356,76 @@ impl<W: Write + Seek> Channels<W> {
         Ok(())
     }
 
+    /// A message as JSON.
     fn write<T: Serialize + JsonSchema>(
         &mut self,
-        Topic(topic, schema): &Topic,
-        now: Time,
+        Topic(topic, name): &Topic,
+        now: Duration,
         message: &T,
     ) -> Result<(), McapError> {
         let data = serde_json::to_vec(message).map_err(std::io::Error::from)?;
-        let channel_id = match self.ids.get(topic) {
-            Some(id) => *id,
-            None => channel::<T>(&mut self.writer, topic, schema)?,
+        self.write_data(topic, now, ("json", || json_schema::<T>(name)), &data)
+    }
+
+    /// A message of a type that Foxglove's viewer draws.
+    fn draw<T: Encode>(
+        &mut self,
+        topic: &'static str,
+        now: Duration,
+        message: &T,
+    ) -> Result<(), McapError> {
+        let mut data = Vec::new();
+        let encoded = message.encode(&mut data);
+        encoded.map_err(|error| std::io::Error::other(error.to_string()))?;
+        let encoding = T::get_message_encoding();
+        self.write_data(topic, now, (&encoding, T::get_schema), &data)
+    }
+
+    fn write_data(
+        &mut self,
+        topic: &'static str,
+        now: Duration,
+        (encoding, schema): (&str, impl FnOnce() -> Option<Schema>),
+        data: &[u8],
+    ) -> Result<(), McapError> {
+        let channel_id = if let Some(id) = self.ids.get(topic) {
+            *id
+        } else {
+            let schema = schema().map(|each| {
+                let writer = &mut self.writer;
+                writer.add_schema(&each.name, &each.encoding, &each.data)
+            });
+            let (schema, writer) = (schema.transpose()?, &mut self.writer);
+            writer.add_channel(schema.unwrap_or(0), topic, encoding, &BTreeMap::new())?
         };
         self.ids.insert(topic, channel_id);
+        let time_ns = u64::try_from(now.as_nanos()).unwrap_or(u64::MAX);
         let header = MessageHeader {
             channel_id,
             sequence: self.sequence,
-            log_time: now.ns(),
-            publish_time: now.ns(),
+            log_time: time_ns,
+            publish_time: time_ns,
         };
         self.sequence += 1;
-        self.writer.write_to_known_channel(&header, &data)
+        self.writer.write_to_known_channel(&header, data)
     }
+}
+
+/// The schema of JSON messages of a type.
+fn json_schema<T: JsonSchema>(name: &str) -> Option<Schema> {
+    // Viewers do not follow references inside schemas.
+    let settings = SchemaSettings::draft07()
+        .for_serialize()
+        .with(|settings| settings.inline_subschemas = true);
+    let mut schema = settings.into_generator().into_root_schema_for::<T>();
+    schema.insert("title".to_owned(), name.into());
+    let text = serde_json::to_vec(&schema).ok()?;
+    Some(Schema::new(name, "jsonschema", text))
+}
+
+/// So much time in the laboratory.
+fn minutes(count: f64) -> Duration {
+    Duration::from_secs_f64(60.0 * count)
 }
 
 /// A reading of a row of a plan.
@@ -407,31 +451,15 @@ fn reading_record<'a>(
     }
 }
 
-/// Adds a channel of JSON messages of one type.
-fn channel<T: JsonSchema>(
-    writer: &mut Writer<impl Write + Seek>,
-    topic: &str,
-    name: &str,
-) -> Result<u16, McapError> {
-    // Viewers do not follow references inside schemas.
-    let settings = SchemaSettings::draft07()
-        .for_serialize()
-        .with(|settings| settings.inline_subschemas = true);
-    let mut schema = settings.into_generator().into_root_schema_for::<T>();
-    schema.insert("title".to_owned(), name.into());
-    let schema = serde_json::to_vec(&schema).map_err(std::io::Error::from)?;
-    let schema = writer.add_schema(name, "jsonschema", &schema)?;
-    writer.add_channel(schema, topic, "json", &BTreeMap::new())
-}
-
-fn joints(recording: &Recording, stance: &Stance, now: Time) -> JointStates {
+fn joints(recording: &Recording, stance: &Stance, now: Duration) -> JointStates {
     let joints = recording.joints.iter().zip(&stance.q_rad);
     let joint = |(name, position): (&String, &f64)| JointState {
         name: name.clone(),
-        position: *position,
+        position: Some(*position),
+        ..JointState::default()
     };
     JointStates {
-        timestamp: now,
+        timestamp: stamp(now),
         joints: joints.map(joint).collect(),
     }
 }

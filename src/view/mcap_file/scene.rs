@@ -1,12 +1,15 @@
 //! The robot as transforms and scene entities.
 
-use nalgebra::{Isometry3, Vector3};
+use std::time::Duration;
 
-use super::foxglove::{
-    ArrowPrimitive, FrameTransform, FrameTransforms, LinePrimitive, SceneEntity,
-    SceneEntityDeletion, SceneUpdate, TextPrimitive, Time, TriangleListPrimitive,
+use foxglove::messages::{
+    ArrowPrimitive, Color, FrameTransform, FrameTransforms, LinePrimitive, Point3, Pose,
+    Quaternion, SceneEntity, SceneEntityDeletion, SceneUpdate, TextPrimitive, Timestamp,
+    TriangleListPrimitive, Vector3 as Vector,
 };
-use crate::view::recording::{Body, RecordedCalibration, Recording, ShownTool, Step};
+use nalgebra::{Isometry3, Rotation3, UnitQuaternion, Vector3};
+
+use crate::view::recording::{Annotation, Body, RecordedCalibration, Recording, ShownTool, Step};
 
 /// The root of all frames: the robot's base, z up.
 const WORLD: &str = "world";
@@ -16,24 +19,71 @@ const TOOL: &str = "tool";
 const ARMS: [&str; 3] = ["unloaded", "loaded", "enlarged"];
 
 const LOADED_RGBA: [f32; 4] = [0.35, 0.65, 1.0, 0.4];
-const FORCE_RGBA: [f32; 4] = [0.9, 0.2, 0.2, 1.0];
-const DEFLECTION_RGBA: [f32; 4] = [0.95, 0.7, 0.1, 1.0];
-const TRACKER_RGBA: [f32; 4] = [0.15, 0.75, 0.4, 1.0];
+const TITLE_RGB: [u8; 3] = [26; 3];
 
 fn frame(arm: &str, part: &str) -> String {
     format!("{arm}/{part}")
 }
 
+/// A time since the recording's beginning.
+pub(super) fn stamp(now: Duration) -> Option<Timestamp> {
+    Timestamp::new_checked(u32::try_from(now.as_secs()).ok()?, now.subsec_nanos())
+}
+
+fn vector(vector: &Vector3<f64>) -> Vector {
+    let [x, y, z] = (*vector).into();
+    Vector { x, y, z }
+}
+
+fn point(vector: &Vector3<f64>) -> Point3 {
+    let [x, y, z] = (*vector).into();
+    Point3 { x, y, z }
+}
+
+fn quaternion(rotation: &UnitQuaternion<f64>) -> Quaternion {
+    let [x, y, z, w] = rotation.coords.into();
+    Quaternion { x, y, z, w }
+}
+
+fn pose(pose: &Isometry3<f64>) -> Pose {
+    Pose {
+        position: Some(vector(&pose.translation.vector)),
+        orientation: Some(quaternion(&pose.rotation)),
+    }
+}
+
+fn opaque(rgb: [u8; 3]) -> Color {
+    let [r, g, b] = rgb.map(|part| f64::from(part) / 255.0);
+    Color { r, g, b, a: 1.0 }
+}
+
+/// An empty entity that stays until it is replaced or deleted and moves with its frame.
+fn entity(now: Duration, frame: &str, id: &str) -> SceneEntity {
+    SceneEntity {
+        timestamp: stamp(now),
+        frame_id: frame.to_owned(),
+        id: id.to_owned(),
+        frame_locked: true,
+        ..SceneEntity::default()
+    }
+}
+
 /// The frames of all links and of the tool's tip in a step.
-pub(super) fn transforms(recording: &Recording, step: &Step, now: Time) -> FrameTransforms {
+pub(super) fn transforms(recording: &Recording, step: &Step, now: Duration) -> FrameTransforms {
     let stances = [&step.unloaded, &step.loaded, &step.enlarged];
     let transforms = ARMS.iter().zip(stances).flat_map(|(arm, stance)| {
-        let links = recording.links.iter().zip(&stance.world_from_link);
+        let names = recording.links.iter().map(|body| &*body.name);
         let tool = Isometry3::translation(stance.tool_m.x, stance.tool_m.y, stance.tool_m.z);
-        links
-            .map(|(body, pose)| FrameTransform::new(now, WORLD, frame(arm, &body.name), pose))
-            .chain([FrameTransform::new(now, WORLD, frame(arm, TOOL), &tool)])
-            .collect::<Vec<_>>()
+        let poses = stance.world_from_link.iter().copied().chain([tool]);
+        let transform = |(part, pose): (&str, Isometry3<f64>)| FrameTransform {
+            timestamp: stamp(now),
+            parent_frame_id: WORLD.to_owned(),
+            child_frame_id: frame(arm, part),
+            translation: Some(vector(&pose.translation.vector)),
+            rotation: Some(quaternion(&pose.rotation)),
+        };
+        let named = names.chain([TOOL]).zip(poses);
+        named.map(transform).collect::<Vec<_>>()
     });
     FrameTransforms {
         transforms: transforms.collect(),
@@ -41,11 +91,10 @@ pub(super) fn transforms(recording: &Recording, step: &Step, now: Time) -> Frame
 }
 
 /// All that is there from the first step on: surroundings and links, without tools.
-pub(super) fn scenery(recording: &Recording, now: Time) -> SceneUpdate {
-    let surroundings = recording.surroundings.iter().map(|body| {
-        let mut entity = SceneEntity::new(now, WORLD, &frame("surroundings", &body.name));
-        entity.triangles = surfaces(body, None);
-        entity
+pub(super) fn scenery(recording: &Recording, now: Duration) -> SceneUpdate {
+    let surroundings = recording.surroundings.iter().map(|body| SceneEntity {
+        triangles: surfaces(body, None),
+        ..entity(now, WORLD, &frame("surroundings", &body.name))
     });
     let links = (recording.links.iter())
         .filter(|body| body.only_with.is_none())
@@ -57,55 +106,33 @@ pub(super) fn scenery(recording: &Recording, now: Time) -> SceneUpdate {
 }
 
 /// Takes the tool that was at work off the arms and puts the other one on.
-pub(super) fn change_tool(recording: &Recording, tool: ShownTool, now: Time) -> SceneUpdate {
+pub(super) fn change_tool(recording: &Recording, tool: ShownTool, now: Duration) -> SceneUpdate {
     let mut update = SceneUpdate::default();
-    for body in &recording.links {
-        if body.only_with == Some(tool) {
+    for (body, is_on) in recording.tools(tool) {
+        if is_on {
             update.entities.extend(link(body, now));
-        } else if body.only_with.is_some() {
-            update.deletions.extend(
-                [ARMS[0], ARMS[2]].map(|arm| SceneEntityDeletion::of(now, frame(arm, &body.name))),
-            );
+            continue;
         }
+        update
+            .deletions
+            .extend([ARMS[0], ARMS[2]].map(|arm| SceneEntityDeletion {
+                timestamp: stamp(now),
+                id: frame(arm, &body.name),
+                ..SceneEntityDeletion::default()
+            }));
     }
     update
 }
 
-/// Arrows of force and deflection, the tracker's line, and a title.
+/// What acts on the arms, and a title.
 pub(super) fn annotations(
     recording: &Recording,
     calibration: &RecordedCalibration,
     step: &Step,
-    now: Time,
+    now: Duration,
 ) -> SceneUpdate {
-    let mut update = SceneUpdate::default();
-    let mut entity = SceneEntity::new(now, WORLD, "force");
-    if let Some((force, label)) = recording.force_arrow_m(step).zip(step.load_label()) {
-        let from = step.enlarged.tool_m;
-        let to = from + force;
-        entity.arrows = vec![ArrowPrimitive::between(&from, &to, 0.035, FORCE_RGBA)];
-        entity.texts = vec![TextPrimitive::at(&to, FORCE_RGBA, label)];
-    }
-    update.entities.push(entity);
-
-    let mut entity = SceneEntity::new(now, WORLD, "deflection");
-    if let Some(label) = step.displacement_label() {
-        let from = step.unloaded.tool_m;
-        let to = from + step.displacement_m() * step.enlargement;
-        entity.arrows = vec![ArrowPrimitive::between(&from, &to, 0.028, DEFLECTION_RGBA)];
-        let beside = from + Vector3::z() * 0.1;
-        entity.texts = vec![TextPrimitive::at(&beside, DEFLECTION_RGBA, label)];
-    }
-    update.entities.push(entity);
-
-    if recording.has_lines_of_sight() {
-        let mut entity = SceneEntity::new(now, WORLD, "tracker_line");
-        let line = |from| LinePrimitive::between(from, &step.unloaded.tool_m, 0.01, TRACKER_RGBA);
-        entity.lines = step.instrument_m.iter().map(line).collect();
-        update.entities.push(entity);
-    }
-
-    let mut entity = SceneEntity::new(now, WORLD, "title");
+    let drawn = recording.annotations(step);
+    let mut entities: Vec<SceneEntity> = drawn.iter().map(|each| drawing(each, now)).collect();
     let title = format!(
         "{}: {}; joint deflections enlarged {} times",
         calibration.record.name(),
@@ -115,27 +142,91 @@ pub(super) fn annotations(
     let highest = step.unloaded.world_from_link.iter();
     let height = highest.map(|pose| pose.translation.z).fold(0.0, f64::max);
     let above = Vector3::new(0.0, 0.0, height + 0.6);
-    entity.texts = vec![TextPrimitive::at(&above, [0.1, 0.1, 0.1, 1.0], title)];
-    update.entities.push(entity);
-    update
+    entities.push(SceneEntity {
+        texts: vec![text(&above, TITLE_RGB, title)],
+        ..entity(now, WORLD, "title")
+    });
+    SceneUpdate {
+        deletions: Vec::new(),
+        entities,
+    }
+}
+
+/// An arrow or a line with its label; nothing takes the place of what is not in a step.
+fn drawing(drawn: &Annotation, now: Duration) -> SceneEntity {
+    let mut entity = entity(now, WORLD, drawn.name);
+    let color = Some(opaque(drawn.rgb));
+    let thickness = 2.0 * f64::from(drawn.radius_m);
+    match &drawn.ends_m {
+        Some([from, to]) if drawn.is_arrow => {
+            let along = to - from;
+            let head_length = (4.0 * thickness).min(along.norm() / 2.0);
+            // There is no unique rotation if the arrow points backwards along x; any will do.
+            let rotation = Rotation3::rotation_between(&Vector3::x(), &along)
+                .unwrap_or_else(|| Rotation3::new(Vector3::z() * std::f64::consts::PI));
+            entity.arrows.push(ArrowPrimitive {
+                pose: Some(pose(&Isometry3::from_parts(
+                    (*from).into(),
+                    rotation.into(),
+                ))),
+                shaft_length: along.norm() - head_length,
+                shaft_diameter: thickness,
+                head_length,
+                head_diameter: 2.0 * thickness,
+                color,
+            });
+        }
+        Some(ends) => entity.lines.push(LinePrimitive {
+            pose: Some(pose(&Isometry3::identity())),
+            thickness,
+            points: ends.iter().map(point).collect(),
+            color,
+            ..LinePrimitive::default()
+        }),
+        None => {}
+    }
+    let label = drawn.label.iter();
+    entity.texts = label
+        .map(|(place, label)| text(place, drawn.rgb, label.clone()))
+        .collect();
+    entity
+}
+
+/// A label that faces the viewer, 8 cm high.
+fn text(place: &Vector3<f64>, rgb: [u8; 3], text: String) -> TextPrimitive {
+    TextPrimitive {
+        pose: Some(pose(&Isometry3::translation(place.x, place.y, place.z))),
+        billboard: true,
+        font_size: 0.08,
+        scale_invariant: false,
+        color: Some(opaque(rgb)),
+        text,
+    }
 }
 
 /// A link in the unloaded arm and, translucent, in the enlarged one.
-fn link(body: &Body, now: Time) -> [SceneEntity; 2] {
+fn link(body: &Body, now: Duration) -> [SceneEntity; 2] {
     [(ARMS[0], None), (ARMS[2], Some(LOADED_RGBA))].map(|(arm, rgba)| {
         let id = frame(arm, &body.name);
-        let mut entity = SceneEntity::new(now, &id, &id);
-        entity.triangles = surfaces(body, rgba);
-        entity
+        SceneEntity {
+            triangles: surfaces(body, rgba),
+            ..entity(now, &id, &id)
+        }
     })
 }
 
 fn surfaces(body: &Body, rgba: Option<[f32; 4]>) -> Vec<TriangleListPrimitive> {
     (body.surfaces.iter())
         .map(|surface| {
-            let mesh = &surface.mesh;
-            let rgba = rgba.unwrap_or(surface.rgba);
-            TriangleListPrimitive::new(&mesh.vertices, &mesh.triangles, rgba)
+            let [r, g, b, a] = rgba.unwrap_or(surface.rgba).map(f64::from);
+            let vertices = surface.mesh.vertices.iter();
+            TriangleListPrimitive {
+                pose: Some(pose(&Isometry3::identity())),
+                points: vertices.map(|vertex| point(&vertex.coords)).collect(),
+                color: Some(Color { r, g, b, a }),
+                indices: surface.mesh.triangles.iter().flatten().copied().collect(),
+                ..TriangleListPrimitive::default()
+            }
         })
         .collect()
 }

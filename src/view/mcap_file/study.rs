@@ -2,12 +2,12 @@
 //! say. Snapshot k is at minute k, and the final record comes with the last one.
 
 use std::path::Path;
+use std::time::Duration;
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::foxglove::Time;
-use super::{Topic, write_file};
+use super::{Topic, minutes, write_file};
 use crate::files::FileError;
 use crate::record::study::StudyPlanMessage;
 use crate::study::Level;
@@ -18,28 +18,11 @@ const STUDY: Topic = Topic("/study", "elastocal.Study");
 
 /// What the runs so far say.
 #[derive(Debug, Serialize, JsonSchema)]
-struct ProgressRecord {
+struct ProgressRecord<'a> {
     /// How many runs.
     runs: u64,
     /// What they say of each plan.
-    plans: Vec<PlanProgress>,
-}
-
-/// What the runs so far say of a plan.
-#[derive(Debug, Serialize, JsonSchema)]
-struct PlanProgress {
-    /// The plan's name.
-    name: String,
-    /// The mean distance (mm).
-    mean_mm: Option<f64>,
-    /// The 95 % interval of the mean (mm).
-    mean_ci95_mm: Option<[f64; 2]>,
-    /// The rms distance (mm).
-    rms_mm: Option<f64>,
-    /// The rms distance that eq. 20 predicts (mm).
-    predicted_rms_mm: Option<f64>,
-    /// Runs that failed.
-    failed: u64,
+    plans: &'a [StudyPlanMessage],
 }
 
 /// What the study comes to.
@@ -65,31 +48,17 @@ pub fn write_study_mcap(
 ) -> Result<(), FileError> {
     write_file(path, &study.header.provenance, |mut channels| {
         channels.write_recording(&study.arms)?;
-        let mut now = Time::default();
+        let mut now = Duration::ZERO;
         for snapshot in snapshots {
-            now = now.later(1.0);
-            channels.write(&PROGRESS, now, &progress_record(snapshot))?;
+            now += minutes(1.0);
+            let Snapshot { runs, plans } = snapshot;
+            channels.write(&PROGRESS, now, &ProgressRecord { runs: *runs, plans })?;
         }
         if let Some(last) = snapshots.last() {
             channels.write(&STUDY, now, &study_record(study, last))?;
         }
         channels.finish()
     })
-}
-
-fn progress_record(snapshot: &Snapshot) -> ProgressRecord {
-    let plan = |plan: &StudyPlanMessage| PlanProgress {
-        name: plan.name.clone(),
-        mean_mm: plan.mean_mm,
-        mean_ci95_mm: plan.mean_ci95_mm,
-        rms_mm: plan.rms_mm,
-        predicted_rms_mm: plan.predicted_rms_mm,
-        failed: plan.failed,
-    };
-    ProgressRecord {
-        runs: snapshot.runs,
-        plans: snapshot.plans.iter().map(plan).collect(),
-    }
 }
 
 fn study_record<'a>(study: &'a StudyRecording, last: &'a Snapshot) -> StudyRecord<'a> {

@@ -1,6 +1,7 @@
 //! What both recordings show: the virtual robot in every experiment and test pose, unloaded and
 //! loaded, with the measurements and results.
 
+mod annotations;
 mod bodies;
 mod record;
 mod steps;
@@ -17,13 +18,11 @@ use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::study::carried_out::CarriedOut;
+pub use annotations::Annotation;
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, is_moved};
 pub use record::PlanRecord;
 use steps::{Stage, enlarge};
-
-/// The largest force in experiments, and that in test poses, is drawn this long (m).
-const FORCE_ARROW_M: f64 = 0.6;
 
 /// The eye is so many times as far away as what it sees is large.
 const EYE_AWAY: f64 = 2.2;
@@ -43,6 +42,8 @@ pub struct Recording {
     pub links: Vec<Body>,
     /// How long work takes.
     pub costs: Costs,
+    /// Whether somebody says from where an instrument reads.
+    pub has_lines_of_sight: bool,
     /// The calibrations; the first is the main one.
     pub calibrations: Vec<RecordedCalibration>,
 }
@@ -117,6 +118,8 @@ pub struct Step {
     pub enlargement: f64,
     /// The loaded arm with its joints' deflections enlarged, as it is drawn.
     pub enlarged: Stance,
+    /// Its force as an arrow (m), if there is one: the largest of all steps with the same tool has a fixed length.
+    pub force_arrow_m: Option<Vector3<f64>>,
     /// From where an instrument reads it (m), if somebody says.
     pub instrument_m: Option<Vector3<f64>>,
 }
@@ -171,23 +174,6 @@ impl Step {
         }
     }
 
-    /// The deflection of the tool as it is drawn, in words; none where nothing bends it.
-    pub fn displacement_label(&self) -> Option<String> {
-        let micrometres = self.displacement_m().norm() * 1e6;
-        if micrometres <= 0.0 {
-            return None;
-        }
-        let length = if micrometres < 100.0 {
-            format!("{micrometres:.1} µm")
-        } else {
-            format!("{:.3} mm", micrometres * 1e-3)
-        };
-        Some(format!(
-            "{length} (drawn {} times as long)",
-            self.enlargement
-        ))
-    }
-
     /// The load in words: "2500 N", "300 N and 20 N m"; none without one.
     pub fn load_label(&self) -> Option<String> {
         let (force, torque) = (self.load.force_n.norm(), self.load.torque_nm.norm());
@@ -233,7 +219,7 @@ impl Recording {
     pub fn new(scenario: &Scenario, plans: &[CarriedOutPlan]) -> Result<Self, CalibrationError> {
         let belief = &scenario.task.belief;
         let (surroundings, links) = bodies(scenario)?;
-        let mut stage = Stage::new(&scenario.truth.robot.model, &links);
+        let mut stage = Stage::new(scenario, &links);
         let mut calibrations = Vec::new();
         for plan in plans {
             let commands = belief.commands();
@@ -244,7 +230,7 @@ impl Recording {
                     (PlanRecord::Deflections(Box::new(record)), steps)
                 }
                 CarriedOutPlan::Readings(record, did) => {
-                    let steps = steps::of_readings(scenario, record, did, &mut stage)?;
+                    let steps = steps::of_readings(scenario, record, did, &mut stage);
                     (PlanRecord::Readings(record.clone()), steps)
                 }
             };
@@ -258,6 +244,7 @@ impl Recording {
         for tool in [ShownTool::Calibration, ShownTool::Machining] {
             enlarge(scenario, tool, &mut calibrations, &mut stage)?;
         }
+        let mut steps = calibrations.iter().flat_map(|each| &each.steps);
         Ok(Self {
             provenance: ProvenanceMessage::new(scenario),
             description: scenario.description.clone(),
@@ -265,6 +252,7 @@ impl Recording {
             surroundings,
             links,
             costs: scenario.laboratory.costs,
+            has_lines_of_sight: steps.any(|step| step.instrument_m.is_some()),
             calibrations,
         })
     }
@@ -272,22 +260,6 @@ impl Recording {
     /// Whether there is a robot to show: of a study all of whose plans fail there is none.
     pub const fn shows_robot(&self) -> bool {
         !self.calibrations.is_empty()
-    }
-
-    /// Whether somebody says from where an instrument reads.
-    pub fn has_lines_of_sight(&self) -> bool {
-        self.steps().any(|(.., step)| step.instrument_m.is_some())
-    }
-
-    /// The force of a step as an arrow (m), if there is one: the largest of all steps with the same
-    /// tool has a fixed length.
-    pub fn force_arrow_m(&self, step: &Step) -> Option<Vector3<f64>> {
-        let largest_n = self
-            .steps()
-            .filter(|(_, _, other)| other.tool() == step.tool())
-            .map(|(_, _, other)| other.load.force_n.norm())
-            .fold(0.0, f64::max);
-        (step.load.force_n.norm() > 0.0).then(|| step.load.force_n * (FORCE_ARROW_M / largest_n))
     }
 
     /// From where (m) all arms are in view, and the place (m) to look at: across the way from the base to the tools, from somewhat above.

@@ -91,57 +91,40 @@ impl PlanRecord {
         }
     }
 
-    /// What was read once, and what identification leaves of it.
+    /// What was read once: of deflections the truth without the instrument's errors, whole also where a gauge reads; what was read, and
+    /// what identification leaves of it.
     pub fn shown(&self, index: usize) -> Vec<ShownVector> {
         let [group, _] = self.curves();
-        let (read, residual_mm, label) = match self {
-            Self::Deflections(record) => {
-                let measured = record.measurements.get(index);
-                (
-                    measured.and_then(|each| self.as_read(index, each.deflection_mm)),
-                    record.identification.residuals_mm.get(index),
-                    "measured [mm]",
-                )
-            }
+        let (label, true_mm, read_mm, residuals_mm) = match self {
+            Self::Deflections(record) => (
+                "measured [mm]",
+                record.truth.deflections_mm.get(index).copied(),
+                (record.measurements.get(index)).and_then(|each| each.deflection_mm),
+                &record.identification.residuals_mm,
+            ),
             Self::Readings(record) => (
-                (record.readings.get(index)).and_then(|each| {
-                    let position_mm = (each.position_m * 1e3).into();
-                    self.as_read(index, Some(position_mm))
-                }),
-                record.identification.residuals_mm.get(index),
                 "read [mm]",
+                None,
+                (record.readings.get(index)).map(|each| (each.position_m * 1e3).into()),
+                &record.identification.residuals_mm,
             ),
         };
-        let residual = self.as_read(index, residual_mm.copied());
-        let own = [
-            (label, group, read),
-            ("residual [mm]", "residual_mm", residual),
+        let residual_mm = residuals_mm.get(index).copied();
+        let vectors = [
+            ("true deflection [mm]", None, true_mm),
+            (label, Some(group), read_mm),
+            ("residual [mm]", Some("residual_mm"), residual_mm),
         ];
-        let truth = self.true_deflection(index).into_iter();
-        let own = own.into_iter().filter_map(|(label, group, part)| {
-            let (vector_mm, along_mm) = part?;
+        let shown = |(label, group, whole_mm): (_, Option<_>, _)| {
+            let (vector_mm, along_mm) = self.as_read(index, whole_mm)?;
             Some(ShownVector {
                 label,
-                group: Some(group),
-                vector_mm,
+                group,
+                vector_mm: if group.is_some() { vector_mm } else { whole_mm },
                 along_mm,
             })
-        });
-        truth.chain(own).collect()
-    }
-
-    /// A deflection without the instrument's errors, whole also where a gauge reads.
-    fn true_deflection(&self, index: usize) -> Option<ShownVector> {
-        let Self::Deflections(record) = self else {
-            return None;
         };
-        let vector_mm = record.truth.deflections_mm.get(index).copied();
-        Some(ShownVector {
-            label: "true deflection [mm]",
-            group: None,
-            vector_mm,
-            along_mm: self.as_read(index, vector_mm)?.1,
-        })
+        vectors.into_iter().filter_map(shown).collect()
     }
 
     /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a distance its length.

@@ -4,60 +4,70 @@ use nalgebra::{DVector, Vector3};
 
 use super::{Body, RecordedCalibration, ShownTool, Stance, Step, StepKind, tool_name};
 use crate::calibration::{Calibration, CalibrationError};
-use crate::mujoco::{Model, State};
+use crate::mujoco::State;
 use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::robot::Load;
 use crate::scenario::Scenario;
 use crate::study::carried_out::{AtRest, CarriedOut};
-use crate::testbed::{MeasurementError, TrueRobots, VirtualRobot, Visit};
+use crate::testbed::{MeasurementError, TrueRobots};
 
 /// The largest deflection of experiments, and that of test poses, is drawn about this long (m).
 const DRAWN_DEFLECTION_M: f64 = 0.25;
+
+/// The largest force in experiments, and that in test poses, is drawn this long (m).
+const FORCE_ARROW_M: f64 = 0.6;
 
 /// A simulation that is put where the virtual robot has been seen.
 pub(super) struct Stage {
     state: State,
     links: Vec<usize>,
+    tracker: Option<usize>,
 }
 
 impl Stage {
-    pub(super) fn new(model: &Model, links: &[Body]) -> Self {
+    pub(super) fn new(scenario: &Scenario, links: &[Body]) -> Self {
         Self {
-            state: State::new(model),
+            state: State::new(&scenario.truth.robot.model),
             links: links.iter().map(|body| body.id).collect(),
-        }
-    }
-
-    /// Where a site is now (m).
-    fn place(&self, site: usize) -> Vector3<f64> {
-        self.state.site(site).0
-    }
-
-    fn stance(&mut self, q_rad: Vec<f64>, coordinates: &[f64], site: usize) -> Stance {
-        self.state.set_coordinates(coordinates);
-        self.state.update_kinematics();
-        Stance {
-            q_rad,
-            coordinates: coordinates.to_vec(),
-            world_from_link: (self.links.iter())
-                .map(|&body| self.state.body_pose(body))
-                .collect(),
-            tool_m: self.place(site),
+            tracker: scenario.task.belief.instrument.tracker_site,
         }
     }
 
     /// The stance of a virtual robot at rest: the links of a run's robot are elsewhere by what nobody sees, and the tool is where it was
     /// observed.
-    fn at_rest(&mut self, rest: &AtRest, site: usize) -> Stance {
+    fn stance(&mut self, rest: AtRest) -> Stance {
+        self.state.set_coordinates(&rest.coordinates);
+        self.state.update_kinematics();
+        let links = self.links.iter();
         Stance {
+            world_from_link: links.map(|&body| self.state.body_pose(body)).collect(),
+            q_rad: rest.q_rad,
+            coordinates: rest.coordinates,
             tool_m: rest.place_m,
-            ..self.stance(rest.q_rad.clone(), &rest.coordinates, site)
         }
     }
 
-    /// The same as it came to rest last, with its tool there (m).
-    fn rest(&mut self, robot: &VirtualRobot, site: usize, tool_m: Vector3<f64>) -> Stance {
-        self.at_rest(&AtRest::of(robot, tool_m), site)
+    /// A step from a rest without load to one under it, read from a station (m) or the model's tracker.
+    fn step(
+        &mut self,
+        kind: StepKind,
+        (commanded_rad, load): (&DVector<f64>, Load),
+        rests: [AtRest; 2],
+        station_m: Option<Vector3<f64>>,
+    ) -> Step {
+        let [unloaded, loaded] = rests.map(|rest| self.stance(rest));
+        let tracker = (self.tracker).filter(|_| matches!(kind, StepKind::Experiment { .. }));
+        Step {
+            kind,
+            commanded_rad: commanded_rad.clone(),
+            load,
+            enlargement: 1.0,
+            enlarged: loaded.clone(),
+            unloaded,
+            loaded,
+            force_arrow_m: None,
+            instrument_m: station_m.or_else(|| tracker.map(|site| self.state.site(site).0)),
+        }
     }
 }
 
@@ -72,20 +82,6 @@ pub(super) fn of_deflections(
     let (seed, run) = (scenario.seed, calibration.truth.run);
     let normals = robots.become_run_of(&scenario.truth, readings, seed, run)?;
     let (visits, robot) = robots.visits(&calibration.plan, &normals);
-    let mut steps = experiment_steps(scenario, calibration, (&visits, robot), stage)?;
-    steps.extend(test_pose_steps(scenario, calibration, &mut robots, stage)?);
-    Ok(steps)
-}
-
-fn experiment_steps(
-    scenario: &Scenario,
-    calibration: &Calibration,
-    (visits, robot): (&[Visit<'_>], &mut VirtualRobot),
-    stage: &mut Stage,
-) -> Result<Vec<Step>, CalibrationError> {
-    let tool = &scenario.task.belief.calibration_tool.name;
-    let site = scenario.truth.robot.model.site(tool)?;
-    let tracker = scenario.task.belief.instrument.tracker_site;
     let mut first = 0;
     let mut steps = Vec::new();
     for (number, experiment) in (1..).zip(&calibration.plan.experiments) {
@@ -94,32 +90,43 @@ fn experiment_steps(
         let visit = &visits[first];
         first = measurements.end;
         let mut rest = |commanded: &DVector<f64>, load: &Load, loaded| {
-            let (tool_m, ..) = robot
-                .rest(commanded, load)
-                .map_err(|source| MeasurementError {
-                    experiment: number,
-                    loaded,
-                    source,
-                })?;
-            Ok::<_, MeasurementError>(stage.rest(robot, site, tool_m))
+            let rest = robot.rest(commanded, load);
+            let (place_m, ..) = rest.map_err(|source| MeasurementError {
+                experiment: number,
+                loaded,
+                source,
+            })?;
+            Ok::<_, MeasurementError>(AtRest::of(robot, place_m))
         };
         let [before, under] = &visit.commanded_rad;
         let unloaded = rest(before, &Load::NONE, false)?;
         let mut loaded = rest(under, &visit.load, true)?;
-        loaded.tool_m += visit.discrepancy_m();
-        steps.push(Step {
-            kind: StepKind::Experiment {
-                number,
-                measurements,
-            },
-            commanded_rad: experiment.configuration_rad.clone(),
-            load: experiment.load,
-            enlargement: 1.0,
-            enlarged: loaded.clone(),
-            unloaded,
-            loaded,
-            instrument_m: tracker.map(|site| stage.place(site)),
-        });
+        loaded.place_m += visit.discrepancy_m();
+        let kind = StepKind::Experiment {
+            number,
+            measurements,
+        };
+        let commanded = (&experiment.configuration_rad, experiment.load);
+        steps.push(stage.step(kind, commanded, [unloaded, loaded], None));
+    }
+    let poses = scenario.task.test_poses.iter().zip(&calibration.poses);
+    for (index, (pose, compensated_pose)) in poses.enumerate() {
+        let at_pose = |source| CalibrationError::TestPose {
+            pose: pose.name.clone(),
+            source,
+        };
+        let configuration_rad = &pose.configuration_rad;
+        let wanted_m = (robots.machining_tool(configuration_rad, &Load::NONE)).map_err(at_pose)?;
+        let wanted = AtRest::of(robots.machining(), wanted_m);
+        for (compensated, commanded_rad) in [
+            (false, configuration_rad),
+            (true, &compensated_pose.commanded_rad),
+        ] {
+            let loaded_m = (robots.machining_tool_at_work(commanded_rad, pose)).map_err(at_pose)?;
+            let rests = [wanted.clone(), AtRest::of(robots.machining(), loaded_m)];
+            let kind = StepKind::TestPose { index, compensated };
+            steps.push(stage.step(kind, (commanded_rad, pose.load), rests, None));
+        }
     }
     Ok(steps)
 }
@@ -130,96 +137,37 @@ pub(super) fn of_readings(
     record: &ReadingsRunMessage,
     carried_out: &CarriedOut,
     stage: &mut Stage,
-) -> Result<Vec<Step>, CalibrationError> {
-    let model = &scenario.truth.robot.model;
-    let tracker = scenario.task.belief.instrument.tracker_site;
+) -> Vec<Step> {
     let mut steps = Vec::new();
     for (number, row) in (1..).zip(&carried_out.rows) {
-        let site = model.site(&row.target)?;
-        let [unloaded, loaded] = row.rests.each_ref().map(|rest| stage.at_rest(rest, site));
-        steps.push(Step {
-            kind: StepKind::Experiment {
-                number,
-                measurements: row.readings.clone(),
-            },
-            commanded_rad: row.commanded_rad.clone(),
-            load: row.load,
-            enlargement: 1.0,
-            enlarged: loaded.clone(),
-            unloaded,
-            loaded,
-            instrument_m: (row.station_m).or_else(|| tracker.map(|site| stage.place(site))),
-        });
+        let kind = StepKind::Experiment {
+            number,
+            measurements: row.readings.clone(),
+        };
+        let commanded = (&row.commanded_rad, row.load);
+        steps.push(stage.step(kind, commanded, row.rests.clone(), row.station_m));
     }
-    let site = model.site(tool_name(scenario, ShownTool::Machining))?;
     let poses = (scenario.task.test_poses.iter())
         .zip(&carried_out.test_poses)
         .zip(&record.test_poses);
     for (index, ((pose, rest), achieved)) in poses.enumerate() {
-        let loaded = stage.at_rest(rest, site);
         for (compensated, off_mm) in [
             (false, achieved.uncompensated_xyz_mm),
             (true, achieved.residual_xyz_mm),
         ] {
-            let predicted_m = loaded.tool_m - Vector3::from(off_mm) * 1e-3;
-            steps.push(Step {
-                kind: StepKind::TestPose { index, compensated },
-                commanded_rad: pose.configuration_rad.clone(),
-                load: pose.load,
-                unloaded: Stance {
-                    tool_m: predicted_m,
-                    ..loaded.clone()
-                },
-                enlargement: 1.0,
-                enlarged: loaded.clone(),
-                loaded: loaded.clone(),
-                instrument_m: None,
-            });
+            let predicted = AtRest {
+                place_m: rest.place_m - Vector3::from(off_mm) * 1e-3,
+                ..rest.clone()
+            };
+            let kind = StepKind::TestPose { index, compensated };
+            let commanded = (&pose.configuration_rad, pose.load);
+            steps.push(stage.step(kind, commanded, [predicted, rest.clone()], None));
         }
     }
-    Ok(steps)
+    steps
 }
 
-fn test_pose_steps(
-    scenario: &Scenario,
-    calibration: &Calibration,
-    robots: &mut TrueRobots,
-    stage: &mut Stage,
-) -> Result<Vec<Step>, CalibrationError> {
-    let tool = &scenario.task.belief.machining_tool.name;
-    let site = scenario.truth.robot.model.site(tool)?;
-    let mut steps = Vec::new();
-    let poses = scenario.task.test_poses.iter().zip(&calibration.poses);
-    for (index, (pose, compensated_pose)) in poses.enumerate() {
-        let at_pose = |source| CalibrationError::TestPose {
-            pose: pose.name.clone(),
-            source,
-        };
-        let configuration_rad = &pose.configuration_rad;
-        let wanted_m = (robots.machining_tool(configuration_rad, &Load::NONE)).map_err(at_pose)?;
-        let wanted = stage.rest(robots.machining(), site, wanted_m);
-        for (compensated, commanded_rad) in [
-            (false, configuration_rad),
-            (true, &compensated_pose.commanded_rad),
-        ] {
-            let loaded_m = (robots.machining_tool_at_work(commanded_rad, pose)).map_err(at_pose)?;
-            let loaded = stage.rest(robots.machining(), site, loaded_m);
-            steps.push(Step {
-                kind: StepKind::TestPose { index, compensated },
-                commanded_rad: commanded_rad.clone(),
-                load: pose.load,
-                unloaded: wanted.clone(),
-                enlargement: 1.0,
-                enlarged: loaded.clone(),
-                loaded,
-                instrument_m: None,
-            });
-        }
-    }
-    Ok(steps)
-}
-
-/// Gives all steps with the same tool the same enlargement, so that they can be compared.
+/// Gives all steps with the same tool the same enlargement and scale of forces, so that they can be compared.
 pub(super) fn enlarge(
     scenario: &Scenario,
     tool: ShownTool,
@@ -235,6 +183,8 @@ pub(super) fn enlarge(
         .map(|step| step.displacement_m().norm())
         .fold(0.0, f64::max);
     let factor = round_factor(DRAWN_DEFLECTION_M / largest);
+    let forces_n = steps.iter().map(|step| step.load.force_n.norm());
+    let largest_n = forces_n.fold(0.0, f64::max);
     for step in &mut steps {
         let (from, to) = (&step.unloaded, &step.loaded);
         let enlarged = |from: &[f64], to: &[f64]| -> Vec<f64> {
@@ -242,10 +192,16 @@ pub(super) fn enlarge(
             each.map(|(unloaded, loaded)| unloaded + factor * (loaded - unloaded))
                 .collect()
         };
-        let q_rad = enlarged(&from.q_rad, &to.q_rad);
-        let coordinates = enlarged(&from.coordinates, &to.coordinates);
+        let rest = AtRest {
+            q_rad: enlarged(&from.q_rad, &to.q_rad),
+            coordinates: enlarged(&from.coordinates, &to.coordinates),
+            place_m: Vector3::zeros(),
+        };
         step.enlargement = factor;
-        step.enlarged = stage.stance(q_rad, &coordinates, site);
+        step.enlarged = stage.stance(rest);
+        step.enlarged.tool_m = stage.state.site(site).0;
+        let force_n = step.load.force_n;
+        step.force_arrow_m = (force_n.norm() > 0.0).then(|| force_n * (FORCE_ARROW_M / largest_n));
     }
     Ok(())
 }

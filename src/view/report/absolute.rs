@@ -2,7 +2,10 @@
 
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::test_poses::test_poses;
-use super::{absolute_run, conditions_card, plan_header, plan_row, provenance, sources};
+use super::{
+    absolute_run, bound_card, conditions_card, each_once, plan_row, plan_table, provenance,
+    sources, verdict_card,
+};
 use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
@@ -12,7 +15,7 @@ use crate::scenario::Scenario;
 use crate::study::verdict::Kept;
 use crate::text::wording::{counted, dash, micrometres, percent};
 use crate::view::charts::PlotError;
-use crate::view::markup::{card, heading, micro_sign, page, paragraph, section, table, table_of};
+use crate::view::markup::{card, heading, micro_sign, page, paragraph, section, table};
 use crate::workflow::run_absolute::AbsoluteRun;
 
 /// What the page of a plan of absolute readings is made of.
@@ -57,10 +60,8 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
     body += &sources::budget_section(plan.uncertainty_budget.as_ref(), about);
     if plan.test_poses.len() > 1 || shown.run.is_some() {
         let predicted = (plan.test_poses.iter()).map(|pose| (&*pose.name, pose.rho0_mm));
-        let predicted: Vec<_> = predicted.collect();
         let observed = (shown.run).map(|run| (&*run.record.test_poses, "of the nominal robot"));
-        let poses = test_poses(&predicted, plan.rho0_mm, observed)?;
-        body += &section("poses", "At each test pose", &poses);
+        body += &test_poses(&predicted.collect::<Vec<_>>(), plan.rho0_mm, observed)?;
     }
     body += &shown.run.map_or_else(String::new, absolute_run::identified);
     body += &section("readings", "What to read", &readings(shown));
@@ -70,7 +71,7 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
 }
 
 fn cards(shown: &AbsolutePageRecord<'_>) -> String {
-    let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &bound_card(shown.plan);
+    let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &best_card(shown.plan);
     cards += &(shown.run).map_or_else(String::new, |run| absolute_run::cards(shown.plan, run));
     if let Some(trials) = shown.trials {
         let is_kept = trials.prediction == Kept::Holds;
@@ -80,9 +81,8 @@ fn cards(shown: &AbsolutePageRecord<'_>) -> String {
             micrometres(trials.runs.rms_mm),
             micrometres(trials.runs.combined_rms_mm)
         );
-        let tone = if is_kept { "good" } else { "bad" };
         let verdict = trials.runs.verdict.as_deref().unwrap_or_default();
-        cards += &card(tone, "Does the prediction hold?", verdict, &about);
+        cards += &verdict_card(is_kept, verdict, &about);
     }
     if !shown.plan.assumed_exact.is_empty() {
         let about = shown.plan.assumed_exact.join("; ") + ".";
@@ -96,42 +96,28 @@ fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     cards + &conditions_card(shown.conditions)
 }
 
-/// The words that rows have in a column, each once.
-fn words<'a>(
-    plan: &'a AbsolutePlanMessage,
-    of: impl Fn(&'a PlannedReadingMessage) -> Option<&'a String>,
-) -> Vec<&'a str> {
-    let mut known: Vec<&str> = Vec::new();
-    for word in plan.plan.iter().filter_map(of) {
-        if !known.contains(&word.as_str()) {
-            known.push(word);
-        }
-    }
-    known
-}
-
 fn plan_card(plan: &AbsolutePlanMessage) -> String {
-    let mut configurations: Vec<&Vec<f64>> = Vec::new();
-    for row in &plan.plan {
-        if !configurations.contains(&&row.q_deg) {
-            configurations.push(&row.q_deg);
+    let rows = || plan.plan.iter();
+    let configurations = each_once(rows().map(|row| &row.q_deg)).len();
+    let loaded = rows().filter(|row| row.wrench.is_some()).count();
+    let listed = |title: &str, of: fn(&PlannedReadingMessage) -> Option<&str>| {
+        let words = each_once(rows().filter_map(of));
+        if words.is_empty() {
+            String::new()
+        } else {
+            format!(" {title}: {}.", words.join(", "))
         }
-    }
-    let loaded = plan.plan.iter().filter(|row| row.wrench.is_some()).count();
-    let listed = |title: &str, words: &[&str]| match words {
-        [] => String::new(),
-        words => format!(" {title}: {}.", words.join(", ")),
     };
     let about = format!(
         "{loaded} of {} under a load.{}{}",
         counted(plan.plan.len() as u64, "row"),
-        listed("Reflectors", &words(plan, |row| row.target.as_ref())),
-        listed("Stations", &words(plan, |row| row.station.as_ref()))
+        listed("Reflectors", |row| row.target.as_deref()),
+        listed("Stations", |row| row.station.as_deref())
     );
     let answer = format!(
         "{} in {}",
         counted(plan.experiments.into(), "reading"),
-        counted(configurations.len() as u64, "configuration")
+        counted(configurations as u64, "configuration")
     );
     card("", "Plan", &answer, &about)
 }
@@ -163,7 +149,7 @@ fn accuracy_card(plan: &AbsolutePlanMessage) -> String {
     card("", "Absolute accuracy", &answer, &about)
 }
 
-fn bound_card(plan: &AbsolutePlanMessage) -> String {
+fn best_card(plan: &AbsolutePlanMessage) -> String {
     let (Some(bound), Some(efficiency)) = (plan.lower_bound_rho0_mm, plan.efficiency) else {
         let about = "Without candidates, nothing is said about better plans: give --candidates.";
         return card("", "Is it the best?", "no bound", about);
@@ -178,17 +164,7 @@ fn bound_card(plan: &AbsolutePlanMessage) -> String {
         None => format!("Proved by looking at all {possible}, of which it speaks alone."),
     };
     let tone = if plan.drawn.is_some() { "" } else { "good" };
-    let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
-    card(
-        tone,
-        "Is it the best?",
-        &format!("at most {better} can be gained"),
-        &format!(
-            "No plan of as many candidates is below {}: efficiency {}. {basis}",
-            micrometres(Some(bound)),
-            percent(Some(efficiency), 1)
-        ),
-    )
+    bound_card(tone, (bound, efficiency), "candidates", &basis)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
@@ -245,19 +221,17 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
         row
     });
     let lengths = (shown.plan.plan.iter()).any(|reading| reading.distance_mm.is_some());
-    let own = ["reflector", "station", "times", "distance [mm]"];
-    let own = if lengths { &own[..] } else { &own[..3] };
-    let header = plan_header(shown.scenario, "row", own);
-    format!(
-        "<div class=\"stills\">{}</div>\n{}{}",
-        shown.stills,
-        paragraph(&format!(
-            "Green: the line of sight from the instrument to the reflector that is read. Loads act at the calibration \
-             tool, in the world frame, z up. {} the same numbers.",
-            shown.run.map_or("--plan-out writes", |_| "plan.csv has")
-        )),
-        table_of(&header, rows)
-    )
+    let own = if lengths {
+        "row | reflector | station | times | distance [mm]"
+    } else {
+        "row | reflector | station | times"
+    };
+    let about = format!(
+        "Green: the line of sight from the instrument to the reflector that is read. Loads act at the calibration \
+         tool, in the world frame, z up. {} the same numbers.",
+        shown.run.map_or("--plan-out writes", |_| "plan.csv has")
+    );
+    plan_table(shown.scenario, (shown.stills, &about), own, rows)
 }
 
 /// All unknowns, with how well each is known afterwards.

@@ -1,10 +1,9 @@
 //! What a page of absolute readings shows of one run: where the tool was, and what was identified beside the simulated truth of that run.
 
-use crate::quantities::units::shown_unit;
-use crate::record::absolute::UnknownMessage;
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::text::wording::{counted, micrometres, number};
-use crate::view::markup::{card, micro_sign, paragraph, section, table};
+use crate::view::markup::{card, paragraph, section};
+use crate::view::tables;
 use crate::workflow::run::RANDOM_PLANS;
 use crate::workflow::run_absolute::{AbsoluteRun, RUN};
 
@@ -39,11 +38,6 @@ pub(super) fn cards(plan: &AbsolutePlanMessage, run: &AbsoluteRun<'_>) -> String
 /// What was identified, beside the simulated truth.
 pub(super) fn identified(run: &AbsoluteRun<'_>) -> String {
     let found = &run.record.identification;
-    let unknowns = found.unknowns.iter().zip(&run.record.true_values);
-    let rows = unknowns
-        .filter(|(unknown, _)| !found.is_of_frame(&unknown.name))
-        .map(|(unknown, truth)| row(unknown, *truth));
-    let header = "unknown | nominal | simulated truth | estimate | standard error | estimate less truth [standard errors] | unit";
     let mut about = format!(
         "From {} of the virtual robot of run {}, beside the simulated truth of that run. Frames are found besides.",
         counted(found.readings as u64, "reading"),
@@ -68,23 +62,6 @@ pub(super) fn identified(run: &AbsoluteRun<'_>) -> String {
             micrometres(Some(discrepancy_mm))
         );
     }
-    let body = paragraph(&about) + &table(header, rows);
+    let body = paragraph(&about) + &tables::unknowns(&run.record).html();
     section("identified", "What was identified", &body)
-}
-
-fn row(unknown: &UnknownMessage, truth: Option<f64>) -> Vec<String> {
-    let (factor, unit) = shown_unit(&unknown.unit);
-    let shown = |value: Option<f64>| number(value.map(|value| value * factor), 4);
-    let error = unknown.standard_error;
-    let off = truth.zip(error);
-    let off = off.map(|(truth, error)| (unknown.value - truth) / error);
-    vec![
-        unknown.name.clone(),
-        shown(Some(unknown.nominal)),
-        shown(truth),
-        shown(error.map(|_| unknown.value)),
-        shown(error),
-        number(off, 2),
-        micro_sign(unit),
-    ]
 }

@@ -1,20 +1,19 @@
 //! Fig. 7 redrawn: the distribution of each plan's residual error over many runs.
 
-use plotters::prelude::*;
+use plotters::style::RGBColor;
 
 use crate::numeric::tolerance::ends;
 use crate::record::study::StudyPlanMessage;
-use crate::text::wording::{inverse_interval, micrometres, number};
-use crate::view::charts::{COLOURS, PlotError};
-use crate::view::charts::{
-    Chart, ChartAxis, INK, Mark, Rows, Series, WHOLE, chart_of, drawing, interval,
-};
-use crate::view::markup::{figure, table_of};
+use crate::text::wording::micrometres;
+use crate::view::charts::{COLOURS, Chart, ChartAxis, INK, Mark, PlotError, Rows, Series, WHOLE};
+use crate::view::{markup::figure, tables};
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;
 /// The room beside the intervals of means (decades).
 const MARGIN: f64 = 0.08;
+/// What figures are over.
+const ERRORS: &str = "residual error at the test pose [\u{b5}m], logarithmic";
 /// The vermilion of random plans.
 const RANDOM: RGBColor = RGBColor(213, 94, 0);
 
@@ -41,55 +40,45 @@ impl Role {
 
 /// A plan's runs, with what they are drawn and listed as.
 pub struct Line<'a> {
-    /// What the plan is called here.
-    pub name: String,
     /// Its runs.
     pub runs: &'a StudyPlanMessage,
     /// What it is compared as.
     pub role: Role,
-    /// A mean that was published (mm).
-    pub printed_mean_mm: Option<f64>,
 }
 
 impl<'a> Line<'a> {
-    /// A plan under its own name.
-    pub fn new(runs: &'a StudyPlanMessage, role: Role) -> Self {
-        Self {
-            name: runs.name.clone(),
-            runs,
-            role,
-            printed_mean_mm: None,
-        }
+    /// A plan's.
+    pub const fn new(runs: &'a StudyPlanMessage, role: Role) -> Self {
+        Self { runs, role }
     }
 }
 
-/// The figure: a row for each plan with the distribution of its distances, its mean and, where
-/// there is one, the published mean.
+/// Lines that have runs.
+fn with_runs<'l, 'a>(lines: &'l [Line<'a>]) -> Vec<&'l Line<'a>> {
+    (lines.iter()).filter(|line| line.runs.runs > 0).collect()
+}
+
+/// The figure: a row for each plan with the distribution of its distances and its mean.
 pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, PlotError> {
-    let lines: Vec<&Line<'_>> = (lines.iter()).filter(|line| line.runs.runs > 0).collect();
+    let lines = with_runs(lines);
     if lines.is_empty() {
         return Ok(String::new());
     }
-    let names: Vec<String> = lines.iter().map(|line| line.name.clone()).collect();
-    let notes: Vec<String> = (lines.iter())
-        .map(|line| format!("mean {}", micrometres(line.runs.mean_mm)))
-        .collect();
+    let note = |line: &&Line<'_>| format!("mean {}", micrometres(line.runs.mean_mm));
     let rows = Rows {
-        names: &names,
-        notes: &notes,
+        names: lines.iter().map(|line| line.runs.name.clone()).collect(),
+        notes: lines.iter().map(note).collect(),
         width: WHOLE,
         axis: ChartAxis::logarithmic(range(&lines)),
-        title: "residual error at the test pose [\u{b5}m], logarithmic".to_owned(),
+        title: ERRORS,
     };
     let highest = (lines.iter())
         .flat_map(|line| shares(line.runs).map(|(_, share)| share))
         .fold(f64::MIN_POSITIVE, f64::max);
+    let hills = lines.iter().enumerate();
+    let hills = hills.flat_map(|(row, line)| hill(&rows, row, line, highest));
     let title = "Distribution of the residual error of each plan";
-    let svg = rows.drawn(title, |chart| {
-        (lines.iter().enumerate()).try_for_each(|(row, line)| {
-            draw_line(chart, &rows.axis, rows.middle(row) - 0.46, line, highest)
-        })
-    })?;
+    let svg = rows.figure(title, &hills.collect::<Vec<_>>())?;
     Ok(figure(&svg, caption))
 }
 
@@ -105,26 +94,25 @@ pub fn means_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
     if means.is_empty() {
         return Ok(String::new());
     }
-    let names: Vec<String> = means.iter().map(|(line, _)| line.name.clone()).collect();
-    let micro = |logarithm: f64| format!("{:.2}", 10_f64.powf(logarithm));
-    let notes: Vec<String> = (means.iter())
-        .map(|(_, [low, mean, high])| {
-            format!("{} ({} to {})", micro(*mean), micro(*low), micro(*high))
-        })
-        .collect();
+    let note = |(_, ends): &(&Line<'_>, [f64; 3])| {
+        let [low, mean, high] = ends.map(|logarithm| format!("{:.2}", 10_f64.powf(logarithm)));
+        format!("{mean} ({low} to {high})")
+    };
     let rows = Rows {
-        names: &names,
-        notes: &notes,
+        names: means
+            .iter()
+            .map(|(line, _)| line.runs.name.clone())
+            .collect(),
+        notes: means.iter().map(note).collect(),
         width: WHOLE,
         axis: ChartAxis::logarithmic(low - MARGIN..high + MARGIN),
-        title: "mean residual error [\u{b5}m], logarithmic".to_owned(),
+        title: "mean residual error [\u{b5}m], logarithmic",
     };
+    let intervals = (means.iter().enumerate()).flat_map(|(row, (line, ends))| {
+        Series::interval(*ends, rows.middle(row), line.role.colour())
+    });
     let title = "Mean residual error of each plan with its 95 % interval";
-    let svg = rows.drawn(title, |chart| {
-        (means.iter().enumerate()).try_for_each(|(row, (line, ends))| {
-            interval(chart, *ends, rows.middle(row), line.role.colour())
-        })
-    })?;
+    let svg = rows.figure(title, &intervals.collect::<Vec<_>>())?;
     Ok(figure(
         &svg,
         "Mean of each plan's runs with its 95 % interval, in \u{b5}m.",
@@ -133,12 +121,13 @@ pub fn means_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
 
 /// The share of each plan's runs that stay below an error.
 pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
-    let lines: Vec<&Line<'_>> = (lines.iter()).filter(|line| line.runs.runs > 0).collect();
+    let lines = with_runs(lines);
     if lines.is_empty() {
         return Ok(String::new());
     }
     let is_free = |colour: &RGBColor| ![Role::Own.colour(), RANDOM].contains(colour);
     let others: Vec<RGBColor> = COLOURS.into_iter().filter(is_free).collect();
+    let inside = range(&lines);
     let series = |(index, line): (usize, &&Line<'_>)| {
         let colour = match line.role {
             Role::Other => others[index % others.len()],
@@ -149,31 +138,20 @@ pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
         } else {
             Mark::Dashed
         };
-        Series::new(&line.name, colour, mark)
+        let points = below(line.runs).filter(|(x, _)| inside.contains(x));
+        Series::new(&line.runs.name, colour, mark, points.collect())
     };
-    let series: Vec<Series> = lines.iter().enumerate().map(series).collect();
-    let axes = [
-        ChartAxis::logarithmic(range(&lines)),
-        ChartAxis::linear(0.0..100.0, 5),
-    ];
-    let names = [
-        "residual error at the test pose [\u{b5}m], logarithmic",
-        "runs below it [%]",
-    ];
+    let chart = Chart {
+        series: lines.iter().enumerate().map(series).collect(),
+        axes: [
+            ChartAxis::logarithmic(inside.clone()),
+            ChartAxis::linear(0.0..100.0, 5),
+        ],
+        names: [ERRORS, "runs below it [%]"].map(str::to_owned),
+    };
     let title = "Cumulative distribution of the residual error";
-    let svg = drawing((WHOLE, 620), title, |area| {
-        let inside = axes[0].range.clone();
-        let mut chart = chart_of(area, axes, names, &series)?;
-        (lines.iter().zip(&series)).try_for_each(|(line, series)| {
-            let points = below(line.runs).filter(|(x, _)| inside.contains(x));
-            series.draw(&mut chart, &points.collect::<Vec<_>>())
-        })?;
-        Ok(Vec::new())
-    })?;
-    Ok(figure(
-        &svg,
-        "Empirical cumulative distribution of each plan's runs.",
-    ))
+    let caption = "Empirical cumulative distribution of each plan's runs.";
+    Ok(figure(&chart.figure((WHOLE, 620), title)?, caption))
 }
 
 /// The upper end of each bin (logarithm of um) and the share of the runs below it (%).
@@ -186,78 +164,29 @@ fn below(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
     })
 }
 
-/// Draws a plan's hill with its foot at a height; `highest` is the highest share of any plan.
-fn draw_line(
-    chart: &mut Chart<'_, '_>,
-    axis: &ChartAxis,
-    foot: f64,
-    line: &Line<'_>,
-    highest: f64,
-) -> Result<(), PlotError> {
-    let colour = line.role.colour();
-    let inside = |x: &f64| axis.range.contains(x);
+/// A plan's hill in a row, with its mean; `highest` is the highest share of any plan.
+fn hill(rows: &Rows<'_>, row: usize, line: &Line<'_>, highest: f64) -> [Series; 3] {
+    let (colour, foot) = (line.role.colour(), rows.middle(row) - 0.46);
+    let inside = |x: &f64| rows.axis.range.contains(x);
     let shape: Vec<(f64, f64)> = shares(line.runs)
         .filter(|(x, _)| inside(x))
         .map(|(x, share)| (x, foot + FILL * share / highest))
         .collect();
-    let ends = [shape.last(), shape.first()];
-    let ends = ends.into_iter().flatten().map(|(x, _)| (*x, foot));
-    let closed: Vec<(f64, f64)> = shape.iter().copied().chain(ends).collect();
-    chart.draw_series([Polygon::new(closed, colour.mix(0.35).filled())])?;
-    chart.draw_series(LineSeries::new(shape, colour.stroke_width(3)))?;
-    if let Some(mean) = line.runs.mean_mm.map(logarithm).filter(inside) {
-        let mark = [(mean, foot), (mean, foot + FILL)];
-        chart.draw_series([PathElement::new(mark, INK.stroke_width(4))])?;
-    }
-    if let Some(mean) = line.printed_mean_mm.map(logarithm).filter(inside) {
-        let corners = vec![(-12, 0), (0, -12), (12, 0), (0, 12), (-12, 0)];
-        let diamond = EmptyElement::at((mean, foot + 0.5 * FILL))
-            + Polygon::new(corners.clone(), WHITE.filled())
-            + PathElement::new(corners, INK.stroke_width(3));
-        chart.draw_series([diamond])?;
-    }
-    Ok(())
+    let ends = [shape.last(), shape.first()].into_iter().flatten();
+    let ends = ends.map(|(x, _)| (*x, foot));
+    let closed = shape.iter().copied().chain(ends).collect();
+    let mean = line.runs.mean_mm.map(logarithm).filter(inside);
+    let mean = mean.map_or_else(Vec::new, |mean| vec![(mean, foot), (mean, foot + FILL)]);
+    [
+        Series::new("", colour, Mark::Area, closed),
+        Series::new("", colour, Mark::Line, shape),
+        Series::new("", INK, Mark::Segments(4), mean),
+    ]
 }
 
 /// The numbers below the figure.
 pub fn distances_table(lines: &[Line<'_>]) -> String {
-    let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let interval = |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to {:.3}", low * 1e3, high * 1e3);
-    let has_printed = lines.iter().any(|line| line.printed_mean_mm.is_some());
-    let mut header = vec![
-        "plan",
-        "mean [\u{b5}m]",
-        "95 % interval [\u{b5}m]",
-        "rms [\u{b5}m]",
-        "rms expected of these runs [\u{b5}m]",
-        "95 % of runs below [\u{b5}m]",
-        "mean of random over it",
-        "95 % interval",
-        "failed runs",
-    ];
-    if has_printed {
-        header.push("mean as printed [\u{b5}m]");
-    }
-    let rows = (lines.iter()).map(|line| {
-        let runs = line.runs;
-        let ratio = runs.mean_ratio_to_random.map(f64::recip);
-        let mut row = vec![
-            line.name.clone(),
-            micro(runs.mean_mm),
-            runs.mean_ci95_mm.map_or_else(String::new, interval),
-            micro(runs.rms_mm),
-            micro(runs.predicted_rms_mm),
-            micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
-            number(ratio, 2),
-            (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
-            runs.failed.to_string(),
-        ];
-        if has_printed {
-            row.push(number(line.printed_mean_mm.map(|value| value * 1e3), 2));
-        }
-        row
-    });
-    table_of(&header, rows)
+    tables::study(lines.iter().map(|line| line.runs)).html()
 }
 
 /// The middle of each bin (logarithm of um) and the share of the runs for each unit of the

@@ -3,7 +3,6 @@
 //! - [`run_page`]: a designed plan, its calibration, and what it is shown beside.
 //! - [`absolute_page`]: a plan of absolute readings, and a run of it.
 //! - [`study_page`]: a Monte Carlo study.
-//! - [`reproduction_page`]: the paper's numbers beside this program's.
 //!
 //! The numbers are those of the JSON records.
 
@@ -12,29 +11,27 @@ mod absolute_run;
 mod distances;
 mod figures;
 mod overview;
-mod reproduction;
 mod sources;
 mod study;
 mod test_poses;
 
-use super::charts::{self, PlotError};
-use super::markup::{card, escaped, figure, micro_sign, page, paragraph, section, table, table_of};
+use super::charts::PlotError;
+use super::markup::{card, cell, escaped, figure, page, paragraph, section, table, table_of_cells};
+use super::tables;
 use crate::codes::Condition;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::task::{Belief, Instrument};
-use crate::text::wording::{dash, micrometres, number, percent};
+use crate::text::wording::{dash, listed, micrometres, number, percent};
 use crate::workflow::run::{RunOutcome, TriedPlan};
 use distances::{Line, Role, distances_figure, distances_table};
 use figures::{
-    RelativeEstimate, accuracy_figure, compliances_figure, criteria_figure, criteria_names,
-    residuals_figure,
+    RelativeEstimate, accuracy_figure, compliances_figure, criteria_names, residuals_figure,
 };
 use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
-pub use reproduction::reproduction_page;
 pub use study::{StudyPageRecord, study_page};
 
 /// What the report of a run is made of.
@@ -61,18 +58,16 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     };
     let (calibration, assessment) = (&own.record, &own.assessment);
     let evidence = &run.outcome.evidence;
-    let mut body = overview::overview(run, calibration, assessment);
+    let mut body = overview::overview(run, own);
     body += &distances(evidence, &calibration.name)?;
-    let budget = assessment.uncertainty_budget.as_ref();
-    body += &sources::budget_section(budget, CONTRIBUTIONS);
+    body += &sources::budget_section(assessment.uncertainty_budget.as_ref(), CONTRIBUTIONS);
     let poses = &calibration.test_poses;
+    let predicted: Vec<_> = (poses.iter())
+        .map(|pose| (&*pose.name, pose.rho0_mm))
+        .collect();
+    let all_mm = assessment.rho0_m.map(|value| value * 1e3);
     if poses.len() > 1 {
-        let predicted: Vec<_> = (poses.iter())
-            .map(|pose| (&*pose.name, pose.rho0_mm))
-            .collect();
-        let all_mm = assessment.rho0_m.map(|value| value * 1e3);
-        let poses = test_poses(&predicted, all_mm, Some((poses, "uncompensated")))?;
-        body += &section("poses", "At each test pose", &poses);
+        body += &test_poses(&predicted, all_mm, Some((poses, "uncompensated")))?;
     }
     body += &pair(&[
         section(
@@ -92,12 +87,11 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
         &evidence.lower_bounds_rho0_mm,
         assessment.experiments,
     )?;
-    let criteria = criteria_figure(&evidence.criteria_compared)?;
     body += &pair(&[
         section(
             "criteria",
             "The criteria compared",
-            &(figure(&criteria, &criteria_caption(&evidence.criteria_compared)) + CRITERIA_LEGEND),
+            &criteria(&evidence.criteria_compared),
         ),
         section(
             "accuracy",
@@ -116,6 +110,17 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
         &format!("{}: calibration report", run.scenario.name),
         &body,
     ))
+}
+
+/// What comes several times, once.
+fn each_once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
+    let mut once = Vec::new();
+    for each in all {
+        if !once.contains(&each) {
+            once.push(each);
+        }
+    }
+    once
 }
 
 /// Two sections beside each other, where there is room.
@@ -155,24 +160,32 @@ fn accuracy_caption(experiments: u32) -> String {
     )
 }
 
-/// Which criterion's plan does best at the test poses, and by how much.
-fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
-    let others = plans.iter().skip(1);
-    let best = others
-        .filter_map(|plan| Some((plan, plan.rho0_mm?)))
-        .min_by(|one, other| one.1.total_cmp(&other.1));
-    let own = plans.first().and_then(|plan| plan.rho0_mm);
-    let (Some((best, rho0)), Some(own)) = (best, own) else {
-        return "No other criterion has a plan.".to_owned();
+/// The accuracy of the best plan for each criterion.
+fn criteria(plans: &[CriterionPlanMessage]) -> String {
+    let best = plans.first().and_then(|plan| plan.rho0_mm);
+    let largest = plans.iter().filter_map(|plan| plan.rho0_mm);
+    let largest = largest.fold(f64::MIN_POSITIVE, f64::max);
+    let row = |plan: &CriterionPlanMessage| {
+        let rho0_mm = plan.rho0_mm;
+        let shown = match rho0_mm {
+            None if plan.problem.is_some() => "no plan".to_owned(),
+            rho0_mm => micrometres(rho0_mm),
+        };
+        let share = 100.0 * rho0_mm.unwrap_or(0.0) / largest;
+        let more = rho0_mm.zip(best).map(|(rho0, best)| rho0 / best - 1.0);
+        let more = more.filter(|more| *more > 0.001);
+        let more = more.map_or_else(String::new, |more| format!("+{}", percent(Some(more), 0)));
+        cell(&criteria_names(plan)) + &sources::bar(share, false, &shown) + &cell(&more)
     };
-    let mut caption = format!(
-        "The best plan found for each criterion, of as many measurements, evaluated at the test pose. Next to the \
-         test-pose plan comes {}: {} against {} ({} more).",
-        criteria_names(best),
-        micrometres(Some(rho0)),
-        micrometres(Some(own)),
-        percent(Some(rho0 / own - 1.0), 1)
-    );
+    let header = ["criterion", "\u{3c1}\u{2080} at the test pose", "more"];
+    table_of_cells(&header, plans.iter().map(row))
+        + &paragraph(&criteria_caption(plans))
+        + CRITERIA_LEGEND
+}
+
+/// What the plans of criteria are, and which of them are rough.
+fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
+    let mut caption = "The best plan found for each criterion, of as many measurements, evaluated at the test pose.".to_owned();
     let alone =
         |plan: &&CriterionPlanMessage| plan.searches_agreeing.is_some_and(|count| count < 2);
     let rough: Vec<String> = plans.iter().filter(alone).map(criteria_names).collect();
@@ -192,98 +205,72 @@ const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summ
     <dt>D, O1</dt><dd>the smallest volume of the confidence ellipsoid</dd></dl>\n\
     <p>Variances are those of relative errors of the compliances.</p></details>\n";
 
-/// The stills, and the plan as a table.
+/// What is measured: the stills, and the plan as a table.
 fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> String {
     let reads_along = run.scenario.task.reads_along();
     let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
         let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
         if reads_along {
-            let all = || "all coordinates".to_owned();
-            let along = experiment
-                .direction
-                .map(|each| each.map(charts::short).join(", "));
-            row.push(along.unwrap_or_else(all));
+            let along = experiment.direction.map(|each| listed(each, 4));
+            row.push(along.unwrap_or_else(|| "all coordinates".to_owned()));
         }
         row.push(experiment.repeats.to_string());
         row
     });
-    let along = reads_along.then_some("read along");
-    let more: Vec<&str> = along.into_iter().chain(["times"]).collect();
-    let header = plan_header(run.scenario, "experiment", &more);
-    format!(
-        "<div class=\"stills\">{}</div>\n{}{}",
-        run.stills,
-        paragraph(
-            "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up."
-        ),
-        table_of(&header, rows)
-    )
+    let own = if reads_along {
+        "experiment | read along | times"
+    } else {
+        "experiment | times"
+    };
+    let about = "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up.";
+    plan_table(run.scenario, (run.stills, about), own, rows)
 }
 
-/// The columns of a plan's table.
-fn plan_header(scenario: &Scenario, row: &str, more: &[&str]) -> Vec<String> {
+/// Stills, what is to be known of them, and the rows of a plan; `own` names the rows and the columns that follow angles and load.
+fn plan_table(
+    scenario: &Scenario,
+    (stills, about): (&str, &str),
+    own: &str,
+    rows: impl Iterator<Item = Vec<String>>,
+) -> String {
+    let (row, own) = own.split_once(" | ").unwrap_or((own, ""));
     let columns = scenario.task.belief.commands().columns();
     let angles = columns.iter().map(|column| column.replace('_', " [") + "]");
-    let words = |words: &[&str]| words.iter().map(ToString::to_string).collect::<Vec<_>>();
-    let mut header = words(&[row]);
-    header.extend(angles);
-    header.extend(words(&["force [N]", "torque [N m]"]));
-    header.extend(words(more));
-    header
+    let angles: Vec<String> = angles.collect();
+    let angles = angles.join(" | ");
+    let header = format!("{row} | {angles} | force [N] | torque [N m] | {own}");
+    format!("<div class=\"stills\">{stills}</div>\n") + &paragraph(about) + &table(&header, rows)
 }
 
 /// A row of it: number, angles and load, where there is one.
 fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<String> {
-    let vector = |values: &[f64]| {
-        let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
-        values.join(", ")
-    };
     let mut row = vec![(index + 1).to_string()];
     row.extend(q_deg.iter().map(|&angle| number(Some(angle), 3)));
-    row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
-    row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[3..])));
+    for half in [0..3, 3..6] {
+        row.push(wrench.map_or_else(dash, |wrench| listed(wrench[half].iter().copied(), 4)));
+    }
     row
 }
 
 /// The identified compliances.
 fn compliances(belief: &Belief, calibration: &CalibrationMessage) -> Result<String, PlotError> {
-    let identification = &calibration.identification;
-    let mut estimates = Vec::new();
-    let mut rows = Vec::new();
-    for (index, name) in identification.parameters.iter().enumerate() {
-        let value = identification
-            .compliance_rad_per_nm
-            .get(index)
-            .copied()
-            .flatten();
-        let interval = (identification.compliance_ci95_rad_per_nm)
-            .get(index)
-            .copied()
-            .flatten();
+    let found = &calibration.identification;
+    let estimate = |(index, name): (usize, &String)| {
         let truth = (calibration.truth.compliance_rad_per_nm.get(index)).copied();
-        let error = match (value, interval, truth) {
-            (Some(value), Some(ends), Some(truth)) => {
-                Some((value / truth - 1.0, ends.map(|end| end / truth - 1.0)))
-            }
-            _ => None,
-        };
-        let micro = |value: Option<f64>| number(value.map(|value| value * 1e6), 4);
-        rows.push(vec![
-            name.clone(),
-            micro(value),
-            interval.map_or_else(dash, |[low, high]| {
-                format!("{} to {}", micro(Some(low)), micro(Some(high)))
+        let value = found.compliance_rad_per_nm[index].zip(truth);
+        let value = value.zip(found.compliance_ci95_rad_per_nm[index]);
+        RelativeEstimate {
+            name: name.clone(),
+            error: value.map(|((value, truth), ends)| {
+                (value / truth - 1.0, ends.map(|end| end / truth - 1.0))
             }),
-            micro(truth),
-        ]);
-        let name = name.clone();
-        estimates.push(RelativeEstimate { name, error });
-    }
+        }
+    };
+    let estimates: Vec<_> = found.parameters.iter().enumerate().map(estimate).collect();
     let svg = compliances_figure(&estimates)?;
     let caption = "From this run's measurements of the virtual robot, beside the simulated truth of this run: 95 % of such intervals cover it.";
-    let unit = micro_sign(&belief.compliance_unit("1e-6"));
-    let header = format!("joint | compliance [{unit}] | 95 % interval | simulated truth");
-    Ok(figure(&svg, caption) + &table(&header, rows))
+    let unit = belief.compliance_unit("1e-6");
+    Ok(figure(&svg, caption) + &tables::compliances(calibration, &unit).html())
 }
 
 /// What the fit leaves of each measurement.
@@ -344,6 +331,24 @@ fn plans(run: &RunRecord<'_>) -> String {
     let rows = run.outcome.tried.iter().map(row);
     let header = "plan | measurements | predicted rms \u{3c1}\u{2080} [\u{b5}m] | efficiency | observed in this run [\u{b5}m] | violations";
     table(header, rows)
+}
+
+/// A card that says by how much a plan of as many could be better, and on what the bound (mm) rests.
+fn bound_card(tone: &str, (bound_mm, efficiency): (f64, f64), noun: &str, basis: &str) -> String {
+    let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
+    let about = format!(
+        "No plan of as many {noun} can be below {}: efficiency {}. {basis}",
+        micrometres(Some(bound_mm)),
+        percent(Some(efficiency), 1)
+    );
+    let answer = format!("at most {better} can be gained");
+    card(tone, "Is it the best?", &answer, &about)
+}
+
+/// A card of what became of a prediction.
+fn verdict_card(is_kept: bool, verdict: &str, about: &str) -> String {
+    let tone = if is_kept { "good" } else { "bad" };
+    card(tone, "Does the prediction hold?", verdict, about)
 }
 
 /// A card of what must be looked at; nothing where there is nothing.

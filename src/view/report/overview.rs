@@ -1,13 +1,12 @@
 //! What a run's report answers first: which plan, how accurate, proved by what; and what to do.
 
-use super::RunRecord;
+use super::{RunRecord, bound_card};
 use crate::plan::search::{BoundKind, RepeatsNeeded};
 use crate::plan::{Assessment, UncertaintyBudget};
-use crate::record::messages::CalibrationMessage;
 use crate::robot::ReadsAlong;
-use crate::text::wording::{counted, micrometres, number, percent, shell_path};
+use crate::text::wording::{counted, micrometres, number, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};
-use crate::workflow::run::RANDOM_PLANS;
+use crate::workflow::run::{RANDOM_PLANS, TriedPlan};
 
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
@@ -18,29 +17,21 @@ fn length(value_m: Option<f64>) -> String {
 }
 
 /// Title and cards.
-pub fn overview(
-    run: &RunRecord<'_>,
-    calibration: &CalibrationMessage,
-    assessment: &Assessment,
-) -> String {
+pub fn overview(run: &RunRecord<'_>, own: &TriedPlan) -> String {
     let cards = [
-        plan_card(run, calibration, assessment),
-        accuracy_card(calibration, assessment),
-        proof_card(run, assessment),
-        random_card(run, assessment),
-        check_card(run, assessment),
+        plan_card(run, own),
+        accuracy_card(own),
+        proof_card(run, &own.assessment),
+        random_card(run, &own.assessment),
+        check_card(run, &own.assessment),
     ];
     let title = format!("Calibration plan: {}", run.scenario.name);
     heading(&title, &run.scenario.description, &cards.concat())
 }
 
-fn plan_card(
-    run: &RunRecord<'_>,
-    calibration: &CalibrationMessage,
-    assessment: &Assessment,
-) -> String {
-    let measurements = counted(assessment.experiments.into(), "measurement");
-    let configurations = counted(calibration.plan.len() as u64, "configuration");
+fn plan_card(run: &RunRecord<'_>, own: &TriedPlan) -> String {
+    let measurements = counted(own.assessment.experiments.into(), "measurement");
+    let configurations = counted(own.record.plan.len() as u64, "configuration");
     let parameters = run.scenario.task.belief.parameter_names().join(", ");
     card(
         "",
@@ -50,8 +41,8 @@ fn plan_card(
     )
 }
 
-fn accuracy_card(calibration: &CalibrationMessage, assessment: &Assessment) -> String {
-    let poses = &*calibration.test_poses;
+fn accuracy_card(own: &TriedPlan) -> String {
+    let (assessment, poses) = (&own.assessment, &*own.record.test_poses);
     let largest = poses.iter().map(|pose| pose.uncompensated_mm);
     let bent = micrometres(largest.max_by(f64::total_cmp));
     let uncompensated = match poses {
@@ -97,7 +88,6 @@ fn proof_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
             ),
         );
     };
-    let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
     let found = assessment.bound();
     let proved = found.filter(|bound| bound.kind == BoundKind::Proved);
     let proved = proved.and_then(|bound| bound.proof.as_ref());
@@ -117,16 +107,7 @@ fn proof_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     } else {
         ""
     };
-    card(
-        tone,
-        "Is it the best?",
-        &format!("at most {better} can be gained"),
-        &format!(
-            "No plan of as many measurements can be below {}: efficiency {}. {basis}",
-            length(Some(bound)),
-            percent(Some(efficiency), 1),
-        ),
-    )
+    bound_card(tone, (bound * 1e3, efficiency), "measurements", &basis)
 }
 
 /// What a proof says that does not reach the bound, and what it takes for certain.

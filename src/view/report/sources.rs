@@ -1,29 +1,23 @@
 //! The uncertainty budget as a table, with a bar in the cell of each source's share of variance.
 
+use super::each_once;
 use crate::plan::{BudgetSource, UncertaintyBudget};
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{micrometres, number, percent, significant};
 use crate::view::markup::{cell, micro_sign, paragraph, section, table_of_cells};
 
-/// A row of a table: its words and numbers, and the share that ends it (%).
-struct SourceRow {
-    cells: Vec<String>,
-    share_percent: f64,
-}
-
-/// A table whose last column is a share with its bar, the largest first.
-fn with_bars(header: &[&str], mut rows: Vec<SourceRow>) -> String {
-    rows.sort_by(|one, other| other.share_percent.total_cmp(&one.share_percent));
-    let cells = rows.iter().map(|row| {
-        let cells: String = row.cells.iter().map(|text| cell(text)).collect();
-        let share = row.share_percent;
-        cells + &bar(share, false, &percent(Some(share / 100.0), 1))
+/// A table of rows with a share (%) that ends each, with its bar, the largest first.
+fn with_bars(header: &[&str], mut rows: Vec<(Vec<String>, f64)>) -> String {
+    rows.sort_by(|one, other| other.1.total_cmp(&one.1));
+    let cells = rows.iter().map(|(row, share)| {
+        let cells: String = row.iter().map(|text| cell(text)).collect();
+        cells + &bar(*share, false, &percent(Some(share / 100.0), 1))
     });
     table_of_cells(header, cells)
 }
 
 /// A cell with a bar over so many percent of it behind its text.
-fn bar(percent: f64, is_hidden: bool, text: &str) -> String {
+pub(super) fn bar(percent: f64, is_hidden: bool, text: &str) -> String {
     let class = if is_hidden { "bar hidden" } else { "bar" };
     format!("<td class=\"{class}\" style=\"--share: {percent:.2}%\">{text}</td>")
 }
@@ -35,8 +29,8 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
     };
     let unit = |each: &BudgetSource| Some(micro_sign(each.unit.as_deref()?));
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "\u{2013}".to_owned());
-    let row = |each: &BudgetSource| SourceRow {
-        cells: vec![
+    let row = |each: &BudgetSource| {
+        let cells = vec![
             each.source.clone(),
             each.evaluation.name().to_owned(),
             each.level.name().to_owned(),
@@ -44,8 +38,8 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
             or_none(unit(each)),
             or_none(each.sensitivity.map(|value| significant(value, 3))),
             number(Some(each.contribution_um), 2),
-        ],
-        share_percent: each.variance_share_percent,
+        ];
+        (cells, each.variance_share_percent)
     };
     let header = [
         "source",
@@ -130,12 +124,7 @@ fn contributions(plans: &[&StudyPlanMessage]) -> String {
             .map(|each| each.contribution_um)
             .fold(0.0, f64::max)
     };
-    let mut sources: Vec<&str> = Vec::new();
-    for each in all() {
-        if !sources.contains(&each.source.as_str()) {
-            sources.push(&each.source);
-        }
-    }
+    let mut sources = each_once(all().map(|each| &*each.source));
     sources.sort_by(|one, other| largest_of(other).total_cmp(&largest_of(one)));
     let largest = largest_of(sources.first().unwrap_or(&"")).max(f64::MIN_POSITIVE);
     let contribution = |plan: &&StudyPlanMessage, source: &str| {
@@ -165,12 +154,9 @@ mod tests {
 
     #[test]
     fn bars_are_as_long_as_shares_and_the_largest_comes_first() {
-        let row = |name: &str, share_percent| SourceRow {
-            cells: vec![name.to_owned()],
-            share_percent,
-        };
-        let rows = vec![row("a <&", 36.0), row("b", 64.0)];
-        let html = with_bars(&["source", "share"], rows);
+        let rows =
+            [("a <&", 36.0), ("b", 64.0)].map(|(name, share)| (vec![name.to_owned()], share));
+        let html = with_bars(&["source", "share"], rows.into());
         let places = [
             "<td>b</td><td class=\"bar\" style=\"--share: 64.00%\">64.0\u{a0}%</td>",
             "<td>a &lt;&amp;</td><td class=\"bar\" style=\"--share: 36.00%\">36.0\u{a0}%</td>",

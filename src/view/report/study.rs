@@ -4,7 +4,7 @@ use super::absolute::ABSOLUTE_ACCURACY;
 use super::distances::{
     Line, Role, distances_figure, distances_table, means_figure, shares_figure,
 };
-use super::{conditions_card, provenance, sources};
+use super::{conditions_card, provenance, sources, verdict_card};
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
 use crate::task::AccuracyKind;
@@ -99,8 +99,8 @@ fn accuracy_card(is_absolute: bool) -> String {
 fn cards(study: &StudyPageRecord<'_>) -> String {
     let mut cards = String::new();
     if let Some(best) = best(study.plans, study.header.reference()) {
-        let interval = best.mean_ci95_mm.map_or_else(String::new, |[low, high]| {
-            let (low, high) = (micrometres(Some(low)), micrometres(Some(high)));
+        let interval = best.mean_ci95_mm.map_or_else(String::new, |ends| {
+            let [low, high] = ends.map(|end| micrometres(Some(end)));
             format!("95 % interval of the mean: {low} to {high}.")
         });
         let answer = format!("{}: {}", best.name, micrometres(best.mean_mm));
@@ -112,17 +112,10 @@ fn cards(study: &StudyPageRecord<'_>) -> String {
             let about = format!("95 % interval: {:.2} to {:.2}.", high.recip(), low.recip());
             cards += &card("", "Against a random plan", &answer, &about);
         }
-    }
-    if let Some(verdict) =
-        best(study.plans, study.header.reference()).and_then(|best| best.verdict.clone())
-    {
-        let tone = if verdict.starts_with("holds") {
-            "good"
-        } else {
-            "bad"
-        };
-        let about = "Observed of the best plan beside what is predicted, with all error sources of the scenario.";
-        cards += &card(tone, "Does the prediction hold?", &verdict, about);
+        if let Some(verdict) = &best.verdict {
+            let about = "Observed of the best plan beside what is predicted, with all error sources of the scenario.";
+            cards += &verdict_card(verdict.starts_with("holds"), verdict, about);
+        }
     }
     let z = (study.plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
     let largest = z.fold(0.0, f64::max);

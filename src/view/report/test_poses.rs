@@ -1,19 +1,17 @@
 //! What is predicted at each test pose, and what was observed there.
 
-use plotters::prelude::*;
-
 use super::figures::path_figure;
+use super::sources::bar;
 use crate::record::messages::TestPoseMessage;
 use crate::text::wording::{counted, micrometres};
-use crate::view::charts::{COLOURS, ChartAxis, INK, PlotError, Rows, WHOLE};
-use crate::view::markup::{figure, table};
+use crate::view::charts::PlotError;
+use crate::view::markup::{cell, figure, paragraph, section, table_of_cells};
 
 /// More test poses are a path or a region, and drawn as one.
 const FEW_POSES: usize = 12;
-/// Half of a bar's height, where rows have height one.
-const HALF_BAR: f64 = 0.3;
+const TITLE: &str = "At each test pose";
 
-/// What is predicted (mm) at each test pose, by its name, and over all; of a run beside what was observed and, under a name, without what
+/// The section of what is predicted (mm) at each test pose, by its name, and over all; of a run beside what was observed and, under a name, without what
 /// was identified.
 pub(super) fn test_poses(
     predicted: &[(&str, Option<f64>)],
@@ -21,10 +19,8 @@ pub(super) fn test_poses(
     run: Option<(&[TestPoseMessage], &str)>,
 ) -> Result<String, PlotError> {
     let observed = run.map_or(&[][..], |(observed, _)| observed);
-    let values: Vec<f64> = (predicted.iter())
-        .map(|(_, rho0_mm)| rho0_mm.unwrap_or(0.0) * 1e3)
-        .collect();
-    let mut caption = match values.len() {
+    let values_mm = || predicted.iter().map(|(_, rho0_mm)| rho0_mm.unwrap_or(0.0));
+    let caption = match predicted.len() {
         1 => "\u{3c1}\u{2080} at the test pose.".to_owned(),
         count => format!(
             "\u{3c1}\u{2080} at each of {}, in their order; over all it is {}.",
@@ -32,53 +28,35 @@ pub(super) fn test_poses(
             micrometres(all_mm)
         ),
     };
-    let rows = (predicted.iter().enumerate()).map(|(index, (name, rho0_mm))| {
-        let seen = observed.get(index).into_iter();
-        let seen = seen.flat_map(|seen| [seen.residual_mm, seen.uncompensated_mm]);
-        let mut row = vec![(*name).to_owned(), micrometres(*rho0_mm)];
-        row.extend(seen.map(|distance_mm| micrometres(Some(distance_mm))));
-        row
-    });
-    let header = run.map_or_else(
-        || "test pose | \u{3c1}\u{2080}".to_owned(),
-        |(_, without)| {
-            format!("test pose | predicted rms \u{3c1}\u{2080} | observed in this run | {without}")
-        },
-    );
-    let numbers = table(&header, rows);
-    if values.len() > FEW_POSES {
-        let svg = path_figure(&values, all_mm.map(|all| all * 1e3))?;
-        return Ok(figure(&svg, &caption)
-            + &format!("<details><summary>The numbers</summary>\n{numbers}</details>\n"));
-    }
-    let (names, notes): (Vec<String>, Vec<String>) = (predicted.iter())
-        .map(|(name, rho0_mm)| ((*name).to_owned(), micrometres(*rho0_mm)))
-        .unzip();
-    let seen_um: Vec<f64> = observed.iter().map(|seen| seen.residual_mm * 1e3).collect();
-    let longest = values.iter().chain(&seen_um).copied().fold(0.0, f64::max) * 1.04;
-    let rows = Rows {
-        names: &names,
-        notes: &notes,
-        width: WHOLE,
-        axis: ChartAxis::linear(0.0..longest.max(f64::MIN_POSITIVE), 8),
-        title: "\u{3c1}\u{2080}, predicted rms distance [\u{b5}m]".to_owned(),
+    let seen_mm = observed.iter().map(|seen| seen.residual_mm);
+    let longest = values_mm().chain(seen_mm).fold(f64::MIN_POSITIVE, f64::max);
+    let barred = |value_mm: Option<f64>, is_seen| {
+        let share = 100.0 * value_mm.unwrap_or(0.0) / longest;
+        bar(share, is_seen, &micrometres(value_mm))
     };
-    let svg = rows.drawn("Accuracy at each test pose", |chart| {
-        for (row, value) in values.iter().enumerate() {
-            let middle = rows.middle(row);
-            let corners = [(0.0, middle - HALF_BAR), (*value, middle + HALF_BAR)];
-            chart.draw_series([Rectangle::new(corners, COLOURS[0].mix(0.75).filled())])?;
-        }
-        for (row, seen) in seen_um.iter().enumerate() {
-            let middle = rows.middle(row);
-            let across = [(*seen, middle - 0.46), (*seen, middle + 0.46)];
-            chart.draw_series([PathElement::new(across, INK.stroke_width(4))])?;
-        }
-        Ok(())
-    })?;
-    if run.is_none() {
-        return Ok(figure(&svg, &caption));
+    let rows = (predicted.iter().enumerate()).map(|(index, (name, rho0_mm))| {
+        let seen = observed.get(index).map_or_else(String::new, |seen| {
+            let without = cell(&micrometres(Some(seen.uncompensated_mm)));
+            barred(Some(seen.residual_mm), true) + &without
+        });
+        cell(name) + &barred(*rho0_mm, false) + &seen
+    });
+    let mut header = vec!["test pose", "predicted rms \u{3c1}\u{2080}"];
+    header.extend(
+        run.iter()
+            .flat_map(|(_, without)| ["observed in this run", without]),
+    );
+    let numbers = table_of_cells(&header, rows);
+    if predicted.len() <= FEW_POSES {
+        let body = paragraph(&caption) + &numbers;
+        return Ok(section("poses", TITLE, &body));
     }
-    caption += " Vertical lines: observed in this run.";
-    Ok(figure(&svg, &caption) + &numbers)
+    let values_um: Vec<f64> = values_mm().map(|value_mm| value_mm * 1e3).collect();
+    let svg = path_figure(&values_um, all_mm.map(|all| all * 1e3))?;
+    let numbers = format!("<details><summary>The numbers</summary>\n{numbers}</details>\n");
+    Ok(section(
+        "poses",
+        TITLE,
+        &(figure(&svg, &caption) + &numbers),
+    ))
 }

@@ -127,24 +127,6 @@ pub fn log_recording(stream: &RecordingStream, recording: &Recording) -> Logged 
     };
     begin(stream, recording, &clock, |layout| root(recording, layout))?;
     scene::log_bodies(stream, recording)?;
-    let plans = recording.calibrations.iter();
-    let shown = plans.flat_map(|each| {
-        let all = 0..each.record.measured();
-        all.flat_map(|index| each.record.shown(index))
-    });
-    let is_along: BTreeSet<bool> = (shown.filter(|each| each.group.is_some()))
-        .map(|each| each.along_mm.is_some())
-        .collect();
-    for group in ["residual_mm", curves_of_readings(recording)[0]] {
-        let read = |(axis, _): &(&str, _)| is_along.contains(&(*axis == "along"));
-        for (axis, colour) in AXES.into_iter().filter(read) {
-            let series = SeriesPoints::new()
-                .with_colors([colour])
-                .with_names([axis])
-                .with_marker_sizes([4.0]);
-            stream.log_static(entity_path!["measurements", group, axis], &series)?;
-        }
-    }
     let overview = TextDocument::from_markdown(text::overview(recording));
     stream.log_static("text/overview", &overview)?;
     log_steps(stream, recording)
@@ -154,6 +136,7 @@ fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
     let mut mounted = None;
     let mut named = None;
     let mut measurement = 0;
+    let mut styled = BTreeSet::new();
     for (number, calibration, step) in recording.steps() {
         stream.set_time_sequence(STEP, number);
         if named != Some(calibration.record.name()) {
@@ -165,13 +148,20 @@ fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
         for groups in measured(calibration, step) {
             measurement += 1;
             stream.set_time_sequence(MEASUREMENT, measurement);
-            for (group, values) in groups {
-                for ((axis, _), value) in AXES.iter().zip(values) {
-                    if let Some(value) = value {
-                        let path = entity_path!["measurements", group, axis];
-                        stream.log(path, &Scalars::single(value))?;
-                    }
+            let values = groups.into_iter().flat_map(|(group, values)| {
+                let values = AXES.into_iter().zip(values);
+                values.filter_map(move |(axis, value)| Some((group, axis, value?)))
+            });
+            for (group, (axis, colour), value) in values {
+                let path = entity_path!["measurements", group, axis];
+                if styled.insert((group, axis)) {
+                    let series = SeriesPoints::new()
+                        .with_colors([colour])
+                        .with_names([axis])
+                        .with_marker_sizes([4.0]);
+                    stream.log_static(path.clone(), &series)?;
                 }
+                stream.log(path, &Scalars::single(value))?;
             }
         }
         stream.disable_timeline(MEASUREMENT);

@@ -10,16 +10,10 @@ use re_sdk_types::datatypes::Quaternion;
 use super::Logged;
 use crate::view::recording::{Body, Recording, ShownTool, Step};
 
-/// How far labels are from what they name (m).
-const LABEL_AWAY_M: f64 = 0.3;
 /// The loaded arm is translucent and in the model's colours with this share of a light blue.
 const LOADED_ALPHA: u8 = 130;
 const LOADED_RGB: [u8; 3] = [110, 180, 255];
 const LOADED_SHARE: f32 = 0.75;
-// Labels take the colour of what they name, and the viewer puts them on dark ground.
-const FORCE_RGB: [u8; 3] = [255, 100, 100];
-const DEFLECTION_RGB: [u8; 3] = [255, 200, 40];
-const TRACKER_RGB: [u8; 3] = [40, 200, 110];
 
 /// What does not change: surroundings and links, without tools.
 pub(super) fn log_bodies(stream: &RecordingStream, recording: &Recording) -> Logged {
@@ -52,11 +46,32 @@ pub(super) fn log_step(
         *mounted = Some(tool);
     }
     log_arms(stream, recording, step)?;
-    log_arrows(stream, recording, step)?;
-    if recording.has_lines_of_sight() {
-        log_line_of_sight(stream, step)?;
+    let drawn = recording.annotations(step);
+    for each in &drawn {
+        let path = entity_path!["world", each.name];
+        let Some([from, to]) = each.ends_m else {
+            stream.log(path, &Clear::flat())?;
+            continue;
+        };
+        if each.is_arrow {
+            let arrow = Arrows3D::from_vectors([single(&(to - from))])
+                .with_origins([single(&from)])
+                .with_radii([each.radius_m])
+                .with_colors([each.rgb]);
+            stream.log(path, &arrow)?;
+        } else {
+            let line = LineStrips3D::new([[single(&from), single(&to)]])
+                .with_radii([each.radius_m])
+                .with_colors([each.rgb]);
+            stream.log(path, &line)?;
+        }
     }
-    Ok(())
+    let labels = || (drawn.iter()).filter_map(|each| Some((each.rgb, each.label.as_ref()?)));
+    let points = Points3D::new(labels().map(|(_, (place, _))| single(place)))
+        .with_radii([0.0])
+        .with_colors(labels().map(|(rgb, _)| rgb))
+        .with_labels(labels().map(|(_, (_, text))| text.as_str()));
+    stream.log("world/labels", &points)
 }
 
 fn link_path(arm: &str, body: &Body) -> EntityPath {
@@ -65,11 +80,11 @@ fn link_path(arm: &str, body: &Body) -> EntityPath {
 
 /// Takes the tool that was at work off the arm and puts the other one on.
 fn log_tools(stream: &RecordingStream, recording: &Recording, tool: ShownTool) -> Logged {
-    for body in &recording.links {
-        if body.only_with == Some(tool) {
+    for (body, is_on) in recording.tools(tool) {
+        if is_on {
             stream.log(link_path("robot", body), &coloured_mesh(body))?;
             stream.log(link_path("loaded", body), &ghost_mesh(body))?;
-        } else if body.only_with.is_some() {
+        } else {
             for arm in ["robot", "loaded"] {
                 stream.log(link_path(arm, body), &Mesh3D::clear_fields())?;
             }
@@ -92,56 +107,6 @@ fn log_arms(stream: &RecordingStream, recording: &Recording, step: &Step) -> Log
         stream.log(link_path("loaded", body), &opacity)?;
     }
     Ok(())
-}
-
-fn log_arrows(stream: &RecordingStream, recording: &Recording, step: &Step) -> Logged {
-    if let Some(force) = recording.force_arrow_m(step) {
-        let arrow = Arrows3D::from_vectors([single(&force)])
-            .with_origins([single(&step.enlarged.tool_m)])
-            .with_radii([0.018])
-            .with_colors([FORCE_RGB]);
-        stream.log("world/force", &arrow)?;
-    } else {
-        stream.log("world/force", &Clear::flat())?;
-    }
-    let label = step.displacement_label();
-    if label.is_some() {
-        let deflection = step.displacement_m() * step.enlargement;
-        let arrow = Arrows3D::from_vectors([single(&deflection)])
-            .with_origins([single(&step.unloaded.tool_m)])
-            .with_radii([0.014])
-            .with_colors([DEFLECTION_RGB]);
-        stream.log("world/deflection", &arrow)?;
-    } else {
-        stream.log("world/deflection", &Clear::flat())?;
-    }
-
-    // Away from the arrows, where labels would hide them and the arm.
-    let above_tool = step.unloaded.tool_m + Vector3::z() * LABEL_AWAY_M;
-    let mut labels: Vec<_> = (label.into_iter())
-        .map(|label| (above_tool, DEFLECTION_RGB, label))
-        .collect();
-    if let Some((force, label)) = recording.force_arrow_m(step).zip(step.load_label()) {
-        let behind_tip = step.enlarged.tool_m + force + force.normalize() * (LABEL_AWAY_M / 2.5);
-        labels.push((behind_tip, FORCE_RGB, label));
-    }
-    let points = Points3D::new(labels.iter().map(|(place, _, _)| single(place)))
-        .with_radii([0.0])
-        .with_colors(labels.iter().map(|(_, colour, _)| *colour))
-        .with_labels(labels.iter().map(|(_, _, text)| text.as_str()));
-    stream.log("world/labels", &points)
-}
-
-/// The instrument's line to what it reads.
-fn log_line_of_sight(stream: &RecordingStream, step: &Step) -> Logged {
-    if let Some(instrument_m) = &step.instrument_m {
-        let line = LineStrips3D::new([[single(instrument_m), single(&step.unloaded.tool_m)]])
-            .with_radii([0.006])
-            .with_colors([TRACKER_RGB]);
-        stream.log("world/tracker_line", &line)
-    } else {
-        stream.log("world/tracker_line", &Clear::flat())
-    }
 }
 
 /// All of a body in the model's colours.

@@ -6,17 +6,14 @@
 use std::path::Path;
 
 use re_sdk::blueprint::components::PlayState;
-use re_sdk::blueprint::{BarChartView, ContainerLike, Horizontal, Spatial2DView, Tabs, Vertical};
+use re_sdk::blueprint::{BarChartView, ContainerLike, Horizontal, Tabs, Vertical};
 use re_sdk::{EntityPath, RecordingStream, RecordingStreamResult, entity_path};
-use re_sdk_types::archetypes::{
-    BarChart, LineStrips2D, Points2D, Scalars, SeriesLines, TextDocument,
-};
+use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines, TextDocument};
 
 use super::blueprint::{Clock, Layout, text};
 use super::{Logged, STEP, begin, log_step, scene, study_text, write_stream};
 use crate::files::FileError;
 use crate::record::study::HistogramMessage;
-use crate::study::account::Contribution;
 use crate::view::recording::ShownTool;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
@@ -95,6 +92,9 @@ impl StudyStream {
         stream.set_time_sequence(RUN, i64::try_from(snapshot.runs).unwrap_or(i64::MAX));
         let table = TextDocument::from_markdown(study_text::table(study, snapshot));
         stream.log("text/table", &table)?;
+        if let Some(sources) = study_text::sources(snapshot) {
+            stream.log("text/sources", &TextDocument::from_markdown(sources))?;
+        }
         for (index, plan) in snapshot.plans.iter().enumerate() {
             if let (Some(mean), Some([low, high])) = (plan.mean_mm, plan.mean_ci95_mm)
                 && snapshot.runs >= study.header.trials / UNSETTLED
@@ -102,7 +102,6 @@ impl StudyStream {
                 let values = [mean, low, high].map(|value| value * 1e3);
                 stream.log(mean_path(&plan.name), &Scalars::new(values))?;
             }
-            log_sources(stream, &plan.name, &plan.contributions)?;
             if let Some(bars) = bars(&plan.histogram) {
                 let bars = bars.with_color(translucent(colour(index)));
                 stream.log(distance_path(&plan.name), &bars)?;
@@ -153,10 +152,11 @@ fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
         about
     };
     let means = "mean distance over the number of runs, with 95 % bands [µm]";
-    let tabs = sources(study).chain(distributions(study));
+    let has_sources = study.header.plans.iter().any(|plan| plan.account.is_some());
+    let sources = has_sources.then(|| text("where the error comes from", "text/sources"));
     let right = Vertical::new([
         layout.curves(means, "means_um".into(), None),
-        Tabs::new(tabs).into(),
+        Tabs::new(sources.into_iter().chain(distributions(study))).into(),
         text("results so far", "text/table"),
     ]);
     Horizontal::new([left, right.with_row_shares([1.1, 1.1, 1.0]).into()])
@@ -186,68 +186,6 @@ fn distributions(study: &StudyRecording) -> impl Iterator<Item = ContainerLike> 
     let plans = header.plans.len();
     let others = move |index: &usize| plans == 1 || header.plans[*index].reference != Some(*index);
     (0..plans).rev().filter(others).take(MOST_TABS).map(view)
-}
-
-/// Where each plan's errors come from, where the scenario lists what is uncertain.
-fn sources(study: &StudyRecording) -> impl Iterator<Item = ContainerLike> {
-    let header = &study.header;
-    (header.labels().into_iter().zip(&header.plans))
-        .filter(|(_, plan)| plan.account.is_some())
-        .take(MOST_TABS)
-        .map(|(name, _)| {
-            let title = format!("{name}: where the error comes from, rms [µm]");
-            let view = Spatial2DView::new(title);
-            view.with_origin(sources_path(&name)).into()
-        })
-}
-
-fn sources_path(plan: &str) -> EntityPath {
-    entity_path!["sources_um", plan.to_owned()]
-}
-
-/// A bar for each source, as long as its contribution (the longest is 24 rows wide), the largest above.
-fn log_sources(stream: &RecordingStream, plan: &str, parts: &[Contribution]) -> Logged {
-    let mut parts: Vec<&Contribution> = parts.iter().collect();
-    parts.sort_by(|one, other| other.contribution_um.total_cmp(&one.contribution_um));
-    let total: f64 = parts.iter().map(|part| part.contribution_um.powi(2)).sum();
-    let Some(longest) = parts
-        .first()
-        .map(|part| part.contribution_um)
-        .filter(|_| total > 0.0)
-    else {
-        return Ok(());
-    };
-    let (mut strips, mut colours) = (Vec::new(), Vec::new());
-    let (mut places, mut labels) = (Vec::new(), Vec::new());
-    for (row, part) in (0_u16..).zip(&parts) {
-        let y = f32::from(row);
-        strips.push([
-            [0.0, y],
-            [scene::narrow(24.0 * part.contribution_um / longest), y],
-        ]);
-        colours.push(COLOURS[if part.hidden { 0 } else { 6 }]);
-        // The viewer writes a label below its place.
-        places.push([-8.0, y - 0.7]);
-        let hidden = if part.hidden { " (hidden)" } else { "" };
-        labels.push(format!(
-            "{}{hidden}: {:.2} µm, {:.1} %",
-            part.source,
-            part.contribution_um,
-            part.contribution_um.powi(2) / total * 100.0
-        ));
-    }
-    // The viewer shows what lies between places, and labels are wider.
-    places.push([-15.0, 0.0]);
-    labels.push(String::new());
-    let bars = LineStrips2D::new(strips)
-        .with_radii(vec![0.2; parts.len()])
-        .with_colors(colours);
-    let names = Points2D::new(places)
-        .with_radii([0.02])
-        .with_labels(labels)
-        .with_show_labels(true);
-    stream.log(sources_path(plan).join(&entity_path!["bars"]), &bars)?;
-    stream.log(sources_path(plan).join(&entity_path!["names"]), &names)
 }
 
 fn mean_path(plan: &str) -> EntityPath {

@@ -2,19 +2,19 @@
 
 use std::fmt::Write;
 
+use super::text::{heading, origin};
+use crate::study::account::Contribution;
 use crate::task::AccuracyKind;
 use crate::text::markdown_text;
+use crate::text::wording::{micrometres, number, percent};
 use crate::view::study_recording::{Snapshot, StudyRecording};
+use crate::view::tables::{self, RecordTable};
 
 /// What is shown, and where it comes from.
 pub(super) fn about(study: &StudyRecording) -> String {
     let provenance = &study.header.provenance;
-    let mut text = format!(
-        "## {}\n\n{}\n\n{}.\n\n",
-        markdown_text(&provenance.scenario),
-        markdown_text(&study.arms.description),
-        markdown_text(&study.title())
-    );
+    let mut text = heading(provenance, &study.arms.description);
+    text += &format!("{}.\n\n", markdown_text(&study.title()));
     text += match study.header.accuracy() {
         AccuracyKind::Relative => {
             "Each run measures a plan with fresh noise, identifies the compliances and compensates; \
@@ -39,45 +39,25 @@ pub(super) fn about(study: &StudyRecording) -> String {
                  timeline `step` has all of them. Red: force. Yellow: enlarged deflection. Translucent: \
                  the loaded arm. Green: the tracker's line of sight.\n\n";
     }
-    let _ = writeln!(
-        text,
-        "elastocal {}, commit {}, seed {}, scenario hash {}",
-        provenance.version, provenance.commit, provenance.seed, provenance.scenario_sha256
-    );
-    text
+    text + &origin(provenance)
 }
 
 /// What the runs so far say.
 pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
-    let micro = |value: Option<f64>| {
-        value.map_or_else(|| "-".to_owned(), |value| format!("{:.2}", value * 1e3))
-    };
     let failed: u64 = snapshot.plans.iter().map(|plan| plan.failed).sum();
     let mut text = format!(
-        "**{} of {} runs**\n\n| plan | mean [µm] | 95 % interval | rms [µm] | expected rms [µm] |\n|:--|--:|--:|--:|--:|\n",
-        snapshot.runs, study.header.trials
+        "**{} of {} runs**\n\n{}",
+        snapshot.runs,
+        study.header.trials,
+        tables::study(&snapshot.plans).markdown(5)
     );
     for plan in &snapshot.plans {
-        let interval = plan.mean_ci95_mm.map_or_else(
-            || "-".to_owned(),
-            |[low, high]| format!("{} to {}", micro(Some(low)), micro(Some(high))),
-        );
-        let _ = writeln!(
-            text,
-            "| {} | {} | {interval} | {} | {} |",
-            markdown_text(&plan.name),
-            micro(plan.mean_mm),
-            micro(plan.rms_mm),
-            micro(plan.predicted_rms_mm)
-        );
-    }
-    for plan in &snapshot.plans {
         if let (Some(predicted_mm), Some(verdict)) = (plan.combined_rms_mm, &plan.verdict) {
-            let predicted = micro(Some(predicted_mm));
             let _ = writeln!(
                 text,
-                "\n{}: predicted {predicted} µm; the prediction {verdict}.",
-                markdown_text(&plan.name)
+                "\n{}: predicted {}; the prediction {verdict}.",
+                markdown_text(&plan.name),
+                micrometres(Some(predicted_mm))
             );
         }
     }
@@ -85,4 +65,42 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
         let _ = writeln!(text, "\n{failed} runs failed.");
     }
     text
+}
+
+/// Where each plan's errors come from, where the scenario lists what is uncertain.
+pub(super) fn sources(snapshot: &Snapshot) -> Option<String> {
+    let plans = snapshot.plans.iter();
+    let listed = plans.filter_map(|plan| {
+        let name = markdown_text(&plan.name);
+        Some(format!(
+            "#### {name}\n\n{}\n",
+            contributions(&plan.contributions)?
+        ))
+    });
+    let text: String = listed.collect();
+    (!text.is_empty()).then_some(text)
+}
+
+/// A plan's error sources, the largest above.
+fn contributions(parts: &[Contribution]) -> Option<String> {
+    let mut parts: Vec<&Contribution> = parts.iter().collect();
+    parts.sort_by(|one, other| other.contribution_um.total_cmp(&one.contribution_um));
+    let total: f64 = parts.iter().map(|part| part.contribution_um.powi(2)).sum();
+    if total <= 0.0 {
+        return None;
+    }
+    let rows = parts.into_iter().map(|part| {
+        let hidden = if part.hidden { " (hidden)" } else { "" };
+        let share = part.contribution_um.powi(2) / total;
+        vec![
+            format!("{}{hidden}", part.source),
+            number(Some(part.contribution_um), 2),
+            percent(Some(share), 1),
+        ]
+    });
+    let table = RecordTable::new(
+        "error source | contribution, rms [\u{b5}m] | share of variance",
+        rows,
+    );
+    Some(table.markdown(3))
 }
