@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix3xX};
 
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::observation::{NOTHING_READ, PlannedReadings};
-use crate::parameter::ElasticArm;
+use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain, Tool,
 };
@@ -137,8 +137,18 @@ pub fn compensate_arm(
 /// counts there. Where springs beside the joints' own brace the arm, they do so against what is wrong of the
 /// compensation, and not against the load, which is what the joints are commanded back by.
 pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) -> DMatrix<f64> {
-    let arm = belief.arm_with(&belief.machining_tool);
     let sizes = vec![1.0; parameters.len()];
+    if pose.load_axes.is_some() {
+        let arm = belief.arm();
+        if let Ok(set) = ParameterSet::compliances(&arm, parameters) {
+            let tool = arm.tools.len() - 1;
+            return uncompensated_rows(
+                PlannedReadings::at_test_pose(&arm, tool, &set, &sizes),
+                pose,
+            );
+        }
+    }
+    let arm = belief.arm_with(&belief.machining_tool);
     let model = PlannedReadings::of_compliances(arm, parameters, &sizes, NOTHING_READ);
     uncompensated_rows(model, pose)
 }
@@ -159,6 +169,9 @@ pub fn uncompensated_rows(mut model: PlannedReadings<'_>, pose: &TestPose) -> DM
     let mut matrix = Matrix3xX::zeros(size);
     model.move_to(pose.configuration_rad.as_slice());
     model.uncompensated(&pose.load, &mut matrix);
+    if pose.load_axes.is_some() {
+        model.add_turning_load(&pose.load, &mut matrix);
+    }
     pose.counted_rows(DMatrix::from_column_slice(3, size, matrix.as_slice()))
 }
 

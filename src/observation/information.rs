@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use nalgebra::{DMatrix, DVector, Matrix6xX, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, Vector6};
 use rayon::prelude::*;
 
 use super::model::{Form, ObservationModel};
@@ -222,6 +222,22 @@ pub fn planned_rows(
             derivatives
         })
         .collect()
+}
+
+/// What more is in the rows of a position (3 x p, m in units of typical sizes, in the station's frame) where the load is given in the
+/// target's frame, and turns with it.
+pub fn turning_load_rows(
+    set: &ParameterSet,
+    nominal: &ElasticArm,
+    values: &DVector<f64>,
+    setup: &Setup,
+) -> Matrix3xX<f64> {
+    let mut model = ObservationModel::new(set, nominal, values.as_slice());
+    let mut derivatives = Matrix6xX::zeros(set.len());
+    model.add_turning_load(setup, &mut derivatives);
+    in_sizes(&mut derivatives, &set.scales());
+    let turn = nominal.instrument_from_base[setup.station].rotation;
+    turn.to_rotation_matrix() * derivatives.fixed_rows::<3>(0)
 }
 
 pub(super) fn in_sizes(rows: &mut Matrix6xX<f64>, scales: &DVector<f64>) {

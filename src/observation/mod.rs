@@ -33,7 +33,7 @@ mod visits_tests;
 pub use compliances::{BareArm, ComplianceColumns};
 pub use information::{
     NormalEquations, normal_equations, planned_information, planned_information_of_each,
-    planned_positions, planned_rows,
+    planned_positions, planned_rows, turning_load_rows,
 };
 pub use model::{Form, ObservationModel, RestTorques};
 pub use planned::{CovarianceTogether, NOTHING_READ, PlannedReadings};

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{DVector, Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3, Vector6};
+use nalgebra::{DVector, Isometry3, Matrix3, Matrix3x6, Matrix6xX, Rotation3, Vector3, Vector6};
 
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
@@ -11,6 +11,9 @@ use crate::parameter::{ElasticArm, Leaning, ParameterKind, ParameterSet};
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain, made_up,
 };
+
+/// What loads are changed by to see what they move (N, N m).
+const PROBE: f64 = 10.0;
 
 /// How far the arm's deflection is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -254,6 +257,54 @@ impl<'a> ObservationModel<'a> {
         self.first_order(None, &load, setup, SweptForm::Uncompensated, derivatives);
     }
 
+    /// Adds to derivatives at a target (6 x p, in the robot's base frame) what changes of its place where the load is given in its frame:
+    /// parameters that turn the target turn the load by as much, which then bends the arm otherwise. The scale of the readings' loads
+    /// has no part in it.
+    pub fn add_turning_load(&mut self, setup: &Setup, derivatives: &mut Matrix6xX<f64>) {
+        let mut turned = Matrix6xX::zeros(derivatives.ncols());
+        self.rests(setup, &mut turned);
+        let mut nothing = Matrix6xX::zeros(0);
+        let response = Matrix3x6::from_columns(&std::array::from_fn::<_, 6, _>(|axis| {
+            let [more_m, less_m] = [PROBE, -PROBE].map(|size| {
+                let wrench = setup.load.wrench() + Vector6::ith(axis, size);
+                let load = Load {
+                    force_n: wrench.fixed_rows::<3>(0).into_owned(),
+                    torque_nm: wrench.fixed_rows::<3>(3).into_owned(),
+                };
+                let setup = Setup {
+                    load,
+                    ..setup.clone()
+                };
+                self.rests(&setup, &mut nothing).position_m
+            });
+            (more_m - less_m) / (2.0 * PROBE)
+        }));
+        let columns = derivatives.column_iter_mut().zip(turned.column_iter());
+        for ((mut column, turned), parameter) in columns.zip(self.set.parameters()) {
+            use ParameterKind::{LoadOffset, LoadScale};
+            if matches!(parameter.kind, LoadScale | LoadOffset) {
+                continue;
+            }
+            let omega = turned.fixed_rows::<3>(3).into_owned();
+            let (force, torque) = (&setup.load.force_n, &setup.load.torque_nm);
+            let bent = response.fixed_columns::<3>(0) * omega.cross(force)
+                + response.fixed_columns::<3>(3) * omega.cross(torque);
+            let mut place = column.fixed_rows_mut::<3>(0);
+            place += bent;
+        }
+    }
+
+    /// Where a target rests under a load as planning sees it, in the robot's base frame.
+    fn rests(&mut self, setup: &Setup, derivatives: &mut Matrix6xX<f64>) -> Prediction {
+        let load = self.command(setup);
+        if self.chain.elements.has_springs()
+            && let Ok(prediction) = self.at_rest(true, &load, setup, derivatives)
+        {
+            return prediction;
+        }
+        self.first_order(None, &load, setup, SweptForm::Pose, derivatives)
+    }
+
     /// Sets the joints' angles, and returns the load that acts.
     fn command(&mut self, setup: &Setup) -> Load {
         self.asked_rad
@@ -366,7 +417,9 @@ impl<'a> ObservationModel<'a> {
             shown,
             made_up: made_up.as_ref().map(DVector::as_slice),
         };
-        self.sweep.derivatives(&pose, derivatives);
+        if derivatives.ncols() > 0 {
+            self.sweep.derivatives(&pose, derivatives);
+        }
         if has_rigid_motion {
             Prediction {
                 position_m: state.tool_position + bent,

@@ -165,6 +165,19 @@ impl<'a> ObservedRows<'a> {
         }
     }
 
+    /// See [`super::PlannedReadings::add_turning_load`].
+    pub fn add_turning_load(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        let room = &mut *self.work.borrow_mut();
+        room.setup.load = *load;
+        room.is_predicted = false;
+        room.rows.fill(0.0);
+        room.model.add_turning_load(&room.setup, &mut room.rows);
+        for (index, size) in self.sizes.iter().enumerate() {
+            let mut column = matrix.column_mut(index);
+            column += room.rows.fixed_view::<3, 1>(0, index) * *size;
+        }
+    }
+
     /// See [`super::PlannedReadings::uncompensated`]. Of a bare arm the model has it at the commanded angles. Else the robot is
     /// commanded q = `q_0` - k tau with the torques tau of the load where it rests without it, so that a parameter leaves
     /// J~ d(k tau) at the loaded tool, J~ that of the arm with its springs.

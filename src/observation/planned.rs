@@ -244,6 +244,14 @@ impl<'a> PlannedReadings<'a> {
         }
     }
 
+    /// Adds to these what they change where the load is given in the tool's frame, and turns with it. Rows in closed form do not have it.
+    pub fn add_turning_load(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        match &self.rows {
+            PlannedRows::Compliances(_) => {}
+            PlannedRows::Any(model, _) => model.add_turning_load(load, matrix),
+        }
+    }
+
     /// Tells how one standard deviation of each number of a source moves a reading (m, rad).
     fn for_each_effect(
         &self,

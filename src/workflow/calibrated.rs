@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, Isometry3, Matrix3xX};
+use nalgebra::{DMatrix, Isometry3};
 
 use super::stored_robot::{ReadRanges, StoredRobot};
 use crate::calibration::{
     CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
 };
 use crate::codes::ErrorCode;
-use crate::compensation::{KnownArm, compensate_arm, predicted_error};
+use crate::compensation::{KnownArm, compensate_arm, predicted_error, uncompensated_rows};
 use crate::files::FileError;
 use crate::identification::{JointError, covariance_of_any};
 use crate::numeric::estimable::Estimable;
@@ -320,14 +320,9 @@ impl CalibratedRobot {
         posterior: &Posterior,
         pose: &TestPose,
     ) -> Result<f64, NotDetermined> {
-        let mut matrix = Matrix3xX::zeros(set.len());
         let sizes = vec![1.0; set.len()];
-        let mut model =
-            PlannedReadings::at_test_pose(&self.nominal, self.machining_tool, set, &sizes);
-        model.move_to(pose.configuration_rad.as_slice());
-        model.uncompensated(&pose.load, &mut matrix);
-        let rows = DMatrix::from_column_slice(3, set.len(), matrix.as_slice());
-        predicted_error(&pose.counted_rows(rows), posterior)
+        let model = PlannedReadings::at_test_pose(&self.nominal, self.machining_tool, set, &sizes);
+        predicted_error(&uncompensated_rows(model, pose), posterior)
     }
 }
 

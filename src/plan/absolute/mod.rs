@@ -34,11 +34,11 @@ use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
-use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_positions};
+use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_positions, turning_load_rows};
 use crate::parameter::{ParameterKind, ParameterSet};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
-use crate::task::Task;
+use crate::task::{Task, TestPose};
 
 pub use drawn::{DrawnWanted, ReadingsWanted};
 pub use error::AbsolutePlanError;
@@ -519,7 +519,13 @@ fn place_rows(
             let setups: Vec<Setup> = setups.collect();
             let wanted = setups.iter().map(|setup| (setup, ReadingKind::Position));
             let wanted: Vec<_> = wanted.collect();
-            let mut rows = planned_positions(set, &case.arm, &set.prior().mean, &wanted);
+            let mean = &set.prior().mean;
+            let mut rows = planned_positions(set, &case.arm, mean, &wanted);
+            let turns = |(index, pose): (usize, &TestPose)| pose.load_axes.map(|_| index);
+            for index in task.test_poses.iter().enumerate().filter_map(turns) {
+                let mut place = rows.rows_mut(3 * index, 3);
+                place += turning_load_rows(set, &case.arm, mean, &setups[index]);
+            }
             for (mut column, parameter) in rows.column_iter_mut().zip(set.parameters()) {
                 use ParameterKind::{LoadOffset, LoadScale};
                 // What scales the loads of the readings is not the task's.

@@ -77,6 +77,12 @@ pub enum NoProof {
          joint_torque_max_nm is given: the bound rests on searches"
     )]
     Springs,
+    /// The task's load turns with the tool.
+    #[error(
+        "there is no proof where a test pose has its load in the tool's frame (tool_force_n), which turns with the tool: the bound rests on \
+         searches; with force_n there is one"
+    )]
+    TurningLoad,
     /// Displacements along a direction are read.
     #[error(
         "there is no proof where a gauge reads displacements along a direction: the bound rests on searches"

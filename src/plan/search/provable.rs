@@ -38,6 +38,8 @@ impl ProvableTask {
             || problem.task.region.joint_torque_max_nm.is_some()
         {
             Some(NoProof::Springs)
+        } else if (problem.task.test_poses.iter()).any(|pose| pose.load_axes.is_some()) {
+            Some(NoProof::TurningLoad)
         } else if problem.task.belief.instrument.gauge.is_some() {
             Some(NoProof::Gauge)
         } else {
