@@ -13,7 +13,7 @@ use super::{
     ReadingWeights,
 };
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
-use crate::numeric::ornstein_uhlenbeck::{ProcessPoint, sampled};
+use crate::numeric::markov::{ProcessPoint, sampled};
 use crate::observation::{
     Form, Observation, ObservationModel, Reading, planned_information_of_each, planned_positions,
 };
@@ -183,8 +183,8 @@ impl PartsOfReadings<'_> {
             }
         };
         Ok(CorrelatedList {
-            lengths: (self.known.functions.iter())
-                .map(|each| each.correlation_rad)
+            kernels: (self.known.functions.iter())
+                .map(|each| each.kernel)
                 .collect(),
             most: vec![1; rows.len()],
             known: 0,
@@ -268,7 +268,7 @@ impl PartsOfReadings<'_> {
                 .iter()
                 .map(|each| each.commanded_rad[joint])
                 .collect();
-            let error = sampled(&angles, function.correlation_rad, random);
+            let error = sampled(&angles, function.kernel, random);
             for ((setup, returned), error) in setups.iter_mut().zip(&mut returned).zip(error) {
                 setup.commanded_rad[joint] += function.deviation_rad * error;
                 let new: f64 = StandardNormal.sample(random);

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::AbsolutePlanning;
 use crate::experiment::{Candidate, is_one_configuration, numbered};
-use crate::numeric::ornstein_uhlenbeck::ProcessPoint;
+use crate::numeric::markov::ProcessPoint;
 use crate::observation::{
     ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
     SharingReadings, Together, Visits, Whitener, visits_of,
