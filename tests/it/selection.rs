@@ -2,7 +2,7 @@
 //! threads change nothing.
 
 use elastocal::measurement::{AbsoluteReading, absolute_table};
-use elastocal::numeric::markov::{Correlation, Kernel, sampled};
+use elastocal::numeric::markov::{Correlation, Kernel, SampledFunction};
 use elastocal::numeric::random::generator;
 use elastocal::parameter::JointFunction;
 use elastocal::scenario::Scenario;
@@ -86,24 +86,13 @@ const FUNCTION: (f64, f64) = (4e-4, 0.18);
 fn with_functions(correlation: Correlation, seed: u64, readings: usize) -> Vec<AbsoluteReading> {
     let mut random = generator(seed, 0);
     let arm = seen_arm(&mut random, &ur10(), 1, 1);
-    let grid: Vec<f64> = (0..4001)
-        .map(|place| -2.61 + 5.22e0 / 4e3 * f64::from(place))
-        .collect();
     let kernel = Kernel {
         correlation,
         length: FUNCTION.1,
     };
-    let functions: Vec<Vec<f64>> = (0..6)
-        .map(|_| sampled(&grid, kernel, &mut random))
-        .collect();
-    let gear = |joint: usize, angle: f64| {
-        let after = grid
-            .partition_point(|place| *place < angle)
-            .clamp(1, grid.len() - 1);
-        let share = (angle - grid[after - 1]) / (grid[after] - grid[after - 1]);
-        let function = &functions[joint];
-        FUNCTION.0 * (function[after - 1] * (1.0 - share) + function[after] * share)
-    };
+    let functions =
+        [0, 1, 2, 3, 4, 5].map(|each| SampledFunction::new(kernel, generator(seed, 1), each));
+    let gear = |joint: usize, angle: f64| FUNCTION.0 * functions[joint].at(angle);
     read_of(&mut random, &arm, readings, 0.0, &gear)
 }
 

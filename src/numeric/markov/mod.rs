@@ -18,7 +18,10 @@ mod tests;
 use nalgebra::Matrix2;
 
 pub use process::{Between, Blocks, FIRST_LENGTH, MarkovProcess, knots_among};
-pub use sample::{ProcessPoint, SampledFunction, root, sampled};
+pub use sample::{ProcessPoint, SampledFunction, root};
+
+/// So many lengths away nothing is left: exp(-x) is 0.
+const FORGOTTEN: f64 = 1e3;
 
 /// How smooth a process is.
 #[derive(
@@ -120,7 +123,7 @@ impl Kernel {
     }
 
     fn step(&self, apart: f64) -> Step {
-        let x = apart / self.length;
+        let x = (apart / self.length).min(FORGOTTEN);
         let kept = (-x).exp();
         match self.correlation {
             Correlation::Exponential => Step {

@@ -1,6 +1,6 @@
 //! Samples of processes, and what follows these at any places.
 
-use nalgebra::{DMatrix, Matrix2, Matrix2xX, RowVector2, Vector2};
+use nalgebra::{DMatrix, Matrix2xX, RowVector2, Vector2};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -29,49 +29,21 @@ impl ProcessPoint {
     }
 }
 
-/// A process from each place to the next in rising order: the number of the place, how much it keeps of the state before, and how it adds
-/// standard normal numbers.
-fn steps(places: &[f64], kernel: Kernel) -> impl Iterator<Item = (usize, [Matrix2<f64>; 2])> {
-    let mut order: Vec<usize> = (0..places.len()).collect();
-    order.sort_by(|&one, &other| places[one].total_cmp(&places[other]).then(one.cmp(&other)));
-    let mut before: Option<f64> = None;
-    order.into_iter().map(move |place| {
-        let at = places[place];
-        let Step { kept, added } = match before.replace(at) {
-            Some(before) => kernel.step(at - before),
-            None => Step {
-                kept: Matrix2::zeros(),
-                added: Matrix2::identity(),
-            },
-        };
-        (place, [kept, lower_root(&added)])
-    })
-}
-
-/// Values of one sample of a process at some places.
-pub fn sampled(places: &[f64], kernel: Kernel, random: &mut ChaCha8Rng) -> Vec<f64> {
-    let mut values = vec![0.0; places.len()];
-    let mut state = Vector2::zeros();
-    for (place, [kept, added]) in steps(places, kernel) {
-        let mut new = Vector2::zeros();
-        for number in new.iter_mut().take(kernel.order()) {
-            *number = StandardNormal.sample(random);
-        }
-        state = kept * state + added * new;
-        values[place] = state.x;
-    }
-    values
-}
-
 /// How standard normal numbers make the values at n places (n x n, or n x 2 n).
 pub fn root(places: &[f64], kernel: Kernel) -> DMatrix<f64> {
-    let order = kernel.order();
-    let mut root = DMatrix::zeros(places.len(), order * places.len());
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by(|&one, &other| places[one].total_cmp(&places[other]).then(one.cmp(&other)));
+    let numbers = kernel.order();
+    let mut root = DMatrix::zeros(places.len(), numbers * places.len());
+    // From each place to the next; before the first nothing is known.
     let mut state = Matrix2xX::zeros(root.ncols());
-    for (number, (place, [kept, added])) in steps(places, kernel).enumerate() {
+    let mut before = f64::NEG_INFINITY;
+    for (number, place) in order.into_iter().enumerate() {
+        let Step { kept, added } = kernel.step(places[place] - before);
+        before = places[place];
         state = kept * state;
-        let mut own = state.columns_mut(order * number, order);
-        own.copy_from(&added.columns(0, order));
+        let own = lower_root(&added);
+        (state.columns_mut(numbers * number, numbers)).copy_from(&own.columns(0, numbers));
         root.row_mut(place).copy_from(&state.row(0));
     }
     root

@@ -56,24 +56,6 @@ fn the_precision_is_the_inverse_of_the_covariance() {
     }
 }
 
-/// States are values and slopes: their covariances are those of the kernel and of its derivatives.
-#[test]
-fn states_are_values_and_slopes() {
-    for process in processes() {
-        let (kernel, order) = (process.kernel, process.kernel.order());
-        for (one, &at) in process.knots.iter().enumerate() {
-            for (other, &there) in process.knots.iter().enumerate() {
-                let own = process.covariance(order * one, order * other);
-                assert!((own - expected(kernel, at, there)).abs() < 1e-12);
-                if order > 1 {
-                    let own = process.covariance(order * one + 1, order * other);
-                    assert!((own - of_slope(kernel, at, there)).abs() < 1e-8);
-                }
-            }
-        }
-    }
-}
-
 /// Weights and spare variance are those of the normal distribution given all knots; so is a knot beyond.
 #[test]
 fn values_between_knots_follow_from_the_two_beside_them() {
@@ -109,55 +91,34 @@ fn values_between_knots_follow_from_the_two_beside_them() {
     }
 }
 
-/// Products of samples at some places are within four standard errors of the covariance: the mean of n products of normal numbers of
-/// correlation c has the variance (1 + c^2) / n.
-fn are_correlated(kernel: Kernel, places: &[f64], samples: &[Vec<f64>]) {
-    let count = samples.len() as f64;
-    for (row, one) in places.iter().enumerate() {
-        for (column, other) in places.iter().enumerate() {
-            let products = samples.iter().map(|values| values[row] * values[column]);
-            let wanted = expected(kernel, *one, *other);
-            let error = (1.0 + wanted * wanted).sqrt() / count.sqrt();
-            let off = products.sum::<f64>() / count - wanted;
-            assert!(off.abs() < 4.0 * error, "{row} {column}: {off}");
-        }
-    }
-}
-
-/// Samples are of unit variance, and correlated as the process is, whatever the order of the places.
-#[test]
-fn samples_are_correlated_as_the_process_is() {
-    let places = [0.3, -0.2, 0.0];
-    for kernel in kernels() {
-        let mut random = generator(3, 0);
-        let samples = (0..20_000).map(|_| sampled(&places, kernel, &mut random));
-        are_correlated(kernel, &places, &samples.collect::<Vec<_>>());
-    }
-}
-
-/// A sampled function is the process, and the same whenever it is asked. The smooth one has a slope, of the variance 1 / l^2.
+/// A sampled function is the process, and the same whenever it is asked: the mean of n products of normal numbers of correlation c has the
+/// variance (1 + c^2) / n (4 standard deviations). The smooth one has a slope, of the variance 1 / l^2; a square has the variance 2.
 #[test]
 fn sampled_functions_are_the_process() {
     let places = [0.3, -0.2, 0.0, 0.300_001, -6.1];
+    let count = 20_000;
     for kernel in kernels() {
-        let mut slope = 0.0;
-        let count = 20_000;
-        let sample = |run| {
+        let (mut slope, mut products) = (0.0, DMatrix::zeros(5, 5));
+        for run in 0..count {
             let random = generator(5, run);
             let functions = [0, 1].map(|each| SampledFunction::new(kernel, random.clone(), each));
             let value = |place: f64| functions[0].at(place);
-            let values = places.map(value).to_vec();
+            let values = DMatrix::from_iterator(5, 1, places.map(value));
             assert!((value(places[1]) - values[1]).abs() < f64::EPSILON);
             assert!((functions[1].at(0.3) - values[0]).abs() > f64::EPSILON);
-            slope += ((values[3] - values[0]) / 1e-6).powi(2) / count as f64;
-            values
-        };
-        let samples: Vec<Vec<f64>> = (0..count).map(sample).collect();
-        are_correlated(kernel, &places, &samples);
-        // A square of a normal number has the variance 2.
-        let off = slope * LENGTH * LENGTH - 1.0;
-        let is_smooth = off.abs() < 4.0 * (2.0 / count as f64).sqrt();
-        assert_eq!(is_smooth, kernel.order() > 1, "{off}");
+            products += &values * values.transpose() / count as f64;
+            slope += (LENGTH * (values[3] - values[0]) / 1e-6).powi(2) / count as f64;
+        }
+        for (row, one) in places.iter().enumerate() {
+            for (column, other) in places.iter().enumerate() {
+                let wanted = expected(kernel, *one, *other);
+                let error = (1.0 + wanted * wanted).sqrt() / (count as f64).sqrt();
+                let off = products[(row, column)] - wanted;
+                assert!(off.abs() < 4.0 * error, "{row} {column}: {off}");
+            }
+        }
+        let has_slope = (slope - 1.0).abs() < 4.0 * (2.0 / count as f64).sqrt();
+        assert_eq!(has_slope, kernel.order() > 1, "{slope}");
     }
 }
 
@@ -178,17 +139,12 @@ fn knots_stand_where_values_are() {
 fn roots_are_those_of_the_covariance() {
     let places = [0.3, -0.2, 0.0, 0.3, 1.7, 0.3 + 1e-9];
     for kernel in kernels() {
-        let point = |place: &f64| ProcessPoint {
-            columns: DMatrix::identity(1, 1),
-            places: vec![*place],
-        };
         let root = root(&places, kernel);
         let found = &root * root.transpose();
         for (row, one) in places.iter().enumerate() {
             for (column, other) in places.iter().enumerate() {
-                let wanted = point(one).covariance(&point(other), &[kernel])[0];
-                assert!((wanted - expected(kernel, *one, *other)).abs() < 1e-15);
-                assert!((found[(row, column)] - wanted).abs() < 1e-12);
+                let off = found[(row, column)] - expected(kernel, *one, *other);
+                assert!(off.abs() < 1e-12, "{row} {column}: {off}");
             }
         }
     }

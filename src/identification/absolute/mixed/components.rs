@@ -10,12 +10,12 @@
 //! (A. R. Gilmour, R. Thompson, B. R. Cullis, *Average information REML*, Biometrics 51, 1995). No knots are needed: parts are as
 //! sparse as plans are.
 
-use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{LEAST, MixedModel, MixedVariances, VarianceComponents, by_pose};
+use super::{LEAST, MixedModel, MixedVariances, PoseReadings, VarianceComponents, by_pose};
 use crate::numeric::factorisation::inverse_of;
-use crate::numeric::markov::{Correlation, FIRST_LENGTH, Kernel, MarkovProcess};
+use crate::numeric::markov::{Correlation, FIRST_LENGTH};
 use crate::parameter::JointFunction;
 
 /// Parts of the poses have no more of these, and no more rows.
@@ -27,8 +27,6 @@ const GAIN: f64 = 0.05;
 /// A step is damped as if so many numbers told each logarithm what it is, and less where that goes well.
 const DAMPING: f64 = 1.0;
 const DAMPED: [f64; 2] = [0.25, 8.0];
-/// Where no angle is near.
-const FAR: f64 = 1e9;
 
 /// What readings say of the logarithms of variances and lengths.
 struct Told {
@@ -53,15 +51,10 @@ impl MixedModel {
         let parts: Vec<Self> = (0..count)
             .map(|part| all.of_visits(|visit| visit % count == part))
             .collect();
-        let mut best: Option<(f64, MixedVariances)> = None;
-        for correlation in Correlation::ALL {
-            let found = all.likeliest_components(&parts, correlation);
-            best = (best.into_iter().chain(found)).reduce(|one, other| match other.0 > one.0 {
-                true => other,
-                false => one,
-            });
-        }
-        let (_, found) = best?;
+        let found = Correlation::ALL.map(|each| all.likeliest_components(&parts, each));
+        // Of equally likely ones the first.
+        let found = found.into_iter().flatten().rev();
+        let (_, found) = found.max_by(|one, other| one.0.total_cmp(&other.0))?;
         let joints = self.joints.iter().enumerate().zip(turns);
         let functions = joints.filter_map(|(joint, turns)| turns.then_some(joint));
         let function = |(place, &joint): (usize, &usize)| JointFunction {
@@ -87,32 +80,30 @@ impl MixedModel {
         correlation: Correlation,
     ) -> Option<(f64, MixedVariances)> {
         let first = self.first();
-        let lengths = first.process.iter().map(|each| each.kernel.length);
-        let longest: Vec<f64> = lengths.map(f64::ln).collect();
         let sizes = first.all.len();
-        let mut low = DVector::from_element(sizes + longest.len(), LEAST.ln());
-        low.rows_mut(sizes, longest.len()).fill(FIRST_LENGTH.ln());
-        let starts = longest
-            .iter()
-            .map(|each| f64::midpoint(FIRST_LENGTH.ln(), *each));
-        let starts = first.all.iter().map(|each| each.ln()).chain(starts);
-        let mut at = DVector::from_iterator(low.len(), starts);
-        let high = DVector::from_iterator(low.len(), (0..sizes).map(|_| 0.0).chain(longest));
+        let shortest = vec![FIRST_LENGTH.ln(); first.process.len()];
+        let longest = first.process.iter().map(|each| each.kernel.length.ln());
+        let longest: Vec<f64> = longest.collect();
+        let all = |sizes: Vec<f64>, lengths: &[f64]| DVector::from_vec([&sizes, lengths].concat());
+        let (low, high) = (
+            all(vec![LEAST.ln(); sizes], &shortest),
+            all(vec![0.0; sizes], &longest),
+        );
         let variances = |at: &DVector<f64>| {
-            let process = at.rows_range(sizes..).map(f64::exp);
-            let process = process.iter().map(|&length| MarkovProcess {
-                knots: vec![FAR],
-                kernel: Kernel {
-                    correlation,
-                    length,
-                },
+            let mut variances = first.clone();
+            let process = variances.process.iter_mut().map(|each| {
+                each.kernel.correlation = correlation;
+                &mut each.kernel.length
             });
-            MixedVariances {
-                all: at.rows(0, sizes).iter().map(|each| each.exp()).collect(),
-                of_poses: first.of_poses,
-                process: process.collect(),
+            for (to, value) in variances.all.iter_mut().chain(process).zip(at) {
+                *to = value.exp();
             }
+            variances
         };
+        let starts = first.all.iter().map(|each| each.ln()).collect();
+        let mut at = all(starts, &longest);
+        let half = (&at + &low).rows_range(sizes..) * 0.5;
+        at.rows_range_mut(sizes..).copy_from(&half);
         let told = |at: &DVector<f64>| {
             let variances = variances(at);
             let each: Vec<Option<Told>> = (parts.par_iter())
@@ -157,162 +148,81 @@ impl MixedModel {
         Some((found.likelihood, variances(&at)))
     }
 
-    /// What the readings say of variances with processes whose knots are far: each pose alone has all of each joint's error then, and what
-    /// two poses share is told by the kernels.
+    /// What the readings say, all poses together.
     fn told_of(&self, variances: &MixedVariances) -> Option<Told> {
-        let readings = Stacked::new(self);
-        let shared: Vec<[DMatrix<f64>; 2]> = (0..self.joints.len())
-            .map(|joint| self.shared(joint, variances))
+        let each =
+            |of: &dyn Fn(&PoseReadings) -> DMatrix<f64>| in_blocks(self.visits.iter().map(of));
+        let rows: Vec<_> = (self.visits.iter())
+            .flat_map(|visit| visit.fixed.row_iter())
             .collect();
-        let mut covariance = DMatrix::zeros(readings.residual.len(), readings.residual.len());
-        for (one, visit) in self.visits.iter().enumerate() {
-            let own = visit.local(variances).covariance;
-            readings
-                .block_mut(&mut covariance, one, one)
-                .copy_from(&own);
-            for (other, beside) in self.visits.iter().enumerate().take(one) {
-                let by = shared.iter().map(|[shared, _]| shared[(one, other)]);
-                let by = DMatrix::from_diagonal(&DVector::from_iterator(shared.len(), by));
-                let block = &visit.joints * by * beside.joints.transpose();
-                readings
-                    .block_mut(&mut covariance, one, other)
-                    .copy_from(&block);
-            }
-        }
-        covariance.fill_upper_triangle_with_lower_triangle();
-        let factor = Cholesky::new(covariance)?;
-        let inverse = inverse_of(&factor);
-        let weighed = &inverse * &readings.fixed;
-        let information = Cholesky::new(readings.fixed.tr_mul(&weighed) + &self.prior)?;
-        let pull = weighed.tr_mul(&readings.residual) + &self.pull;
-        let values = information.solve(&pull);
-        let square = readings.residual.dot(&(&inverse * &readings.residual)) - pull.dot(&values);
-        let determinants = ln_determinant(&factor) + ln_determinant(&information);
-        let left = &inverse * &readings.residual - &weighed * values;
-        let projected = inverse - &weighed * information.solve(&weighed.transpose());
-        let of_change = self.changes(&readings, variances, &shared, (&projected, &left));
-        let gradient = of_change.iter().map(|(gradient, _)| *gradient);
-        let columns: Vec<DVector<f64>> = of_change.iter().map(|(_, moved)| moved.clone()).collect();
-        let moved = DMatrix::from_columns(&columns);
-        Some(Told {
-            likelihood: -0.5 * (determinants + square),
-            gradient: DVector::from_iterator(of_change.len(), gradient),
-            curvature: moved.tr_mul(&(projected * &moved)) * 0.5,
-        })
-    }
-
-    /// What two poses share of a joint's error, and the derivative of that by the logarithm of the length; nothing for each by itself.
-    fn shared(&self, joint: usize, variances: &MixedVariances) -> [DMatrix<f64>; 2] {
-        let kernel = variances.process[joint].kernel;
-        let angle = |visit: usize| self.visits[visit].angles[joint];
-        let count = self.visits.len();
-        [0, 1].map(|which| {
-            DMatrix::from_fn(count, count, |one, other| {
-                let of = kernel.correlation((angle(one) - angle(other)).abs())[which];
-                variances.all[2 + joint] * if one == other { 0.0 } else { of }
-            })
-        })
-    }
-
-    /// For each logarithm the gradient, and dV a.
-    fn changes(
-        &self,
-        readings: &Stacked,
-        variances: &MixedVariances,
-        shared: &[[DMatrix<f64>; 2]],
-        (projected, left): (&DMatrix<f64>, &DVector<f64>),
-    ) -> Vec<(f64, DVector<f64>)> {
-        let of_size = |place: usize| {
+        let fixed = DMatrix::from_rows(&rows);
+        let residual = self
+            .visits
+            .iter()
+            .flat_map(|visit| &visit.residual)
+            .copied();
+        let residual = DVector::from_iterator(rows.len(), residual);
+        // How V changes with each logarithm, that of a variance and then that of a length: of what is new at a visit or a pose in
+        // blocks, of a joint's error everywhere.
+        let alone = |place: usize| {
             let mut alone = variances.clone();
             alone.all.fill(0.0);
             alone.all[place] = variances.all[place];
-            let mut moved = DVector::zeros(left.len());
-            let mut gradient = 0.0;
-            for (number, visit) in self.visits.iter().enumerate() {
-                let change = visit.local(&alone).covariance - &visit.own;
-                let (at, count) = readings.span(number);
-                let own = left.rows(at, count);
-                let by = &change * own;
-                gradient += own.dot(&by);
-                gradient -= projected.view((at, at), (count, count)).dot(&change);
-                moved.rows_mut(at, count).copy_from(&by);
-            }
-            (0.5 * gradient, moved)
+            each(&|visit| visit.local(&alone).covariance - &visit.own)
         };
-        let mut all: Vec<_> = (0..variances.all.len()).map(of_size).collect();
-        for (joint, shared) in shared.iter().enumerate() {
-            let moves = readings.moved_by(self, joint);
-            let seen = moves.tr_mul(left);
-            let told = moves.tr_mul(&(projected * &moves)) - &seen * seen.transpose();
-            let [by_size, by_length] = shared.each_ref().map(|shared| {
-                let gradient = -0.5 * shared.dot(&told);
-                (gradient, &moves * (shared * &seen))
+        let mut changes: Vec<DMatrix<f64>> = (0..variances.all.len()).map(alone).collect();
+        for (joint, process) in variances.process.iter().enumerate() {
+            let moved = each(&|visit| visit.joints.columns(joint, 1).into_owned());
+            let angle = |visit: usize| self.visits[visit].angles[joint];
+            let [by_size, by_length] = [0, 1].map(|which| {
+                let shared = DMatrix::from_fn(moved.ncols(), moved.ncols(), |one, other| {
+                    let apart = (angle(one) - angle(other)).abs();
+                    variances.all[2 + joint] * process.kernel.correlation(apart)[which]
+                });
+                &moved * (shared * moved.transpose())
             });
-            all[2 + joint].0 += by_size.0;
-            all[2 + joint].1 += by_size.1;
-            all.push(by_length);
+            changes[2 + joint] = by_size;
+            changes.push(by_length);
         }
-        all
+        let mut covariance = each(&|visit| visit.own.clone());
+        for change in &changes[..variances.all.len()] {
+            covariance += change;
+        }
+        let factor = Cholesky::new(covariance)?;
+        let inverse = inverse_of(&factor);
+        let weighed = &inverse * &fixed;
+        let information = Cholesky::new(fixed.tr_mul(&weighed) + &self.prior)?;
+        let pull = weighed.tr_mul(&residual) + &self.pull;
+        let values = information.solve(&pull);
+        let own = &inverse * &residual;
+        let square = residual.dot(&own) - pull.dot(&values);
+        let determinants = [&factor, &information].map(|factor| {
+            let roots = factor.l_dirty().diagonal();
+            2.0 * roots.map(f64::ln).sum()
+        });
+        let left = own - &weighed * values;
+        let projected = inverse - &weighed * information.solve(&weighed.transpose());
+        let moved: Vec<DVector<f64>> = changes.iter().map(|change| change * &left).collect();
+        let gradient = moved.iter().zip(&changes);
+        let gradient = gradient.map(|(moved, change)| left.dot(moved) - projected.dot(change));
+        let moved = DMatrix::from_columns(&moved);
+        Some(Told {
+            likelihood: -0.5 * (determinants.iter().sum::<f64>() + square),
+            gradient: DVector::from_iterator(changes.len(), gradient) * 0.5,
+            curvature: moved.tr_mul(&(projected * &moved)) * 0.5,
+        })
     }
 }
 
-/// Readings, one pose below the other.
-struct Stacked {
-    starts: Vec<usize>,
-    residual: DVector<f64>,
-    fixed: DMatrix<f64>,
-}
-
-impl Stacked {
-    fn new(model: &MixedModel) -> Self {
-        let mut starts = vec![0];
-        for visit in &model.visits {
-            starts.push(starts[starts.len() - 1] + visit.residual.len());
-        }
-        let rows = starts[model.visits.len()];
-        let mut stacked = Self {
-            starts,
-            residual: DVector::zeros(rows),
-            fixed: DMatrix::zeros(rows, model.units.ncols()),
-        };
-        for (number, visit) in model.visits.iter().enumerate() {
-            let (at, count) = stacked.span(number);
-            (stacked.residual.rows_mut(at, count)).copy_from(&visit.residual);
-            stacked.fixed.rows_mut(at, count).copy_from(&visit.fixed);
-        }
-        stacked
+/// Matrices one behind the other, and each below the one before.
+fn in_blocks(each: impl Iterator<Item = DMatrix<f64>>) -> DMatrix<f64> {
+    let each: Vec<DMatrix<f64>> = each.collect();
+    let sum = |of: fn(&DMatrix<f64>) -> usize| each.iter().map(of).sum();
+    let mut all = DMatrix::zeros(sum(DMatrix::nrows), sum(DMatrix::ncols));
+    let mut at = (0, 0);
+    for own in &each {
+        all.view_mut(at, own.shape()).copy_from(own);
+        at = (at.0 + own.nrows(), at.1 + own.ncols());
     }
-
-    /// Where the rows of a pose begin, and how many there are.
-    fn span(&self, visit: usize) -> (usize, usize) {
-        (
-            self.starts[visit],
-            self.starts[visit + 1] - self.starts[visit],
-        )
-    }
-
-    fn block_mut<'a>(
-        &self,
-        matrix: &'a mut DMatrix<f64>,
-        one: usize,
-        other: usize,
-    ) -> DMatrixViewMut<'a, f64> {
-        let [(row, rows), (column, columns)] = [one, other].map(|visit| self.span(visit));
-        matrix.view_mut((row, column), (rows, columns))
-    }
-
-    /// How a joint's error at each pose moves all rows.
-    fn moved_by(&self, model: &MixedModel, joint: usize) -> DMatrix<f64> {
-        let mut moved = DMatrix::zeros(self.residual.len(), model.visits.len());
-        for (number, visit) in model.visits.iter().enumerate() {
-            let (at, count) = self.span(number);
-            let mut own = moved.view_mut((at, number), (count, 1));
-            own.copy_from(&visit.joints.column(joint));
-        }
-        moved
-    }
-}
-
-fn ln_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
-    factor.l_dirty().diagonal().map(f64::ln).sum() * 2.0
+    all
 }
