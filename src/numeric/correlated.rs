@@ -1,4 +1,4 @@
-//! Rows that follow unknowns and Ornstein-Uhlenbeck processes of several coordinates, and what some of them tell of all.
+//! Rows that follow unknowns and processes of several coordinates, and what some of them tell of all.
 //!
 //! With the covariance K of what all show before any is read, and R of what is new at each, a choice S leaves
 //!
@@ -11,7 +11,7 @@
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
-use super::ornstein_uhlenbeck::ProcessPoint;
+use super::markov::{Kernel, ProcessPoint};
 
 /// A reading: a position and perhaps more.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,8 +29,8 @@ pub struct CorrelatedReading {
 /// Readings, with the processes that they follow.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrelatedList {
-    /// The length of each process.
-    pub lengths: Vec<f64>,
+    /// What each process is.
+    pub kernels: Vec<Kernel>,
     /// All of them.
     pub readings: Vec<CorrelatedReading>,
     /// The first may be chosen, each so often,
@@ -43,7 +43,7 @@ impl CorrelatedList {
     /// K between two readings (r x r'), before anything is read.
     fn between(&self, one: usize, other: usize) -> DMatrix<f64> {
         let [one, other] = [&self.readings[one], &self.readings[other]];
-        let mut between = (one.by_processes).covariance(&other.by_processes, &self.lengths);
+        let mut between = (one.by_processes).covariance(&other.by_processes, &self.kernels);
         between.gemm_tr(1.0, &one.by_unknowns, &other.by_unknowns, 1.0);
         if one.shared.0 == other.shared.0 {
             between += &one.shared.1 * other.shared.1.transpose();
@@ -243,6 +243,7 @@ impl<'a> KnownOfReadings<'a> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::numeric::markov::Correlation;
 
     /// Twenty readings.
     pub fn list() -> CorrelatedList {
@@ -263,7 +264,13 @@ pub(crate) mod tests {
             }
         };
         CorrelatedList {
-            lengths: vec![0.2, 0.3],
+            kernels: vec![
+                Kernel::exponential(0.2),
+                Kernel {
+                    correlation: Correlation::Matern32,
+                    length: 0.3,
+                },
+            ],
             readings: (0..20).map(reading).collect(),
             most: vec![1; 20],
             known: 0,

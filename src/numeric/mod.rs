@@ -9,13 +9,13 @@
 //!   (eqs. 11 to 13, 20).
 //! - [`quantile`]: what is exceeded with a probability.
 //! - [`tolerance`]: the length that a share of errors stays below, and medians.
-//! - [`ornstein_uhlenbeck`]: Ornstein-Uhlenbeck processes along a coordinate.
+//! - [`markov`]: processes along a coordinate that forget, of two kinds.
 
 pub mod correlated;
 pub mod estimable;
 pub mod factorisation;
 pub mod least_squares;
-pub mod ornstein_uhlenbeck;
+pub mod markov;
 pub mod posterior;
 pub mod quantile;
 pub mod random;

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 
 use super::{ParameterKind, SourceLevel};
+use crate::numeric::markov::Kernel;
 
 /// The distribution from which a standard uncertainty was evaluated (GUM 4.3). Errors are sampled from normal ones of that
 /// standard uncertainty.
@@ -90,21 +91,20 @@ pub enum ReadingSource {
 pub struct TransmissionError {
     /// A standard deviation for each joint (rad; m where it slides).
     pub deviations: Vec<f64>,
-    /// Over which angle of its own (rad) a joint's error forgets: then it is a random function of that angle, which the robot keeps, with
-    /// the correlation exp(-|q - q'| / l). Without one it is independent between configurations, as of deflections it may be taken in any
-    /// case.
-    pub correlation_rad: Option<f64>,
+    /// How a joint's error is correlated over the joint's own angle (rad): then it is a random function of that angle, which the robot
+    /// keeps. Without this it is independent between configurations, as of deflections it may be taken in any case.
+    pub kernel: Option<Kernel>,
 }
 
-/// A joint's error as a random function of its own angle, which the robot keeps: cov(e(q), e(q')) = s^2 exp(-|q - q'| / l).
+/// A joint's error as a random function of its own angle, which the robot keeps: cov(e(q), e(q')) = s^2 k(|q - q'|).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointFunction {
     /// The joint.
     pub joint: usize,
     /// The standard deviation s (rad).
     pub deviation_rad: f64,
-    /// The correlation length l (rad).
-    pub correlation_rad: f64,
+    /// Its correlation k (of angles in rad).
+    pub kernel: Kernel,
     /// How well the joint returns: the standard deviation of what is new at each visit (rad).
     pub repeatability_rad: f64,
 }
@@ -118,7 +118,7 @@ impl TransmissionError {
             Some(JointFunction {
                 joint,
                 deviation_rad,
-                correlation_rad: self.correlation_rad?,
+                kernel: self.kernel?,
                 repeatability_rad: 0.0,
             })
         })
@@ -128,7 +128,7 @@ impl TransmissionError {
     pub const fn independent(deviations: Vec<f64>) -> Self {
         Self {
             deviations,
-            correlation_rad: None,
+            kernel: None,
         }
     }
 }
@@ -210,7 +210,7 @@ impl ReadingSource {
         matches!(
             self,
             Self::TransmissionError(TransmissionError {
-                correlation_rad: Some(_),
+                kernel: Some(_),
                 ..
             })
         )

@@ -8,6 +8,7 @@ use crate::codes::Condition;
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, DistanceStatistics, LeftOut, RejectedReading, Unexplained,
 };
+use crate::numeric::markov::Correlation;
 use crate::numeric::tolerance::ends;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::robot::Tool;
@@ -122,11 +123,15 @@ pub struct JointErrorMessage {
     /// The standard deviation of how it returns at each visit (rad; m).
     #[serde(default)]
     pub repeatability: f64,
+    /// How the error is correlated.
+    #[serde(default, skip_serializing_if = "Correlation::is_exponential")]
+    pub correlation: Correlation,
     /// The length of the joint's way over which the error forgets (rad; m).
     pub length: f64,
     /// Angles in ascending order (rad; m).
     pub knots: Vec<f64>,
-    /// By how much further than commanded the joint stands there (rad; m).
+    /// By how much further than commanded the joint stands there (rad; m); of a smooth error at each knot that, and its slope times the
+    /// length.
     pub values: Vec<f64>,
     /// How much larger or smaller all errors of positions are at its angles: coefficients of Legendre polynomials P_k / k from the
     /// first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
@@ -259,7 +264,8 @@ fn discrepancy_model(
                 joint: joints[each.joint].name.clone(),
                 deviation: each.deviation,
                 repeatability: each.repeatability,
-                length: each.process.length,
+                correlation: each.process.kernel.correlation,
+                length: each.process.kernel.length,
                 knots: each.process.knots.clone(),
                 values: each.values.clone(),
                 spread_of_positions: each.spread[0].clone(),

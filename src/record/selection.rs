@@ -11,11 +11,15 @@ pub fn selection_json(selection: &Selection<'_>) -> Value {
     let names = all.set.parameters().iter().map(|each| &each.name);
     let left_out = all.left_out.iter().map(|each| &each.name);
     let joint_errors = parts.functions().iter().map(|each| {
-        json!({
+        let mut function = json!({
             "joint": all.arm.chain.joints[each.joint].name,
             "std_mrad": each.deviation_rad * 1e3,
-            "correlation_deg": each.correlation_rad.to_degrees(),
-        })
+            "correlation_deg": each.kernel.length.to_degrees(),
+        });
+        if !each.kernel.correlation.is_exponential() {
+            function["correlation"] = json!(each.kernel.correlation);
+        }
+        function
     });
     json!({
         "readings": all.left.len(),

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::identification::{RepeatComponents, VarianceComponents};
+use crate::numeric::markov::Correlation;
 use crate::robot::Joint;
 
 /// A deviation below this (mrad, mm) is none.
@@ -28,6 +29,8 @@ struct ComponentMessage {
     std_mrad: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     correlation_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Correlation::is_exponential")]
+    correlation: Correlation,
     #[serde(skip_serializing_if = "Option::is_none")]
     std_mm: Option<f64>,
 }
@@ -56,7 +59,8 @@ pub fn uncertainty_tables(
             name: format!("{} error function", name(each.joint)),
             joints: Some(vec![name(each.joint)]),
             std_mrad: Some(rounded(each.deviation_rad * 1e3)),
-            correlation_deg: Some(rounded(each.correlation_rad.to_degrees())),
+            correlation_deg: Some(rounded(each.kernel.length.to_degrees())),
+            correlation: each.kernel.correlation,
             ..ComponentMessage::default()
         })
         .collect();

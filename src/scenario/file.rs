@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::gate::Gate;
+use crate::numeric::markov::Correlation;
 use crate::parameter::{ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
 use crate::robot::{Commands, ReadsAlong, SerialChain};
@@ -416,7 +417,7 @@ impl UncertaintyKind {
             Self::JointZero => [&["std_mrad", "std_mm"], &["joints"]],
             Self::TransmissionError => [
                 &["std_mrad", "std_mm"],
-                &["joints", "harmonics", "correlation_deg"],
+                &["joints", "harmonics", "correlation_deg", "correlation"],
             ],
             Self::JointRepeatability => [&["std_mrad", "std_mm", "rp_mm"], &["joints"]],
             Self::Backlash => [&["std_arcsec", "std_mm"], &["joints", "turned_over_at_nm"]],
@@ -456,6 +457,7 @@ pub(super) struct UncertaintyTable {
     pub rp_mm: Option<f64>,
     pub harmonics: Option<Vec<i64>>,
     pub correlation_deg: Option<f64>,
+    pub correlation: Option<Correlation>,
     pub turned_over_at_nm: Option<f64>,
     pub at_nm: Option<f64>,
     #[serde(default)]

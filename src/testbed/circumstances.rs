@@ -8,7 +8,7 @@ use nalgebra::{DVector, Isometry3, Rotation3, Vector3};
 use crate::experiment::{Experiment, Plan};
 use crate::measurement::Measurement;
 use crate::mujoco::{ModelChange, TorqueLaw};
-use crate::numeric::ornstein_uhlenbeck::SampledFunction;
+use crate::numeric::markov::SampledFunction;
 use crate::numeric::random::normal::LANES;
 use crate::numeric::random::{generator, streams};
 use crate::parameter::{
@@ -96,9 +96,7 @@ impl Circumstances {
         let random = generator(seed, streams::joint_functions(run));
         let numbered = self.functions.iter().enumerate();
         self.sampled_functions = numbered
-            .map(|(number, each)| {
-                SampledFunction::new(each.correlation_rad, random.clone(), number)
-            })
+            .map(|(number, each)| SampledFunction::new(each.kernel, random.clone(), number))
             .collect();
     }
 
@@ -537,7 +535,7 @@ impl Circumstances {
                     }
                 }
                 ReadingSource::TransmissionError(error) => {
-                    let is_function = !self.functions.is_empty() && error.correlation_rad.is_some();
+                    let is_function = !self.functions.is_empty() && error.kernel.is_some();
                     let own = if is_function { 0.0 } else { 1.0 };
                     for (joint, &deviation) in error.deviations.iter().enumerate() {
                         turn(OffBy::Gear, joint, next(own * deviation));

@@ -14,7 +14,7 @@ use crate::identification::{
     covariance_of_any, nominal_instead, shift_with,
 };
 use crate::measurement::Origin;
-use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
+use crate::numeric::markov::{Kernel, MarkovProcess};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::quantities::plausible::ELASTIC_COMPLIANCE;
 use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange};
@@ -398,7 +398,11 @@ fn joint_errors(
             let problem = "wants finite numbers in ascending order";
             return wrong("knots", problem.to_owned());
         }
-        if knots != values {
+        let kernel = Kernel {
+            correlation: each.correlation,
+            length: each.length,
+        };
+        if values != knots * kernel.order() {
             return wrong("values", format!("found {values}; there are {knots} knots"));
         }
         if each.length <= 0.0 {
@@ -429,9 +433,9 @@ fn joint_errors(
         }
         joints.push(JointError {
             joint,
-            process: OrnsteinUhlenbeck {
+            process: MarkovProcess {
                 knots: each.knots.clone(),
-                length: each.length,
+                kernel,
             },
             deviation: each.deviation,
             repeatability: each.repeatability,

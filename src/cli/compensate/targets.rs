@@ -8,6 +8,7 @@ use elastocal::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
 use elastocal::files::{FileError, output::write_whole};
+use elastocal::identification::JointError;
 use elastocal::mujoco::frame;
 use elastocal::parameter::ElasticArm;
 use elastocal::record::messages::ProvenanceMessage;
@@ -116,8 +117,8 @@ impl Compensate {
         text += &taken_as_believed(robot);
         if let Some(errors) = &robot.with_joint_errors {
             let largest = (errors.joints.iter())
-                .flat_map(|joint| joint.values.iter().map(|value| value.abs()))
-                .fold(0.0, f64::max);
+                .flat_map(JointError::at_knots)
+                .fold(0.0, |largest, value| f64::max(largest, value.abs()));
             text += &format!(
                 "Commands correct what joints are off by over their own angles, {:.3} mrad at most.\n",
                 largest * 1e3

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! y = h(x) + sum_j J_j (e_j(q_j) + r_j) + m + noise
-//! cov(e_j(q), e_j(q')) = s_j^2 exp(-|q - q'| / l_j)         new functions for each joint
+//! cov(e_j(q), e_j(q')) = s_j^2 k(|q - q'| / l_j)            new functions for each joint; k exponential or Matern 3/2
 //! var(r_j), cov(m) = diag(p^2, r^2)                          new at each visit
 //! ```
 //!
@@ -19,7 +19,7 @@ use super::super::discrepancy::{six_rows, three_rows};
 use super::super::spread::logarithm;
 use super::residuals::LinearReading;
 use super::{Discrepancy, ReadingResidual};
-use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
+use crate::numeric::markov::{Between, MarkovProcess};
 use crate::numeric::quantile::exceeded_with;
 use crate::numeric::tolerance::{CHI_SQUARE_95, ends};
 
@@ -39,12 +39,12 @@ pub struct JointError {
     /// The joint.
     pub joint: usize,
     /// How its error wanders over its angle.
-    pub process: OrnsteinUhlenbeck,
+    pub process: MarkovProcess,
     /// Its standard deviation (rad; m where it slides).
     pub deviation: f64,
     /// How well it returns: the standard deviation of what is new at each visit (rad; m).
     pub repeatability: f64,
-    /// Its values at the knots: the joint stands by so much further than commanded.
+    /// Its states at the knots: values, by which the joint stands further than commanded, and where it is smooth slopes by its length.
     pub values: Vec<f64>,
     /// How much larger or smaller all errors of positions and of rotations are at its angles: coefficients of Legendre polynomials
     /// P_k / k from the first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
@@ -52,11 +52,18 @@ pub struct JointError {
 }
 
 impl JointError {
+    /// By how much further than commanded the joint stands at the knots (rad; m where it slides).
+    pub fn at_knots(&self) -> impl Iterator<Item = f64> {
+        let order = self.process.kernel.order();
+        self.values.iter().copied().step_by(order)
+    }
+
     /// By how much further than commanded the joint stands there (rad; m where it slides).
     pub fn at(&self, commanded: f64) -> f64 {
         let between = self.process.between(commanded);
-        let each = between.knots.into_iter().zip(between.weights);
-        each.map(|(knot, weight)| weight * self.values[knot]).sum()
+        (between.terms())
+            .map(|(state, weight)| weight * self.values[state])
+            .sum()
     }
 
     /// The logarithm of the factor by which squares of errors of positions (0) or rotations (1) are larger there.
@@ -171,7 +178,7 @@ impl DiscrepancyModel {
         for number in 0..self.joints.len() {
             let JointError { joint, process, .. } = &self.joints[number];
             let reach = ends(commanded.iter().map(|q| q[*joint]));
-            let (range, length) = (process.range(), process.length);
+            let (range, length) = (process.range(), process.kernel.length);
             for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
                 let beyond = (sign * (reach[side] - range[side])).max(0.0);
                 let apart = APART * length;
@@ -190,18 +197,23 @@ impl DiscrepancyModel {
     fn add_knot(&mut self, number: usize, side: usize, knot: f64) {
         let offsets = self.offsets();
         let joint = &mut self.joints[number];
-        let (place, end) = [(0, 0), (joint.values.len(), joint.values.len() - 1)][side];
-        let kept = (-(knot - joint.process.knots[end]).abs() / joint.process.length).exp();
-        joint.values.insert(place, kept * joint.values[end]);
-        joint.process.knots.insert(place, knot);
+        let [kept, added] = joint.process.beyond(side, knot);
+        let order = kept.nrows();
+        let (place, end) = [(0, 0), (joint.values.len(), joint.values.len() - order)][side];
+        let state = &kept * DVector::from_column_slice(&joint.values[end..end + order]);
+        (joint.values).splice(place..place, state.iter().copied());
+        let knots = &mut joint.process.knots;
+        knots.insert(if side == 0 { 0 } else { knots.len() }, knot);
         let (place, end) = (offsets[number] + place, offsets[number] + end);
-        let with_others = self.covariance.column(end) * kept;
-        let own = kept * with_others[end] + joint.deviation.powi(2) * (1.0 - kept * kept);
-        let with_own = with_others.insert_row(place, own);
+        let with_others = self.covariance.columns(end, order) * kept.transpose();
+        let own = &kept * with_others.rows(end, order) + added * joint.deviation.powi(2);
+        let mut with_all = with_others.insert_rows(place, order, 0.0);
+        with_all.rows_mut(place, order).copy_from(&own);
         let covariance = std::mem::take(&mut self.covariance);
-        let mut covariance = covariance.insert_row(place, 0.0).insert_column(place, 0.0);
-        covariance.set_column(place, &with_own);
-        covariance.set_row(place, &with_own.transpose());
+        let covariance = covariance.insert_rows(place, order, 0.0);
+        let mut covariance = covariance.insert_columns(place, order, 0.0);
+        covariance.columns_mut(place, order).copy_from(&with_all);
+        (covariance.rows_mut(place, order)).copy_from(&with_all.transpose());
         self.covariance = covariance;
     }
 
@@ -209,20 +221,21 @@ impl DiscrepancyModel {
     pub(super) fn local(&self, rows: &LinearReading, places: &[usize], q: &[f64]) -> LocalRows {
         let offsets = self.offsets();
         let mut index = places.to_vec();
-        let columns = places.len() + 2 * self.joints.len();
+        let each = |joint: &JointError| joint.process.between(q[joint.joint]);
+        let between: Vec<Between> = self.joints.iter().map(each).collect();
+        let columns = places.len() + between.iter().map(|each| each.terms().len()).sum::<usize>();
         let mut matrix = rows.columns.clone().resize_horizontally(columns, 0.0);
         let mut left = rows.residual.clone();
         let mut new = rows.own.clone();
         for (column, &place) in rows.columns.column_iter().zip(places) {
             left.axpy(-self.shift[place], &column, 1.0);
         }
-        for (number, joint) in self.joints.iter().enumerate() {
+        for (number, (joint, between)) in self.joints.iter().zip(between).enumerate() {
             let moved = rows.joints.column(number);
-            let between = joint.process.between(q[joint.joint]);
-            for (knot, weight) in between.knots.into_iter().zip(between.weights) {
-                left.axpy(-weight * joint.values[knot], &moved, 1.0);
+            for (state, weight) in between.terms() {
+                left.axpy(-weight * joint.values[state], &moved, 1.0);
                 matrix.column_mut(index.len()).copy_from(&(moved * weight));
-                index.push(offsets[number] + knot);
+                index.push(offsets[number] + state);
             }
             let variance = joint.deviation.powi(2) * between.spare + joint.repeatability.powi(2);
             new.ger(variance, &moved, &moved, 1.0);
@@ -310,53 +323,61 @@ pub(super) fn among(covariance: &DMatrix<f64>, index: &[usize]) -> DMatrix<f64> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numeric::markov::{Correlation, Kernel};
 
-    /// Beyond the last knot a process keeps its variance and the covariance exp(-d/l) of values that lie d apart; with what lies further
-    /// in it has what the knot passes on.
+    /// Beyond the last knot a process keeps its variance and the covariance k(d/l) of values that lie d apart; with what lies further
+    /// in it has what the states at the knot pass on.
     #[test]
     fn errors_beyond_the_knots_are_alike() {
-        let process = OrnsteinUhlenbeck {
-            knots: vec![0.0, 0.3],
-            length: 0.2,
-        };
-        let (deviation, known) = (2.0_f64, 0.5);
-        let model = DiscrepancyModel {
-            joints: vec![JointError {
-                joint: 0,
-                process,
-                deviation,
-                repeatability: 0.0,
-                values: vec![0.0, 1.0],
-                spread: [Vec::new(), Vec::new()],
-            }],
-            ..DiscrepancyModel::plain(
-                DMatrix::from_diagonal(&DVector::from_vec(vec![1.0, known, known])),
-                [0.0; 2].into(),
-            )
-        };
-        let model = DiscrepancyModel {
-            shift: DVector::zeros(1),
-            ..model
-        };
-        let angles = [-0.1, 0.3, 0.7].map(|angle| [angle]);
-        let angles = [&angles[0][..], &angles[1], &angles[2]];
-        let found = model.reaching(&angles);
-        let knots = &found.joints[0].process.knots;
-        assert_eq!(knots.len(), 7, "{knots:?}");
-        let apart = |one: usize, other: usize| (-(knots[one] - knots[other]).abs() / 0.2).exp();
-        let last = knots.len() - 1;
-        for place in 3..=last {
-            let kept = apart(2, place);
-            let own = found.covariance[(1 + place, 1 + place)];
-            let expected = 4.0 + kept * kept * (known - 4.0);
-            assert!((own - expected).abs() < 1e-12, "{own} {expected}");
-            assert!((found.joints[0].values[place] - kept).abs() < 1e-12);
-            let with_last = found.covariance[(1 + place, 1 + last)];
-            assert!((with_last - own * apart(place, last)).abs() < 1e-12);
+        for correlation in Correlation::ALL {
+            let kernel = Kernel {
+                correlation,
+                length: 0.2,
+            };
+            let process = MarkovProcess {
+                knots: vec![0.0, 0.3],
+                kernel,
+            };
+            let (deviation, known, states) = (2.0_f64, 0.5, process.states());
+            let mut all = DVector::from_element(1 + states, known);
+            all[0] = 1.0;
+            let mut values = vec![0.0; states];
+            values[states / 2] = 1.0;
+            let model = DiscrepancyModel {
+                joints: vec![JointError {
+                    joint: 0,
+                    process,
+                    deviation,
+                    repeatability: 0.0,
+                    values,
+                    spread: [Vec::new(), Vec::new()],
+                }],
+                ..DiscrepancyModel::plain(DMatrix::from_diagonal(&all), [0.0; 2].into())
+            };
+            let model = DiscrepancyModel {
+                shift: DVector::zeros(1),
+                ..model
+            };
+            let angles = [-0.1, 0.3, 0.7].map(|angle| [angle]);
+            let angles = [&angles[0][..], &angles[1], &angles[2]];
+            let found = model.reaching(&angles);
+            let (knots, order) = (&found.joints[0].process.knots, kernel.order());
+            assert_eq!(knots.len(), 7, "{knots:?}");
+            let last = knots.len() - 1;
+            let covariance =
+                |one: usize, other: usize| found.covariance[(1 + order * one, 1 + order * other)];
+            for place in 3..=last {
+                let x = (knots[place] - 0.3) / 0.2;
+                let kept = [kernel.correlation(knots[place] - 0.3)[0], x * (-x).exp()];
+                let square: f64 = kept.iter().take(order).map(|each| each * each).sum();
+                let expected = 4.0 + square * (known - 4.0);
+                let own = covariance(place, place);
+                assert!((own - expected).abs() < 1e-12, "{own} {expected}");
+                let value = found.joints[0].at(knots[place]);
+                assert!((value - kept[0]).abs() < 1e-12);
+            }
+            assert!(found.covariance[(0, 3)].abs() < 1e-12 && covariance(1, last).abs() < 1e-12);
+            assert!((knots[0] + 0.1).abs() < 1e-12 && (knots[last] - 0.7).abs() < 1e-12);
         }
-        assert!((knots[0] + 0.1).abs() < 1e-12 && (knots[last] - 0.7).abs() < 1e-12);
-        assert!(
-            found.covariance[(0, 3)].abs() < 1e-12 && found.covariance[(1, last)].abs() < 1e-12
-        );
     }
 }

@@ -13,7 +13,7 @@ use super::{
     ReadingWeights,
 };
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
-use crate::numeric::ornstein_uhlenbeck::{ProcessPoint, sampled};
+use crate::numeric::markov::{ProcessPoint, SampledFunction};
 use crate::observation::{
     Form, Observation, ObservationModel, Reading, planned_information_of_each, planned_positions,
 };
@@ -183,8 +183,8 @@ impl PartsOfReadings<'_> {
             }
         };
         Ok(CorrelatedList {
-            lengths: (self.known.functions.iter())
-                .map(|each| each.correlation_rad)
+            kernels: (self.known.functions.iter())
+                .map(|each| each.kernel)
                 .collect(),
             most: vec![1; rows.len()],
             known: 0,
@@ -262,14 +262,13 @@ impl PartsOfReadings<'_> {
             .map(|each| each.setup.clone())
             .collect();
         let mut returned = setups.clone();
-        for function in &self.known.functions {
+        // Their numbers are far from those of all else.
+        let functions = random.clone();
+        for (number, function) in self.known.functions.iter().enumerate() {
             let joint = function.joint;
-            let angles: Vec<f64> = setups
-                .iter()
-                .map(|each| each.commanded_rad[joint])
-                .collect();
-            let error = sampled(&angles, function.correlation_rad, random);
-            for ((setup, returned), error) in setups.iter_mut().zip(&mut returned).zip(error) {
+            let sample = SampledFunction::new(function.kernel, functions.clone(), 1 + number);
+            for (setup, returned) in setups.iter_mut().zip(&mut returned) {
+                let error = sample.at(setup.commanded_rad[joint]);
                 setup.commanded_rad[joint] += function.deviation_rad * error;
                 let new: f64 = StandardNormal.sample(random);
                 returned.commanded_rad[joint] =

@@ -16,7 +16,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, SymmetricEigen};
 use super::predicted_accuracy::{PlaceRows, PredictedAccuracy, known_after, stacked_task};
 use super::{AbsolutePlanning, RepeatedReading};
 use crate::identification::AbsoluteCase;
-use crate::numeric::ornstein_uhlenbeck::{ProcessPoint, root};
+use crate::numeric::markov::{Kernel, ProcessPoint, root};
 use crate::observation::{BareArm, ReadingErrors, planned_rows};
 use crate::parameter::{JointFunction, ReadingSource, relative_precision};
 use crate::robot::Load;
@@ -25,8 +25,8 @@ use crate::task::Task;
 /// Joint error functions, and how candidates and test poses follow them (m, rad) at the commanded angles of their joints (rad).
 #[derive(Debug, Clone)]
 pub(super) struct RobotFunctions {
-    /// The length of each over which it is correlated (rad).
-    pub lengths: Vec<f64>,
+    /// How each is correlated (over angles in rad).
+    pub kernels: Vec<Kernel>,
     /// Each candidate (6 x f), or each of some readings.
     pub candidates: Vec<ProcessPoint>,
     /// The machining tool at each test pose, what counts of it (3 x f).
@@ -82,7 +82,7 @@ impl RobotFunctions {
             }));
         }
         Self {
-            lengths: each.iter().map(|each| each.correlation_rad).collect(),
+            kernels: each.iter().map(|each| each.kernel).collect(),
             candidates,
             poses,
         }
@@ -90,15 +90,15 @@ impl RobotFunctions {
 
     /// The covariance between two points.
     fn between(&self, one: &ProcessPoint, other: &ProcessPoint) -> DMatrix<f64> {
-        one.covariance(other, &self.lengths)
+        one.covariance(other, &self.kernels)
     }
 
-    /// How standard normal numbers make the functions' values at some points (n x n each, of one function).
+    /// How standard normal numbers make the functions' values at some points (a row for each, of one function).
     pub fn roots(&self, points: &[&ProcessPoint]) -> Vec<DMatrix<f64>> {
         let places = |function: usize| points.iter().map(move |point| point.places[function]);
-        let lengths = self.lengths.iter().enumerate();
-        lengths
-            .map(|(function, &length)| root(&places(function).collect::<Vec<_>>(), length))
+        let kernels = self.kernels.iter().enumerate();
+        kernels
+            .map(|(function, &kernel)| root(&places(function).collect::<Vec<_>>(), kernel))
             .collect()
     }
 }
@@ -187,7 +187,7 @@ impl AbsolutePlanning<'_> {
 
     /// Whether functions tie all readings.
     pub(super) const fn ties_all(&self) -> bool {
-        !self.functions.lengths.is_empty()
+        !self.functions.kernels.is_empty()
     }
 
     /// What is known before any reading (p x p, in typical sizes), or before those that a plan chooses where these are by themselves.

@@ -10,7 +10,7 @@ use rand::RngExt;
 
 use super::{AbsolutePlan, AbsolutePlanning, setup_of};
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
-use crate::numeric::ornstein_uhlenbeck::ProcessPoint;
+use crate::numeric::markov::ProcessPoint;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::drawn_candidates;
 use crate::observation::{ReadingKind, planned_rows};
@@ -152,7 +152,7 @@ impl AbsolutePlanning<'_> {
             let by_unknowns = pose.by_station[station].transpose() * root;
             predicted(by_unknowns, &point.columns * root, point.places.clone())
         }));
-        let processes = self.functions.lengths.len();
+        let processes = self.functions.kernels.len();
         readings.extend(self.anywhere(station).map(|rows| {
             let columns = DMatrix::zeros(3, processes);
             predicted(rows.transpose(), columns, vec![0.0; processes])
@@ -166,7 +166,7 @@ impl AbsolutePlanning<'_> {
             (factor.l_dirty()).solve_lower_triangular_mut(&mut reading.by_unknowns);
         }
         Some(CorrelatedList {
-            lengths: self.functions.lengths.clone(),
+            kernels: self.functions.kernels.clone(),
             most: vec![1; places.len()],
             known,
             readings,

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::AbsolutePlanning;
 use crate::experiment::{Candidate, is_one_configuration, numbered};
-use crate::numeric::ornstein_uhlenbeck::ProcessPoint;
+use crate::numeric::markov::ProcessPoint;
 use crate::observation::{
     ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
     SharingReadings, Together, Visits, Whitener, visits_of,
@@ -160,11 +160,14 @@ impl AbsolutePlanning<'_> {
         let points: Vec<&ProcessPoint> = points.collect();
         let roots = self.functions.roots(&points);
         let of_one = |(place, (first, own)): (usize, (usize, Matrix6xX<f64>))| {
-            let mut effects = Matrix6xX::zeros(width + roots.len() * all.len());
+            let more: usize = roots.iter().map(DMatrix::ncols).sum();
+            let mut effects = Matrix6xX::zeros(width + more);
             effects.columns_mut(first, own.ncols()).copy_from(&own);
+            let mut at = width;
             for (function, root) in roots.iter().enumerate() {
                 let moved = points[place].columns.column(function) * root.row(place);
-                (effects.columns_mut(width + function * all.len(), all.len())).copy_from(&moved);
+                (effects.columns_mut(at, root.ncols())).copy_from(&moved);
+                at += root.ncols();
             }
             turned_columns(&effects, &frames[self.station_of(all[place].place)])
         };

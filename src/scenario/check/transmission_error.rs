@@ -5,6 +5,7 @@ use std::num::NonZeroU32;
 
 use super::error_source::UncertaintyEntry;
 use crate::files::FileError;
+use crate::numeric::markov::Kernel;
 use crate::parameter::{GearWave, ParameterKind, ReadingSource, Source, TransmissionError};
 use crate::quantities::plausible::ANGLE_WIDTH;
 
@@ -25,18 +26,28 @@ impl UncertaintyEntry<'_> {
         // Joints that slide have no size then, and are none of those that are not named.
         let turning = is_of_angle.then(|| self.turning_joints()).transpose()?;
         if let (Some(harmonics), Some(joints)) = (harmonics, turning) {
-            if correlation_deg.is_some() {
-                let problem =
-                    "only a transmission_error without harmonics has a correlation length";
-                return Err(self.wrong("correlation_deg", problem));
+            for key in ["correlation_deg", "correlation"] {
+                if self.gives(key) {
+                    let problem =
+                        format!("only a transmission_error without harmonics has a {key}");
+                    return Err(self.wrong(key, problem));
+                }
             }
             return self.waves(harmonics, &joints);
         }
         let key = self.path("correlation_deg");
         let correlation_deg = self.checker.optional(&key, correlation_deg, &ANGLE_WIDTH)?;
+        if correlation_deg.is_none() && self.table.correlation.is_some() {
+            let problem = "only a transmission_error with correlation_deg has a correlation";
+            return Err(self.wrong("correlation", problem));
+        }
+        let correlation = self.table.correlation.unwrap_or_default();
         let error = TransmissionError {
             deviations: self.all_sizes()?,
-            correlation_rad: correlation_deg.map(f64::to_radians),
+            kernel: correlation_deg.map(|length| Kernel {
+                correlation,
+                length: length.to_radians(),
+            }),
         };
         Ok(Source::Reading(ReadingSource::TransmissionError(error)))
     }

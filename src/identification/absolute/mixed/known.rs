@@ -1,18 +1,14 @@
-//! Variance components that are known before, and those that are estimated for plans.
+//! Variance components that are known before.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::super::joint_errors::DiscrepancyModel;
-use super::{FOUND, LEAST, MixedModel, MixedVariances, PoseReadings, ROUNDS, by_pose};
-use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
-use crate::numeric::tolerance;
+use super::{LEAST, MixedModel, MixedVariances, PoseReadings, by_pose};
+use crate::numeric::markov::{MarkovProcess, knots_among};
 use crate::parameter::JointFunction;
 
 /// The knots of no more visits are all their angles: then nothing is lost between knots.
 const EXACT: usize = 120;
-/// Variance components are estimated from parts of so many visits at most.
-const SPARSE: usize = 100;
 /// Improvements of what is new beside known functions, and the change of a deviation with which it is found.
 const REMAINDER_ROUNDS: usize = 60;
 const REMAINDER_FOUND: f64 = 2e-3;
@@ -45,64 +41,6 @@ impl VarianceComponents {
 }
 
 impl MixedModel {
-    /// The likeliest variance components of parts that are as sparse as plans (every k-th visit), with a knot at each angle; of all parts
-    /// the median. Of joints that turn.
-    ///
-    /// A real joint's error is no process of one length: read densely, with knots further apart than it changes, it looks smoother than
-    /// the few poses of a plan find it, and predictions from them are too good. Where poses are visited again, what is new at a pose is
-    /// told from what is new at a visit.
-    pub fn components(&self, turns: &[bool]) -> Option<VarianceComponents> {
-        let of_poses = Self {
-            visits: by_pose(&self.visits),
-            ..self.clone()
-        };
-        let parts = of_poses.visits.len().div_ceil(SPARSE);
-        let found: Vec<MixedVariances> = (0..parts)
-            .into_par_iter()
-            .filter_map(|part| of_poses.of_visits(|visit| visit % parts == part).exact())
-            .collect();
-        let median =
-            |of: &dyn Fn(&MixedVariances) -> f64| tolerance::median(found.iter().map(of).collect());
-        let of_joint = |(place, &joint): (usize, &usize)| {
-            Some(JointFunction {
-                joint,
-                deviation_rad: median(&|part| part.all[2 + place])?.sqrt(),
-                correlation_rad: median(&|part| part.process[place].length)?,
-                repeatability_rad: median(&|part| part.all[part.returns() + place])?.sqrt(),
-            })
-        };
-        let joints = self.joints.iter().enumerate().zip(turns);
-        let functions = joints.filter_map(|(joint, turns)| turns.then_some(joint));
-        let of_pose = |of: &MixedVariances, part: usize| match of.of_poses {
-            Some(first) => of.all[first + part],
-            None => of.all[part] + self.within[part],
-        };
-        let rest = |part: usize| Some(median(&|of| of_pose(of, part))?.sqrt());
-        Some(VarianceComponents {
-            functions: functions.map(of_joint).collect::<Option<_>>()?,
-            rest: [rest(0)?, rest(1)?],
-        })
-    }
-
-    /// The likeliest variances with a knot at each angle.
-    fn exact(&self) -> Option<MixedVariances> {
-        let mut variances = self.first();
-        for (place, process) in variances.process.iter_mut().enumerate() {
-            process.knots = self.angles(place);
-            process.length = OrnsteinUhlenbeck::longest(&process.knots);
-        }
-        for _ in 0..ROUNDS {
-            let solved = self.solved(&variances)?;
-            let next = self.improved(&variances, &solved)?.next;
-            let change = next.change_from(&variances);
-            variances = next;
-            if change < FOUND {
-                break;
-            }
-        }
-        Some(variances)
-    }
-
     /// The angles of a joint, each once, in rising order.
     fn angles(&self, place: usize) -> Vec<f64> {
         let mut angles: Vec<f64> = self.visits.iter().map(|each| each.angles[place]).collect();
@@ -182,13 +120,13 @@ impl MixedModel {
     fn known_variances(&self, known: &VarianceComponents) -> MixedVariances {
         let process = |(place, function): (usize, &JointFunction)| {
             let angles = self.angles(place);
-            OrnsteinUhlenbeck {
+            MarkovProcess {
                 knots: if angles.len() <= EXACT {
                     angles
                 } else {
                     knots_among(&angles, self.most_knots)
                 },
-                length: function.correlation_rad,
+                kernel: function.kernel,
             }
         };
         let functions = known.functions.iter();

@@ -12,6 +12,7 @@
 //! variance components models*, J. Comput. Graph. Stat. 28, 2019). How far the error of a joint reaches follows from its
 //! expected squares at the knots, as in the EM algorithm.
 
+mod components;
 mod known;
 mod pose_readings;
 mod prediction;
@@ -24,7 +25,7 @@ use super::AbsoluteCase;
 use super::joint_errors::DiscrepancyModel;
 use super::residuals::LinearReading;
 use crate::numeric::factorisation::inverse_of;
-use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, Tridiagonal, knots_among};
+use crate::numeric::markov::{Blocks, Kernel, MarkovProcess, knots_among};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
 use crate::robot::Approach;
@@ -97,7 +98,7 @@ struct MixedVariances {
     /// Where those of configurations begin.
     of_poses: Option<usize>,
     /// How far each joint's error reaches.
-    process: Vec<OrnsteinUhlenbeck>,
+    process: Vec<MarkovProcess>,
 }
 
 /// The readings with what is known before of the parameters, in the coordinates of what is determined.
@@ -367,12 +368,12 @@ impl MixedModel {
     /// Half of what is unexplained in the joints.
     fn first(&self) -> MixedVariances {
         let count = (self.visits.len() / VISITS_PER_KNOT).clamp(2, self.most_knots);
-        let process: Vec<OrnsteinUhlenbeck> = (0..self.joints.len())
+        let process: Vec<MarkovProcess> = (0..self.joints.len())
             .map(|joint| {
                 let angles: Vec<f64> = self.visits.iter().map(|each| each.angles[joint]).collect();
                 let knots = knots_among(&angles, count);
-                OrnsteinUhlenbeck {
-                    length: OrnsteinUhlenbeck::longest(&knots),
+                MarkovProcess {
+                    kernel: Kernel::exponential(MarkovProcess::longest(&knots)),
                     knots,
                 }
             })
@@ -407,7 +408,7 @@ impl MixedModel {
     fn offsets(&self, variances: &MixedVariances) -> Vec<usize> {
         let mut offsets = vec![self.units.ncols() + 2 * HIDDEN_WAVES * self.waving.len()];
         for each in &variances.process {
-            offsets.push(offsets[offsets.len() - 1] + each.knots.len());
+            offsets.push(offsets[offsets.len() - 1] + each.states());
         }
         offsets
     }
@@ -433,13 +434,7 @@ impl MixedModel {
         pull += &self.pull;
         for (joint, process) in variances.process.iter().enumerate() {
             let (precision, _) = process.precision();
-            let variance = variances.all[2 + joint];
-            let scaled = |values: Vec<f64>| values.iter().map(|value| value / variance).collect();
-            let precision = Tridiagonal {
-                diagonal: scaled(precision.diagonal),
-                beside: scaled(precision.beside),
-            };
-            precision.add_to(&mut information, offsets[joint]);
+            precision.add_to(&mut information, offsets[joint], variances.all[2 + joint]);
         }
         for at in fixed..offsets[0] {
             let wave = 2 + self.joints.len() + (at - fixed) / (2 * HIDDEN_WAVES);
@@ -498,13 +493,11 @@ impl MixedModel {
         }
         let mut next = variances.clone();
         for (joint, process) in variances.process.iter().enumerate() {
-            let (at, count) = (offsets[joint], process.knots.len());
+            let (at, count) = (offsets[joint], process.states());
             let variance = variances.all[2 + joint];
-            let neighbours = |of: &dyn Fn(usize, usize) -> f64| Tridiagonal {
-                diagonal: (at..at + count).map(|each| of(each, each)).collect(),
-                beside: (at + 1..at + count)
-                    .map(|each| of(each - 1, each))
-                    .collect(),
+            let neighbours = |of: &dyn Fn(usize, usize) -> f64| {
+                let (order, knots) = (process.kernel.order(), process.knots.len());
+                Blocks::of(order, knots, |one, other| of(at + one, at + other))
             };
             let values = neighbours(&|one, other| solved.mean[one] * solved.mean[other]);
             let covariance = neighbours(&|one, other| solved.covariance[(one, other)]);
@@ -516,7 +509,7 @@ impl MixedModel {
             let expected = neighbours(&|one, other| {
                 solved.mean[one] * solved.mean[other] + solved.covariance[(one, other)]
             });
-            next.process[joint].length = process.likeliest_length(&expected);
+            next.process[joint].kernel.length = process.likeliest_length(&expected);
         }
         for joint in 0..self.waving.len() {
             let count = 2 * HIDDEN_WAVES;

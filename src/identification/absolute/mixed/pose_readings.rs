@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion};
 
 use super::{MixedSolution, MixedVariances, PoseReadings};
 use crate::experiment::{is_one_configuration, together};
-use crate::numeric::ornstein_uhlenbeck::Between;
+use crate::numeric::markov::Between;
 
 /// A visit's equations at some variances: the knots that move it by each joint's error, and the covariance of what they leave.
 pub(super) struct VisitEquations {
@@ -187,14 +187,13 @@ impl PoseReadings {
         let dense = columns.columns(0, offsets[0]);
         let joints = self.angles.len();
         let at = |joint: usize| {
-            let Between { knots, weights, .. } = &local.between[joint];
-            [0, 1].map(|end| (offsets[joint] + knots[end], weights[end]))
+            let terms = local.between[joint].terms();
+            terms.map(move |(state, weight)| (offsets[joint] + state, weight))
         };
         // The joints' errors there, and their covariance with parameters and waves, and with each other.
         let errors = DVector::from_fn(joints, |joint, _| {
             at(joint)
                 .map(|(knot, weight)| weight * solved.mean[knot])
-                .iter()
                 .sum()
         });
         let mut with_dense = DMatrix::zeros(offsets[0], joints);
@@ -205,9 +204,7 @@ impl PoseReadings {
             }
         }
         let together = DMatrix::from_fn(joints, joints, |one, other| {
-            let pairs = at(one)
-                .into_iter()
-                .flat_map(|one| at(other).map(|other| (one, other)));
+            let pairs = at(one).flat_map(|one| at(other).map(move |other| (one, other)));
             let terms =
                 pairs.map(|((row, w), (column, v))| w * v * solved.covariance[(row, column)]);
             terms.sum()
@@ -260,7 +257,7 @@ pub(super) fn sums_of(
         let joints = columns.columns(first, local.between.len());
         let by_joints = columns.transpose() * joints;
         for (joint, between) in local.between.iter().enumerate() {
-            for (knot, weight) in between.knots.into_iter().zip(between.weights) {
+            for (knot, weight) in between.terms() {
                 let to = offsets[joint] + knot;
                 let own = by_joints.column(joint);
                 let mut column = information.column_mut(to);
@@ -268,7 +265,7 @@ pub(super) fn sums_of(
                 column.axpy(weight, &own.rows(0, first), 1.0);
                 gradient[to] += weight * own[own.len() - 1];
                 for (other, beside) in local.between.iter().enumerate() {
-                    for (knot, beside) in beside.knots.into_iter().zip(beside.weights) {
+                    for (knot, beside) in beside.terms() {
                         information[(offsets[other] + knot, to)] +=
                             weight * beside * own[first + other];
                     }

@@ -91,10 +91,10 @@ impl MixedModel {
             }
         }
         for (joint, process) in variances.process.iter().enumerate() {
-            let count = process.knots.len();
+            let count = process.states();
             let own = sums.through.columns(offsets[joint] - fixed, count);
             let among = DMatrix::from_fn(count, count, |row, column| {
-                variances.all[2 + joint] * process.correlation(row, column)
+                variances.all[2 + joint] * process.covariance(row, column)
             });
             sums.parts[3 + joint] += own * among * own.transpose();
         }
@@ -156,7 +156,7 @@ impl GradientSums {
                 let moved = weighed.tr_mul(&moved);
                 self.parts[1 + returns].ger(variances.all[returns], &moved, &moved, 1.0);
             }
-            for (knot, weight) in between.knots.into_iter().zip(between.weights) {
+            for (knot, weight) in between.terms() {
                 let mut sum = self.through.column_mut(offsets[joint] + knot - fixed);
                 sum.axpy(weight, &moved, 1.0);
             }

@@ -1,0 +1,228 @@
+//! Variance components that are estimated for plans: the likeliest (REML), of functions of either smoothness.
+//!
+//! With V = sum of v_i D_i + R over the variances v, and P as in [`super`], the likelihood of the logarithms t of variances and lengths has
+//!
+//! ```text
+//! gradient     1/2 (a^T dV_t a - trace(P dV_t)),   a = P y
+//! curvature    1/2 a^T dV_s P dV_t a               the average information
+//! ```
+//!
+//! (A. R. Gilmour, R. Thompson, B. R. Cullis, *Average information REML*, Biometrics 51, 1995). No knots are needed: parts are as
+//! sparse as plans are.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::{LEAST, MixedModel, MixedVariances, PoseReadings, VarianceComponents, by_pose};
+use crate::numeric::factorisation::inverse_of;
+use crate::numeric::markov::{Correlation, FIRST_LENGTH};
+use crate::parameter::JointFunction;
+
+/// Parts of the poses have no more of these, and no more rows.
+const SPARSE: usize = 100;
+const ROWS: usize = 900;
+/// Steps that are tried; one that gains less (of the logarithm of the likelihood) is the last.
+const STEPS: usize = 60;
+const GAIN: f64 = 0.05;
+/// A step is damped as if so many numbers told each logarithm what it is, and less where that goes well.
+const DAMPING: f64 = 1.0;
+const DAMPED: [f64; 2] = [0.25, 8.0];
+
+/// What readings say of the logarithms of variances and lengths.
+struct Told {
+    likelihood: f64,
+    gradient: DVector<f64>,
+    curvature: DMatrix<f64>,
+}
+
+impl MixedModel {
+    /// The likeliest variance components of parts that are as sparse as plans (every k-th pose), all the same, with the likeliest of the
+    /// correlations. Of joints that turn.
+    ///
+    /// A real joint's error is no process of one length: read densely it looks smoother than the few poses of a plan find it, and
+    /// predictions from them are too good. Where poses are visited again, what is new at a pose is told from what is new at a visit.
+    pub fn components(&self, turns: &[bool]) -> Option<VarianceComponents> {
+        let all = Self {
+            visits: by_pose(&self.visits),
+            ..self.clone()
+        };
+        let rows: usize = (all.visits.iter()).map(|visit| visit.residual.len()).sum();
+        let count = (all.visits.len().div_ceil(SPARSE)).max(rows.div_ceil(ROWS));
+        let parts: Vec<Self> = (0..count)
+            .map(|part| all.of_visits(|visit| visit % count == part))
+            .collect();
+        let found = Correlation::ALL.map(|each| all.likeliest_components(&parts, each));
+        // Of equally likely ones the first.
+        let found = found.into_iter().flatten().rev();
+        let (_, found) = found.max_by(|one, other| one.0.total_cmp(&other.0))?;
+        let joints = self.joints.iter().enumerate().zip(turns);
+        let functions = joints.filter_map(|(joint, turns)| turns.then_some(joint));
+        let function = |(place, &joint): (usize, &usize)| JointFunction {
+            joint,
+            deviation_rad: found.all[2 + place].sqrt(),
+            kernel: found.process[place].kernel,
+            repeatability_rad: found.all[found.returns() + place].sqrt(),
+        };
+        let rest = |part: usize| match found.of_poses {
+            Some(first) => found.all[first + part],
+            None => found.all[part] + self.within[part],
+        };
+        Some(VarianceComponents {
+            functions: functions.map(function).collect(),
+            rest: [rest(0).sqrt(), rest(1).sqrt()],
+        })
+    }
+
+    /// The likeliest variances and lengths for all parts together, with the logarithm of their likelihood.
+    fn likeliest_components(
+        &self,
+        parts: &[Self],
+        correlation: Correlation,
+    ) -> Option<(f64, MixedVariances)> {
+        let first = self.first();
+        let sizes = first.all.len();
+        let shortest = vec![FIRST_LENGTH.ln(); first.process.len()];
+        let longest = first.process.iter().map(|each| each.kernel.length.ln());
+        let longest: Vec<f64> = longest.collect();
+        let all = |sizes: Vec<f64>, lengths: &[f64]| DVector::from_vec([&sizes, lengths].concat());
+        let (low, high) = (
+            all(vec![LEAST.ln(); sizes], &shortest),
+            all(vec![0.0; sizes], &longest),
+        );
+        let variances = |at: &DVector<f64>| {
+            let mut variances = first.clone();
+            let process = variances.process.iter_mut().map(|each| {
+                each.kernel.correlation = correlation;
+                &mut each.kernel.length
+            });
+            for (to, value) in variances.all.iter_mut().chain(process).zip(at) {
+                *to = value.exp();
+            }
+            variances
+        };
+        let starts = first.all.iter().map(|each| each.ln()).collect();
+        let mut at = all(starts, &longest);
+        let half = (&at + &low).rows_range(sizes..) * 0.5;
+        at.rows_range_mut(sizes..).copy_from(&half);
+        let told = |at: &DVector<f64>| {
+            let variances = variances(at);
+            let each: Vec<Option<Told>> = (parts.par_iter())
+                .map(|part| part.told_of(&variances))
+                .collect();
+            each.into_iter().reduce(|sum, one| {
+                let (sum, one) = (sum?, one?);
+                Some(Told {
+                    likelihood: sum.likelihood + one.likelihood,
+                    gradient: sum.gradient + one.gradient,
+                    curvature: sum.curvature + one.curvature,
+                })
+            })?
+        };
+        let mut found = told(&at)?;
+        let mut damping = DAMPING;
+        for _ in 0..STEPS {
+            let mut curvature = found.curvature.clone();
+            let mut gradient = found.gradient.clone();
+            for place in 0..at.len() {
+                let is_kept = (at[place] <= low[place] && gradient[place] < 0.0)
+                    || (at[place] >= high[place] && gradient[place] > 0.0);
+                if is_kept {
+                    gradient[place] = 0.0;
+                    curvature.row_mut(place).fill(0.0);
+                    curvature.column_mut(place).fill(0.0);
+                }
+                curvature[(place, place)] += damping;
+            }
+            let step = Cholesky::new(curvature)?.solve(&gradient);
+            let next = (&at + step).zip_zip_map(&low, &high, f64::clamp);
+            let better = told(&next).filter(|next| next.likelihood > found.likelihood);
+            damping *= DAMPED[usize::from(better.is_none())];
+            if let Some(better) = better {
+                let gain = better.likelihood - found.likelihood;
+                (at, found) = (next, better);
+                if gain < GAIN {
+                    break;
+                }
+            }
+        }
+        Some((found.likelihood, variances(&at)))
+    }
+
+    /// What the readings say, all poses together.
+    fn told_of(&self, variances: &MixedVariances) -> Option<Told> {
+        let each =
+            |of: &dyn Fn(&PoseReadings) -> DMatrix<f64>| in_blocks(self.visits.iter().map(of));
+        let rows: Vec<_> = (self.visits.iter())
+            .flat_map(|visit| visit.fixed.row_iter())
+            .collect();
+        let fixed = DMatrix::from_rows(&rows);
+        let residual = self
+            .visits
+            .iter()
+            .flat_map(|visit| &visit.residual)
+            .copied();
+        let residual = DVector::from_iterator(rows.len(), residual);
+        // How V changes with each logarithm, that of a variance and then that of a length: of what is new at a visit or a pose in
+        // blocks, of a joint's error everywhere.
+        let alone = |place: usize| {
+            let mut alone = variances.clone();
+            alone.all.fill(0.0);
+            alone.all[place] = variances.all[place];
+            each(&|visit| visit.local(&alone).covariance - &visit.own)
+        };
+        let mut changes: Vec<DMatrix<f64>> = (0..variances.all.len()).map(alone).collect();
+        for (joint, process) in variances.process.iter().enumerate() {
+            let moved = each(&|visit| visit.joints.columns(joint, 1).into_owned());
+            let angle = |visit: usize| self.visits[visit].angles[joint];
+            let [by_size, by_length] = [0, 1].map(|which| {
+                let shared = DMatrix::from_fn(moved.ncols(), moved.ncols(), |one, other| {
+                    let apart = (angle(one) - angle(other)).abs();
+                    variances.all[2 + joint] * process.kernel.correlation(apart)[which]
+                });
+                &moved * (shared * moved.transpose())
+            });
+            changes[2 + joint] = by_size;
+            changes.push(by_length);
+        }
+        let mut covariance = each(&|visit| visit.own.clone());
+        for change in &changes[..variances.all.len()] {
+            covariance += change;
+        }
+        let factor = Cholesky::new(covariance)?;
+        let inverse = inverse_of(&factor);
+        let weighed = &inverse * &fixed;
+        let information = Cholesky::new(fixed.tr_mul(&weighed) + &self.prior)?;
+        let pull = weighed.tr_mul(&residual) + &self.pull;
+        let values = information.solve(&pull);
+        let own = &inverse * &residual;
+        let square = residual.dot(&own) - pull.dot(&values);
+        let determinants = [&factor, &information].map(|factor| {
+            let roots = factor.l_dirty().diagonal();
+            2.0 * roots.map(f64::ln).sum()
+        });
+        let left = own - &weighed * values;
+        let projected = inverse - &weighed * information.solve(&weighed.transpose());
+        let moved: Vec<DVector<f64>> = changes.iter().map(|change| change * &left).collect();
+        let gradient = moved.iter().zip(&changes);
+        let gradient = gradient.map(|(moved, change)| left.dot(moved) - projected.dot(change));
+        let moved = DMatrix::from_columns(&moved);
+        Some(Told {
+            likelihood: -0.5 * (determinants.iter().sum::<f64>() + square),
+            gradient: DVector::from_iterator(changes.len(), gradient) * 0.5,
+            curvature: moved.tr_mul(&(projected * &moved)) * 0.5,
+        })
+    }
+}
+
+/// Matrices one behind the other, and each below the one before.
+fn in_blocks(each: impl Iterator<Item = DMatrix<f64>>) -> DMatrix<f64> {
+    let each: Vec<DMatrix<f64>> = each.collect();
+    let sum = |of: fn(&DMatrix<f64>) -> usize| each.iter().map(of).sum();
+    let mut all = DMatrix::zeros(sum(DMatrix::nrows), sum(DMatrix::ncols));
+    let mut at = (0, 0);
+    for own in &each {
+        all.view_mut(at, own.shape()).copy_from(own);
+        at = (at.0 + own.nrows(), at.1 + own.ncols());
+    }
+    all
+}
