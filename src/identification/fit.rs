@@ -22,6 +22,9 @@ const CONVERGED_ERRORS: f64 = 1e-4;
 const MAXIMUM_ITERATIONS: usize = 100;
 /// Derivatives serve on the way as long as each step is shorter than this share of the one before: the next is by far too short to count.
 const SHORTER: f64 = 0.1;
+/// At the end they are of values that are no further away than this in standard errors: from afar, the residuals bias the estimate by what
+/// derivatives change.
+const NEAR: f64 = 1.0;
 /// Steps that change a compliance by more than this share of its typical size must lower the residuals;
 /// shorter ones may end in their rounding.
 const LONG: f64 = 1e-2;
@@ -281,7 +284,7 @@ pub(super) fn fit_nonlinear(
             nominal.map_err(|_| error)
         })?;
     let mut normal = start.normal(&place);
-    let (mut change, mut last) = (f64::INFINITY, f64::INFINITY);
+    let (mut change, mut last, mut moved) = (f64::INFINITY, f64::INFINITY, 0.0);
     for iterations in 1..=MAXIMUM_ITERATIONS {
         let step = start.step(&place, normal.as_ref());
         let steps = step.iter().zip(start.estimable.typical());
@@ -289,15 +292,16 @@ pub(super) fn fit_nonlinear(
         let length = (&place.matrix * &step).norm_squared();
         let length = (length + (&start.prior.rows * &step).norm_squared()).sqrt();
         let is_short = source.uncertain.is_some() && length <= CONVERGED_ERRORS;
-        if change <= CONVERGED || is_short {
+        let is_last = change <= CONVERGED || is_short;
+        if is_last && moved <= NEAR {
             let normal = normal.as_ref().filter(|_| source.uncertain.is_some());
             let known = start.known(&place, normal);
             return Ok(start.end(&place, values, &step, known, iterations));
         }
-        if length > SHORTER * last {
+        if is_last || length > SHORTER * last {
             place = start.at(source, &read, &values, &mut torques)?;
             normal = start.normal(&place);
-            last = f64::INFINITY;
+            (last, moved) = (f64::INFINITY, 0.0);
             continue;
         }
         let before = place.left.square();
@@ -318,11 +322,11 @@ pub(super) fn fit_nonlinear(
             halvings += 1;
         };
         place.left = left;
-        last = length;
+        (last, moved) = (length, moved + length);
         if let Some(matrix) = matrix {
             place.matrix = matrix;
             normal = start.normal(&place);
-            last = f64::INFINITY;
+            (last, moved) = (f64::INFINITY, 0.0);
         }
     }
     Err(IdentificationError::NotConverged {

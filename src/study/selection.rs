@@ -25,7 +25,7 @@ use crate::task::Belief;
 /// Searches for one choice, before it is searched for from the others, too.
 const SEARCHES: usize = 4;
 /// Searches for the choice with joint error functions: by greed, and from a random one.
-const SEARCHES_WITH_FUNCTIONS: usize = 12;
+const SEARCHES_WITH_FUNCTIONS: usize = 2;
 
 /// The ways to choose, each with the criterion that it is best by. O1 chooses as D does, and O3 as E.
 pub const CHOICES: [Criterion; 6] = [

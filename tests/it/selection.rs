@@ -109,16 +109,17 @@ fn function_tables(correlation: &str) -> String {
 /// for independent errors, and what is predicted is observed, on simulated robots and on the readings themselves.
 #[test]
 fn joint_error_functions_are_planned_with() {
-    are_planned_with(Correlation::Exponential, "exponential");
+    are_planned_with(Correlation::Exponential, "exponential", 0.7..1.35);
 }
 
-/// The same of smooth ones.
+/// The same of smooth ones, of which one robot has fewer that are independent: of three joints that matter 3 x 11.5, of which a root mean square
+/// is 1 to 0.12 (3 standard deviations, and the shares that are seen).
 #[test]
 fn smooth_joint_error_functions_are_planned_with() {
-    are_planned_with(Correlation::Matern32, "matern32");
+    are_planned_with(Correlation::Matern32, "matern32", 0.6..1.4);
 }
 
-fn are_planned_with(correlation: Correlation, name: &str) {
+fn are_planned_with(correlation: Correlation, name: &str, of_one_robot: std::ops::Range<f64>) {
     let place = workplace(&with_functions(correlation, 5, 260));
     let tables = function_tables(name);
     place.write("f.toml", scenario_text("ur10") + &tables);
@@ -144,7 +145,7 @@ fn are_planned_with(correlation: Correlation, name: &str) {
             let kept = kept / number(&choice["rho0_mm"]);
             assert!((0.85..1.15).contains(&kept), "{kept}: {choice:#}");
             let kept = number(&choice["distance_mm"]["rms"]) / number(&choice["predicted_rms_mm"]);
-            assert!((0.7..1.35).contains(&kept), "{kept}: {choice:#}");
+            assert!(of_one_robot.contains(&kept), "{kept}: {choice:#}");
         }
         // A fit without functions leaves far more.
         let without = number(&plain["planned"][0]["distance_mm"]["rms"]);
@@ -192,8 +193,9 @@ fn identified_functions(
     (place, functions)
 }
 
-/// Of eight robots of each kind the smoothness is found, and of smooth ones how large and how long the functions are. Over 5 rad six functions
-/// are as many lengths as 160 numbers tell: a standard deviation is known to 1 / sqrt(2 x 28) for a joint, 13 %, a length about as well.
+/// Of eight robots of each kind the smoothness is found, and of smooth ones how large and how long the functions are: over 5.2 rad squares of
+/// such a function are as 5.2 / (2.5 x 0.18) = 11.5 independent ones, and its size is known to 1 / sqrt(2 x 11.5), a factor of exp(0.21)
+/// (3 standard deviations); the length, which goes with the square of that, to no more than twice.
 #[test]
 fn smoothness_is_found() {
     for correlation in Correlation::ALL {
@@ -206,7 +208,7 @@ fn smoothness_is_found() {
                         each.deviation_rad / FUNCTION.0,
                         each.kernel.length / FUNCTION.1,
                     ];
-                    assert!((0.6..1.6).contains(&size), "{seed} {each:?}");
+                    assert!((0.53..1.88).contains(&size), "{seed} {each:?}");
                     assert!((0.5..2.0).contains(&length), "{seed} {each:?}");
                 }
             }

@@ -366,14 +366,14 @@ mod tests {
             let last = knots.len() - 1;
             let covariance =
                 |one: usize, other: usize| found.covariance[(1 + order * one, 1 + order * other)];
-            for place in 3..=last {
-                let x = (knots[place] - 0.3) / 0.2;
-                let kept = [kernel.correlation(knots[place] - 0.3)[0], x * (-x).exp()];
+            for (place, &knot) in knots.iter().enumerate().skip(3) {
+                let x = (knot - 0.3) / 0.2;
+                let kept = [kernel.correlation(knot - 0.3)[0], x * (-x).exp()];
                 let square: f64 = kept.iter().take(order).map(|each| each * each).sum();
                 let expected = 4.0 + square * (known - 4.0);
                 let own = covariance(place, place);
                 assert!((own - expected).abs() < 1e-12, "{own} {expected}");
-                let value = found.joints[0].at(knots[place]);
+                let value = found.joints[0].at(knot);
                 assert!((value - kept[0]).abs() < 1e-12);
             }
             assert!(found.covariance[(0, 3)].abs() < 1e-12 && covariance(1, last).abs() < 1e-12);

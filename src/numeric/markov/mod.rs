@@ -17,7 +17,7 @@ mod tests;
 
 use nalgebra::Matrix2;
 
-pub use process::{Between, Blocks, FIRST_LENGTH, MarkovProcess, knots_among};
+pub use process::{Between, FIRST_LENGTH, KnotBlocks, MarkovProcess, knots_among};
 pub use sample::{ProcessPoint, SampledFunction, root};
 
 /// So many lengths away nothing is left: exp(-x) is 0.
@@ -64,7 +64,7 @@ pub struct Kernel {
 }
 
 /// How a state follows from the one before: the second row and column are nothing where a state is a value alone.
-struct Step {
+struct Transition {
     /// What is kept of the state before,
     kept: Matrix2<f64>,
     /// and the covariance of what is added.
@@ -122,11 +122,11 @@ impl Kernel {
         }
     }
 
-    fn step(&self, apart: f64) -> Step {
+    fn step(&self, apart: f64) -> Transition {
         let x = (apart / self.length).min(FORGOTTEN);
         let kept = (-x).exp();
         match self.correlation {
-            Correlation::Exponential => Step {
+            Correlation::Exponential => Transition {
                 kept: alone(kept),
                 added: alone(1.0 - kept * kept),
             },
@@ -144,7 +144,7 @@ impl Kernel {
                     square * terms.sum::<f64>()
                 };
                 let beside = 2.0 * x * x * square;
-                Step {
+                Transition {
                     kept: Matrix2::new(1.0 + x, x, -x, 1.0 - x) * kept,
                     added: Matrix2::new(rest, beside, beside, rest + 4.0 * x * square),
                 }
@@ -153,10 +153,10 @@ impl Kernel {
     }
 
     /// The same against the coordinate: slopes count the other way.
-    fn step_back(&self, apart: f64) -> Step {
-        let Step { kept, added } = self.step(apart);
+    fn step_back(&self, apart: f64) -> Transition {
+        let Transition { kept, added } = self.step(apart);
         let turned = Matrix2::new(1.0, -1.0, -1.0, 1.0);
-        Step {
+        Transition {
             kept: kept.component_mul(&turned),
             added: added.component_mul(&turned),
         }
@@ -185,7 +185,7 @@ impl Kernel {
 
     /// What a step adds to the precision of the state before, of both, and of the state after; and the logarithm of its determinant.
     fn tie(&self, apart: f64) -> ([Matrix2<f64>; 3], f64) {
-        let Step { kept, added } = self.step(apart);
+        let Transition { kept, added } = self.step(apart);
         if self.order() > 1 {
             let after = inverse(&added);
             let across = -kept.transpose() * after;

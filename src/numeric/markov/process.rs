@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix2, RowVector2};
 
-use super::{Kernel, Step};
+use super::{Kernel, Transition};
 
 /// Lengths that are tried, from the shortest, each so many times the one before.
 pub const FIRST_LENGTH: f64 = 0.01;
@@ -39,14 +39,14 @@ impl Between {
 
 /// A symmetric matrix of blocks of one number or of four, on its diagonal and beside it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Blocks {
+pub struct KnotBlocks {
     order: usize,
     diagonal: Vec<Matrix2<f64>>,
     /// Each above the diagonal.
     beside: Vec<Matrix2<f64>>,
 }
 
-impl Blocks {
+impl KnotBlocks {
     /// Of so many numbers for each of so many knots, by entries.
     pub fn of(order: usize, knots: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
         let block = |one: usize, other: usize| {
@@ -135,7 +135,7 @@ impl MarkovProcess {
         let last = self.knots.len() - 1;
         if after == 0 || after > last {
             let knot = after.min(last);
-            let Step { kept, added } = if after == 0 {
+            let Transition { kept, added } = if after == 0 {
                 kernel.step_back(self.knots[knot] - at)
             } else {
                 kernel.step(at - self.knots[knot])
@@ -168,7 +168,7 @@ impl MarkovProcess {
     /// A further knot before the first (0) or behind the last (1): how its state follows that (a row for each number), and the covariance of
     /// what is new in it.
     pub fn beyond(&self, side: usize, knot: f64) -> [DMatrix<f64>; 2] {
-        let Step { kept, added } = match side {
+        let Transition { kept, added } = match side {
             0 => self.kernel.step_back(self.knots[0] - knot),
             _ => self.kernel.step(knot - self.range()[1]),
         };
@@ -190,9 +190,9 @@ impl MarkovProcess {
     }
 
     /// The precision of the states at the knots, and the logarithm of its determinant.
-    pub fn precision(&self) -> (Blocks, f64) {
+    pub fn precision(&self) -> (KnotBlocks, f64) {
         let order = self.kernel.order();
-        let mut precision = Blocks::of(order, self.knots.len(), |row, column| {
+        let mut precision = KnotBlocks::of(order, self.knots.len(), |row, column| {
             f64::from(u8::from(row == column && row < order))
         });
         let mut logarithm = 0.0;
@@ -213,7 +213,7 @@ impl MarkovProcess {
     }
 
     /// The likeliest length, up to the longest, for values with these expected squares and products of neighbours.
-    pub fn likeliest_length(&self, squares: &Blocks) -> f64 {
+    pub fn likeliest_length(&self, squares: &KnotBlocks) -> f64 {
         let count = self.states() as f64;
         let mut best = (f64::NEG_INFINITY, self.kernel.length);
         let mut tried = self.clone();

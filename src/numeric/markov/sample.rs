@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, Matrix2xX, RowVector2, Vector2};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::{Kernel, Step, lower_root};
+use super::{Kernel, Transition, lower_root};
 
 /// What follows independent processes at places of their coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,7 +39,7 @@ pub fn root(places: &[f64], kernel: Kernel) -> DMatrix<f64> {
     let mut state = Matrix2xX::zeros(root.ncols());
     let mut before = f64::NEG_INFINITY;
     for (number, place) in order.into_iter().enumerate() {
-        let Step { kept, added } = kernel.step(places[place] - before);
+        let Transition { kept, added } = kernel.step(places[place] - before);
         before = places[place];
         state = kept * state;
         let own = lower_root(&added);
@@ -90,7 +90,7 @@ impl SampledFunction {
     /// Its value at a place.
     pub fn at(&self, place: f64) -> f64 {
         let mut ends = [-HALF_RANGE, HALF_RANGE];
-        let Step { kept, added } = self.kernel.step(2.0 * HALF_RANGE);
+        let Transition { kept, added } = self.kernel.step(2.0 * HALF_RANGE);
         let first = self.normals(0);
         let mut states = [first, kept * first + lower_root(&added) * self.normals(1)];
         let mut node = 2;

@@ -51,7 +51,7 @@ fn the_precision_is_the_inverse_of_the_covariance() {
         assert!((&precision * &covariance - DMatrix::identity(size, size)).norm() < 1e-11);
         assert!((logarithm + covariance.determinant().ln()).abs() < 1e-11);
         let order = process.kernel.order();
-        let own = Blocks::of(order, size / order, |row, column| covariance[(row, column)]);
+        let own = KnotBlocks::of(order, size / order, |row, column| covariance[(row, column)]);
         assert!((blocks.product_trace(&own) - size as f64).abs() < 1e-10);
     }
 }

@@ -122,9 +122,9 @@ impl ReadingsWanted<'_> {
     /// The same of what may be read, and no worse than a plan that is known: rows, and how often each is read. Where configurations are
     /// drawn, others near those that are chosen may be read, too: the plan then is of the rows that come with it, which stand behind what
     /// was drawn, and has no bound yet.
-    pub(super) fn design_from<'t>(
+    pub(super) fn design_from(
         &self,
-        planning: &AbsolutePlanning<'t>,
+        planning: &AbsolutePlanning<'_>,
         known: &[(Candidate, u32)],
         sizes: [u32; 2],
         seed: u64,

@@ -29,7 +29,7 @@ const DAMPING: f64 = 1.0;
 const DAMPED: [f64; 2] = [0.25, 8.0];
 
 /// What readings say of the logarithms of variances and lengths.
-struct Told {
+struct PartsTold {
     likelihood: f64,
     gradient: DVector<f64>,
     curvature: DMatrix<f64>,
@@ -106,12 +106,12 @@ impl MixedModel {
         at.rows_range_mut(sizes..).copy_from(&half);
         let told = |at: &DVector<f64>| {
             let variances = variances(at);
-            let each: Vec<Option<Told>> = (parts.par_iter())
+            let each: Vec<Option<PartsTold>> = (parts.par_iter())
                 .map(|part| part.told_of(&variances))
                 .collect();
             each.into_iter().reduce(|sum, one| {
                 let (sum, one) = (sum?, one?);
-                Some(Told {
+                Some(PartsTold {
                     likelihood: sum.likelihood + one.likelihood,
                     gradient: sum.gradient + one.gradient,
                     curvature: sum.curvature + one.curvature,
@@ -149,7 +149,7 @@ impl MixedModel {
     }
 
     /// What the readings say, all poses together.
-    fn told_of(&self, variances: &MixedVariances) -> Option<Told> {
+    fn told_of(&self, variances: &MixedVariances) -> Option<PartsTold> {
         let each =
             |of: &dyn Fn(&PoseReadings) -> DMatrix<f64>| in_blocks(self.visits.iter().map(of));
         let rows: Vec<_> = (self.visits.iter())
@@ -206,7 +206,7 @@ impl MixedModel {
         let gradient = moved.iter().zip(&changes);
         let gradient = gradient.map(|(moved, change)| left.dot(moved) - projected.dot(change));
         let moved = DMatrix::from_columns(&moved);
-        Some(Told {
+        Some(PartsTold {
             likelihood: -0.5 * (determinants.iter().sum::<f64>() + square),
             gradient: DVector::from_iterator(changes.len(), gradient) * 0.5,
             curvature: moved.tr_mul(&(projected * &moved)) * 0.5,

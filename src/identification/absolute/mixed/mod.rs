@@ -25,7 +25,7 @@ use super::AbsoluteCase;
 use super::joint_errors::DiscrepancyModel;
 use super::residuals::LinearReading;
 use crate::numeric::factorisation::inverse_of;
-use crate::numeric::markov::{Blocks, Kernel, MarkovProcess, knots_among};
+use crate::numeric::markov::{Kernel, KnotBlocks, MarkovProcess, knots_among};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
 use crate::robot::Approach;
