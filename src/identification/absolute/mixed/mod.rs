@@ -497,7 +497,7 @@ impl MixedModel {
             let variance = variances.all[2 + joint];
             let neighbours = |of: &dyn Fn(usize, usize) -> f64| {
                 let (order, knots) = (process.kernel.order(), process.knots.len());
-                Blocks::of(order, knots, |one, other| of(at + one, at + other))
+                KnotBlocks::of(order, knots, |one, other| of(at + one, at + other))
             };
             let values = neighbours(&|one, other| solved.mean[one] * solved.mean[other]);
             let covariance = neighbours(&|one, other| solved.covariance[(one, other)]);
