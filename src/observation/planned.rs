@@ -246,9 +246,8 @@ impl<'a> PlannedReadings<'a> {
 
     /// Adds to these what they change where the load is given in the tool's frame, and turns with it. Rows in closed form do not have it.
     pub fn add_turning_load(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
-        match &self.rows {
-            PlannedRows::Compliances(_) => {}
-            PlannedRows::Any(model, _) => model.add_turning_load(load, matrix),
+        if let PlannedRows::Any(model, _) = &self.rows {
+            model.add_turning_load(load, matrix);
         }
     }
 

@@ -202,7 +202,7 @@ pub fn replay_readings(
         (&robots, number),
         (name, plan),
         found,
-        run.readings.clone(),
+        run.readings,
     );
     Ok((record, shown.carried_out))
 }

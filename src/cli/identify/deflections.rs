@@ -128,16 +128,20 @@ pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
     }
 }
 
-/// Of what the measurements make something known by so much less than before, they are said to tell something.
+/// Measurements are said to tell something where they make it known better than before by more than this share.
 const TOLD: f64 = 0.95;
+
+/// Whether they do, by a standard error and the standard deviation before; where nothing was known before, whatever they tell.
+fn is_told(error: Option<f64>, before: Option<f64>) -> bool {
+    error
+        .zip(before)
+        .is_none_or(|(error, before)| error < TOLD * before)
+}
 
 /// What else is uncertain, as far as the measurements tell something of it.
 fn uncertain(identification: &Identification) -> String {
     let small = |value: Option<f64>| or_dash(value, |value| format!("{value:.3e}"));
-    let is_told = |each: &&UncertainEstimate| match (each.standard_error, each.prior_deviation) {
-        (Some(error), Some(before)) => error < TOLD * before,
-        _ => true,
-    };
+    let is_told = |each: &&UncertainEstimate| is_told(each.standard_error, each.prior_deviation);
     let row = |each: &UncertainEstimate| {
         vec![
             each.name.clone(),
@@ -169,9 +173,9 @@ fn uncertain(identification: &Identification) -> String {
 fn known_before(identification: &Identification, belief: &Belief) -> String {
     let parameters = identification.parameters.iter();
     let only_before: Vec<&str> = (parameters.zip(belief.prior_deviations()))
-        .filter(|(parameter, before)| match (parameter.estimate, before) {
-            (Some(estimate), Some(before)) => estimate.standard_error > TOLD * before,
-            _ => false,
+        .filter(|(parameter, before)| {
+            let error = parameter.estimate.map(|estimate| estimate.standard_error);
+            !is_told(error, *before)
         })
         .map(|(parameter, _)| parameter.name.as_str())
         .collect();

@@ -20,7 +20,7 @@ mod readable;
 mod tied_choice;
 mod together;
 
-use nalgebra::{DMatrix, DVector, Matrix3xX};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::Criterion;
@@ -28,7 +28,7 @@ use super::search::{
     CandidateError, CandidateInformation, CandidatePlan, FiniteBound, FiniteDesign, FiniteEffort,
     FiniteProblem, OfferedCandidates, PlanBound, SharingCandidates, TogetherBounds, Watch,
 };
-use crate::compensation::KnownArm;
+use crate::compensation::{KnownArm, test_pose_rows};
 use crate::experiment::Candidate;
 use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
@@ -542,12 +542,12 @@ fn place_rows(
             by_station: (by_station.iter())
                 .map(|rows| pose.counted_rows(rows.rows(3 * index, 3).into_owned()))
                 .collect(),
-            by_task: pose.counted_rows(by_task),
+            by_task,
         })
         .collect()
 }
 
-/// How the tool's place follows the task's force at each test pose (3 x t, m in standard deviations).
+/// How the tool's place follows the task's force at each test pose, what counts of it (3 x t, m in standard deviations).
 fn by_task(task: &Task) -> Vec<DMatrix<f64>> {
     let Some(extended) = &task.belief.uncertain else {
         return vec![DMatrix::zeros(3, 0); task.test_poses.len()];
@@ -557,12 +557,9 @@ fn by_task(task: &Task) -> Vec<DMatrix<f64>> {
     let of_task: Vec<(usize, f64)> = places
         .map(|place| (place, extended.prior_deviation(place).unwrap_or(0.0)))
         .collect();
-    let mut readings = extended.at_test_pose(&vec![1.0; parameters.len()]);
-    let mut rows = Matrix3xX::zeros(parameters.len());
     (task.test_poses.iter())
         .map(|pose| {
-            readings.move_to(pose.configuration_rad.as_slice());
-            readings.uncompensated(&pose.load, &mut rows);
+            let rows = test_pose_rows(&task.belief, pose);
             DMatrix::from_fn(3, of_task.len(), |axis, column| {
                 let (place, deviation) = of_task[column];
                 rows[(axis, place)] * deviation
