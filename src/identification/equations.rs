@@ -167,7 +167,7 @@ impl Case<'_> {
     ) -> Result<PredictedRows, IdentificationError> {
         torques.resize_with(self.measurements.len(), RestTorques::default);
         if let Some(extended) = self.uncertain {
-            return self.extended_at_rest(extended, (values, values.len()), torques);
+            return self.extended_at_rest(extended, values, torques);
         }
         let compliance = &self.compliance(values);
         let chain = &self.nominal.chain;
@@ -201,16 +201,6 @@ impl Case<'_> {
             }
         }
         Ok(predicted)
-    }
-
-    /// The same without derivatives where more is uncertain than compliances, and these cost the most.
-    pub(super) fn predicted_values(
-        &self,
-        values: &[f64],
-        torques: &mut [RestTorques],
-    ) -> Option<Result<DVector<f64>, IdentificationError>> {
-        let predicted = self.extended_at_rest(self.uncertain?, (values, 0), torques);
-        Some(predicted.map(|predicted| predicted.values))
     }
 
     /// What is known of the unknowns before.

@@ -29,16 +29,16 @@ impl Case<'_> {
         predicted
     }
 
-    /// Through the static equilibrium at values of the unknowns; with the derivatives by so many of them, all or none.
+    /// Through the static equilibrium at values of the unknowns.
     pub(super) fn extended_at_rest(
         &self,
         extended: &Extended,
-        (values, columns): (&[f64], usize),
+        values: &[f64],
         torques: &mut [RestTorques],
     ) -> Result<PredictedRows, IdentificationError> {
         let mut model = ObservationModel::new(extended.set(), extended.arm(), values);
-        let mut derivatives = Matrix6xX::zeros(columns);
-        let mut predicted = PredictedRows::new(self.rows(), columns);
+        let mut derivatives = Matrix6xX::zeros(values.len());
+        let mut predicted = PredictedRows::new(self.rows(), values.len());
         for (index, (each, torques)) in self.measurements.iter().zip(torques).enumerate() {
             let (setup, kind) = setup_of(each);
             let found = model.predict_near(torques, &setup, kind, &mut derivatives);

@@ -20,11 +20,6 @@ const CONVERGED_ERRORS: f64 = 1e-4;
 /// Gauss-Newton needs three or four steps here, where the problem is nearly linear; with many unknowns of which one is
 /// hardly determined, some tens.
 const MAXIMUM_ITERATIONS: usize = 100;
-/// Derivatives serve on the way as long as each step is shorter than this share of the one before: the next is by far too short to count.
-const SHORTER: f64 = 0.1;
-/// At the end they are of values that are no further away than this in standard errors: from afar, the residuals bias the estimate by what
-/// derivatives change.
-const NEAR: f64 = 1.0;
 /// Steps that change a compliance by more than this share of its typical size must lower the residuals;
 /// shorter ones may end in their rounding.
 const LONG: f64 = 1e-2;
@@ -117,21 +112,15 @@ impl FitStart {
 
     /// The equations at values of the unknowns, by whitened predictions there.
     fn place(&self, read: &DVector<f64>, predicted: PredictedRows, values: &[f64]) -> FitPlace {
+        let off = &self.prior.mean - DVector::from_column_slice(values);
         FitPlace {
             matrix: predicted.derivatives,
-            left: self.left(read, &predicted.values, values),
-        }
-    }
-
-    fn left(&self, read: &DVector<f64>, predicted: &DVector<f64>, values: &[f64]) -> Left {
-        let off = &self.prior.mean - DVector::from_column_slice(values);
-        Left {
-            readings: read - predicted,
+            left: read - predicted.values,
             before: &self.prior.rows * off,
         }
     }
 
-    /// The equations through the static equilibrium there.
+    /// The same through the static equilibrium there.
     fn at(
         &self,
         source: &Case<'_>,
@@ -145,23 +134,6 @@ impl FitStart {
         Ok(self.place(read, predicted, values))
     }
 
-    /// What is left there; with derivatives where these cost little.
-    fn left_at(
-        &self,
-        source: &Case<'_>,
-        read: &DVector<f64>,
-        values: &[f64],
-        torques: &mut Vec<RestTorques>,
-    ) -> Result<(Left, Option<DMatrix<f64>>), IdentificationError> {
-        let Some(predicted) = source.predicted_values(values, torques) else {
-            let place = self.at(source, read, values, torques)?;
-            return Ok((place.left, Some(place.matrix)));
-        };
-        let mut predicted = predicted?;
-        self.whitening.whiten(&mut predicted);
-        Ok((self.left(read, &predicted, values), None))
-    }
-
     /// The normal equations there; `None` where they are singular to rounding.
     fn normal(&self, place: &FitPlace) -> Option<FactoredEquations> {
         FactoredEquations::new(&place.matrix, &self.before, &self.estimable)
@@ -172,15 +144,14 @@ impl FitStart {
         let Some(normal) = normal else {
             return self.solve(place).solution;
         };
-        let gradient =
-            place.matrix.tr_mul(&place.left.readings) + self.prior.rows.tr_mul(&place.left.before);
+        let gradient = place.matrix.tr_mul(&place.left) + self.prior.rows.tr_mul(&place.before);
         normal.solution(gradient, &self.estimable)
     }
 
     /// The same by the singular values of all rows, with its covariance.
     fn solve(&self, place: &FitPlace) -> LeastSquares {
         let matrix = stacked(&place.matrix, &self.prior.rows);
-        LeastSquares::solve(&matrix, &place.left.stacked(), &self.estimable)
+        LeastSquares::solve(&matrix, &place.residuals(), &self.estimable)
     }
 
     /// The covariance of what is determined, and its condition number: by normal equations where there are some.
@@ -204,7 +175,7 @@ impl FitStart {
         add(&mut values, step, 1.0);
         let moved = stacked(&(&place.matrix * step), &(&self.prior.rows * step));
         Fit {
-            whitened_residuals: place.left.stacked() - moved,
+            whitened_residuals: place.residuals() - moved,
             values,
             covariance,
             condition,
@@ -215,26 +186,21 @@ impl FitStart {
 
 /// Whitened equations of the change from values of the unknowns.
 struct FitPlace {
-    /// Of the readings, N x p: at these values, or at some that are near.
+    /// Of the readings, N x p.
     matrix: DMatrix<f64>,
-    left: Left,
-}
-
-/// What values of the unknowns leave, whitened.
-struct Left {
-    /// Of the readings (N).
-    readings: DVector<f64>,
-    /// Of what was known before.
+    /// What is left of these.
+    left: DVector<f64>,
+    /// How far the values are from what was known before.
     before: DVector<f64>,
 }
 
-impl Left {
-    fn stacked(&self) -> DVector<f64> {
-        stacked(&self.readings, &self.before)
+impl FitPlace {
+    fn residuals(&self) -> DVector<f64> {
+        stacked(&self.left, &self.before)
     }
 
     fn square(&self) -> f64 {
-        self.readings.norm_squared() + self.before.norm_squared()
+        self.left.norm_squared() + self.before.norm_squared()
     }
 }
 
@@ -258,8 +224,7 @@ pub(super) fn fit_linear(start: &FitStart, source: &Case<'_>) -> Fit {
 }
 
 /// Gauss-Newton from values that are near, from one step from the nominal values, or from these where there is no equilibrium
-/// with that. Directions that the measurements do not determine keep the nominal value. Derivatives
-/// are found anew where steps do not get shorter quickly. A step that
+/// with that. Directions that the measurements do not determine keep the nominal value. A step that
 /// leads where there is no equilibrium, or a long one that raises the residuals, is halved. The last step is taken, too.
 pub(super) fn fit_nonlinear(
     start: &FitStart,
@@ -283,35 +248,28 @@ pub(super) fn fit_nonlinear(
             let nominal = start.at(source, &read, &values, &mut torques);
             nominal.map_err(|_| error)
         })?;
-    let mut normal = start.normal(&place);
-    let (mut change, mut last, mut moved) = (f64::INFINITY, f64::INFINITY, 0.0);
+    let mut change = f64::INFINITY;
     for iterations in 1..=MAXIMUM_ITERATIONS {
+        let normal = start.normal(&place);
         let step = start.step(&place, normal.as_ref());
         let steps = step.iter().zip(start.estimable.typical());
         change = (steps.map(|(step, typical)| step.abs() / typical)).fold(0.0, f64::max);
         let length = (&place.matrix * &step).norm_squared();
-        let length = (length + (&start.prior.rows * &step).norm_squared()).sqrt();
-        let is_short = source.uncertain.is_some() && length <= CONVERGED_ERRORS;
-        let is_last = change <= CONVERGED || is_short;
-        if is_last && moved <= NEAR {
+        let length = length + (&start.prior.rows * &step).norm_squared();
+        let is_short = source.uncertain.is_some() && length.sqrt() <= CONVERGED_ERRORS;
+        if change <= CONVERGED || is_short {
             let normal = normal.as_ref().filter(|_| source.uncertain.is_some());
             let known = start.known(&place, normal);
             return Ok(start.end(&place, values, &step, known, iterations));
         }
-        if is_last || length > SHORTER * last {
-            place = start.at(source, &read, &values, &mut torques)?;
-            normal = start.normal(&place);
-            (last, moved) = (f64::INFINITY, 0.0);
-            continue;
-        }
-        let before = place.left.square();
+        let before = place.square();
         let mut share = 1.0;
         let mut halvings = 0;
-        let (left, matrix) = loop {
+        place = loop {
             let mut next = values.clone();
             add(&mut next, &step, share);
-            let found = start.left_at(source, &read, &next, &mut torques);
-            let rises = |found: &(Left, _)| found.0.square() > before;
+            let found = start.at(source, &read, &next, &mut torques);
+            let rises = |found: &FitPlace| found.square() > before;
             let is_worse = found.as_ref().map_or(true, rises);
             if halvings == HALVINGS || !is_worse || (found.is_ok() && share * change < LONG) {
                 let found = found?;
@@ -321,13 +279,6 @@ pub(super) fn fit_nonlinear(
             share *= 0.5;
             halvings += 1;
         };
-        place.left = left;
-        (last, moved) = (length, moved + length);
-        if let Some(matrix) = matrix {
-            place.matrix = matrix;
-            normal = start.normal(&place);
-            (last, moved) = (f64::INFINITY, 0.0);
-        }
     }
     Err(IdentificationError::NotConverged {
         step: change,
