@@ -40,6 +40,9 @@ pub struct Measure {
     /// and configurations is sampled anew.
     #[arg(long, value_name = "C", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..1 << 20))]
     campaign: u64,
+    /// Read in the same campaign once more, numbered from 0: all that is new in readings, visits and configurations is sampled anew.
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..16))]
+    series: u64,
     /// Where to write the measurements.
     #[arg(long, value_name = "FILE")]
     measurements_out: Option<PathBuf>,
@@ -76,7 +79,7 @@ impl Measure {
             (measured.map_err(|error| self.wrong(&error))?, None)
         } else {
             let robots = TrueRobots::new(&task.belief, truth)?;
-            let mut robots = robots.in_campaign(self.campaign);
+            let mut robots = robots.in_series(self.campaign, self.series);
             let numbers = [scenario.seed, self.run.unwrap_or(0)];
             let MeasuredRun {
                 measurements,
@@ -150,9 +153,14 @@ impl Measure {
         let rows = read_candidates(&self.plan, commands.clone())?;
         let planning = AbsolutePlanning::of_plan(task, &[], &rows)
             .map_err(|error| error.in_file(&self.plan))?;
-        let readings =
-            virtual_readings(task, &scenario.truth, &planning, [seed, run, self.campaign])
-                .map_err(|error| self.wrong(&error))?;
+        let readings = virtual_readings(
+            task,
+            &scenario.truth,
+            &planning,
+            [seed, run],
+            [self.campaign, self.series],
+        )
+        .map_err(|error| self.wrong(&error))?;
         let mut text = format!(
             "{} of the virtual robot of run {run}\n",
             counted(readings.len() as u64, "absolute reading")

@@ -26,7 +26,7 @@ use elastocal::view::stills::Stills;
 use elastocal::workflow::study::try_plan;
 use serde_json::{Value, json};
 
-use super::conditions::{conditions, undetermined_by_plan};
+use super::conditions::{below_bound, conditions, undetermined_by_plan};
 use super::interruption::{Interrupted, STOP, searched};
 use super::plan_args::PlanArgs;
 use super::progress::bar;
@@ -86,15 +86,16 @@ impl<'a> PlannedAccuracy<'a> {
 
     /// What must be looked at.
     pub fn conditions(&self, scenario: &Scenario) -> Vec<Condition> {
-        let (studied, prediction) = match self {
+        let (studied, prediction, record) = match self {
             Self::Deflections(_, assessment) => return conditions(scenario, assessment),
-            Self::Readings(studied, prediction, _) => (studied, prediction),
+            Self::Readings(studied, prediction, record) => (studied, prediction, record),
         };
         let left = prediction.left.as_ref().err().map(|names| {
             let place = "the tool's place at the test poses, which depends on";
             undetermined_by_plan(&format!("{place} {}", names.join(", ")))
         });
         (left.into_iter())
+            .chain(below_bound(record.efficiency))
             .chain(undetermined_compliances(studied, prediction))
             .collect()
     }

@@ -51,6 +51,7 @@ codes! {
         NoWay = "C0108",
         OneSidedApproach = "C0109",
         NoProgram = "C0110",
+        BelowBound = "C0111",
         Unidentifiable = "C0201",
         ImpossibleCompliance = "C0202",
         NegativeCompliance = "C0203",

@@ -13,7 +13,7 @@ use crate::task::Method;
 /// A measurement beside its prediction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Predicted {
-    /// The measured deflection less the predicted one (m).
+    /// The measured deflection less the predicted one (m); of a displacement along a direction what is along it, as in the covariances.
     pub difference_m: Vector3<f64>,
     /// The same of the rotation (rad), where it is measured.
     pub rotation_difference_rad: Option<Vector3<f64>>,
@@ -50,11 +50,6 @@ pub enum PredictionError {
         /// Which.
         source: NotDetermined,
     },
-    /// Displacements along a direction were measured.
-    #[error(
-        "displacements along a direction are not validated: deflections are needed, with all three coordinates"
-    )]
-    AlongDirection,
     /// There is no covariance to judge by.
     #[error("the covariance of what was identified is none")]
     Singular,
@@ -69,13 +64,6 @@ impl Case<'_> {
     pub fn predictions(&self, posterior: &Posterior) -> Result<Predictions, PredictionError> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements.into());
-        }
-        if self
-            .measurements
-            .iter()
-            .any(|each| each.direction.is_some())
-        {
-            return Err(PredictionError::AlongDirection);
         }
         let rows = self.against(&posterior.mean)?;
         let known = &rows.matrix * &posterior.covariance * rows.matrix.transpose();
@@ -93,14 +81,25 @@ impl Case<'_> {
                     source,
                 }
             })?;
-            let deflection = rows.own_matrix.rows(own.start, 3);
-            let known = deflection * &posterior.covariance * deflection.transpose();
+            let shown = rows.own_matrix.rows(own.start, own.len().min(3));
+            let known = shown * &posterior.covariance * shown.transpose();
             let left = rows.own_left.rows_range(own).into_owned();
-            each.push(Predicted {
-                difference_m: three_rows(&left, 0),
-                rotation_difference_rad: (left.len() > 3).then(|| three_rows(&left, 3)),
-                known_m2: known.fixed_view::<3, 3>(0, 0).into_owned(),
-                reading_m2: reading.fixed_view::<3, 3>(0, 0).into_owned(),
+            each.push(match self.measurements[index].direction {
+                Some(direction) => {
+                    let along = direction * direction.transpose();
+                    Predicted {
+                        difference_m: direction * left[0],
+                        rotation_difference_rad: None,
+                        known_m2: along * known[(0, 0)],
+                        reading_m2: along * reading[(0, 0)],
+                    }
+                }
+                None => Predicted {
+                    difference_m: three_rows(&left, 0),
+                    rotation_difference_rad: (left.len() > 3).then(|| three_rows(&left, 3)),
+                    known_m2: known.fixed_view::<3, 3>(0, 0).into_owned(),
+                    reading_m2: reading.fixed_view::<3, 3>(0, 0).into_owned(),
+                },
             });
         }
         Ok(Predictions {

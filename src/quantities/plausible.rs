@@ -41,6 +41,8 @@ pub const TORQUE_LIMIT: Kind = Kind::positive("N m", 1e-6, 1e12);
 pub const POSITION: Kind = Kind::any("mm", 1e6);
 /// A size of a body (mm).
 pub const SIZE: Kind = Kind::positive("mm", 1e-3, 1e6);
+/// The step of what a gauge shows (mm).
+pub const RESOLUTION: Kind = Kind::positive("mm", 1e-9, 1e4);
 /// A distance that is kept (mm).
 pub const CLEARANCE: Kind = Kind::zero_or_positive("mm", 1e-6, 1e5);
 /// An angle (deg).

@@ -57,13 +57,13 @@ pub enum EquilibriumError {
         /// The number of iterations.
         iterations: usize,
     },
-    /// A load in the tool's frame turns with the tool on and on.
+    /// A load that moves with the tool that it moves does not come to stand.
     #[error(
-        "no static equilibrium: a load in the tool's frame still turns by {turned_rad:.3e} rad with the tool that it turns"
+        "no static equilibrium: a load that moves with the tool still moves it by {moved:.3e} (rad, m)"
     )]
-    LoadTurns {
-        /// The last turn (rad).
-        turned_rad: f64,
+    LoadMoves {
+        /// The last turn (rad), or the last way (m).
+        moved: f64,
     },
     /// MuJoCo cannot calculate the forces.
     #[error("no static equilibrium: {0}")]
@@ -71,6 +71,30 @@ pub enum EquilibriumError {
     /// The equilibrium that was found is unstable: the load overcomes the joints' stiffness.
     #[error("the static equilibrium is unstable: the load outweighs the joints' stiffness")]
     Unstable,
+}
+
+/// An arm under a load that moves with it stands when it moves by no more (rad, m), and is found anew at most so often: each time what is
+/// wrong is as much less as the angle is small by which the load bends.
+const STANDS: f64 = 1e-10;
+const MOST_TURNS: usize = 50;
+
+/// An arm at rest under a load that moves with it: beginning with where it rests under one that does not, `next` finds it under the load as
+/// it is where the arm was last, and by how much it moved (rad, m), until it stands.
+///
+/// # Errors
+/// Those of `next`; the load does not stand.
+pub fn until_it_stands<T>(
+    mut found: T,
+    mut next: impl FnMut(&T) -> Result<(T, f64), EquilibriumError>,
+) -> Result<T, EquilibriumError> {
+    let mut moved = f64::INFINITY;
+    for _ in 0..MOST_TURNS {
+        (found, moved) = next(&found)?;
+        if moved <= STANDS {
+            return Ok(found);
+        }
+    }
+    Err(EquilibriumError::LoadMoves { moved })
 }
 
 /// An arm at rest.

@@ -28,6 +28,7 @@ pub use elastostatics::ObservationMatrix;
 pub use elements::{Elements, JointSpring, Offset, Place, Spring};
 pub use equilibrium::{
     CONVERGED_RAD, Equilibrium, EquilibriumError, EquilibriumSolver, MAXIMUM_ITERATIONS,
+    until_it_stands,
 };
 pub use kinematic_state::{KinematicState, Kinematics, Load, rotation_vector};
 pub use passive::{commands_for, made_up};

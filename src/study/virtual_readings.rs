@@ -250,7 +250,9 @@ impl<'a> ReadPlan<'a> {
         .map(|sigma| (OF_DEFLECTION * sigma).powi(2));
         let covariance = Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
         let mut readings = Vec::with_capacity(self.len());
-        for (each, shown) in self.read(task, robots, &self.frames(numbers), numbers)? {
+        let [seed, run] = numbers;
+        let frames = self.frames([seed, robots.campaign_of(run)]);
+        for (each, shown) in self.read(task, robots, &frames, [seed, robots.readings_of(run)])? {
             readings.extend(shown.into_iter().map(|shown| {
                 let turned = instrument.rotation_sigma_rad.map(|_| shown.rotation);
                 let reading = self.reading(each.place, (shown.position_m, turned), covariance);
@@ -329,15 +331,15 @@ pub fn virtual_readings(
     task: &Task,
     truth: &Truth,
     planning: &AbsolutePlanning<'_>,
-    [seed, run, campaign]: [u64; 3],
+    [seed, run]: [u64; 2],
+    [campaign, series]: [u64; 2],
 ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
     let whole = planning.whole();
     let plan = ReadPlan::new(planning, &whole);
     let robots = TrueRobots::of_readings(&task.belief, truth, plan.targets())?;
-    let mut robots = robots.in_campaign(campaign);
+    let mut robots = robots.in_series(campaign, series);
     robots.become_run_of(truth, plan.len(), seed, run)?;
-    let numbers = [seed, robots.readings_of(run)];
-    plan.readings(task, &mut robots, numbers)
+    plan.readings(task, &mut robots, [seed, run])
 }
 
 /// A position (m), and a quaternion that is not of unit length.

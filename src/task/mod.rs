@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Deserialize;
 
 use crate::experiment::{Loads, Plan};
-use crate::robot::{EquilibriumError, Load};
+use crate::robot::{EquilibriumError, Load, until_it_stands};
 
 pub use belief::{Belief, Instrument, Method};
 pub use extended::Extended;
@@ -22,11 +22,6 @@ pub use gauge::Gauge;
 pub use prior_campaign::PriorCampaign;
 pub use region::{Forbidden, Region};
 pub use station::{Station, station_named};
-
-/// A load in the tool's frame stands where the tool turns by no more (rad): it changes by as small a share.
-const STANDS_RAD: f64 = 1e-10;
-/// So often it is turned with the tool at most: each time what is wrong is as much less as the angle is small.
-const MOST_TURNS: usize = 50;
 
 /// A test pose (D3): where the robot must machine.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,20 +60,16 @@ impl TestPose {
         load: &Load,
         mut rest: impl FnMut(&Load) -> Result<(T, Matrix3<f64>), EquilibriumError>,
     ) -> Result<T, EquilibriumError> {
-        let (mut found, mut axes) = rest(load)?;
+        let found = rest(load)?;
         let Some(nominal) = self.load_axes else {
-            return Ok(found);
+            return Ok(found.0);
         };
-        let mut turned = f64::INFINITY;
-        for _ in 0..MOST_TURNS {
-            let before = axes;
-            (found, axes) = rest(&load.turned(&(axes * nominal.transpose())))?;
-            turned = (axes - before).norm();
-            if turned <= STANDS_RAD {
-                return Ok(found);
-            }
-        }
-        Err(EquilibriumError::LoadTurns { turned_rad: turned })
+        let stands = until_it_stands(found, |(_, before)| {
+            let found = rest(&load.turned(&(before * nominal.transpose())))?;
+            let turned = (found.1 - before).norm();
+            Ok((found, turned))
+        });
+        Ok(stands?.0)
     }
 
     /// What counts of an error there: n n^T e, or all of it.

@@ -12,15 +12,13 @@ use crate::measurement::Measurement;
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
 use crate::parameter::{Parameter, ParameterKind, Unloaded};
-use crate::robot::{EquilibriumError, Load, TrueRobot};
+use crate::robot::{EquilibriumError, Load, TrueRobot, until_it_stands};
 use crate::task::{Belief, Instrument, TestPose};
 
-/// No study has more than two to the power of so many runs.
+/// No study has more than two to the power of so many runs,
 const RUNS_BITS: u32 = 40;
-/// A load that hangs on another target is found anew until that moves by no more (m), at most so often: each time what is wrong is
-/// as much less as the angle is small by which the load bends.
-const STANDS_M: f64 = 1e-10;
-const MOST_TURNS: usize = 50;
+/// and no run more than two to the power of so many campaigns.
+const CAMPAIGNS_BITS: u32 = 20;
 /// The place of the body that carries the calibration tool, at which loads act,
 const MEASURING: usize = 0;
 /// and of that which carries the machining tool, also where they are one.
@@ -47,8 +45,8 @@ pub struct TrueRobots {
     normals: Vec<[f64; LANES]>,
     /// Whether the last run's differed from the model.
     is_changed: bool,
-    /// Which campaign's readings are sampled.
-    campaign: u64,
+    /// Which campaign's readings are sampled, and which series of them.
+    series: [u64; 2],
 }
 
 impl TrueRobots {
@@ -97,21 +95,27 @@ impl TrueRobots {
             laboratory: laboratory.resting_on(unloaded),
             normals: Vec::new(),
             is_changed: false,
-            campaign: 0,
+            series: [0; 2],
         })
     }
 
-    /// The same robots in another campaign, numbered from 0: what is new in campaigns, readings, visits and configurations is
-    /// sampled anew.
+    /// The same robots in another campaign, or in another series of readings of one, each numbered from 0: what is new in readings, visits
+    /// and configurations is sampled anew in each, what is new in campaigns in each campaign.
     #[must_use]
-    pub fn in_campaign(mut self, campaign: u64) -> Self {
-        self.campaign = campaign;
+    pub fn in_series(mut self, campaign: u64, series: u64) -> Self {
+        self.series = [campaign, series];
         self
     }
 
-    /// The number by which a run's readings are sampled: beyond all runs in later campaigns.
+    /// The number by which what a run's campaign keeps is sampled: beyond all runs in later campaigns.
+    pub const fn campaign_of(&self, run: u64) -> u64 {
+        run.wrapping_add(self.series[0] << RUNS_BITS)
+    }
+
+    /// The number by which a run's readings are sampled: beyond all campaigns in later series.
     pub const fn readings_of(&self, run: u64) -> u64 {
-        run.wrapping_add(self.campaign << RUNS_BITS)
+        let later = self.series[1] << (RUNS_BITS + CAMPAIGNS_BITS);
+        self.campaign_of(run).wrapping_add(later)
     }
 
     /// How many normal numbers a run takes besides the instrument's noise.
@@ -171,15 +175,19 @@ impl TrueRobots {
         run: u64,
     ) -> Result<Vec<[f64; LANES]>, FileError> {
         let mut normals = vec![[0.0; LANES]; self.numbers(readings)];
-        let readings_of = self.readings_of(run);
-        fill_normals(Stream::Circumstances, seed, readings_of, &mut normals);
-        if readings_of != run {
-            // What the robot and the load cell keep is the run's.
-            let mut own = vec![[0.0; LANES]; self.numbers(0)];
-            fill_normals(Stream::Circumstances, seed, run, &mut own);
+        let numbers = [self.readings_of(run), self.campaign_of(run)];
+        fill_normals(Stream::Circumstances, seed, numbers[0], &mut normals);
+        if numbers != [run; 2] {
+            // What the robot and the load cell keep is the run's, all else that is shared the campaign's.
+            let [own, campaign] = [run, numbers[1]].map(|number| {
+                let mut shared = vec![[0.0; LANES]; self.numbers(0)];
+                fill_normals(Stream::Circumstances, seed, number, &mut shared);
+                shared
+            });
             let is_kept = self.laboratory.is_kept();
-            for ((place, own), _) in own.iter().enumerate().zip(is_kept).filter(|each| each.1) {
-                normals[place] = *own;
+            for (place, is_kept) in is_kept.enumerate() {
+                let shared = if is_kept { &own } else { &campaign };
+                normals[place] = shared[place];
             }
         }
         self.laboratory.sample_functions([seed, run]);
@@ -316,19 +324,17 @@ impl TrueRobots {
         let place = self.of(seen.target);
         let (carried_m, ..) = self.bodies[MEASURING].1.rest(commanded, &load)?;
         // The load at the target that does what the load at the calibration tool does.
-        let mut transferred = load;
         let body = &mut self.bodies[place].1;
-        let mut rest = body.rest(commanded, &transferred)?;
+        let mut rest = body.rest(commanded, &load)?;
         if place > 0 && load != Load::NONE {
-            for _ in 0..MOST_TURNS {
-                let before_m = rest.0;
-                transferred.torque_nm =
-                    load.torque_nm + (carried_m - before_m).cross(&load.force_n);
-                rest = body.rest(commanded, &transferred)?;
-                if (rest.0 - before_m).norm() <= STANDS_M {
-                    break;
-                }
-            }
+            rest = until_it_stands(rest, |(before_m, ..)| {
+                let arm_m = carried_m - before_m;
+                let torque_nm = load.torque_nm + arm_m.cross(&load.force_n);
+                let transferred = Load { torque_nm, ..load };
+                let rest = body.rest(commanded, &transferred)?;
+                let moved_m = (rest.0 - before_m).norm();
+                Ok((rest, moved_m))
+            })?;
         }
         let (at_m, axes, _) = rest;
         let off_by_distance: Vector3<f64> = (reading.noise.by_distance.into_iter())

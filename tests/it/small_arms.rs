@@ -131,7 +131,8 @@ fn several_test_poses_are_one_rms() {
     assert!(said.contains(&words), "{words}: {said}");
 }
 
-/// Another campaign on the robot of a run: the same robot, other errors of readings.
+/// Another campaign on the robot of a run: the same robot, other errors of readings. Another series in it: read from where the instrument
+/// stands.
 #[test]
 fn campaigns_read_one_robot_anew() {
     let source = "kind = \"joint_zero\"\nstd_mrad = 2\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.02";
@@ -150,16 +151,30 @@ fn campaigns_read_one_robot_anew() {
             let rows = text.lines().filter(|line| !line.starts_with('#'));
             rows.map(str::to_owned).collect()
         };
-        let [first, again, second] =
-            ["", "--campaign 0", "--campaign 1"].map(|more| rows(&measured(more)));
+        let [first, again, campaign, series] =
+            ["", "--campaign 0 --series 0", "--campaign 1", "--series 1"]
+                .map(|more| rows(&measured(more)));
         assert_eq!(first, again);
-        assert!(
-            first
-                .iter()
-                .zip(&second)
-                .skip(1)
-                .all(|(one, other)| one != other)
-        );
+        let differ = |other: &[String]| {
+            let pairs = first.iter().zip(other).skip(1);
+            pairs.clone().count() > 0 && pairs.clone().all(|(one, other)| one != other)
+        };
+        assert!(differ(&campaign) && differ(&series));
+        let is_near = |other: &[String]| {
+            let numbers = |row: &String| {
+                row.split(',')
+                    .filter_map(|cell| cell.parse().ok())
+                    .collect()
+            };
+            first.iter().zip(other).skip(1).all(|(one, other)| {
+                let [one, other]: [Vec<f64>; 2] = [one, other].map(numbers);
+                one.iter()
+                    .zip(&other)
+                    .all(|(one, other)| (one - other).abs() < 1.0)
+            })
+        };
+        assert!(is_near(&series));
+        assert_eq!(is_near(&campaign), accuracy == "relative");
     }
     let place = place(true, text(true, "relative", 8, source));
     place.json("plan arm.toml --no-proof --plan-out plan.csv");

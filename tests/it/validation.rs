@@ -1,6 +1,7 @@
 //! Other measurements than those that were identified from check what the identification predicts.
 
 use elastocal::calibration::{identify_as_planned, measure};
+use elastocal::experiment::Plan;
 use elastocal::identification::{Case, Sigma};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::TrueRobots;
@@ -146,21 +147,21 @@ fn validation_is_planned_where_the_prediction_is_weakest() {
 
 /// Differences from predictions are as large as they are predicted to be: over many robots, r^T S^-1 r has the mean of
 /// a chi-square, whatever is uncertain and whether rotations are measured; on the same day, or in a later campaign.
-fn mean_square(scenario: &Scenario, runs: u64, is_later: bool) -> f64 {
+fn mean_square(scenario: &Scenario, plan: &Plan, runs: u64, is_later: bool) -> f64 {
     let (task, truth) = (&scenario.task, &scenario.truth);
-    let plan = crate::support::table4(4);
     let mut robots = [0, u64::from(is_later)].map(|campaign| {
         let robots = TrueRobots::new(&task.belief, truth).expect("robots");
-        robots.in_campaign(campaign)
+        robots.in_series(campaign, 0)
     });
     let mut sum = 0.0;
     for run in 0..runs {
         let [measured, later] = robots.each_mut().map(|robots| {
-            let measured = measure(robots, task, truth, &plan, [scenario.seed, run], true);
+            let measured = measure(robots, task, truth, plan, [scenario.seed, run], true);
             measured.expect("measured").measurements
         });
         // Noise is of its own for each measurement.
-        let (first, others) = (&measured[..3], &later[3..]);
+        let fitted = measured.len() - 1;
+        let (first, others) = (&measured[..fitted], &later[fitted..]);
         let identification = identify_as_planned(&task.belief, first).expect("identified");
         let sigma = Sigma::Known(task.belief.instrument.sigma_m);
         let case = Case::of_belief(&task.belief, others, sigma, task.belief.method);
@@ -185,17 +186,20 @@ fn differences_are_as_large_as_predicted() {
                      [[uncertainty]]\nkind = \"base_rotation\"\nstd_mrad = 5\n\
                      [[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.02\n";
     let plain = scenario_text("klimchik2012");
-    for (text, freedom) in [
-        (plain.clone() + uncertain, 3.0),
+    for (text, plan, freedom) in [
+        (plain.clone() + uncertain, "klimchik2012_m4", 3.0),
         (
             plain.replace("sigma_mm", "rotation_sigma_mrad = 0.02\nsigma_mm"),
+            "klimchik2012_m4",
             6.0,
         ),
+        (scenario_text("kr270_gauge"), "kr270_gauge_m9", 1.0),
     ] {
         workplace.write("s.toml", text);
         let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
+        let plan = crate::support::plan(plan);
         for is_later in [false, true] {
-            let mean = mean_square(&scenario, runs, is_later);
+            let mean = mean_square(&scenario, &plan, runs, is_later);
             let standard_error = (2.0_f64 / freedom / runs as f64).sqrt();
             assert!(
                 (mean - 1.0).abs() < 4.0 * standard_error,

@@ -11,7 +11,6 @@ use elastocal::laboratory::validation::{Validation, validate, validation_plan};
 use elastocal::measurement::read_measurements;
 use elastocal::plan::write_plan;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
-use elastocal::robot::ReadsAlong;
 use elastocal::text::wording::counted;
 use elastocal::workflow::stored_robot::StoredRobot;
 use elastocal::workflow::validate_absolute::prediction_failed;
@@ -59,17 +58,6 @@ impl Validate {
         }
         let origin = StoredIdentification::origin(&self.identified)?;
         let scenario = (self.common).load_for(input, &self.identified, origin.as_ref())?;
-        let gauge = match scenario.task.belief.instrument.reads_along() {
-            ReadsAlong::Never => None,
-            ReadsAlong::Sometimes => Some(("instrument.gauge", "is there")),
-            ReadsAlong::Always => Some(("instrument.reads", "is \"displacement\"")),
-        };
-        if let Some((key, is)) = gauge {
-            let problem = format!(
-                "{is}, and predictions are compared with deflections of all three coordinates"
-            );
-            return Err(FileError::new(&scenario.path, problem).at(key).into());
-        }
         let identified = read_identified(&self.identified, &scenario)?;
         let mut roles = inputs(&scenario);
         roles.reads("what was identified", &self.identified);

@@ -7,7 +7,7 @@ use super::Checker;
 use crate::files::FileError;
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
-use crate::quantities::plausible::{DEVIATION, SIZE};
+use crate::quantities::plausible::{DEVIATION, RESOLUTION, SIZE};
 use crate::robot::ReadsAlong;
 use crate::scenario::file::{
     File, InstrumentReads, InstrumentTable, SigmaOf, UncertaintyKind, UncertaintyTable,
@@ -94,14 +94,14 @@ impl Checker<'_> {
             None => ("instrument", table.range_mm, table.resolution_mm),
             Some(gauge) => ("instrument.gauge", gauge.range_mm, gauge.resolution_mm),
         };
-        let size = |name: &str, value| {
-            let size = self.optional(&format!("{key}.{name}"), value, &SIZE)?;
+        let size = |name: &str, value, kind| {
+            let size = self.optional(&format!("{key}.{name}"), value, kind)?;
             Ok::<_, FileError>(size.map(|mm| mm * 1e-3))
         };
         let mut gauge = Gauge {
             beside_m: None,
-            range_m: size("range_mm", range_mm)?,
-            resolution_m: size("resolution_mm", resolution_mm)?.unwrap_or(0.0),
+            range_m: size("range_mm", range_mm, &SIZE)?,
+            resolution_m: size("resolution_mm", resolution_mm, &RESOLUTION)?.unwrap_or(0.0),
         };
         if let Some(beside) = &table.gauge {
             let sigma_mm = self.number("instrument.gauge.sigma_mm", beside.sigma_mm, &DEVIATION)?;
