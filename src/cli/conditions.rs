@@ -15,10 +15,12 @@ pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<Condition
     let mut conditions: Vec<Condition> = (undetermined.iter())
         .map(|words| undetermined_by_plan(words))
         .collect();
-    if !assessment.violations.is_empty() {
+    if assessment.violations.is_empty() {
+        conditions.extend(below_bound(assessment.criterion_efficiency()));
+    } else {
+        // The bound is of plans without any.
         conditions.push(violated(assessment.violations.len()));
     }
-    conditions.extend(below_bound(assessment.criterion_efficiency()));
     conditions.extend(assessment.conditions.iter().cloned());
     conditions.extend(implausible(scenario));
     conditions

@@ -5,7 +5,8 @@
 //! to: there are no fewer changes of load than different loads. Each configuration is approached from the same
 //! side every time, so that backlash and friction are the same in both positions.
 //!
-//! A gauge on its stand loses its zero when the robot leaves: for each measurement it is set, and the load hung in place.
+//! Where the laboratory hangs loads in place, the robot stands at each configuration until both positions are read. A gauge on its stand
+//! loses its zero when the robot leaves: it is set for each measurement, and the load hung in place.
 //!
 //! Of absolute readings a stop is one visit, in which all its targets are read. The instrument is set up at each station once, since
 //! its frame is another afterwards; there, one load hangs after the other, beginning with the one that hangs already. The k-th visits
@@ -94,8 +95,11 @@ impl Campaign {
     ) -> Result<Self, CampaignError> {
         let unloaded = task.belief.instrument.unloaded;
         let groups = |planner: &Planner<'_>| {
-            let mut groups = groups_of_loads(plan, unloaded, keep_order);
-            groups.extend(planner.in_place(keep_order));
+            let places = 0..plan.experiments.len();
+            let (in_place, others): (Vec<usize>, Vec<usize>) =
+                places.partition(|&place| laboratory.hangs_in_place(&plan.experiments[place]));
+            let mut groups = groups_of_loads(plan, others.into_iter(), unloaded, keep_order);
+            groups.extend(planner.in_place(&in_place, keep_order));
             groups
         };
         Self::in_groups((task, laboratory), plan, groups, keep_order)
@@ -182,7 +186,7 @@ impl Campaign {
     pub fn conditions(&self, laboratory: &Laboratory) -> Vec<Condition> {
         let mut conditions = Vec::new();
         let without: BTreeSet<usize> = (self.stops.iter())
-            .filter(|stop| stop.approach.is_none() && !stop.is_in_place())
+            .filter(|stop| stop.approach.is_none() && !stop.is_in_place)
             .flat_map(|stop| stop.experiments.iter().copied())
             .collect();
         if !without.is_empty() && laboratory.approach > 0.0 {
@@ -246,7 +250,7 @@ impl Campaign {
 
     /// How often the robot is moved to a stop: not where a load is hung in place.
     pub fn moves(&self) -> usize {
-        self.stops.iter().filter(|stop| !stop.is_in_place()).count()
+        self.stops.iter().filter(|stop| !stop.is_in_place).count()
     }
 
     fn minutes_of(&self, laboratory: &Laboratory) -> f64 {
@@ -316,34 +320,31 @@ impl Planner<'_> {
         )
     }
 
-    /// Each of a gauge's measurements by itself, without the load and with it, in an order of short moves.
-    fn in_place(&self, keep_order: bool) -> Vec<Group> {
+    /// Each measurement of some experiments by itself, without the load and with it, in an order of short moves.
+    fn in_place(&self, places: &[usize], keep_order: bool) -> Vec<Group> {
         let experiments = &self.plan.experiments;
-        let group = |load, index: usize| Group {
+        let group = |load: Option<Load>, members| Group {
+            is_in_place: load.is_some(),
             load,
             station: None,
-            members: vec![(vec![index], 1)],
+            members,
         };
-        let all = Group {
-            load: None,
-            station: None,
-            members: (0..experiments.len())
-                .filter(|&index| experiments[index].direction.is_some())
-                .map(|index| (vec![index], 1))
-                .collect(),
-        };
+        let one = |&index: &usize| (vec![index], 1);
+        let all = group(None, places.iter().map(one).collect());
         let order = if keep_order {
-            (0..all.members.len()).collect()
+            (0..places.len()).collect()
         } else {
             self.order(None, &all)
         };
-        let order = order.into_iter().map(|place| all.members[place].0[0]);
+        let order = order.into_iter().map(|place| places[place]);
         let each = order.flat_map(|index| {
             let repeats = experiments[index].repeats as usize;
             std::iter::repeat_n(index, repeats)
         });
-        each.flat_map(|index| [None, Some(experiments[index].load)].map(|load| group(load, index)))
-            .collect()
+        each.flat_map(|index| {
+            [None, Some(experiments[index].load)].map(|load| group(load, vec![one(&index)]))
+        })
+        .collect()
     }
 
     /// The order of a group's members.
@@ -378,7 +379,7 @@ impl Planner<'_> {
             // The robot is brought there by hand.
             return Ok(Way::default());
         };
-        if stop.is_in_place() {
+        if stop.is_in_place {
             return Ok(Way::default());
         }
         let hanging = if stop.changes_load {

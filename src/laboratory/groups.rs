@@ -18,8 +18,10 @@ pub struct Stop {
     pub configuration: DVector<f64>,
     /// What hangs on the robot; nothing for the position without a load.
     pub load: Option<Load>,
-    /// Whether it is hung just before the approach, in place of what hung there.
+    /// Whether it is hung just before the approach, in place of what hung there; or where the robot stands.
     pub changes_load: bool,
+    /// Whether the robot stands there already.
+    pub is_in_place: bool,
     /// The direction that a gauge reads along, which is set here where nothing hangs yet.
     pub direction: Option<Vector3<f64>>,
     /// Where the instrument stands, where absolute readings say it.
@@ -38,25 +40,12 @@ pub struct Stop {
     pub way: Way,
 }
 
-impl Stop {
-    /// Whether the robot stands there already, and the load is hung beside a gauge.
-    pub const fn is_in_place(&self) -> bool {
-        self.direction.is_some() && self.load.is_some()
-    }
-
-    /// The same where the robot stands there already.
-    pub(super) fn kept_in_place(mut self) -> Self {
-        if self.is_in_place() {
-            self.approach = None;
-        }
-        self
-    }
-}
-
 /// Stops under one load, with the instrument at one station.
 pub(super) struct Group {
     pub load: Option<Load>,
     pub station: Option<String>,
+    /// Whether the robot stands there already.
+    pub is_in_place: bool,
     /// The experiments that are measured together, with the number of readings.
     pub members: Vec<(Vec<usize>, u32)>,
 }
@@ -84,10 +73,10 @@ impl Group {
             targets: Vec::new(),
             readings: *readings,
             side: side.clone(),
-            approach: approach.clone(),
+            is_in_place: self.is_in_place,
+            approach: approach.clone().filter(|_| !self.is_in_place),
             way: Way::default(),
         }
-        .kept_in_place()
     }
 }
 
@@ -97,16 +86,17 @@ pub(super) fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
     one.configuration_rad == other.configuration_rad && one.approach == other.approach
 }
 
-/// The groups of a plan of deflections: all configurations without a load, then those of each load; without those that a gauge reads.
+/// The groups of experiments of a plan of deflections, by their places: all configurations without a load, then those of each load.
 pub(super) fn groups_of_loads(
     plan: &Plan,
+    places: impl Iterator<Item = usize>,
     unloaded_reading: Unloaded,
     keep_order: bool,
 ) -> Vec<Group> {
     let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
     let mut loaded: Vec<Group> = Vec::new();
-    let of_all = (plan.experiments.iter().enumerate()).filter(|(_, each)| each.direction.is_none());
-    for (index, experiment) in of_all {
+    for index in places {
+        let experiment = &plan.experiments[index];
         let same = (unloaded.iter_mut())
             .find(|(members, _)| stand_alike(&plan.experiments[members[0]], experiment));
         let needed = match unloaded_reading {
@@ -131,6 +121,7 @@ pub(super) fn groups_of_loads(
             None => loaded.push(Group {
                 load: Some(experiment.load),
                 station: None,
+                is_in_place: false,
                 members: vec![member],
             }),
         }
@@ -138,6 +129,7 @@ pub(super) fn groups_of_loads(
     let first = Group {
         load: None,
         station: None,
+        is_in_place: false,
         members: unloaded,
     };
     [first].into_iter().chain(loaded).collect()
@@ -221,6 +213,7 @@ pub(super) fn groups_of_visits(
             Group {
                 load: group[0].load,
                 station: planning.stations()[station].clone(),
+                is_in_place: false,
                 members: (group.iter())
                     .map(|visit| {
                         (

@@ -31,7 +31,7 @@ pub use groups::Stop;
 pub use program::{
     Program, ProgramFile, ProgramStep, hang_or_apply, hung_kg, program, set_gauge, set_up, take_off,
 };
-pub use settings::{Costs, Laboratory};
+pub use settings::{Costs, Laboratory, Loading};
 pub use side::Side;
 pub use targets::{ProgramTarget, program_to};
 pub use ways::{Way, Ways};

@@ -1,7 +1,7 @@
 //! Plans by the minutes that they take, in place of the number of measurements: repeats are cheap, changes are
 //! not.
 
-use super::{Campaign, Laboratory};
+use super::{Campaign, Laboratory, Loading};
 use crate::experiment::{Loads, Plan};
 use crate::plan::search::{
     ApproximateDesign, Problem, SearchError, Watch, approximate_design, exact_design,
@@ -36,7 +36,8 @@ pub struct TimedPlan {
 }
 
 /// The minutes that so many measurements in so many configurations take at most, without the time that joints
-/// turn: two stops for each configuration, and two readings for each measurement; a gauge is set, and a load hung, for each.
+/// turn: two stops for each configuration, and two readings for each measurement; a gauge is set, and a load
+/// hung in place, for each.
 pub fn work_minutes(
     task: &Task,
     laboratory: &Laboratory,
@@ -45,6 +46,10 @@ pub fn work_minutes(
 ) -> f64 {
     if task.reads_along() {
         return (laboratory.costs).work_min([experiments as usize; 3], 2 * experiments);
+    }
+    if laboratory.loading == Loading::InPlace {
+        let each = experiments as usize;
+        return (laboratory.costs).work_min([1, each, each], 2 * experiments);
     }
     let stops = 2 * configurations as usize;
     let changes = match &task.loads {

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::gate::Gate;
+use crate::laboratory::Loading;
 use crate::numeric::markov::Correlation;
 use crate::parameter::{ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
@@ -126,7 +127,8 @@ impl File {
 
     /// How many configurations are visited between the two readings of a deflection: none where the load is hung in place.
     pub fn visited_between(&self) -> u32 {
-        if self.reads_along() == ReadsAlong::Always {
+        let is_gauge = self.reads_along() == ReadsAlong::Always;
+        if is_gauge || self.laboratory.loading == Loading::InPlace {
             0
         } else {
             self.design.experiments
@@ -508,6 +510,8 @@ pub(super) struct LaboratoryTable {
     pub station_min: Option<f64>,
     pub move_min: Option<f64>,
     pub load_change_min: Option<f64>,
+    #[serde(default)]
+    pub loading: Loading,
     pub reading_min: Option<f64>,
     pub axis_speed_deg_s: Option<f64>,
     pub approach_deg: Option<f64>,

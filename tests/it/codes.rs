@@ -9,7 +9,11 @@ use serde_json::json;
 use crate::support::{Workplace, project, scenario_text};
 
 /// Conditions that no test makes: what they need is named.
-const NOT_MADE: [(ConditionCode, &str); 3] = [
+const NOT_MADE: [(ConditionCode, &str); 4] = [
+    (
+        ConditionCode::BelowBound,
+        "searches for a bound that miss what a plan has",
+    ),
     (ConditionCode::NoWay, "an obstacle in the only way back"),
     (
         ConditionCode::MassFarFromPrior,

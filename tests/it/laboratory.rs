@@ -407,6 +407,61 @@ fn minutes_are_what_the_work_costs() {
     );
 }
 
+/// Where loads are hung in place, each measurement is one move, one load and two readings, and the instrument drifts no longer than a load
+/// takes.
+#[test]
+fn loads_may_be_hung_where_the_robot_stands() {
+    let workplace = behind_a_pillar();
+    let table = "[laboratory]\nloading = \"LOADING\"\nstation_min = 7\nmove_min = 2\nload_change_min = 11\nreading_min = 0.25\n\
+                 axis_speed_deg_s = 5\n[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 60\n";
+    let experiments = 7.0;
+    let [returns, in_place] = ["returns", "in_place"].map(|loading| {
+        let table = table.replace("LOADING", loading);
+        workplace.write("t.toml", workplace.read("s.toml") + &table);
+        let json = workplace.json("lab t.toml --plan plan.csv");
+        let planned = workplace.run("evaluate t.toml --plan plan.csv --no-proof --json --quiet");
+        let of_drift = |source: &&Value| source["source"] == "drift";
+        let planned = planned.json();
+        let sources = planned["uncertainty_budget"]["sources"].as_array();
+        let drift = sources
+            .expect("a list")
+            .iter()
+            .find(of_drift)
+            .expect("drift");
+        (
+            json,
+            drift["standard_uncertainty"].as_f64().expect("a number"),
+        )
+    });
+    let json = &in_place.0;
+    let number = |key: &str| json[key].as_f64().expect("a number");
+    let work = 7.0 + experiments * (2.0 + 11.0 + 2.0 * 0.25);
+    let travel_min = number("travel_deg") / 5.0 / 60.0;
+    assert!((number("minutes") - work - travel_min).abs() < 1e-9);
+    assert_eq!(json["load_changes"], experiments);
+    for pair in json["stops"].as_array().expect("a list").chunks(2) {
+        assert_eq!(pair[0]["q_deg"], pair[1]["q_deg"]);
+        assert!(pair[0]["wrench"].is_null() && pair[1]["wrench"].is_array());
+    }
+    let hours = |of: f64| of / 60e-3;
+    assert!(
+        (hours(in_place.1) - 11.0 / 60.0).abs() < 1e-9,
+        "{}",
+        in_place.1
+    );
+    assert!(returns.1 > in_place.1);
+    let shared =
+        workplace
+            .read("t.toml")
+            .replacen("[instrument]", "[instrument]\nunloaded = \"shared\"", 1);
+    workplace.write("shared.toml", shared);
+    let said = workplace.run("check shared.toml").ends_with(1).stderr;
+    assert!(
+        said.contains("laboratory.loading: is \"in_place\", and instrument.unloaded"),
+        "{said}"
+    );
+}
+
 /// The order has as few changes of load as there are loads, and short moves; it can be kept.
 #[test]
 fn the_order_is_short_and_can_be_kept() {

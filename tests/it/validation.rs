@@ -1,14 +1,14 @@
 //! Other measurements than those that were identified from check what the identification predicts.
 
 use elastocal::calibration::{identify_as_planned, measure};
-use elastocal::experiment::Plan;
 use elastocal::identification::{Case, Sigma};
+use elastocal::plan::{Plan, read_plan};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::TrueRobots;
 
 use serde_json::Value;
 
-use crate::support::{Workplace, numbers, scenario_text};
+use crate::support::{Workplace, numbers, scenario_text, table4};
 
 /// A robot that was identified from three measurements.
 fn identified() -> Workplace {
@@ -176,6 +176,17 @@ fn mean_square(scenario: &Scenario, plan: &Plan, runs: u64, is_later: bool) -> f
     sum / runs as f64
 }
 
+/// A scenario and a plan of nine displacements that a gauge reads.
+fn gauge_of_nine() -> (String, Plan) {
+    let plan = crate::support::project("scenarios/plans/kr270_gauge_m9.csv");
+    let text = scenario_text("kr270_gauge");
+    let commands = crate::support::scenario("kr270_gauge")
+        .task
+        .belief
+        .commands();
+    (text, read_plan(&plan, commands).expect("the plan is valid"))
+}
+
 #[test]
 fn differences_are_as_large_as_predicted() {
     let runs = 400;
@@ -186,18 +197,18 @@ fn differences_are_as_large_as_predicted() {
                      [[uncertainty]]\nkind = \"base_rotation\"\nstd_mrad = 5\n\
                      [[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.02\n";
     let plain = scenario_text("klimchik2012");
+    let (gauge, of_gauge) = gauge_of_nine();
     for (text, plan, freedom) in [
-        (plain.clone() + uncertain, "klimchik2012_m4", 3.0),
+        (plain.clone() + uncertain, table4(4), 3.0),
         (
             plain.replace("sigma_mm", "rotation_sigma_mrad = 0.02\nsigma_mm"),
-            "klimchik2012_m4",
+            table4(4),
             6.0,
         ),
-        (scenario_text("kr270_gauge"), "kr270_gauge_m9", 1.0),
+        (gauge, of_gauge, 1.0),
     ] {
         workplace.write("s.toml", text);
         let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
-        let plan = crate::support::plan(plan);
         for is_later in [false, true] {
             let mean = mean_square(&scenario, &plan, runs, is_later);
             let standard_error = (2.0_f64 / freedom / runs as f64).sqrt();

@@ -4,11 +4,13 @@ use nalgebra::DVector;
 
 use super::Checker;
 use crate::files::FileError;
-use crate::laboratory::{Costs, Laboratory};
+use crate::laboratory::{Costs, Laboratory, Loading};
+use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
 use crate::quantities::plausible::{ANGLE, APPROACH, AXIS_SPEED, Kind, MINUTES};
 use crate::robot::{Commands, SerialChain};
-use crate::scenario::file::LaboratoryTable;
+use crate::scenario::file::File;
+use crate::task::AccuracyKind;
 
 /// The largest number of a tool or a base.
 const LARGEST_NUMBER: u32 = 1000;
@@ -16,10 +18,12 @@ const LARGEST_NUMBER: u32 = 1000;
 impl Checker<'_> {
     pub(super) fn laboratory(
         &self,
-        table: &LaboratoryTable,
+        file: &File,
         chain: &SerialChain,
         commands: &Commands,
     ) -> Result<Laboratory, FileError> {
+        let table = &file.laboratory;
+        self.loading(file)?;
         let usual = Laboratory::default();
         let given = |name: &str, value: Option<f64>, kind: &Kind| {
             self.optional(&format!("laboratory.{name}"), value, kind)
@@ -43,6 +47,7 @@ impl Checker<'_> {
                 load_change_min: minutes("load_change_min", change, costs.load_change_min)?,
                 reading_min: minutes("reading_min", table.reading_min, costs.reading_min)?,
             },
+            loading: table.loading,
             axis_speed_per_s: given("axis_speed_deg_s", axis_speed, &AXIS_SPEED)?
                 .map_or(usual.axis_speed_per_s, f64::to_radians),
             approach: given("approach_deg", table.approach_deg, &APPROACH)?
@@ -53,6 +58,22 @@ impl Checker<'_> {
             tool_number: count("tool_number", tool, usual.tool_number, numbers.clone())?,
             base_number: count("base_number", base, usual.base_number, numbers)?,
         })
+    }
+
+    /// Whether loads can be hung in place.
+    fn loading(&self, file: &File) -> Result<(), FileError> {
+        let other = match (&file.laboratory.loading, &file.instrument.unloaded) {
+            (Loading::Returns, _) => return Ok(()),
+            _ if file.design.accuracy == AccuracyKind::Absolute => {
+                "design.accuracy is \"absolute\": each reading is of one load"
+            }
+            (_, Unloaded::Shared) => {
+                "instrument.unloaded is \"shared\": each load is read beside the zero before it"
+            }
+            (_, Unloaded::Own) => return Ok(()),
+        };
+        let problem = format!("is \"in_place\", and {other}");
+        Err(self.wrong("laboratory.loading", problem))
     }
 
     /// A configuration (rad, m) within the joints' limits, from degrees and mm.

@@ -116,7 +116,7 @@ impl Checker<'_> {
         };
         let study = self.study(&file.study, &context)?;
         let region = self.region(&file.region, &nominal.chain)?;
-        let laboratory = self.laboratory(&file.laboratory, &nominal.chain, &commands)?;
+        let laboratory = self.laboratory(&file, &nominal.chain, &commands)?;
         let mut belief = Belief {
             prior: before.prior,
             prior_campaign: before.campaign,
