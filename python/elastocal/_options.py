@@ -158,6 +158,7 @@ class MeasureGiven(Common, total=False):
     measurements_out: FilePath | None
     noise_free: bool | None
     run: int | None
+    series: int | None
 
 
 class MeasureOptions(MeasureGiven, total=False):

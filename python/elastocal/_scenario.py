@@ -212,8 +212,8 @@ class Scenario:
         """Measures a plan on the virtual robot of a run in a study, with its random numbers under the seed (run 0 if not given).
 
         Another run or seed is another robot where the scenario has compliances or errors of the robot vary. ``campaign=1`` reads the
-        same robot anew. In one call, ``scenario.measure(first + second)`` begins with the numbers of ``scenario.measure(first)``; the
-        rest, which is ``[len(measured):]``, has new noise.
+        same robot anew, ``series=1`` in the same campaign. In one call, ``scenario.measure(first + second)`` begins with the numbers of
+        ``scenario.measure(first)``; the rest, which is ``[len(measured):]``, has new noise.
         """
         if self.table.get("design", {}).get("accuracy") == "absolute":
             raise UsageError("the scenario's accuracy is absolute: measure_absolute(plan) has readings", "with_(accuracy='relative')")
