@@ -258,7 +258,7 @@ impl<'a> PlannedReadings<'a> {
         load: &Load,
         tell: &mut impl FnMut(Vector6<f64>),
     ) {
-        if !source.is_of_reading(self.is_along) {
+        if !source.is_of_deflection(self.is_along) {
             return;
         }
         let mut tell = |effect| tell(self.shown.of_effect(effect));
@@ -485,7 +485,7 @@ impl<'a> PlannedReadings<'a> {
         let (unloaded, repeats) = (self.unloaded(), self.repeats);
         let is_along = self.is_along;
         let times = |source: &ReadingSource| {
-            let is_counted = f64::from(u8::from(source.is_of_reading(is_along)));
+            let is_counted = f64::from(u8::from(source.is_of_deflection(is_along)));
             is_counted * counted_times(source.shared_part(unloaded), repeats)
         };
         let PlannedRows::Any(_, Some(closed)) = &mut self.rows else {

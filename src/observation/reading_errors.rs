@@ -184,8 +184,8 @@ pub(super) fn for_each_effect(
             let moved = Matrix3::from_columns(&[0, 1, 2].map(drawn));
             tell_axes(by_itself(&moved), 1.0);
         }
-        ReadingSource::Discrepancy(deviation) => {
-            tell_axes(by_itself(&Matrix3::identity()), *deviation);
+        ReadingSource::Discrepancy(error) => {
+            tell_axes(by_itself(&Matrix3::identity()), error.in_reading_m(load));
         }
         ReadingSource::GaugeDirection(deviation) => {
             let at_target = Load {

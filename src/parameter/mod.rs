@@ -37,7 +37,7 @@ pub use level::SourceLevel;
 pub use prior::Prior;
 pub use set::{ParameterError, ParameterSet};
 pub use uncertainty::{
-    ErrorDistribution, JointFunction, RangeNoise, ReadingSource, Source, TransmissionError,
-    Uncertainty, Unloaded, counted_times,
+    DiscrepancyOf, ErrorDistribution, JointFunction, RangeNoise, ReadingSource, Source,
+    TransmissionError, Uncertainty, UnexplainedError, Unloaded, counted_times,
 };
 pub use words::Freedom;

@@ -5,10 +5,11 @@
 //! is shared by the whole plan is a parameter with a prior, and no number of readings averages it. A deflection is a visit by itself.
 
 use nalgebra::{Matrix3, Vector3};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::{ParameterKind, SourceLevel};
 use crate::numeric::markov::Kernel;
+use crate::robot::Load;
 
 /// The distribution from which a standard uncertainty was evaluated (GUM 4.3). Errors are sampled from normal ones of that
 /// standard uncertainty.
@@ -79,11 +80,49 @@ pub enum ReadingSource {
     Range(RangeNoise),
     /// Each joint stands where it stands with an error of its gear, loaded and unloaded the same, under all loads and in all repeats.
     TransmissionError(TransmissionError),
-    /// What no parameter explains is another deflection in each configuration, the same under all loads and in all repeats: the
-    /// standard deviation (m) of each coordinate.
-    Discrepancy(f64),
+    /// What no parameter explains is another error in each configuration, the same under all loads and in all repeats.
+    Discrepancy(UnexplainedError),
     /// A gauge is set along another direction each time: the standard deviation (rad) of each coordinate of a small rotation vector.
     GaugeDirection(f64),
+}
+
+/// What no parameter explains.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnexplainedError {
+    /// The standard deviation (m) of each coordinate.
+    pub deviation_m: f64,
+    /// Of what; where nothing says it, of deflections and of single readings alike.
+    pub of: Option<DiscrepancyOf>,
+}
+
+impl UnexplainedError {
+    /// The same in a single reading under a load.
+    pub fn in_reading_m(self, load: &Load) -> f64 {
+        if self.of == Some(DiscrepancyOf::Elastic) && *load == Load::NONE {
+            0.0
+        } else {
+            self.deviation_m
+        }
+    }
+
+    /// The same in a deflection, of two readings of one configuration.
+    pub fn in_deflection_m(self) -> f64 {
+        if self.of == Some(DiscrepancyOf::Pose) {
+            0.0
+        } else {
+            self.deviation_m
+        }
+    }
+}
+
+/// Of what a discrepancy is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DiscrepancyOf {
+    /// Of the unloaded robot's pose: loaded or not, readings have it, and it cancels in deflections.
+    Pose,
+    /// Of how loads bend the robot: loaded readings have it alone.
+    Elastic,
 }
 
 /// What gears are off by.
@@ -252,9 +291,13 @@ impl ReadingSource {
         None
     }
 
-    /// Whether it is of readings along a direction, or of those of all coordinates.
-    pub const fn is_of_reading(&self, is_along: bool) -> bool {
+    /// Whether it is of deflections along a direction, or of those of all coordinates.
+    pub const fn is_of_deflection(&self, is_along: bool) -> bool {
         match self {
+            Self::Discrepancy(UnexplainedError {
+                of: Some(DiscrepancyOf::Pose),
+                ..
+            }) => false,
             Self::GaugeDirection(_) => is_along,
             Self::Range(_) => !is_along,
             _ => true,

@@ -155,9 +155,8 @@ impl BudgetSource {
             ReadingSource::LoadDirection(deviation) | ReadingSource::GaugeDirection(deviation) => {
                 Some((*deviation, "rad"))
             }
-            ReadingSource::LoadPoint(deviation) | ReadingSource::Discrepancy(deviation) => {
-                Some((*deviation, "m"))
-            }
+            ReadingSource::LoadPoint(deviation) => Some((*deviation, "m")),
+            ReadingSource::Discrepancy(error) => Some((error.deviation_m, "m")),
             ReadingSource::Range(noise) => {
                 common([noise.per_metre, noise.along_per_metre].map(|each| (each, "m/m")))
             }

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::identification::{RepeatComponents, VarianceComponents};
 use crate::numeric::markov::Correlation;
+use crate::parameter::DiscrepancyOf;
 use crate::robot::Joint;
 
 /// A deviation below this (mrad, mm) is none.
@@ -32,6 +33,8 @@ struct ComponentMessage {
     #[serde(skip_serializing_if = "Correlation::is_exponential")]
     correlation: Correlation,
     #[serde(skip_serializing_if = "Option::is_none")]
+    of: Option<DiscrepancyOf>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     std_mm: Option<f64>,
 }
 
@@ -40,7 +43,7 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 
-/// What an identification found of each joint's error as a function of the joint's own angle, of what is new at each position, and of how
+/// What an identification found of each joint's error as a function of the joint's own angle, of the pose's discrepancy, and of how
 /// joints return, as TOML; none where it found nothing. Joints have names, and slide or do not.
 ///
 /// # Errors
@@ -86,6 +89,7 @@ pub fn uncertainty_tables(
         uncertainty.push(ComponentMessage {
             kind: "discrepancy",
             name: "discrepancy".to_owned(),
+            of: Some(DiscrepancyOf::Pose),
             std_mm: Some(rounded(remainder_mm)),
             ..ComponentMessage::default()
         });

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::gate::Gate;
 use crate::laboratory::Loading;
 use crate::numeric::markov::Correlation;
-use crate::parameter::{ErrorDistribution, Unloaded};
+use crate::parameter::{DiscrepancyOf, ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
 use crate::robot::{Commands, ReadsAlong, SerialChain};
 use crate::study::Level;
@@ -411,9 +411,8 @@ impl UncertaintyKind {
             Self::SpringStiffness | Self::LoadScale => [&["std_relative"], &[]],
             Self::Stiffening => [&["std_relative"], &["joints", "at_nm"]],
             Self::LinkPosition | Self::LinkCentre => [&["std_mm"], &["joints"]],
-            Self::SpringRest | Self::ToolPosition | Self::LoadPoint | Self::Discrepancy => {
-                [&["std_mm"], &[]]
-            }
+            Self::SpringRest | Self::ToolPosition | Self::LoadPoint => [&["std_mm"], &[]],
+            Self::Discrepancy => [&["std_mm"], &["of"]],
             Self::LinkRotation => [&["std_mrad"], &["joints"]],
             Self::BaseRotation | Self::LoadDirection | Self::GaugeDirection => [&["std_mrad"], &[]],
             Self::JointZero => [&["std_mrad", "std_mm"], &["joints"]],
@@ -460,6 +459,7 @@ pub(super) struct UncertaintyTable {
     pub harmonics: Option<Vec<i64>>,
     pub correlation_deg: Option<f64>,
     pub correlation: Option<Correlation>,
+    pub of: Option<DiscrepancyOf>,
     pub turned_over_at_nm: Option<f64>,
     pub at_nm: Option<f64>,
     #[serde(default)]

@@ -10,6 +10,7 @@ use crate::parameter::{
     ElasticArm, ErrorDistribution, JointFunction, ParameterError, ParameterKind, ParameterSet,
     Prior, ReadingSource, Source, Uncertainty, Unloaded,
 };
+use crate::robot::Load;
 
 /// Which of the arm's tools is measured.
 const CALIBRATION: usize = 0;
@@ -165,7 +166,8 @@ impl Extended {
 
     /// Whether deflections have discrepancies that are new in each configuration.
     pub fn has_discrepancies(&self) -> bool {
-        (self.sources.iter()).any(ReadingSource::is_of_configuration)
+        let mut sources = self.sources.iter();
+        sources.any(|each| each.is_of_configuration() && each.is_of_deflection(false))
     }
 
     /// Whether joints have gaps, so that the side of approach counts.
@@ -293,10 +295,10 @@ impl Extended {
         functions
     }
 
-    /// The standard deviation (m) of each coordinate of what no parameter explains of a position; none where nothing says so.
-    pub fn discrepancy_m(&self) -> Option<f64> {
+    /// The standard deviation (m) of each coordinate of what no parameter explains of a position under a load; none where nothing says so.
+    pub fn discrepancy_m(&self, load: &Load) -> Option<f64> {
         let squares = self.sources.iter().filter_map(|source| match source {
-            ReadingSource::Discrepancy(deviation) => Some(deviation * deviation),
+            ReadingSource::Discrepancy(error) => Some(error.in_reading_m(load).powi(2)),
             _ => None,
         });
         squares.reduce(|sum, each| sum + each).map(f64::sqrt)

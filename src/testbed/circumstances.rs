@@ -541,7 +541,14 @@ impl Circumstances {
                         turn(OffBy::Gear, joint, next(own * deviation));
                     }
                 }
-                ReadingSource::Discrepancy(deviation) => discrepancy_m += three(*deviation),
+                ReadingSource::Discrepancy(error) => {
+                    let is_single = of_deflection < 1.0;
+                    discrepancy_m += three(if is_single {
+                        error.in_reading_m(load)
+                    } else {
+                        error.in_deflection_m()
+                    });
+                }
                 ReadingSource::LoadDirection(deviation) => {
                     let turn = Rotation3::new(three(*deviation));
                     *load = load.turned(turn.matrix());

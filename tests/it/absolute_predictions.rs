@@ -9,7 +9,7 @@ use elastocal::observation::{BareArm, Form, ObservationModel, ReadingErrors, Rea
 use elastocal::parameter::ReadingSource::{Discrepancy, GaugeDirection};
 use elastocal::parameter::{
     ElasticArm, ParameterKind, ParameterSet, RangeNoise, ReadingSource, SourceLevel,
-    TransmissionError,
+    TransmissionError, UnexplainedError,
 };
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::search::random_plan;
@@ -277,7 +277,10 @@ fn sources() -> [ReadingSource; 6] {
             per_metre: 6e-6,
             along_per_metre: 2e-6,
         }),
-        ReadingSource::Discrepancy(4e-5),
+        ReadingSource::Discrepancy(UnexplainedError {
+            deviation_m: 4e-5,
+            of: None,
+        }),
     ]
 }
 
@@ -379,7 +382,8 @@ fn readings_are_disturbed_as_much_as_planned() {
                     let along = sight * sight.dot(&numbers);
                     added = along * noise.along_per_metre + (numbers - along) * noise.per_metre;
                 }
-                Discrepancy(size) | GaugeDirection(size) => added = three(*size),
+                Discrepancy(error) => added = three(error.in_reading_m(&acting)),
+                GaugeDirection(size) => added = three(*size),
             }
             let read = seen(&moved, &acting);
             let off = read.position_m + added - right.position_m;

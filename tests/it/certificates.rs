@@ -28,9 +28,9 @@ fn sizes(source: &Source) -> Vec<f64> {
         Source::Reading(
             ReadingSource::LoadDirection(size)
             | ReadingSource::LoadPoint(size)
-            | ReadingSource::Discrepancy(size)
             | ReadingSource::GaugeDirection(size),
         ) => vec![*size],
+        Source::Reading(ReadingSource::Discrepancy(error)) => vec![error.deviation_m],
         Source::Reading(ReadingSource::Range(noise)) => {
             vec![noise.per_metre, noise.along_per_metre]
         }

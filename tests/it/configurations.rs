@@ -214,8 +214,8 @@ fn written_out(scenario: &Scenario, measurements: &[Measurement]) -> DMatrix<f64
             let mut block = Matrix3::from_diagonal(&sigma(one).component_mul(&sigma(other))) * part;
             for (_, source) in extended.sources() {
                 match source {
-                    ReadingSource::Discrepancy(deviation) => {
-                        block += Matrix3::identity() * deviation.powi(2);
+                    ReadingSource::Discrepancy(error) => {
+                        block += Matrix3::identity() * error.in_deflection_m().powi(2);
                     }
                     ReadingSource::TransmissionError(gears) => {
                         for (joint, deviation) in gears.deviations.iter().enumerate() {

@@ -11,6 +11,7 @@ use super::{AbsoluteCase, AbsoluteFit, DiscrepancyModel, ReadingResidual, Unexpl
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::ParameterSet;
+use crate::robot::Load;
 
 impl AbsoluteCase<'_> {
     /// A mixed model of what the parameters leave, with the readings; none where there is too little to tell.
@@ -44,9 +45,12 @@ impl AbsoluteCase<'_> {
         let uncertain = self.belief.uncertain.as_ref();
         let uncertain = uncertain.filter(|_| !self.is_sharing_known)?;
         let functions = uncertain.joint_functions();
+        // One size for all readings, that of loaded ones where there are any.
+        let mut loads = self.observations.iter().map(|each| each.setup.load);
+        let load = loads.find(|load| *load != Load::NONE).unwrap_or(Load::NONE);
         (!functions.is_empty()).then(|| VarianceComponents {
             functions,
-            rest: [uncertain.discrepancy_m().unwrap_or(rest[0]), rest[1]],
+            rest: [uncertain.discrepancy_m(&load).unwrap_or(rest[0]), rest[1]],
         })
     }
 

@@ -10,7 +10,7 @@ use crate::observation::{DeflectionPrecision, ObservationModel, ReadingKind, Set
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
 use crate::parameter::{
     Axis, Backlash, ElasticArm, GearWave, ParameterKind, ParameterSet, RangeNoise, ReadingSource,
-    TransmissionError, Unloaded, arms,
+    TransmissionError, UnexplainedError, Unloaded, arms,
 };
 use crate::robot::{Elements, EquilibriumSolver, Load, Place, Spring};
 
@@ -105,7 +105,10 @@ pub(in crate::observation) fn every_source(
                 .map(|_| numbers.between(0.0, 1e-2))
                 .collect(),
         )),
-        ReadingSource::Discrepancy(1e-5),
+        ReadingSource::Discrepancy(UnexplainedError {
+            deviation_m: 1e-5,
+            of: None,
+        }),
     ]
 }
 
@@ -429,7 +432,7 @@ fn covariances_are_those_of_what_changes() {
             let column = (at(1e-4) - at(-1e-4)) / 2e-4 * *deviation;
             expected += column * column.transpose();
         }
-        expected += Matrix3::identity() * discrepancy.powi(2);
+        expected += Matrix3::identity() * discrepancy.deviation_m.powi(2);
         let covariance = |readings: &PlannedReadings<'_>| -> Matrix3<f64> {
             let all = readings.covariance_of_all(&load);
             all.fixed_view::<3, 3>(0, 0).into_owned()

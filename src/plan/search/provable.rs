@@ -181,7 +181,9 @@ pub(super) fn spread(
             }
             ReadingSource::LoadDirection(deviation) => turned = turned.hypot(over(*deviation)),
             ReadingSource::LoadPoint(deviation) => shifted = shifted.hypot(over(*deviation)),
-            ReadingSource::Discrepancy(deviation) => everywhere += over(*deviation).powi(2),
+            ReadingSource::Discrepancy(error) => {
+                everywhere += over(error.in_deflection_m()).powi(2);
+            }
             ReadingSource::Range(_)
             | ReadingSource::TransmissionError(_)
             | ReadingSource::GaugeDirection(_) => {}

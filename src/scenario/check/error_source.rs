@@ -8,7 +8,9 @@ use super::certificate::{SIZES, Size};
 use super::gauge::other_instrument;
 use crate::files::FileError;
 use crate::mujoco::State;
-use crate::parameter::{Axis, ParameterKind as Of, RangeNoise, ReadingSource, Source};
+use crate::parameter::{
+    Axis, ParameterKind as Of, RangeNoise, ReadingSource, Source, UnexplainedError,
+};
 use crate::quantities::plausible::TORQUE_LIMIT;
 use crate::robot::Drive;
 use crate::scenario::file::{UncertaintyKind as Kind, UncertaintyTable};
@@ -91,7 +93,10 @@ impl<'a> UncertaintyEntry<'a> {
             Kind::LoadDirection => New::LoadDirection(self.size(key)?),
             Kind::LoadPoint => New::LoadPoint(self.size(key)?),
             Kind::GaugeDirection => New::GaugeDirection(self.size(key)?),
-            Kind::Discrepancy => New::Discrepancy(self.size(key)?),
+            Kind::Discrepancy => New::Discrepancy(UnexplainedError {
+                deviation_m: self.size(key)?,
+                of: self.table.of,
+            }),
             Kind::JointRepeatability => self.joint_repeatability()?,
             Kind::TrackerRange => New::Range(self.tracker_range()?),
             Kind::TransmissionError => return self.transmission_error(),
