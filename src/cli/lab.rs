@@ -19,7 +19,7 @@ use elastocal::record::{campaign::campaign_json, messages::ProvenanceMessage};
 use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Extended};
-use elastocal::text::wording::counted;
+use elastocal::text::wording::{counted, duration};
 use elastocal::view::run_sheet::run_sheet;
 use elastocal::view::stills::Stills;
 
@@ -304,7 +304,6 @@ fn describe(plan: &Plan, campaign: &Campaign, gravity_m_s2: &Vector3<f64>) -> St
     let header = format!(
         "stop | {station}{experiment} | load | {reads} | approached with | over safe poses"
     );
-    let (hours, minutes) = ((campaign.minutes / 60.0).floor(), campaign.minutes % 60.0);
     let looked = if campaign.is_checked {
         "Every move keeps the clearance."
     } else {
@@ -316,10 +315,11 @@ fn describe(plan: &Plan, campaign: &Campaign, gravity_m_s2: &Vector3<f64>) -> St
         String::new()
     };
     format!(
-        "{}\n{} in {}{from}, {} of load: {hours:.0} h {minutes:.0} min. {looked}\n",
+        "{}\n{} in {}{from}, {} of load: {}. {looked}\n",
         table(&header, rows),
         counted(plan.measurements().into(), measurement),
         counted(campaign.stops.len() as u64, "stop"),
         counted(campaign.load_changes() as u64, "change"),
+        duration(campaign.minutes),
     )
 }

@@ -73,16 +73,13 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
 
 /// The contributions to the errors of a simulated truth.
 pub fn contributions(sources: &[Contribution]) -> String {
-    let total: f64 = (sources.iter())
-        .map(|each| each.contribution_um.powi(2))
-        .sum();
     let row = |each: &Contribution| {
         let hidden = if each.hidden { " (hidden)" } else { "" };
-        let share = each.contribution_um.powi(2) / total * 100.0;
+        let share = each.share_of(sources).map(|share| share * 100.0);
         vec![
             format!("{}{hidden}", each.source),
-            number(Some(each.contribution_um), 3),
-            number(Some(share), 1),
+            number(each.contribution_um, 3),
+            number(share, 1),
         ]
     };
     let rows = sources.iter().map(row);

@@ -12,7 +12,7 @@ use crate::task::{Extended, Task};
 const SIDES: usize = 64;
 
 /// The side from which a configuration is approached: for each joint whether it turns positively (1),
-/// negatively (-1), or not at all (0) in the end.
+/// negatively (-1), or not at all (0) in the end, as passive ones do.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Side(pub Vec<i8>);
 
@@ -26,13 +26,8 @@ impl Display for Side {
         } else if moving().all(|sign| *sign < 0) {
             formatter.write_str("all joints -")
         } else {
-            let signs: Vec<&str> = (self.0.iter())
-                .map(|sign| match sign {
-                    0 => "0",
-                    1 => "+",
-                    _ => "-",
-                })
-                .collect();
+            let sign = |sign: &i8| if *sign > 0 { "+" } else { "-" };
+            let signs: Vec<&str> = moving().map(sign).collect();
             formatter.write_str(&signs.join(" "))
         }
     }

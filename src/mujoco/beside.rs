@@ -25,6 +25,7 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, MjEditError> {
             .filter(|ends| !ends.iter().all(|name| beside.contains(name)))
             .flatten()
             .collect();
+        let before = tendons(spec);
         let mut bodies = spec.world_body_mut().body_iter_mut();
         let found = bodies.find_map(|body| loose(body, &tied).map(|what| (body, what)));
         let Some((body, what)) = found else { break };
@@ -33,10 +34,19 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, MjEditError> {
             "" => "without a name".to_owned(),
             name => format!("{name:?}"),
         };
-        said.push(format!(
-            "{what} {called} is no part of the arm: it is left out"
-        ));
         delete(body)?;
+        let left = tendons(spec);
+        let gone: Vec<String> = (before.into_iter())
+            .filter(|tendon| !left.contains(tendon))
+            .map(|tendon| format!("{tendon:?}"))
+            .collect();
+        let with = match gone.as_slice() {
+            [] => String::new(),
+            gone => format!(" with what hangs on it, tendon {}", gone.join(", ")),
+        };
+        said.push(format!(
+            "{what} {called} is no part of the arm: it is left out{with}"
+        ));
         let is_of_it = |name: &str| names.iter().any(|each| each == name);
         while let Some(equality) =
             (spec.equality_iter_mut()).find(|each| is_of_it(each.name1()) || is_of_it(each.name2()))
@@ -49,6 +59,13 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, MjEditError> {
         }
     }
     Ok(said)
+}
+
+/// The names of all tendons.
+fn tendons(spec: &MjSpec) -> Vec<String> {
+    spec.tendon_iter()
+        .map(|each| each.name().to_owned())
+        .collect()
 }
 
 /// Deletes an element.

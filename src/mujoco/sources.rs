@@ -50,7 +50,7 @@ pub fn sources(model: &Path) -> Result<Vec<PathBuf>, FileError> {
             }
             let named = ["file", "filename"].map(|key| element.attribute(key));
             for name in named.into_iter().flatten() {
-                if let Some(path) = find(name, &folders) {
+                for path in called(name, &folders) {
                     push_new(&mut found, path);
                 }
             }
@@ -65,14 +65,13 @@ fn is_xml_ending(ending: &std::ffi::OsStr) -> bool {
         .any(|known| ending.eq_ignore_ascii_case(known))
 }
 
-/// The first file of that name in the folders, or of its last part, since MuJoCo may leave the path out.
-fn find(name: &str, folders: &[PathBuf]) -> Option<PathBuf> {
-    let last = Path::new(name).file_name()?;
-    let candidates = || {
-        let whole = folders.iter().map(|folder| folder.join(name));
-        whole.chain(folders.iter().map(|folder| folder.join(last)))
-    };
-    candidates().find(|path| path.is_file())
+/// All files of that name in the folders, or of its last part, since MuJoCo may leave the path out: which of them it takes is its own
+/// matter.
+fn called(name: &str, folders: &[PathBuf]) -> Vec<PathBuf> {
+    let last = Path::new(name).file_name().map(Path::new);
+    let names = [Some(Path::new(name)), last].into_iter().flatten();
+    let paths = names.flat_map(|name| folders.iter().map(move |folder| folder.join(name)));
+    paths.filter(|path| path.is_file()).collect()
 }
 
 fn folder_of(path: &Path) -> PathBuf {

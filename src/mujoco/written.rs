@@ -7,7 +7,9 @@ use std::sync::{Mutex, PoisonError};
 use mujoco_rs::error::MjEditError;
 use mujoco_rs::mujoco_c::mj_copyBack;
 use mujoco_rs::prelude::{MjModel, MjSpec, MjtJoint};
-use mujoco_rs::wrappers::mj_editing::{MjtLimited, PositionConfig, SpecElement, SpecItem};
+use mujoco_rs::wrappers::mj_editing::{
+    MjtInertiaFromGeom, MjtLimited, PositionConfig, SpecElement, SpecItem,
+};
 use mujoco_rs::wrappers::mj_model::MjtTrn;
 use nalgebra::{Isometry3, Vector3};
 
@@ -91,6 +93,8 @@ impl Model {
             numbers.tendon_lengthspring_mut()[tendon] = *rest;
         }
         spec.compiler_mut().set_saveinertial(true);
+        // What weighs is said then, whatever its geometries are.
+        (spec.compiler_mut()).set_inertiafromgeom(MjtInertiaFromGeom::mjINERTIAFROMGEOM_AUTO);
         assets(&mut spec, self.path(), folder);
         Ok(WrittenModel {
             text: text(&mut spec, &numbers).map_err(failed)?,

@@ -31,6 +31,16 @@ impl fmt::Display for Axis {
     }
 }
 
+/// The logarithm of a quantity over its nominal value; of one that is zero, as a joint that the true robot does not have is, what that is to
+/// first order.
+pub fn log_ratio(quantity: f64, nominal: f64) -> f64 {
+    if quantity > 0.0 {
+        (quantity / nominal).ln()
+    } else {
+        -1.0
+    }
+}
+
 /// What a parameter is of a [`ElasticArm`]. Joints, links and tools count from 0; link i is what joint i
 /// moves.
 ///

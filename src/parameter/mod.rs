@@ -32,7 +32,7 @@ pub(crate) use frames::FrameChange;
 pub(crate) use freedoms::relative_precision;
 pub use freedoms::{Freedoms, structural_directions};
 pub use gear::{GearWave, WaveError, WavePhase};
-pub use kind::{Axis, Parameter, ParameterKind};
+pub use kind::{Axis, Parameter, ParameterKind, log_ratio};
 pub use level::SourceLevel;
 pub use prior::Prior;
 pub use set::{ParameterError, ParameterSet};

@@ -32,17 +32,31 @@ pub struct Contribution {
     pub source: String,
     /// Whether the planner's model does not know of it.
     pub hidden: bool,
-    /// The contribution `u_i` (um), to first order, rms over the test poses.
-    pub contribution_um: f64,
+    /// The contribution `u_i` (um), to first order, rms over the test poses; none where it was not computed.
+    pub contribution_um: Option<f64>,
 }
 
 impl Contribution {
-    fn new(source: &str, hidden: bool, contribution_m: f64) -> Self {
+    fn new(source: &str, hidden: bool, contribution_m: Option<f64>) -> Self {
         Self {
             source: source.to_owned(),
             hidden,
-            contribution_um: contribution_m * 1e6,
+            contribution_um: contribution_m.map(|m| m * 1e6),
         }
+    }
+
+    /// Its share of the variance of all; none where it was not computed.
+    pub fn share_of(&self, all: &[Self]) -> Option<f64> {
+        let total: f64 = all.iter().filter_map(Self::square_um2).sum();
+        Some(self.square_um2()? / total)
+    }
+
+    fn or_zero_um(&self) -> f64 {
+        self.contribution_um.unwrap_or(0.0)
+    }
+
+    fn square_um2(&self) -> Option<f64> {
+        self.contribution_um.map(|um| um.powi(2))
     }
 }
 
@@ -61,7 +75,7 @@ pub struct Account {
 impl Account {
     /// The rms distance that is to be expected (m).
     pub fn expected_m(&self) -> f64 {
-        let squares = self.parts.iter().map(|part| part.contribution_um.powi(2));
+        let squares = self.parts.iter().filter_map(Contribution::square_um2);
         squares.sum::<f64>().sqrt() * 1e-6
     }
 
@@ -77,12 +91,12 @@ impl Account {
             Kept::Exceeded => {}
         }
         let hidden = self.parts.iter().filter(|part| part.hidden);
-        let worst =
-            hidden.max_by(|one, other| one.contribution_um.total_cmp(&other.contribution_um));
+        let worst = hidden.max_by(|one, other| one.or_zero_um().total_cmp(&other.or_zero_um()));
         let why = match worst {
-            Some(part) if part.contribution_um > 0.0 => format!(
+            Some(part) if part.or_zero_um() > 0.0 => format!(
                 "; the largest hidden contribution is {:?}, {:.3} um",
-                part.source, part.contribution_um
+                part.source,
+                part.or_zero_um()
             ),
             // What it leaves was not computed, or is no first order.
             Some(part) => format!("; {:?} is hidden", part.source),
@@ -116,7 +130,7 @@ impl Account {
         let believed = (believed.iter()).map(|each| Contribution {
             source: each.source.clone(),
             hidden: false,
-            contribution_um: each.contribution_um,
+            contribution_um: Some(each.contribution_um),
         });
         let hidden = hidden.iter().zip(left_m);
         let hidden = hidden.map(|(each, rms_m)| Contribution::new(&each.name, true, rms_m));
@@ -135,7 +149,7 @@ impl Account {
             || !truth.robot.torque_laws.is_empty()
             || truth.robot.model.path() != nominal.model.path();
         if is_another {
-            parts.push(Contribution::new("true robot", true, 0.0));
+            parts.push(Contribution::new("true robot", true, None));
         }
         Some(Self {
             predicted_m: prediction.rho0_m()?,
@@ -190,7 +204,7 @@ impl Account {
         }
 
         let part = |name: &str, is_hidden, square: f64| {
-            Contribution::new(name, is_hidden, square.max(0.0).sqrt())
+            Contribution::new(name, is_hidden, Some(square.max(0.0).sqrt()))
         };
         let mut parts = vec![part(NOISE, false, noise)];
         let precision = belief.precision();
@@ -226,13 +240,19 @@ impl Account {
             parts.push(part(&each.name, is_hidden, square));
         }
         // Compliances that the scenario says to be others than believed.
-        let told = deviations.told(truth);
-        if told.iter().any(|(_, value)| *value != 0.0) {
+        let (told, tied) = (deviations.told(truth), deviations.tied_told(truth));
+        if told.iter().chain(&tied).any(|(_, value)| *value != 0.0) {
             let mut effect = nalgebra::DVector::zeros(foreign.nrows());
             for (place, value) in told {
                 effect.axpy(value, &foreign.column(place), 1.0);
             }
+            for (place, value) in tied {
+                effect -= &gain * precision.column(place) * value;
+            }
             parts.push(part("true robot", true, effect.norm_squared()));
+        } else if truth.robot.model.path() != belief.nominal.model.path() {
+            // How much a robot of another model leaves is not computed.
+            parts.push(Contribution::new("true robot", true, None));
         }
         if let Some(place) = deviations.torque_laws() {
             parts.push(part(
@@ -299,9 +319,10 @@ mod tests {
             common: None,
             predicted_m: 6e-6,
             parts: vec![
-                Contribution::new("noise", false, 6e-6),
-                Contribution::new("scale", true, 8e-6),
-                Contribution::new("offset", true, 1e-6),
+                Contribution::new("noise", false, Some(6e-6)),
+                Contribution::new("scale", true, Some(8e-6)),
+                Contribution::new("offset", true, Some(1e-6)),
+                Contribution::new("true robot", true, None),
             ],
         }
     }

@@ -126,7 +126,7 @@ impl VisitedRow<'_> {
     fn carried_out(&self, robots: &mut TrueRobots) -> Result<CarriedOutRow, VirtualReadingError> {
         let mut rest = |load| {
             let (place_m, _) = self.rest(robots, self.numbers[0], load)?;
-            let robot = robots.reading(self.seen.target);
+            let robot = robots.reading();
             Ok::<_, VirtualReadingError>(AtRest::of(robot, place_m))
         };
         let load = self.row.load.unwrap_or(Load::NONE);

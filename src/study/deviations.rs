@@ -5,7 +5,9 @@ use nalgebra::{Cholesky, DMatrix, Vector6};
 use crate::compensation::{test_pose_matrix, uncompensated_rows, weighted_rows};
 use crate::numeric::random::normal::LANES;
 use crate::observation::{CovarianceTogether, PlannedReadings};
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source, Unloaded};
+use crate::parameter::{
+    ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source, Unloaded, log_ratio,
+};
 use crate::plan::{Experiment, ExperimentModel, hung};
 use crate::robot::{Kinematics, Load, TrueRobot};
 use crate::task::{Belief, Task, TestPose};
@@ -143,7 +145,7 @@ impl<'a> Deviations<'a> {
                     let log = drawn(ParameterKind::JointCompliance { joint }, lane);
                     let k = true_rad_per_nm[joint][lane] * log.exp();
                     let differs = if is_logarithmic {
-                        (k / nominal[joint]).ln()
+                        log_ratio(k, nominal[joint])
                     } else {
                         k - nominal[joint]
                     };
@@ -294,6 +296,26 @@ impl<'a> Deviations<'a> {
         let nominal = &self.belief.nominal.compliance_rad_per_nm;
         let value = |&joint: &usize| truth.robot.compliance_rad_per_nm[joint] - nominal[joint];
         self.joints.iter().map(value).enumerate().collect()
+    }
+
+    /// The same of compliances of which something is known before, by their places in the belief's vector and in its units.
+    pub fn tied_told(&self, truth: &Truth) -> Vec<(usize, f64)> {
+        let nominal = &self.belief.nominal.compliance_rad_per_nm;
+        let value = |deviation: &Deviation| match *deviation {
+            Deviation::Compliance(joint, is_logarithmic) => {
+                let [own, nominal] =
+                    [&truth.robot.compliance_rad_per_nm, nominal].map(|all| all[joint]);
+                Some(if is_logarithmic {
+                    log_ratio(own, nominal)
+                } else {
+                    own - nominal
+                })
+            }
+            _ => None,
+        };
+        let tied = self.tied.iter();
+        tied.filter_map(|(place, deviation)| Some((*place, value(deviation)?)))
+            .collect()
     }
 
     /// What is new in each reading, in truth.

@@ -205,6 +205,10 @@ impl RestingBody for MujocoRest {
         self.state.site(self.site)
     }
 
+    fn site(&mut self, site: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        self.state.site(site)
+    }
+
     fn state(&self) -> &State {
         &self.state
     }

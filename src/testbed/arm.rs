@@ -1,6 +1,6 @@
 //! The kinematics of a serial chain as MuJoCo computes them.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::files::FileError;
 use crate::mujoco::{Model, ModelChange, State};
@@ -76,6 +76,12 @@ impl MujocoArm {
     /// Has these coordinates of the joints (rad, m), and no pose by them yet.
     pub fn stand_at(&mut self, q: &[f64]) {
         self.state.stand_at(q);
+    }
+
+    /// The position (m) and axes of a site at these coordinates (rad, m).
+    pub fn site_at(&mut self, q: &[f64], site: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        self.state.move_to(q);
+        self.state.site(site)
     }
 
     pub const fn state(&self) -> &State {

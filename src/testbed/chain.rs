@@ -98,6 +98,10 @@ impl RestingBody for ChainRest {
         (state.tool_position, state.tool_rotation)
     }
 
+    fn site(&mut self, site: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        self.arm.site_at(self.solver.q(), site)
+    }
+
     fn joint_angles(&self) -> Vec<f64> {
         let known = self.known.iter().flatten();
         known.map(|&(index, _)| self.solver.q()[index]).collect()

@@ -39,6 +39,8 @@ pub(super) trait RestingBody: std::fmt::Debug + Send + Sync {
     fn rest(&mut self, commanded: &[f64], load: &Load) -> Result<Equilibrium, EquilibriumError>;
     /// The tool's position (m) and axes.
     fn tool(&self) -> (Vector3<f64>, Matrix3<f64>);
+    /// The position (m) and axes of another site, as it came to rest last.
+    fn site(&mut self, site: usize) -> (Vector3<f64>, Matrix3<f64>);
     /// The coordinates of the belief's joints that it has (rad, m).
     fn joint_angles(&self) -> Vec<f64>;
     /// MuJoCo's simulation.

@@ -11,17 +11,17 @@ use crate::files::FileError;
 use crate::measurement::Measurement;
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
-use crate::parameter::{Parameter, ParameterKind, Unloaded};
-use crate::robot::{EquilibriumError, Load, TrueRobot, until_it_stands};
+use crate::parameter::{Parameter, ParameterKind, Unloaded, log_ratio};
+use crate::robot::{EquilibriumError, Load, TrueRobot};
 use crate::task::{Belief, Instrument, TestPose};
 
 /// No study has more than two to the power of so many runs,
 const RUNS_BITS: u32 = 40;
 /// and no run more than two to the power of so many campaigns.
 const CAMPAIGNS_BITS: u32 = 20;
-/// The place of the body that carries the calibration tool, at which loads act,
+/// The place of the body with the calibration tool, at which loads act,
 const MEASURING: usize = 0;
-/// and of that which carries the machining tool, also where they are one.
+/// and of that with the machining tool.
 const MACHINING: usize = 1;
 
 /// A target, and from where it is read.
@@ -37,8 +37,10 @@ pub struct SeenFrom<'a> {
 #[derive(Debug)]
 pub struct TrueRobots {
     robot: TrueRobot,
-    /// With the calibration tool, the machining tool, and what else is read.
-    bodies: Vec<(String, VirtualRobot)>,
+    /// With the calibration tool, and with the machining tool, also where they are one.
+    bodies: [VirtualRobot; 2],
+    /// What else is read: the sites by their names.
+    targets: Vec<(String, usize)>,
     laboratory: Circumstances,
     compliance_rad_per_nm: Vec<f64>,
     /// The normal numbers of the run that it was made last.
@@ -81,15 +83,15 @@ impl TrueRobots {
         let robot = &truth.robot;
         let laboratory = Circumstances::new(belief.arm(), &truth.uncertainties);
         let laboratory = laboratory.map_err(|error| robot.model.not_serial(error))?;
-        let own = [&belief.calibration_tool, &belief.machining_tool].map(|tool| &*tool.name);
-        let mut bodies: Vec<(String, VirtualRobot)> = Vec::new();
-        for name in own.into_iter().chain(targets) {
-            if bodies.len() < own.len() || !bodies.iter().any(|(known, _)| known == name) {
-                bodies.push((name.to_owned(), VirtualRobot::new(robot, name)?));
-            }
-        }
+        let with = |name: &str| VirtualRobot::new(robot, name);
+        let calibration = &belief.calibration_tool.name;
+        let others = targets
+            .into_iter()
+            .filter(|name| *name != calibration.as_str());
+        let site = |name: &str| Ok((name.to_owned(), robot.model.site(name)?));
         Ok(Self {
-            bodies,
+            bodies: [with(calibration)?, with(&belief.machining_tool.name)?],
+            targets: others.map(site).collect::<Result<_, FileError>>()?,
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
             robot: robot.clone(),
             laboratory: laboratory.resting_on(unloaded),
@@ -142,7 +144,7 @@ impl TrueRobots {
             }
             let changes = self.laboratory.model_changes();
             if self.is_changed || !changes.is_empty() {
-                for (_, body) in &mut self.bodies {
+                for body in &mut self.bodies {
                     body.change(&self.robot, &changes)?;
                 }
                 self.is_changed = !changes.is_empty();
@@ -153,7 +155,7 @@ impl TrueRobots {
             laws.extend(&self.robot.torque_laws);
             laws
         });
-        for (_, body) in &mut self.bodies {
+        for body in &mut self.bodies {
             body.set_compliance(&self.compliance_rad_per_nm);
             if let Some(laws) = &laws {
                 body.set_torque_laws(laws);
@@ -239,22 +241,17 @@ impl TrueRobots {
         normals: &[[f64; LANES]],
     ) -> (Vec<Visit<'a>>, &mut VirtualRobot) {
         let visits = self.laboratory.visits(plan, normals, 0);
-        (visits, &mut self.bodies[MEASURING].1)
+        (visits, &mut self.bodies[MEASURING])
     }
 
-    /// The robot that a target was read of, as it came to rest last.
-    pub fn reading(&self, target: &str) -> &VirtualRobot {
-        &self.bodies[self.of(target)].1
-    }
-
-    fn of(&self, target: &str) -> usize {
-        let place = self.bodies.iter().position(|(name, _)| name == target);
-        place.unwrap_or(MEASURING)
+    /// The robot whose targets are read, as it came to rest last.
+    pub fn reading(&self) -> &VirtualRobot {
+        &self.bodies[MEASURING]
     }
 
     /// The robot that carries the machining tool, as it came to rest last.
     pub fn machining(&self) -> &VirtualRobot {
-        &self.bodies[MACHINING].1
+        &self.bodies[MACHINING]
     }
 
     /// The compliance of every joint in this run (rad/(N m)).
@@ -280,7 +277,7 @@ impl TrueRobots {
         match parameter.kind {
             ParameterKind::JointCompliance { joint } => {
                 let nominal = belief.nominal.compliance_rad_per_nm[joint];
-                (self.compliance_rad_per_nm[joint] / nominal).ln()
+                log_ratio(self.compliance_rad_per_nm[joint], nominal)
             }
             // In truth it differs by its logarithm.
             kind @ ParameterKind::SpringStiffness { .. } if !parameter.is_logarithmic => {
@@ -301,7 +298,7 @@ impl TrueRobots {
         normals: &[[f64; LANES]],
         lane: usize,
     ) -> Result<Vec<Measurement>, MeasurementError> {
-        let measuring = &mut self.bodies[MEASURING].1;
+        let measuring = &mut self.bodies[MEASURING];
         if self.laboratory.is_certain() {
             return measuring.measure_noise_free(plan, instrument);
         }
@@ -320,23 +317,13 @@ impl TrueRobots {
         numbers: ReadingNumbers,
     ) -> Result<(Vector3<f64>, Matrix3<f64>), EquilibriumError> {
         let reading = (self.laboratory).reading(experiment, &self.normals, 0, numbers);
-        let (commanded, load) = (&reading.commanded_rad, reading.load);
-        let place = self.of(seen.target);
-        let (carried_m, ..) = self.bodies[MEASURING].1.rest(commanded, &load)?;
-        // The load at the target that does what the load at the calibration tool does.
-        let body = &mut self.bodies[place].1;
-        let mut rest = body.rest(commanded, &load)?;
-        if place > 0 && load != Load::NONE {
-            rest = until_it_stands(rest, |(before_m, ..)| {
-                let arm_m = carried_m - before_m;
-                let torque_nm = load.torque_nm + arm_m.cross(&load.force_n);
-                let transferred = Load { torque_nm, ..load };
-                let rest = body.rest(commanded, &transferred)?;
-                let moved_m = (rest.0 - before_m).norm();
-                Ok((rest, moved_m))
-            })?;
-        }
-        let (at_m, axes, _) = rest;
+        let body = &mut self.bodies[MEASURING];
+        let (tool_m, tool_axes, _) = body.rest(&reading.commanded_rad, &reading.load)?;
+        let target = self.targets.iter().find(|(name, _)| name == seen.target);
+        let (at_m, axes) = match target {
+            Some(&(_, site)) => body.site(site),
+            None => (tool_m, tool_axes),
+        };
         let off_by_distance: Vector3<f64> = (reading.noise.by_distance.into_iter())
             .map(|(range, normals)| {
                 let apart_m = at_m - seen.station_m.unwrap_or(range.from_m);
@@ -378,7 +365,7 @@ impl TrueRobots {
         load: &Load,
     ) -> Result<(Vector3<f64>, Matrix3<f64>), EquilibriumError> {
         let commanded = (self.laboratory).commanded(commanded_rad, load, true, None);
-        let (position, axes, _) = self.bodies[MACHINING].1.rest(&commanded, load)?;
+        let (position, axes, _) = self.bodies[MACHINING].rest(&commanded, load)?;
         Ok((position, axes))
     }
 }

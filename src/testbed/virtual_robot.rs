@@ -109,6 +109,11 @@ impl VirtualRobot {
         Ok((position, rotation, equilibrium))
     }
 
+    /// The position (m) and axes in the world frame of another site of its model, by its place there, at the last equilibrium.
+    pub fn site(&mut self, site: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        self.body.site(site)
+    }
+
     /// The angles of the belief's joints at the last equilibrium (rad).
     pub fn joint_angles(&self) -> Vec<f64> {
         self.body.joint_angles()

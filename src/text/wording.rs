@@ -120,6 +120,17 @@ pub fn shortened(name: &str, most: usize) -> String {
     start.chain(['\u{2026}']).chain(end).collect()
 }
 
+/// Minutes as hours and minutes.
+pub fn duration(minutes: f64) -> String {
+    let minutes = minutes.round();
+    let (hours, rest) = ((minutes / 60.0).floor(), minutes % 60.0);
+    if hours > 0.0 {
+        format!("{hours:.0} h {rest:.0} min")
+    } else {
+        format!("{rest:.0} min")
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::shortened;

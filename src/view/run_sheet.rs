@@ -12,7 +12,7 @@ use crate::record::messages::ProvenanceMessage;
 use crate::robot::{Commands, Load, ReadsAlong};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Task, station_named};
-use crate::text::wording::{counted, number, significant};
+use crate::text::wording::{counted, duration, number, significant};
 
 const STYLE: &str = include_str!("run_sheet.css");
 /// More readings than this at one stop are written into the file.
@@ -442,14 +442,4 @@ fn provenance(scenario: &Scenario) -> String {
         "elastocal {version} ({commit}), scenario {} ({scenario_sha256})",
         scenario.path.display()
     ))
-}
-
-/// Minutes as hours and minutes.
-fn duration(minutes: f64) -> String {
-    let (hours, rest) = ((minutes / 60.0).floor(), minutes % 60.0);
-    if hours > 0.0 {
-        format!("{hours:.0} h {rest:.0} min")
-    } else {
-        format!("{rest:.0} min")
-    }
 }

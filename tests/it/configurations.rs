@@ -301,7 +301,8 @@ fn contributions_add_up_under_several_loads() {
         assert!((account.predicted_m / rho0_m - 1.0).abs() < 1e-9);
         for (each, part) in budget.sources.iter().zip(&account.parts) {
             assert_eq!(each.source, part.source);
-            let error = (each.contribution_um / part.contribution_um - 1.0).abs();
+            let error =
+                (each.contribution_um / part.contribution_um.expect("computed") - 1.0).abs();
             assert!(error < 1e-9, "{}: {error}", each.source);
         }
     }

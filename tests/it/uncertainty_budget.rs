@@ -226,7 +226,8 @@ fn an_account_that_hides_nothing_is_the_budget() {
             .sources
             .iter()
             .find(|each| each.source == part.source);
-        let apart_um = part.contribution_um - source.expect("the same names").contribution_um;
+        let apart_um = part.contribution_um.expect("computed")
+            - source.expect("the same names").contribution_um;
         assert!(apart_um.abs() < 1e-3 * combined_m, "{part:?}");
     }
 }

@@ -7,7 +7,8 @@
 use nalgebra::{DMatrix, Matrix6, MatrixXx6};
 
 use super::{
-    AbsolutePlanning, PlaceRows, PredictedAccuracy, RepeatedReading, in_units, place_rows, stacked,
+    AbsolutePlanning, PlaceRows, PredictedAccuracy, RepeatedReading, by_task, in_units, place_rows,
+    stacked,
 };
 use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_rows};
 use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, Source, Uncertainty};
@@ -226,28 +227,26 @@ impl AbsolutePlanning<'_> {
             .collect()
     }
 
-    /// What uncertainties of which the planner's model does not know leave besides (m), to first order; nothing is said of those that
-    /// move the tool at the test poses alone, or that are no small errors, which are told as zero.
+    /// What uncertainties of which the planner's model does not know leave besides (m), to first order; none of what is no small error.
     pub fn left_by_hidden(
         &self,
         task: &Task,
         (plan, prediction): (&[(usize, u32)], &PredictedAccuracy),
         hidden: &[&Uncertainty],
-    ) -> Vec<f64> {
+    ) -> Vec<Option<f64>> {
         if hidden.is_empty() {
             return Vec::new();
         }
         let weighed = self.weighed(plan, prediction);
         let square = |uncertainty: &&Uncertainty| match &uncertainty.source {
-            Source::Reading(source) => self.left_by_source(&weighed, source),
+            Source::Reading(source) => Some(self.left_by_source(&weighed, source)),
             Source::Plan(parameters) => {
-                let left = self.left_by_parameters((task, prediction), &weighed, parameters);
-                left.unwrap_or(0.0)
+                self.left_by_parameters((task, prediction), &weighed, parameters)
             }
         };
         hidden
             .iter()
-            .map(|each| square(each).max(0.0).sqrt())
+            .map(|each| Some(square(each)?.max(0.0).sqrt()))
             .collect()
     }
 
@@ -259,9 +258,14 @@ impl AbsolutePlanning<'_> {
         parameters: &[(ParameterKind, f64)],
     ) -> Option<f64> {
         let known_before = self.known_before();
-        let mut known = 0.0;
+        let (of_task, others): (Vec<_>, Vec<_>) =
+            (parameters.iter()).partition(|(kind, _)| is_of_task(*kind));
+        let at_work = (task.test_poses.iter()).zip(by_task(task, &of_task));
+        let mut known: f64 = at_work
+            .map(|(pose, rows)| pose.weight * rows.norm_squared())
+            .sum();
         let mut foreign = Vec::new();
-        for &(kind, deviation) in parameters {
+        for (kind, deviation) in others {
             match self.set.index_of(kind) {
                 Some(own) => {
                     // K M_0 d: what is believed of it pulls at it.
@@ -272,8 +276,7 @@ impl AbsolutePlanning<'_> {
                 None => foreign.push((kind, Some(deviation))),
             }
         }
-        foreign
-            .retain(|(kind, _)| !is_of_task(*kind) && !matches!(kind, ParameterKind::Drift { .. }));
+        foreign.retain(|(kind, _)| !matches!(kind, ParameterKind::Drift { .. }));
         if foreign.is_empty() {
             return Some(known);
         }

@@ -28,13 +28,15 @@ use super::search::{
     CandidateError, CandidateInformation, CandidatePlan, FiniteBound, FiniteDesign, FiniteEffort,
     FiniteProblem, OfferedCandidates, PlanBound, SharingCandidates, TogetherBounds, Watch,
 };
-use crate::compensation::{KnownArm, test_pose_rows};
+use crate::compensation::{KnownArm, uncompensated_rows};
 use crate::experiment::Candidate;
 use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
-use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_positions, turning_load_rows};
+use crate::observation::{
+    PlannedReadings, ReadingErrors, ReadingKind, Setup, planned_positions, turning_load_rows,
+};
 use crate::parameter::{ParameterKind, ParameterSet};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
@@ -536,34 +538,44 @@ fn place_rows(
             rows
         })
         .collect();
-    (task.test_poses.iter().zip(by_task(task)).enumerate())
-        .map(|(index, (pose, by_task))| PlaceRows {
-            weight: pose.weight,
-            by_station: (by_station.iter())
-                .map(|rows| pose.counted_rows(rows.rows(3 * index, 3).into_owned()))
-                .collect(),
-            by_task,
-        })
+    (task
+        .test_poses
+        .iter()
+        .zip(by_task(task, &of_task(task)))
+        .enumerate())
+    .map(|(index, (pose, by_task))| PlaceRows {
+        weight: pose.weight,
+        by_station: (by_station.iter())
+            .map(|rows| pose.counted_rows(rows.rows(3 * index, 3).into_owned()))
+            .collect(),
+        by_task,
+    })
+    .collect()
+}
+
+/// The parameters of the task's force that the planner's model has, each with its standard deviation.
+fn of_task(task: &Task) -> Vec<(ParameterKind, f64)> {
+    let Some(extended) = &task.belief.uncertain else {
+        return Vec::new();
+    };
+    let parameters = extended.set().parameters().iter().enumerate();
+    parameters
+        .filter(|(_, each)| is_of_task(each.kind))
+        .map(|(place, each)| (each.kind, extended.prior_deviation(place).unwrap_or(0.0)))
         .collect()
 }
 
-/// How the tool's place follows the task's force at each test pose, what counts of it (3 x t, m in standard deviations).
-fn by_task(task: &Task) -> Vec<DMatrix<f64>> {
-    let Some(extended) = &task.belief.uncertain else {
+/// How the tool's place follows parameters of the task's force at each test pose, what counts of it (3 x t, m in standard deviations).
+fn by_task(task: &Task, of_task: &[(ParameterKind, f64)]) -> Vec<DMatrix<f64>> {
+    let arm = task.belief.arm();
+    let parameters = of_task.iter().map(|&(kind, size)| (kind, Some(size)));
+    let Ok(set) = ParameterSet::new(&arm, parameters) else {
         return vec![DMatrix::zeros(3, 0); task.test_poses.len()];
     };
-    let parameters = extended.set().parameters();
-    let places = (0..parameters.len()).filter(|&place| is_of_task(parameters[place].kind));
-    let of_task: Vec<(usize, f64)> = places
-        .map(|place| (place, extended.prior_deviation(place).unwrap_or(0.0)))
-        .collect();
-    (task.test_poses.iter())
-        .map(|pose| {
-            let rows = test_pose_rows(&task.belief, pose);
-            DMatrix::from_fn(3, of_task.len(), |axis, column| {
-                let (place, deviation) = of_task[column];
-                rows[(axis, place)] * deviation
-            })
-        })
-        .collect()
+    let sizes: Vec<f64> = of_task.iter().map(|(_, deviation)| *deviation).collect();
+    let rows = |pose| {
+        let model = PlannedReadings::at_test_pose(&arm, arm.tools.len() - 1, &set, &sizes);
+        uncompensated_rows(model, pose)
+    };
+    task.test_poses.iter().map(rows).collect()
 }

@@ -266,13 +266,32 @@ impl Checker<'_> {
         let own = SerialChain::from_model(&model);
         let believed = &nominal.chain.joints;
         let is_alike = own.as_ref().is_ok_and(|own| {
-            own.len() == believed.len() && own.joints.iter().zip(believed).all(is_held_alike)
+            let is_elsewhere = |(one, other): (&Joint, &Joint)| {
+                one.name != other.name && believed.iter().any(|each| each.name == one.name)
+            };
+            let mut both = own.joints.iter().zip(believed);
+            own.len() == believed.len()
+                && both.clone().all(is_held_alike)
+                && !both.any(is_elsewhere)
         });
         if is_alike {
             let chain = self.serial_chain(key, &model)?;
             let key = "true_robot.compliance_rad_per_nm";
             let compliance = self.compliances(key, &chain, given)?;
             return Ok(TrueRobot::of_chain(model, chain, compliance));
+        }
+        for joint in believed {
+            let place = model.joint(&joint.name).ok();
+            if place.is_some_and(|place| model.is_slide(place) != joint.drive.slides) {
+                let [own, other] = if joint.drive.slides {
+                    ["turns", "slides"]
+                } else {
+                    ["slides", "turns"]
+                };
+                let name = &joint.name;
+                let problem = format!("joint {name:?} {own}, and {other} in the planner's model");
+                return Err(self.wrong(key, problem));
+            }
         }
         let joints = believed.iter().map(|joint| KnownJoint {
             name: joint.name.clone(),

@@ -195,7 +195,7 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
     let hidden: Vec<String> = (runs.contributions.iter())
         .filter(|each| each.hidden)
         .map(|each| match each.contribution_um {
-            um if um > 0.0 => format!("{} ({})", each.source, micrometres(Some(um * 1e-3))),
+            Some(um) if um > 0.0 => format!("{} ({})", each.source, micrometres(Some(um * 1e-3))),
             _ => each.source.clone(),
         })
         .collect();

@@ -121,7 +121,7 @@ fn contributions(plans: &[&StudyPlanMessage]) -> String {
     let largest_of = |source: &str| {
         let of_source = all().filter(|each| each.source == source);
         of_source
-            .map(|each| each.contribution_um)
+            .filter_map(|each| each.contribution_um)
             .fold(0.0, f64::max)
     };
     let mut sources = each_once(all().map(|each| &*each.source));
@@ -129,13 +129,14 @@ fn contributions(plans: &[&StudyPlanMessage]) -> String {
     let largest = largest_of(sources.first().unwrap_or(&"")).max(f64::MIN_POSITIVE);
     let contribution = |plan: &&StudyPlanMessage, source: &str| {
         let found = plan.contributions.iter().find(|each| each.source == source);
-        found.map_or_else(
-            || cell(""),
-            |each| {
-                let um = each.contribution_um;
-                bar(100.0 * um / largest, each.hidden, &number(Some(um), 2))
-            },
-        )
+        let computed = found.and_then(|each| Some((each.hidden, each.contribution_um?)));
+        match (found, computed) {
+            (_, Some((is_hidden, um))) => {
+                bar(100.0 * um / largest, is_hidden, &number(Some(um), 2))
+            }
+            (Some(_), None) => cell(&number(None, 2)),
+            (None, None) => cell(""),
+        }
     };
     let row = |source: &str| {
         let is_hidden = all().any(|each| each.source == source && each.hidden);

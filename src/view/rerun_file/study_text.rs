@@ -83,19 +83,19 @@ pub(super) fn sources(snapshot: &Snapshot) -> Option<String> {
 
 /// A plan's error sources, the largest above.
 fn contributions(parts: &[Contribution]) -> Option<String> {
-    let mut parts: Vec<&Contribution> = parts.iter().collect();
-    parts.sort_by(|one, other| other.contribution_um.total_cmp(&one.contribution_um));
-    let total: f64 = parts.iter().map(|part| part.contribution_um.powi(2)).sum();
-    if total <= 0.0 {
+    let all = parts;
+    let mut parts: Vec<&Contribution> = all.iter().collect();
+    let size = |part: &Contribution| part.contribution_um.unwrap_or(0.0);
+    parts.sort_by(|one, other| size(other).total_cmp(&size(one)));
+    if parts.first().is_none_or(|part| size(part) <= 0.0) {
         return None;
     }
     let rows = parts.into_iter().map(|part| {
         let hidden = if part.hidden { " (hidden)" } else { "" };
-        let share = part.contribution_um.powi(2) / total;
         vec![
             format!("{}{hidden}", part.source),
-            number(Some(part.contribution_um), 2),
-            percent(Some(share), 1),
+            number(part.contribution_um, 2),
+            percent(part.share_of(all), 1),
         ]
     });
     let table = RecordTable::new(
