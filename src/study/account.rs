@@ -139,7 +139,8 @@ impl Account {
         let nominal = &task.belief.nominal;
         let is_found = |joint: usize| {
             let kind = ParameterKind::JointCompliance { joint };
-            planning.set().index_of(kind).is_some()
+            let mut parameters = planning.set().parameters().iter();
+            parameters.any(|each| each.kind == kind && each.prior_deviation.is_none())
         };
         let softer = (truth.robot.compliance_rad_per_nm.iter())
             .zip(&nominal.compliance_rad_per_nm)

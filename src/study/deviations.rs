@@ -298,8 +298,12 @@ impl<'a> Deviations<'a> {
         self.joints.iter().map(value).enumerate().collect()
     }
 
-    /// The same of compliances of which something is known before, by their places in the belief's vector and in its units.
+    /// The same of compliances of which sources say something before, by their places in the belief's vector and in its units. What an
+    /// earlier identification says of them is sampled about what it found.
     pub fn tied_told(&self, truth: &Truth) -> Vec<(usize, f64)> {
+        if self.belief.prior.is_some() {
+            return Vec::new();
+        }
         let nominal = &self.belief.nominal.compliance_rad_per_nm;
         let value = |deviation: &Deviation| match *deviation {
             Deviation::Compliance(joint, is_logarithmic) => {

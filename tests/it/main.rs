@@ -72,6 +72,7 @@
 //! - `csv_dialects`: plans and measurements as spreadsheets of every country write them.
 //! - `diagnoses`: likely input errors of deflections, and residuals.
 //! - `one_fit`: frames, geometry and elasticity from absolute readings, in one fit.
+//! - `other_truths`: virtual robots that differ from the planner's model.
 //! - `origins`: files say under which scenario they were made; help says what has an effect.
 //! - `hostile_input`: names, fields and numbers that somebody means ill with.
 //! - `implausible_input`: inputs that are well formed and cannot be.
@@ -186,6 +187,7 @@ mod obstacles;
 mod old_files;
 mod one_fit;
 mod origins;
+mod other_truths;
 mod output_files;
 mod parameters;
 mod patterns;

@@ -7,7 +7,7 @@ use crate::support::{Workplace, number};
 use crate::uncertainties::assert_holds;
 
 /// An arm with a hinge "soft" in the middle, which is driven or only gives.
-fn arm(is_driven: bool) -> String {
+pub fn arm(is_driven: bool) -> String {
     let (spring, drive) = if is_driven {
         (
             "range=\"-0.1 0.1\"",
@@ -28,7 +28,7 @@ fn arm(is_driven: bool) -> String {
 }
 
 /// A scenario of it with these experiments and an error source.
-fn text(is_driven: bool, accuracy: &str, experiments: u32, source: &str) -> String {
+pub fn text(is_driven: bool, accuracy: &str, experiments: u32, source: &str) -> String {
     let soft = if is_driven { "3, " } else { "" };
     format!(
         r#"seed = 4
@@ -59,9 +59,9 @@ experiments = {experiments}
 }
 
 /// What is known of the compliances that are identified.
-const KNOWN: &str = "kind = \"compliance\"\njoints = [\"lift\", \"soft\", \"bend\"]\n";
+pub const KNOWN: &str = "kind = \"compliance\"\njoints = [\"lift\", \"soft\", \"bend\"]\n";
 
-fn place(is_driven: bool, text: impl AsRef<[u8]>) -> Workplace {
+pub fn place(is_driven: bool, text: impl AsRef<[u8]>) -> Workplace {
     let place = Workplace::new();
     place.write("arm.xml", arm(is_driven));
     place.write("arm.toml", text);
