@@ -1,13 +1,16 @@
 //! `check`: is the scenario valid, how was it understood, and is the plan possible?
 
 use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
+use elastocal::experiment::read_candidates;
+use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::{Feasibility, read_plan};
 use elastocal::record::json::merge;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::record::understanding::{understanding_json, unknowns_json};
+use elastocal::task::{AccuracyKind, Task};
 use elastocal::understanding::{
     Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, Unknowns, impossible, unknowns,
 };
@@ -32,18 +35,30 @@ pub struct Check {
     parameters: bool,
 }
 
+/// What a plan violates; one of absolute readings that cannot be taken is an error.
+fn violations(task: &Task, path: &Path) -> anyhow::Result<Vec<String>> {
+    let commands = task.belief.commands();
+    if task.design.accuracy == AccuracyKind::Absolute {
+        let rows = read_candidates(path, commands)?;
+        AbsolutePlanning::of_plan(task, &[], &rows).map_err(|error| error.in_file(path))?;
+        return Ok(Vec::new());
+    }
+    let found = Feasibility::new(task).violations(&read_plan(path, commands)?);
+    Ok(found.iter().map(ToString::to_string).collect())
+}
+
 impl Check {
     /// An invalid file is an error; a plan that violates the region is a condition.
     pub fn execute(&self) -> anyhow::Result<Report> {
         let checked = self.common.load().and_then(|scenario| {
             let plan = self.plan.as_deref();
-            let plan = plan
-                .map(|path| read_plan(path, scenario.task.belief.commands()))
+            let violations = plan
+                .map(|path| violations(&scenario.task, path))
                 .transpose()?;
             super::dialect::dialect_if_suitable(None, &scenario)?;
-            Ok((scenario, plan))
+            Ok((scenario, violations))
         });
-        let (scenario, plan) = match checked {
+        let (scenario, of_plan) = match checked {
             Ok(checked) => checked,
             Err(error) => {
                 if self.common.json {
@@ -60,13 +75,8 @@ impl Check {
         for warning in understanding.warnings.iter().filter(is_told) {
             self.common.say(&format!("warning: {warning}"));
         }
-        let is_about_a_plan = plan.is_some();
-        let violations: Vec<String> = plan
-            .map(|plan| Feasibility::new(&scenario.task).violations(&plan))
-            .unwrap_or_default()
-            .iter()
-            .map(ToString::to_string)
-            .collect();
+        let is_about_a_plan = of_plan.is_some();
+        let violations = of_plan.unwrap_or_default();
         let name = self.common.scenario().display();
         let verdict = match (violations.is_empty(), &impossible) {
             (true, None) => format!("{name} is valid\n"),

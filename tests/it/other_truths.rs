@@ -25,6 +25,7 @@ fn hidden_task_forces_count_in_absolute_accounts() {
     let source = "kind = \"task_force\"\nstd_n = 8\nstd_relative = 0.05";
     let known = place(true, text(true, "absolute", 16, source));
     known.json("plan arm.toml --plan-out plan.csv");
+    known.json("check arm.toml --plan plan.csv");
     let known_um = {
         let json = known.json("evaluate arm.toml --plan plan.csv");
         let sources = &json["uncertainty_budget"]["sources"];
