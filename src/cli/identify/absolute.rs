@@ -10,6 +10,7 @@ use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, Unexplai
 use elastocal::record::json::merge;
 use elastocal::record::uncertainties::uncertainty_tables;
 use elastocal::record::{messages::ProvenanceMessage, model_selection::model_selection_json};
+use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use elastocal::view::discrepancy_plots::model_selection_plot;
@@ -92,7 +93,10 @@ impl Identify {
             text += &compared(each);
         }
         text += &noted(&identified.fit.notes());
+        let loads = readings.iter().map(|each| &each.load);
+        let loads = loads.filter(|load| **load != Load::NONE);
         let mut conditions = identified.conditions();
+        conditions.extend(scenario.task.loads.outside_all("loaded reading", loads));
         conditions.extend(written.conditions());
         Ok(Report::new(json, text, conditions))
     }

@@ -159,7 +159,16 @@ impl<'a> AbsoluteCase<'a> {
         let Some(known) = self.known_components(rest) else {
             return told;
         };
-        found.case.with_known(set, fit, &known).or(told)
+        let Some(found_beside) = found.case.with_known(set, fit, &known) else {
+            return told;
+        };
+        // What is left beside the functions may be more than readings were weighed by.
+        if let Some(discrepancy) = discrepancy {
+            let rest = &found_beside.model.rest;
+            let rest = [rest.position_m, rest.rotation_rad];
+            *discrepancy = [0, 1].map(|part| discrepancy[part].max(rest[part]));
+        }
+        Some(found_beside)
     }
 
     /// The readings that no fit begins with.

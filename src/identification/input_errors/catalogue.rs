@@ -133,9 +133,13 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
     };
     let mut angles = Commands::from(chain).columns();
     angles.retain(|column| column.ends_with("_deg"));
+    let turning = || (0..joints).filter(|&joint| !chain.joints[joint].drive.slides);
     let unit = |question: &str, factor: f64| {
         let words = format!("{question}? Multiply {} by {factor:.6}", angles.join(", "));
-        InputError::of_commands("angle_unit", words, move |q| *q *= factor)
+        let turning: Vec<usize> = turning().collect();
+        let change =
+            move |q: &mut DVector<f64>| turning.iter().for_each(|&joint| q[joint] *= factor);
+        InputError::of_commands("angle_unit", words, change)
     };
     let swapped = |one: usize, other: usize| {
         let question = format!(
@@ -158,11 +162,10 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
         let change = move |q: &mut DVector<f64>| q[joint] += times * q[joint - 1];
         InputError::of_commands("joint_from_before", format!("{question}? {remedy}"), change)
     };
-    let turning = (0..joints).filter(|&joint| !chain.joints[joint].drive.slides);
     let degrees = 1_f64.to_degrees();
     [
         sets.into_iter().map(reversed).collect(),
-        turning
+        turning()
             .flat_map(|joint| [1, -1, 2].map(|quarters| offset(joint, quarters)))
             .collect(),
         vec![

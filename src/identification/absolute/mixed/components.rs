@@ -13,7 +13,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{LEAST, MixedModel, MixedVariances, PoseReadings, VarianceComponents, by_pose};
+use super::{LEAST, MixedModel, MixedVariances, PoseReadings, VarianceComponents};
 use crate::numeric::factorisation::inverse_of;
 use crate::numeric::markov::{Correlation, FIRST_LENGTH};
 use crate::parameter::JointFunction;
@@ -42,10 +42,7 @@ impl MixedModel {
     /// A real joint's error is no process of one length: read densely it looks smoother than the few poses of a plan find it, and
     /// predictions from them are too good. Where poses are visited again, what is new at a pose is told from what is new at a visit.
     pub fn components(&self, turns: &[bool]) -> Option<VarianceComponents> {
-        let all = Self {
-            visits: by_pose(&self.visits),
-            ..self.clone()
-        };
+        let all = self;
         let rows: usize = (all.visits.iter()).map(|visit| visit.residual.len()).sum();
         let count = (all.visits.len().div_ceil(SPARSE)).max(rows.div_ceil(ROWS));
         let parts: Vec<Self> = (0..count)

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::super::joint_errors::DiscrepancyModel;
-use super::{LEAST, MixedModel, MixedVariances, PoseReadings, by_pose};
+use super::{LEAST, MixedModel, MixedVariances, PoseReadings};
 use crate::numeric::markov::{MarkovProcess, knots_among};
 use crate::parameter::JointFunction;
 
@@ -60,10 +60,7 @@ impl MixedModel {
     /// The same where what is new at visits and at configurations is as the readings show it, and no smaller than is said; with the degrees
     /// of freedom of that, infinite where it is as said.
     pub fn with_remainder(&self, known: &VarianceComponents) -> Option<(DiscrepancyModel, f64)> {
-        let model = Self {
-            visits: by_pose(&self.visits),
-            ..self.clone()
-        };
+        let model = self;
         let mut variances = model.known_variances(known);
         let said = [variances.all[0], variances.all[1]];
         let mut places = vec![0, 1];

@@ -104,6 +104,7 @@ struct MixedVariances {
 /// The readings with what is known before of the parameters, in the coordinates of what is determined.
 #[derive(Debug, Clone)]
 pub(super) struct MixedModel {
+    /// Those of one command pose together.
     visits: Vec<PoseReadings>,
     /// Precision (r x r) and its pull (r).
     prior: DMatrix<f64>,
@@ -177,7 +178,7 @@ impl MixedModel {
             most_knots: MOST_KNOTS,
             waving: Vec::new(),
         };
-        model.visits = model.visits_of(case, rows);
+        model.visits = by_pose(&model.visits_of(case, rows));
         model
     }
 

@@ -14,9 +14,9 @@ use super::{MixedFit, MixedModel, MixedSolution, MixedVariances, PoseReadings};
 const SCALED_FROM: usize = 19;
 /// and from so many on errors are spread over joint space.
 const SPREAD_FROM: usize = 40;
-/// Parts of the visits, each predicted by a fit to the others: so many where that takes no more than the fits of so many visits, and at least two.
+/// Parts of the poses, each predicted by a fit to the others: so many where that takes no more than the fits of so many, and at least two.
 const PARTS: usize = 10;
-const VISITS_OF_PARTS: usize = 1000;
+const POSES_OF_PARTS: usize = 1000;
 /// A reading that was left out says how large errors are where it stands, if it is likelier one of them than a wrong one.
 const LIKELIER: f64 = 0.5;
 /// Regions of 95 % hold less than this share with no more than this probability.
@@ -81,10 +81,10 @@ impl MixedModel {
         }
     }
 
-    /// The squares of position and rotation of each reading over their covariance, predicted by visits that its own was not among, variances
+    /// The squares of position and rotation of each reading over their covariance, predicted by poses that its own was not among, variances
     /// and knots, too: those are chosen so that they suit what was fitted, at the angles where that stood.
     fn squares_by_others(&self) -> Vec<PredictedSquares<'_>> {
-        let parts = (VISITS_OF_PARTS / self.visits.len().max(1)).clamp(2, PARTS);
+        let parts = (POSES_OF_PARTS / self.visits.len().max(1)).clamp(2, PARTS);
         let each = (0..parts).into_par_iter().map(|part| {
             let others = self.of_visits(|number| number % parts != part);
             let (variances, solved) = others.likeliest()?;
