@@ -2,11 +2,12 @@
 
 use std::convert::Infallible;
 
-use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, Vector6};
+use multiversion::multiversion;
+use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, MatrixXx6, Vector6};
 use rayon::prelude::*;
 
 use super::model::{Form, ObservationModel};
-use super::reading::{Observation, PlannedReading, ReadingKind, Setup};
+use super::reading::{Observation, PlannedReading, Prediction, ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::EquilibriumError;
 
@@ -34,19 +35,12 @@ impl NormalEquations {
         }
     }
 
-    /// Adds one reading's whitened rows; only the lower triangle of the information is filled.
-    fn add(&mut self, rows: &Matrix6xX<f64>, residual: &Vector6<f64>) {
+    /// Adds one reading's whitened rows, of which so many count (p x 6, transposed); only the lower triangle of the information is filled.
+    fn add(&mut self, rows: &MatrixXx6<f64>, count: usize, residual: &Vector6<f64>) {
+        add_products(self.information.as_mut_slice(), rows.as_slice(), count);
         let residual: [f64; 6] = std::array::from_fn(|row| residual[row]);
-        let columns = rows.as_slice().as_chunks::<6>().0;
-        for (index, one) in columns.iter().enumerate() {
-            let mut information = self.information.column_mut(index);
-            for (sum, other) in information.as_mut_slice()[index..]
-                .iter_mut()
-                .zip(&columns[index..])
-            {
-                *sum += dot(one, other);
-            }
-            self.gradient[index] += dot(one, &residual);
+        for (index, sum) in self.gradient.iter_mut().enumerate() {
+            *sum += dot(&std::array::from_fn(|row| rows[(index, row)]), &residual);
         }
         self.square += dot(&residual, &residual);
     }
@@ -60,6 +54,27 @@ impl NormalEquations {
     fn finish(mut self) -> Self {
         self.information.fill_upper_triangle_with_lower_triangle();
         self
+    }
+}
+
+/// Adds products of columns of six rows, the columns of each row one behind the other, to the lower triangle of a square matrix.
+#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_products(sums: &mut [f64], rows: &[f64], count: usize) {
+    let size = rows.len() / 6;
+    for index in 0..size {
+        let sums = &mut sums[size * index + index..size * (index + 1)];
+        let others: [&[f64]; 6] =
+            std::array::from_fn(|row| &rows[size * row + index..][..sums.len()]);
+        let own = others.map(|row| row[0]);
+        let product = |row: usize, place: usize| own[row] * others[row][place];
+        for (place, sum) in sums.iter_mut().enumerate() {
+            let of = |row| product(row, place);
+            *sum += if count <= 3 {
+                of(0) + of(1) + of(2)
+            } else {
+                (of(0) + of(3)) + (of(1) + of(4)) + (of(2) + of(5))
+            };
+        }
     }
 }
 
@@ -92,6 +107,7 @@ pub(super) struct ReadingSums<'a> {
     scales: &'a DVector<f64>,
     /// The whitened rows of the last observation, in units of typical sizes.
     pub rows: Matrix6xX<f64>,
+    transposed: MatrixXx6<f64>,
     pub sums: NormalEquations,
 }
 
@@ -101,6 +117,7 @@ impl<'a> ReadingSums<'a> {
             model: model.clone(),
             scales,
             rows: Matrix6xX::zeros(scales.len()),
+            transposed: MatrixXx6::zeros(scales.len()),
             sums: NormalEquations::zeros(scales.len()),
         }
     }
@@ -110,7 +127,7 @@ impl<'a> ReadingSums<'a> {
         let (kind, rows) = (each.reading.kind(), &mut self.rows);
         let predicted = self.model.predict(Form::AtRest, &each.setup, kind, rows)?;
         let residual = each.whiten(&predicted, rows);
-        self.add_whitened(&residual);
+        self.add_whitened(kind, &residual);
         Ok(residual)
     }
 
@@ -118,12 +135,13 @@ impl<'a> ReadingSums<'a> {
         let (mut residual, rows) = (Vector6::zeros(), &mut self.rows);
         self.model.predict_as_planned(&each.setup, each.kind, rows);
         each.whitener.whiten(each.kind, &mut residual, rows);
-        self.add_whitened(&residual);
+        self.add_whitened(each.kind, &residual);
     }
 
-    fn add_whitened(&mut self, residual: &Vector6<f64>) {
+    fn add_whitened(&mut self, kind: ReadingKind, residual: &Vector6<f64>) {
         in_sizes(&mut self.rows, self.scales);
-        self.sums.add(&self.rows, residual);
+        self.rows.transpose_to(&mut self.transposed);
+        self.sums.add(&self.transposed, kind.rows(), residual);
     }
 }
 
@@ -146,6 +164,38 @@ pub fn normal_equations(
         }
         Ok(block.sums)
     })
+}
+
+/// What is made of each observation's prediction through the static equilibrium, with the derivatives (6 x p), in their order.
+///
+/// # Errors
+/// As [`normal_equations`].
+pub fn of_each_prediction<T: Send>(
+    model: &ObservationModel<'_>,
+    observations: &[Observation],
+    made_of: impl Fn(usize, &Prediction, &mut Matrix6xX<f64>) -> T + Sync,
+) -> Result<Vec<T>, (usize, EquilibriumError)> {
+    let of_block = |(block, observations): (usize, &[Observation])| {
+        let (mut model, first) = (model.clone(), block * BLOCK);
+        let mut derivatives = Matrix6xX::zeros(model.set().len());
+        let each = observations.iter().enumerate().map(|(index, each)| {
+            let (place, kind) = (first + index, each.reading.kind());
+            let predicted = model.predict(Form::AtRest, &each.setup, kind, &mut derivatives);
+            let predicted = predicted.map_err(|error| (place, error))?;
+            Ok(made_of(place, &predicted, &mut derivatives))
+        });
+        each.collect::<Result<Vec<T>, _>>()
+    };
+    let blocks: Vec<_> = observations
+        .par_chunks(BLOCK)
+        .enumerate()
+        .map(of_block)
+        .collect();
+    let mut all = Vec::with_capacity(observations.len());
+    for block in blocks {
+        all.extend(block?);
+    }
+    Ok(all)
 }
 
 /// The information of planned readings (p x p, in units of typical sizes) at values of the parameters,

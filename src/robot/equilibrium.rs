@@ -18,8 +18,8 @@ use super::kinematic_state::{KinematicState, Kinematics, Load};
 
 /// The last step of a converged solution is no larger than this (rad).
 pub const CONVERGED_RAD: f64 = 1e-12;
-/// Where the tool's place alone is asked for, a plain arm takes a last step as short as this without a new geometry (rad): joints are then
-/// right to some thousandths of its square, the tool's place to rounding.
+/// A plain arm's last step is as short as this (rad): joints are then right to some thousandths of its square. Where the tool's place alone
+/// is asked for, that follows without a new geometry.
 const CLOSE_RAD: f64 = 1e-6;
 /// Newton's method needs three or four steps; more than this is a failure.
 pub const MAXIMUM_ITERATIONS: usize = 30;
@@ -168,8 +168,7 @@ impl EquilibriumSolver {
         commanded_rad: &[f64],
         load: &Load,
     ) -> Result<Equilibrium, EquilibriumError> {
-        let is_followed = self.is_of_places && arm.is_plain();
-        let close_rad = if is_followed {
+        let close_rad = if arm.is_plain() {
             CLOSE_RAD
         } else {
             CONVERGED_RAD
@@ -192,15 +191,12 @@ impl EquilibriumSolver {
                 break;
             }
             last_step_rad = self.step.amax();
-            // A step as small as this is not worth a new geometry: the last one is that of `q`. With soft
-            // springs or long ways to slide it is.
             if last_step_rad <= close_rad {
-                if is_followed {
-                    self.q += &self.step;
+                self.q += &self.step;
+                if self.is_of_places && arm.is_plain() {
                     self.torque.gemv(1.0, &self.gradient, &self.step, 1.0);
                     self.state.follow(self.step.as_slice());
-                } else if !arm.is_plain() && last_step_rad > 0.0 {
-                    self.q += &self.step;
+                } else if last_step_rad > 0.0 {
                     self.evaluate(arm, load);
                 }
                 self.check_stability(compliance_rad_per_nm)?;
@@ -276,12 +272,12 @@ impl EquilibriumSolver {
     fn evaluate(&mut self, arm: &mut impl Kinematics, load: &Load) {
         let gravity = arm.gravity_m_s2();
         arm.update(self.q.as_slice(), &mut self.state);
-        for joint in 0..self.q.len() {
-            self.torque[joint] =
-                self.state.load_torque(joint, load) + self.state.gravity_torque(joint, &gravity);
-        }
-        self.state
-            .torque_gradient(load, &gravity, &mut self.gradient);
+        (self.state).torques(
+            load,
+            &gravity,
+            self.torque.as_mut_slice(),
+            &mut self.gradient,
+        );
         if !self.state.spring_torque.is_empty() {
             for (torque, of_springs) in self.torque.iter_mut().zip(&self.state.spring_torque) {
                 *torque += of_springs;
@@ -297,8 +293,9 @@ impl EquilibriumSolver {
     /// I - k^1/2 dtau/dq k^1/2 is positive definite.
     fn check_stability(&mut self, compliance: &[f64]) -> Result<(), EquilibriumError> {
         let joints = self.q.len();
-        for row in 0..joints {
-            for column in 0..joints {
+        // The factorisation sees no more than the lower triangle.
+        for column in 0..joints {
+            for row in column..joints {
                 let symmetric = 0.5 * (self.gradient[(row, column)] + self.gradient[(column, row)]);
                 let weight = (compliance[row].max(0.0) * compliance[column].max(0.0)).sqrt();
                 let identity = f64::from(u8::from(row == column));
@@ -331,20 +328,25 @@ fn newton_matrix(gradient: &DMatrix<f64>, compliance: &[f64], system: &mut DMatr
 /// are overwritten by the solutions; unlike the library's factorisation it allocates nothing.
 /// Returns false for a singular matrix.
 fn solve_in_place(system: &mut DMatrix<f64>, right_hand_sides: &mut [f64]) -> bool {
-    let size = system.nrows();
-    let all = system.as_mut_slice();
+    // Loops of the usual length are unrolled.
+    match system.nrows() {
+        6 => eliminate(6, system.as_mut_slice(), right_hand_sides),
+        size => eliminate(size, system.as_mut_slice(), right_hand_sides),
+    }
+}
+
+#[inline(always)]
+fn eliminate(size: usize, all: &mut [f64], right_hand_sides: &mut [f64]) -> bool {
     for pivot in 0..size {
         let (before, beyond) = all.split_at_mut(size * (pivot + 1));
         let own = &mut before[size * pivot..];
-        let Some(best) = (pivot..size).max_by(|&one, &other| {
-            // Of equals the first.
-            own[one]
-                .abs()
-                .total_cmp(&own[other].abs())
-                .then(other.cmp(&one))
-        }) else {
-            return false;
-        };
+        // Of equals the first.
+        let mut best = pivot;
+        for row in pivot + 1..size {
+            if own[row].abs() > own[best].abs() {
+                best = row;
+            }
+        }
         if own[best] == 0.0 || !own[best].is_finite() {
             return false;
         }

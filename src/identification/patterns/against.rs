@@ -115,15 +115,19 @@ impl LookedAt {
     /// What a candidate does to the rows of all readings (6 N x q).
     pub(super) fn rows_of(&self, against: Against) -> DMatrix<f64> {
         let columns = self.columns(against);
-        let mut rows = DMatrix::zeros(6 * self.readings.len(), columns.len());
-        for (place, (base, factors)) in columns.iter().enumerate() {
-            for (index, (reading, factor)) in self.readings.iter().zip(factors).enumerate() {
-                let own = base.of(reading) * *factor;
-                rows.fixed_view_mut::<6, 1>(6 * index, place)
-                    .copy_from(&own);
-            }
-        }
-        rows
+        let rows = columns.iter().flat_map(|(base, factors)| {
+            let each = self.readings.iter().zip(factors);
+            each.flat_map(|(reading, factor)| <[f64; 6]>::from(base.of(reading) * *factor))
+        });
+        DMatrix::from_iterator(6 * self.readings.len(), columns.len(), rows)
+    }
+
+    /// Products of two bases in each reading.
+    pub(super) fn products(&self, one: Base, other: Base) -> Vec<f64> {
+        let readings = self.readings.iter();
+        readings
+            .map(|each| one.of(each).dot(&other.of(each)))
+            .collect()
     }
 
     /// A candidate's columns.
@@ -133,12 +137,13 @@ impl LookedAt {
         };
         match against {
             Against::Angle { joint, waves } => {
-                let phase = |each: &ReadingRows| waves as f64 * each.angles[joint];
+                let phases = self.readings.iter().map(|each| {
+                    let (sine, cosine) = (waves as f64 * each.angles[joint]).sin_cos();
+                    (cosine, sine)
+                });
+                let (cosines, sines): (Vec<f64>, Vec<f64>) = phases.unzip();
                 let moved = Base::Moved(joint);
-                vec![
-                    of(moved, &|each| phase(each).cos()),
-                    of(moved, &|each| phase(each).sin()),
-                ]
+                vec![(moved, cosines), (moved, sines)]
             }
             Against::Torque { joint } => {
                 let torque = |each: &ReadingRows| each.torques[joint];
