@@ -2,8 +2,7 @@
 
 use std::convert::Infallible;
 
-use multiversion::multiversion;
-use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, MatrixXx6, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, Vector6};
 use rayon::prelude::*;
 
 use super::model::{Form, ObservationModel};
@@ -35,12 +34,23 @@ impl NormalEquations {
         }
     }
 
-    /// Adds one reading's whitened rows, of which so many count (p x 6, transposed); only the lower triangle of the information is filled.
-    fn add(&mut self, rows: &MatrixXx6<f64>, count: usize, residual: &Vector6<f64>) {
-        add_products(self.information.as_mut_slice(), rows.as_slice(), count);
+    /// Adds one reading's whitened rows, of which so many are not zero; only the lower triangle of the information is filled.
+    fn add(&mut self, rows: &Matrix6xX<f64>, count: usize, residual: &Vector6<f64>) {
         let residual: [f64; 6] = std::array::from_fn(|row| residual[row]);
-        for (index, sum) in self.gradient.iter_mut().enumerate() {
-            *sum += dot(&std::array::from_fn(|row| rows[(index, row)]), &residual);
+        let columns = rows.as_slice().as_chunks::<6>().0;
+        for (index, one) in columns.iter().enumerate() {
+            let mut information = self.information.column_mut(index);
+            for (sum, other) in information.as_mut_slice()[index..]
+                .iter_mut()
+                .zip(&columns[index..])
+            {
+                *sum += if count <= 3 {
+                    one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+                } else {
+                    dot(one, other)
+                };
+            }
+            self.gradient[index] += dot(one, &residual);
         }
         self.square += dot(&residual, &residual);
     }
@@ -54,27 +64,6 @@ impl NormalEquations {
     fn finish(mut self) -> Self {
         self.information.fill_upper_triangle_with_lower_triangle();
         self
-    }
-}
-
-/// Adds products of columns of six rows, the columns of each row one behind the other, to the lower triangle of a square matrix.
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn add_products(sums: &mut [f64], rows: &[f64], count: usize) {
-    let size = rows.len() / 6;
-    for index in 0..size {
-        let sums = &mut sums[size * index + index..size * (index + 1)];
-        let others: [&[f64]; 6] =
-            std::array::from_fn(|row| &rows[size * row + index..][..sums.len()]);
-        let own = others.map(|row| row[0]);
-        let product = |row: usize, place: usize| own[row] * others[row][place];
-        for (place, sum) in sums.iter_mut().enumerate() {
-            let of = |row| product(row, place);
-            *sum += if count <= 3 {
-                of(0) + of(1) + of(2)
-            } else {
-                (of(0) + of(3)) + (of(1) + of(4)) + (of(2) + of(5))
-            };
-        }
     }
 }
 
@@ -107,7 +96,6 @@ pub(super) struct ReadingSums<'a> {
     scales: &'a DVector<f64>,
     /// The whitened rows of the last observation, in units of typical sizes.
     pub rows: Matrix6xX<f64>,
-    transposed: MatrixXx6<f64>,
     pub sums: NormalEquations,
 }
 
@@ -117,7 +105,6 @@ impl<'a> ReadingSums<'a> {
             model: model.clone(),
             scales,
             rows: Matrix6xX::zeros(scales.len()),
-            transposed: MatrixXx6::zeros(scales.len()),
             sums: NormalEquations::zeros(scales.len()),
         }
     }
@@ -140,8 +127,7 @@ impl<'a> ReadingSums<'a> {
 
     fn add_whitened(&mut self, kind: ReadingKind, residual: &Vector6<f64>) {
         in_sizes(&mut self.rows, self.scales);
-        self.rows.transpose_to(&mut self.transposed);
-        self.sums.add(&self.transposed, kind.rows(), residual);
+        self.sums.add(&self.rows, kind.rows(), residual);
     }
 }
 
@@ -176,26 +162,18 @@ pub fn of_each_prediction<T: Send>(
     made_of: impl Fn(usize, &Prediction, &mut Matrix6xX<f64>) -> T + Sync,
 ) -> Result<Vec<T>, (usize, EquilibriumError)> {
     let of_block = |(block, observations): (usize, &[Observation])| {
-        let (mut model, first) = (model.clone(), block * BLOCK);
+        let mut model = model.clone();
         let mut derivatives = Matrix6xX::zeros(model.set().len());
-        let each = observations.iter().enumerate().map(|(index, each)| {
-            let (place, kind) = (first + index, each.reading.kind());
+        let each = (block * BLOCK..).zip(observations).map(|(place, each)| {
+            let kind = each.reading.kind();
             let predicted = model.predict(Form::AtRest, &each.setup, kind, &mut derivatives);
             let predicted = predicted.map_err(|error| (place, error))?;
             Ok(made_of(place, &predicted, &mut derivatives))
         });
-        each.collect::<Result<Vec<T>, _>>()
+        each.collect::<Vec<_>>()
     };
-    let blocks: Vec<_> = observations
-        .par_chunks(BLOCK)
-        .enumerate()
-        .map(of_block)
-        .collect();
-    let mut all = Vec::with_capacity(observations.len());
-    for block in blocks {
-        all.extend(block?);
-    }
-    Ok(all)
+    let blocks = observations.par_chunks(BLOCK).enumerate().map(of_block);
+    blocks.collect::<Vec<_>>().into_iter().flatten().collect()
 }
 
 /// The information of planned readings (p x p, in units of typical sizes) at values of the parameters,

@@ -222,16 +222,9 @@ impl Whitener {
         matrix.view_mut((rows, 0), (others, 6)).fill(0.0);
         matrix.view_mut((0, rows), (6, others)).fill(0.0);
         *residual = matrix * *residual;
-        let three = matrix.fixed_view::<3, 3>(0, 0).into_owned();
         for mut column in derivatives.column_iter_mut() {
-            if rows <= 3 {
-                let white = three * column.fixed_rows::<3>(0);
-                column.fixed_rows_mut::<3>(0).copy_from(&white);
-                column.fixed_rows_mut::<3>(3).fill(0.0);
-            } else {
-                let white = matrix * &column;
-                column.copy_from(&white);
-            }
+            let white = matrix * &column;
+            column.copy_from(&white);
         }
     }
 }

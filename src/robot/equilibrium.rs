@@ -272,12 +272,12 @@ impl EquilibriumSolver {
     fn evaluate(&mut self, arm: &mut impl Kinematics, load: &Load) {
         let gravity = arm.gravity_m_s2();
         arm.update(self.q.as_slice(), &mut self.state);
-        (self.state).torques(
-            load,
-            &gravity,
-            self.torque.as_mut_slice(),
-            &mut self.gradient,
-        );
+        for joint in 0..self.q.len() {
+            self.torque[joint] =
+                self.state.load_torque(joint, load) + self.state.gravity_torque(joint, &gravity);
+        }
+        self.state
+            .torque_gradient(load, &gravity, &mut self.gradient);
         if !self.state.spring_torque.is_empty() {
             for (torque, of_springs) in self.torque.iter_mut().zip(&self.state.spring_torque) {
                 *torque += of_springs;

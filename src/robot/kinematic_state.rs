@@ -308,24 +308,17 @@ impl KinematicState {
         }
     }
 
-    /// Writes the torques of the load and of gravity (N m) and d `tau_j` / d `q_i` (row j, column i; n x n, N m/rad), see
-    /// [`Self::torque_derivative`]; a triple product's factors are swapped so that the sum of moments is made once a joint.
-    pub fn torques(
+    /// Writes d `tau_j` / d `q_i` (row j, column i; n x n, N m/rad), see [`Self::torque_derivative`];
+    /// a triple product's factors are swapped so that the sum of moments is made once a joint.
+    pub fn torque_gradient(
         &self,
         load: &Load,
         gravity_m_s2: &Vector3<f64>,
-        torques: &mut [f64],
         gradient: &mut DMatrix<f64>,
     ) {
-        let has_gravity = *gravity_m_s2 != Vector3::zeros();
         for outer in 0..self.joints() {
-            let mut forces = self.position_column(outer).cross(&load.force_n);
-            torques[outer] = self.load_torque(outer, load);
-            if has_gravity {
-                let moment = self.mass_column(outer);
-                torques[outer] += moment.dot(gravity_m_s2);
-                forces += moment.cross(gravity_m_s2);
-            }
+            let forces = self.position_column(outer).cross(&load.force_n)
+                + self.weight_moment(outer, gravity_m_s2);
             let torque = self.rotation_column(outer).cross(&load.torque_nm);
             gradient[(outer, outer)] = self.turning[outer].dot(&forces);
             for (inner, axis) in self.turning[..outer].iter().enumerate() {

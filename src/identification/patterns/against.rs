@@ -122,14 +122,6 @@ impl LookedAt {
         DMatrix::from_iterator(6 * self.readings.len(), columns.len(), rows)
     }
 
-    /// Products of two bases in each reading.
-    pub(super) fn products(&self, one: Base, other: Base) -> Vec<f64> {
-        let readings = self.readings.iter();
-        readings
-            .map(|each| one.of(each).dot(&other.of(each)))
-            .collect()
-    }
-
     /// A candidate's columns.
     pub(super) fn columns(&self, against: Against) -> Vec<PatternColumn> {
         let of = |base: Base, factor: &dyn Fn(&ReadingRows) -> f64| -> PatternColumn {
@@ -137,13 +129,10 @@ impl LookedAt {
         };
         match against {
             Against::Angle { joint, waves } => {
-                let phases = self.readings.iter().map(|each| {
-                    let (sine, cosine) = (waves as f64 * each.angles[joint]).sin_cos();
-                    (cosine, sine)
-                });
-                let (cosines, sines): (Vec<f64>, Vec<f64>) = phases.unzip();
-                let moved = Base::Moved(joint);
-                vec![(moved, cosines), (moved, sines)]
+                let phases = self.readings.iter();
+                let phases = phases.map(|each| (waves as f64 * each.angles[joint]).sin_cos());
+                let (sines, cosines) = phases.unzip();
+                vec![(Base::Moved(joint), cosines), (Base::Moved(joint), sines)]
             }
             Against::Torque { joint } => {
                 let torque = |each: &ReadingRows| each.torques[joint];

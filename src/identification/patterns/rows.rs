@@ -1,6 +1,6 @@
 //! Residuals in whitened rows, with the derivatives by the fit's parameters and by what else they may correlate with.
 
-use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector6};
 
 use super::against::Base;
 use crate::robot::{Drive, SerialChain};
@@ -151,9 +151,4 @@ pub(super) fn orthonormal(
         .map(|(value, vector)| vector.component_mul(&scale) / value.sqrt())
         .collect();
     (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
-}
-
-/// A unit vector in place of one that has no length.
-pub fn unit(vector: &Vector3<f64>) -> Vector3<f64> {
-    vector.try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }

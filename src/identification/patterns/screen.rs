@@ -95,6 +95,9 @@ pub(super) fn screened(
     projected: &Projected,
     candidates: &[Against],
 ) -> Vec<Test> {
+    // Those of one joint are beside each other then.
+    let mut candidates = candidates.to_vec();
+    candidates.sort_unstable();
     let tests = candidates.par_chunks(BATCH).map(|candidates| {
         let columns = candidates.iter().map(|&each| (each, looked.columns(each)));
         let columns: Vec<(Against, Vec<PatternColumn>)> = columns.collect();
@@ -117,45 +120,40 @@ fn tested(
     projected: &Projected,
     group: &[(Against, Vec<PatternColumn>)],
 ) -> Vec<TestedPattern> {
-    let (bases, taken): (Vec<Base>, usize) = (
-        group.first().into_iter().flat_map(bases).collect(),
-        projected.directions.nrows(),
-    );
+    let bases: Vec<Base> = group.first().into_iter().flat_map(bases).collect();
     // What the fit's directions and what is left see of each column, side by side (r + 1 x candidates).
-    let seen: Vec<DMatrix<f64>> = (bases.iter().enumerate())
-        .map(|(place, &base)| {
-            let factors = group.iter().flat_map(|(_, columns)| &columns[place].1);
-            let (rows, count) = (looked.readings.len(), group.len());
-            projected.seen(looked, base) * DMatrix::from_iterator(rows, count, factors.copied())
-        })
-        .collect();
-    let lengths: Vec<Vec<Vec<f64>>> = (bases.iter())
-        .map(|&one| {
-            bases
-                .iter()
-                .map(|&other| looked.products(one, other))
-                .collect()
-        })
-        .collect();
+    let seen = bases.iter().enumerate().map(|(place, &base)| {
+        let factors = group.iter().flat_map(|(_, columns)| &columns[place].1);
+        let (rows, count) = (looked.readings.len(), group.len());
+        projected.seen(looked, base) * DMatrix::from_iterator(rows, count, factors.copied())
+    });
+    let seen: Vec<DMatrix<f64>> = seen.collect();
+    let pairs = bases
+        .iter()
+        .flat_map(|one| bases.iter().map(move |other| (one, other)));
+    let product = |(one, other): (&Base, &Base)| -> Vec<f64> {
+        let readings = looked.readings.iter();
+        readings
+            .map(|each| one.of(each).dot(&other.of(each)))
+            .collect()
+    };
+    let products: Vec<Vec<f64>> = pairs.map(product).collect();
     let candidate = |(number, (against, columns)): (usize, &(Against, Vec<PatternColumn>))| {
-        let size = columns.len();
-        let seen = DMatrix::from_fn(taken + 1, size, |row, place| seen[place][(row, number)]);
-        let whole = DMatrix::from_fn(size, size, |one, other| {
+        let whole = DMatrix::from_fn(columns.len(), columns.len(), |one, other| {
             let factors = columns[one].1.iter().zip(&columns[other].1);
-            let products = factors.zip(&lengths[one][other]);
-            products
-                .map(|((one, other), length)| one * other * length)
+            let terms = factors.zip(&products[bases.len() * one + other]);
+            terms
+                .map(|((one, other), product)| one * other * product)
                 .sum()
         });
-        let (taken, with_left) = (
-            seen.rows(0, taken).into_owned(),
-            seen.row(taken).transpose(),
-        );
+        let own: Vec<_> = seen.iter().map(|seen| seen.column(number)).collect();
+        let own = DMatrix::from_columns(&own);
+        let (taken, left) = own.rows_range_pair(..own.nrows() - 1, own.nrows() - 1..);
         let combinations = orthonormal(&(&whole - taken.tr_mul(&taken)), &whole, |_| TOLD_APART)?;
         Some(TestedPattern {
             against: *against,
-            taken,
-            shares: combinations.tr_mul(&with_left),
+            taken: taken.into_owned(),
+            shares: (left * &combinations).row(0).transpose(),
             combinations,
         })
     };
