@@ -18,8 +18,8 @@ use super::kinematic_state::{KinematicState, Kinematics, Load};
 
 /// The last step of a converged solution is no larger than this (rad).
 pub const CONVERGED_RAD: f64 = 1e-12;
-/// A plain arm's last step is as short as this (rad): joints are then right to some thousandths of its square. Where the tool's place alone
-/// is asked for, that follows without a new geometry.
+/// Where the tool's place alone is asked for, a plain arm takes a last step as short as this without a new geometry (rad): joints are then
+/// right to some thousandths of its square, the tool's place to rounding.
 const CLOSE_RAD: f64 = 1e-6;
 /// Newton's method needs three or four steps; more than this is a failure.
 pub const MAXIMUM_ITERATIONS: usize = 30;
@@ -168,7 +168,8 @@ impl EquilibriumSolver {
         commanded_rad: &[f64],
         load: &Load,
     ) -> Result<Equilibrium, EquilibriumError> {
-        let close_rad = if arm.is_plain() {
+        let is_followed = self.is_of_places && arm.is_plain();
+        let close_rad = if is_followed {
             CLOSE_RAD
         } else {
             CONVERGED_RAD
@@ -191,12 +192,15 @@ impl EquilibriumSolver {
                 break;
             }
             last_step_rad = self.step.amax();
+            // A step as small as this is not worth a new geometry: the last one is that of `q`. With soft
+            // springs or long ways to slide it is.
             if last_step_rad <= close_rad {
-                self.q += &self.step;
-                if self.is_of_places && arm.is_plain() {
+                if is_followed {
+                    self.q += &self.step;
                     self.torque.gemv(1.0, &self.gradient, &self.step, 1.0);
                     self.state.follow(self.step.as_slice());
-                } else if last_step_rad > 0.0 {
+                } else if !arm.is_plain() && last_step_rad > 0.0 {
+                    self.q += &self.step;
                     self.evaluate(arm, load);
                 }
                 self.check_stability(compliance_rad_per_nm)?;
