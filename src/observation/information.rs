@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, Vector6};
 use rayon::prelude::*;
 
 use super::model::{Form, ObservationModel};
-use super::reading::{Observation, PlannedReading, ReadingKind, Setup};
+use super::reading::{Observation, PlannedReading, Prediction, ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::EquilibriumError;
 
@@ -34,8 +34,8 @@ impl NormalEquations {
         }
     }
 
-    /// Adds one reading's whitened rows; only the lower triangle of the information is filled.
-    fn add(&mut self, rows: &Matrix6xX<f64>, residual: &Vector6<f64>) {
+    /// Adds one reading's whitened rows, of which so many are not zero; only the lower triangle of the information is filled.
+    fn add(&mut self, rows: &Matrix6xX<f64>, count: usize, residual: &Vector6<f64>) {
         let residual: [f64; 6] = std::array::from_fn(|row| residual[row]);
         let columns = rows.as_slice().as_chunks::<6>().0;
         for (index, one) in columns.iter().enumerate() {
@@ -44,7 +44,11 @@ impl NormalEquations {
                 .iter_mut()
                 .zip(&columns[index..])
             {
-                *sum += dot(one, other);
+                *sum += if count <= 3 {
+                    one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+                } else {
+                    dot(one, other)
+                };
             }
             self.gradient[index] += dot(one, &residual);
         }
@@ -110,7 +114,7 @@ impl<'a> ReadingSums<'a> {
         let (kind, rows) = (each.reading.kind(), &mut self.rows);
         let predicted = self.model.predict(Form::AtRest, &each.setup, kind, rows)?;
         let residual = each.whiten(&predicted, rows);
-        self.add_whitened(&residual);
+        self.add_whitened(kind, &residual);
         Ok(residual)
     }
 
@@ -118,12 +122,12 @@ impl<'a> ReadingSums<'a> {
         let (mut residual, rows) = (Vector6::zeros(), &mut self.rows);
         self.model.predict_as_planned(&each.setup, each.kind, rows);
         each.whitener.whiten(each.kind, &mut residual, rows);
-        self.add_whitened(&residual);
+        self.add_whitened(each.kind, &residual);
     }
 
-    fn add_whitened(&mut self, residual: &Vector6<f64>) {
+    fn add_whitened(&mut self, kind: ReadingKind, residual: &Vector6<f64>) {
         in_sizes(&mut self.rows, self.scales);
-        self.sums.add(&self.rows, residual);
+        self.sums.add(&self.rows, kind.rows(), residual);
     }
 }
 
@@ -146,6 +150,30 @@ pub fn normal_equations(
         }
         Ok(block.sums)
     })
+}
+
+/// What is made of each observation's prediction through the static equilibrium, with the derivatives (6 x p), in their order.
+///
+/// # Errors
+/// As [`normal_equations`].
+pub fn of_each_prediction<T: Send>(
+    model: &ObservationModel<'_>,
+    observations: &[Observation],
+    made_of: impl Fn(usize, &Prediction, &mut Matrix6xX<f64>) -> T + Sync,
+) -> Result<Vec<T>, (usize, EquilibriumError)> {
+    let of_block = |(block, observations): (usize, &[Observation])| {
+        let mut model = model.clone();
+        let mut derivatives = Matrix6xX::zeros(model.set().len());
+        let each = (block * BLOCK..).zip(observations).map(|(place, each)| {
+            let kind = each.reading.kind();
+            let predicted = model.predict(Form::AtRest, &each.setup, kind, &mut derivatives);
+            let predicted = predicted.map_err(|error| (place, error))?;
+            Ok(made_of(place, &predicted, &mut derivatives))
+        });
+        each.collect::<Vec<_>>()
+    };
+    let blocks = observations.par_chunks(BLOCK).enumerate().map(of_block);
+    blocks.collect::<Vec<_>>().into_iter().flatten().collect()
 }
 
 /// The information of planned readings (p x p, in units of typical sizes) at values of the parameters,

@@ -32,8 +32,8 @@ mod visits_tests;
 
 pub use compliances::{BareArm, ComplianceColumns};
 pub use information::{
-    NormalEquations, normal_equations, planned_information, planned_information_of_each,
-    planned_positions, planned_rows, turning_load_rows,
+    NormalEquations, normal_equations, of_each_prediction, planned_information,
+    planned_information_of_each, planned_positions, planned_rows, turning_load_rows,
 };
 pub use model::{Form, ObservationModel, RestTorques};
 pub use planned::{CovarianceTogether, NOTHING_READ, PlannedReadings};

@@ -321,8 +321,9 @@ impl EquilibriumSolver {
     /// I - k^1/2 dtau/dq k^1/2 is positive definite.
     fn check_stability(&mut self, compliance: &[f64]) -> Result<(), EquilibriumError> {
         let joints = self.q.len();
-        for row in 0..joints {
-            for column in 0..joints {
+        // The factorisation sees no more than the lower triangle.
+        for column in 0..joints {
+            for row in column..joints {
                 let symmetric = 0.5 * (self.gradient[(row, column)] + self.gradient[(column, row)]);
                 let weight = (compliance[row].max(0.0) * compliance[column].max(0.0)).sqrt();
                 let identity = f64::from(u8::from(row == column));
@@ -355,20 +356,25 @@ fn newton_matrix(gradient: &DMatrix<f64>, compliance: &[f64], system: &mut DMatr
 /// are overwritten by the solutions; unlike the library's factorisation it allocates nothing.
 /// Returns false for a singular matrix.
 fn solve_in_place(system: &mut DMatrix<f64>, right_hand_sides: &mut [f64]) -> bool {
-    let size = system.nrows();
-    let all = system.as_mut_slice();
+    // Loops of the usual length are unrolled.
+    match system.nrows() {
+        6 => eliminate(6, system.as_mut_slice(), right_hand_sides),
+        size => eliminate(size, system.as_mut_slice(), right_hand_sides),
+    }
+}
+
+#[inline(always)]
+fn eliminate(size: usize, all: &mut [f64], right_hand_sides: &mut [f64]) -> bool {
     for pivot in 0..size {
         let (before, beyond) = all.split_at_mut(size * (pivot + 1));
         let own = &mut before[size * pivot..];
-        let Some(best) = (pivot..size).max_by(|&one, &other| {
-            // Of equals the first.
-            own[one]
-                .abs()
-                .total_cmp(&own[other].abs())
-                .then(other.cmp(&one))
-        }) else {
-            return false;
-        };
+        // Of equals the first.
+        let mut best = pivot;
+        for row in pivot + 1..size {
+            if own[row].abs() > own[best].abs() {
+                best = row;
+            }
+        }
         if own[best] == 0.0 || !own[best].is_finite() {
             return false;
         }

@@ -1,6 +1,6 @@
 //! Parts of the readings, those that were kept and blocks of joint space, and cross-validation: fits without one block each.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX};
+use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::error::IdentificationError;
@@ -11,7 +11,7 @@ use super::{
 };
 use crate::experiment::together;
 use crate::numeric::estimable::Estimable;
-use crate::observation::{Form, NormalEquations, ObservationModel};
+use crate::observation::{NormalEquations, ObservationModel, of_each_prediction};
 use crate::parameter::{ParameterSet, relative_precision};
 
 /// With fewer blocks there is nothing to compare.
@@ -222,7 +222,7 @@ impl<'a> Blocks<'a> {
         }
         Ok(Without {
             left: part.left(&set.apply(&part.arm, values.as_slice()))?,
-            is_told: part.determined_by_others(set, &values, &hidden),
+            is_told: part.determined_by_others(set, &values, &hidden)?,
             values,
         })
     }
@@ -235,25 +235,17 @@ impl AbsoluteCase<'_> {
         set: &ParameterSet,
         values: &DVector<f64>,
         hidden: &DMatrix<f64>,
-    ) -> Vec<bool> {
+    ) -> Result<Vec<bool>, IdentificationError> {
         if hidden.ncols() == 0 {
-            return vec![true; self.observations.len()];
+            return Ok(vec![true; self.observations.len()]);
         }
-        let scales = set.scales();
-        let mut model = ObservationModel::new(set, &self.arm, values.as_slice());
-        let mut rows = Matrix6xX::zeros(set.len());
-        let told = self.observations.iter().map(|each| {
-            let kind = each.reading.kind();
-            let Ok(predicted) = model.predict(Form::AtRest, &each.setup, kind, &mut rows) else {
-                return false;
-            };
-            each.whiten(&predicted, &mut rows);
-            for (mut column, scale) in rows.column_iter_mut().zip(&scales) {
-                column *= *scale;
-            }
-            let moved = &rows * hidden;
+        let hidden = DMatrix::from_diagonal(&set.scales()) * hidden;
+        let model = ObservationModel::new(set, &self.arm, values.as_slice());
+        let told = of_each_prediction(&model, &self.observations, |place, predicted, rows| {
+            self.observations[place].whiten(predicted, rows);
+            let moved = &*rows * &hidden;
             moved.column_iter().all(|moved| moved.norm() < MATTERS)
         });
-        told.collect()
+        Ok(told?)
     }
 }

@@ -171,7 +171,7 @@ impl AbsoluteCase<'_> {
         self.sharing_discrepancy().len() as f64 / self.observations.len() as f64
     }
 
-    fn discrepancy_of(&self, left: &[ReadingResidual], fit: &ParameterFit) -> [f64; 2] {
+    pub(super) fn discrepancy_of(&self, left: &[ReadingResidual], fit: &ParameterFit) -> [f64; 2] {
         // Each reading has its part in what was fitted.
         let spare = if self.visits.len() < LEAST_VISITS {
             self.degrees_of(fit) / (self.alone() * fit.rows as f64)

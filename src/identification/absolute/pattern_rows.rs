@@ -3,7 +3,7 @@
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::super::error::IdentificationError;
-use super::super::patterns::{BLOCKS, LookedAt, ReadingRows, unit};
+use super::super::patterns::{BLOCKS, LookedAt, ReadingRows};
 use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy};
 use crate::measurement::AbsoluteReading;
@@ -109,18 +109,19 @@ fn placed_columns(
     let base = fit.arm.instrument_from_base[each.setup.station]
         .translation
         .vector;
+    let sight = position_m.try_normalize(0.0).unwrap_or_default();
     let directions = [
         Vector3::x(),
         Vector3::y(),
         Vector3::z(),
         position_m - base,
-        unit(&position_m),
+        sight,
     ];
     let kind = each.reading.kind();
     let columns = directions.map(|direction| {
         let mut column = Vector6::zeros();
         if kind == ReadingKind::Distance {
-            column[0] = direction.dot(&unit(&position_m));
+            column[0] = direction.dot(&sight);
         } else {
             column.fixed_rows_mut::<3>(0).copy_from(&direction);
         }

@@ -1,12 +1,12 @@
 //! Residuals of absolute readings, and their derivatives.
 
-use nalgebra::{DMatrix, DVector, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::super::IdentificationError;
 use super::case::rotation_of;
 use super::{AbsoluteCase, ReadingResidual};
-use crate::observation::{Form, ObservationModel, Whitener};
+use crate::observation::{ObservationModel, Whitener, of_each_prediction};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::rotation_vector;
 
@@ -87,22 +87,17 @@ impl AbsoluteCase<'_> {
     /// It has no equilibrium for one of them.
     pub fn left(&self, arm: &ElasticArm) -> Result<Vec<ReadingResidual>, IdentificationError> {
         let nothing = ParameterSet::empty();
-        let mut model = ObservationModel::new(&nothing, arm, &[]);
-        let mut derivatives = Matrix6xX::zeros(0);
-        (self.observations.iter().enumerate())
-            .map(|(index, each)| {
-                let kind = each.reading.kind();
-                let predicted = model
-                    .predict(Form::AtRest, &each.setup, kind, &mut derivatives)
-                    .map_err(|error| (index, error))?;
-                let turned = |read| rotation_vector(&(read * predicted.rotation.transpose()));
-                Ok(ReadingResidual {
-                    position_m: each.position_m() - predicted.position_m,
-                    coordinates: kind.rows().min(3),
-                    rotation_rad: rotation_of(&each.reading).map(turned),
-                })
-            })
-            .collect()
+        let model = ObservationModel::new(&nothing, arm, &[]);
+        let left = of_each_prediction(&model, &self.observations, |place, predicted, _| {
+            let each = &self.observations[place];
+            let turned = |read| rotation_vector(&(read * predicted.rotation.transpose()));
+            ReadingResidual {
+                position_m: each.position_m() - predicted.position_m,
+                coordinates: each.reading.kind().rows().min(3),
+                rotation_rad: rotation_of(&each.reading).map(turned),
+            }
+        });
+        Ok(left?)
     }
 
     /// The joints that somebody commands.
@@ -135,30 +130,20 @@ impl AbsoluteCase<'_> {
             .unwrap_or_else(|_| (set.clone(), Vec::new()));
         let mut all_values = all.prior().mean.clone();
         all_values.as_mut_slice()[..set.len()].copy_from_slice(values);
-        let mut model = ObservationModel::new(&all, reference, all_values.as_slice());
-        let mut derivatives = Matrix6xX::zeros(all.len());
+        let model = ObservationModel::new(&all, reference, all_values.as_slice());
         let one = Vector3::repeat(1.0);
-        let observations = self.observations.iter().zip(&self.covariances);
-        (observations.enumerate())
-            .map(|(index, (each, covariance))| {
-                let mut each = each.clone();
-                each.whitener = Whitener::independent(one, one);
-                let kind = each.reading.kind();
-                let predicted = (model.predict(Form::AtRest, &each.setup, kind, &mut derivatives))
-                    .map_err(|error| (index, error))?;
-                let residual = each.whiten(&predicted, &mut derivatives);
-                let rows = kind.rows();
-                Ok(LinearReading {
-                    residual: DVector::from_fn(rows, |row, _| residual[row]),
-                    columns: DMatrix::from_fn(rows, set.len(), |row, column| {
-                        derivatives[(row, column)]
-                    }),
-                    joints: DMatrix::from_fn(rows, places.len(), |row, joint| {
-                        derivatives[(row, places[joint])]
-                    }),
-                    own: DMatrix::from_fn(rows, rows, |row, column| covariance[(row, column)]),
-                })
-            })
-            .collect()
+        let rows = of_each_prediction(&model, &self.observations, |place, predicted, by| {
+            let mut each = self.observations[place].clone();
+            each.whitener = Whitener::independent(one, one);
+            let residual = each.whiten(predicted, by);
+            let (rows, covariance) = (each.reading.kind().rows(), &self.covariances[place]);
+            LinearReading {
+                residual: DVector::from_fn(rows, |row, _| residual[row]),
+                columns: by.view((0, 0), (rows, set.len())).into_owned(),
+                joints: by.rows(0, rows).select_columns(&places),
+                own: covariance.view((0, 0), (rows, rows)).into_owned(),
+            }
+        });
+        Ok(rows?)
     }
 }

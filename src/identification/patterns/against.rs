@@ -115,15 +115,11 @@ impl LookedAt {
     /// What a candidate does to the rows of all readings (6 N x q).
     pub(super) fn rows_of(&self, against: Against) -> DMatrix<f64> {
         let columns = self.columns(against);
-        let mut rows = DMatrix::zeros(6 * self.readings.len(), columns.len());
-        for (place, (base, factors)) in columns.iter().enumerate() {
-            for (index, (reading, factor)) in self.readings.iter().zip(factors).enumerate() {
-                let own = base.of(reading) * *factor;
-                rows.fixed_view_mut::<6, 1>(6 * index, place)
-                    .copy_from(&own);
-            }
-        }
-        rows
+        let rows = columns.iter().flat_map(|(base, factors)| {
+            let each = self.readings.iter().zip(factors);
+            each.flat_map(|(reading, factor)| <[f64; 6]>::from(base.of(reading) * *factor))
+        });
+        DMatrix::from_iterator(6 * self.readings.len(), columns.len(), rows)
     }
 
     /// A candidate's columns.
@@ -133,12 +129,10 @@ impl LookedAt {
         };
         match against {
             Against::Angle { joint, waves } => {
-                let phase = |each: &ReadingRows| waves as f64 * each.angles[joint];
-                let moved = Base::Moved(joint);
-                vec![
-                    of(moved, &|each| phase(each).cos()),
-                    of(moved, &|each| phase(each).sin()),
-                ]
+                let phases = self.readings.iter();
+                let phases = phases.map(|each| (waves as f64 * each.angles[joint]).sin_cos());
+                let (sines, cosines) = phases.unzip();
+                vec![(Base::Moved(joint), cosines), (Base::Moved(joint), sines)]
             }
             Against::Torque { joint } => {
                 let torque = |each: &ReadingRows| each.torques[joint];

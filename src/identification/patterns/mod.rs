@@ -22,7 +22,6 @@ pub use against::{Against, Course, Drifting};
 pub use deflections::looked_at;
 pub use points::PatternPoint;
 use rows::Projected;
-pub(super) use rows::unit;
 pub use rows::{LookedAt, ReadingRows};
 use screen::{Test, judged, screened};
 

@@ -1,7 +1,8 @@
 //! Residuals in whitened rows, with the derivatives by the fit's parameters and by what else they may correlate with.
 
-use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector6};
 
+use super::against::Base;
 use crate::robot::{Drive, SerialChain};
 
 /// Directions of parameters that readings see with less than this share of the best seen one are none.
@@ -97,6 +98,19 @@ impl Projected {
         projected
     }
 
+    /// What the directions and what is left see of a base in each reading (r + 1 x N).
+    pub fn seen(&self, looked: &LookedAt, base: Base) -> DMatrix<f64> {
+        let (readings, count) = (&looked.readings, self.directions.nrows());
+        let mut seen = DMatrix::zeros(count + 1, readings.len());
+        for (index, (each, mut seen)) in readings.iter().zip(seen.column_iter_mut()).enumerate() {
+            let (own, rows) = (base.of(each), each.count);
+            let among = self.directions.columns(6 * index, rows);
+            (seen.rows_mut(0, count)).gemv(1.0, &among, &own.rows(0, rows), 0.0);
+            seen[count] = own.dot(&self.left.fixed_rows::<6>(6 * index));
+        }
+        seen
+    }
+
     /// Takes orthonormal directions (6 N x d) out of what is left.
     pub fn add(&mut self, directions: &DMatrix<f64>) {
         let (before, more) = (self.directions.nrows(), directions.ncols());
@@ -137,9 +151,4 @@ pub(super) fn orthonormal(
         .map(|(value, vector)| vector.component_mul(&scale) / value.sqrt())
         .collect();
     (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
-}
-
-/// A unit vector in place of one that has no length.
-pub fn unit(vector: &Vector3<f64>) -> Vector3<f64> {
-    vector.try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }

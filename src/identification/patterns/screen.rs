@@ -25,7 +25,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::against::Against;
+use super::against::{Against, Base, PatternColumn};
 use super::rows::{LookedAt, Projected, orthonormal};
 use crate::experiment::numbered;
 
@@ -34,7 +34,7 @@ const TOLD_APART: f64 = 1e-4;
 /// Of a candidate's directions more than this share has to be left to compare groups by.
 const COMPARED: f64 = 1e-9;
 /// So many candidates are tested in one piece.
-const BATCH: usize = 16;
+const BATCH: usize = 60;
 
 /// How strongly residuals go with something.
 #[derive(Debug, Clone)]
@@ -52,10 +52,9 @@ pub(super) struct Test {
     pub design_effect: f64,
 }
 
-/// A candidate's columns, with what the fit's directions take of them (r x q) and orthonormal combinations of what is left.
+/// A candidate with what the fit's directions take of its columns (r x q), and orthonormal combinations of what is left of them.
 struct TestedPattern {
     against: Against,
-    columns: DMatrix<f64>,
     taken: DMatrix<f64>,
     combinations: DMatrix<f64>,
     /// Coordinates of the residuals along the combinations.
@@ -63,29 +62,10 @@ struct TestedPattern {
 }
 
 impl TestedPattern {
-    /// None where it cannot be told from the fit's directions.
-    fn new(
-        against: Against,
-        columns: DMatrix<f64>,
-        taken: DMatrix<f64>,
-        left: &DVector<f64>,
-    ) -> Option<Self> {
-        let whole = columns.tr_mul(&columns);
-        let combinations = orthonormal(&(&whole - taken.tr_mul(&taken)), &whole, |_| TOLD_APART)?;
-        let shares = combinations.tr_mul(&columns.tr_mul(left));
-        Some(Self {
-            against,
-            columns,
-            taken,
-            combinations,
-            shares,
-        })
-    }
-
     /// Its orthonormal directions (6 N x q).
-    fn directions(&self, projected: &Projected) -> DMatrix<f64> {
+    fn directions(&self, looked: &LookedAt, projected: &Projected) -> DMatrix<f64> {
         let taken = &self.taken * &self.combinations;
-        &self.columns * &self.combinations - projected.directions.tr_mul(&taken)
+        looked.rows_of(self.against) * &self.combinations - projected.directions.tr_mul(&taken)
     }
 
     /// The F test, with the degrees of freedom of the denominator where they are fewer than those that are left.
@@ -115,27 +95,69 @@ pub(super) fn screened(
     projected: &Projected,
     candidates: &[Against],
 ) -> Vec<Test> {
+    // Those of one joint are beside each other then.
+    let mut candidates = candidates.to_vec();
+    candidates.sort_unstable();
     let tests = candidates.par_chunks(BATCH).map(|candidates| {
-        let all = candidates_of(looked, projected, candidates);
-        let tests = all
-            .iter()
-            .map(|each| each.test(projected, 1.0, f64::INFINITY));
+        let columns = candidates.iter().map(|&each| (each, looked.columns(each)));
+        let columns: Vec<(Against, Vec<PatternColumn>)> = columns.collect();
+        let groups = columns.chunk_by(|one, other| bases(one).eq(bases(other)));
+        let all = groups.flat_map(|group| tested(looked, projected, group));
+        let tests = all.map(|each| each.test(projected, 1.0, f64::INFINITY));
         tests.flatten().collect::<Vec<_>>()
     });
     tests.collect::<Vec<_>>().concat()
 }
 
-fn candidates_of(looked: &LookedAt, projected: &Projected, all: &[Against]) -> Vec<TestedPattern> {
-    let columns: Vec<DMatrix<f64>> = all.iter().map(|&each| looked.rows_of(each)).collect();
-    let together: Vec<_> = columns.iter().flat_map(DMatrix::column_iter).collect();
-    let taken = &projected.directions * DMatrix::from_columns(&together);
-    let mut first = 0;
-    let candidates = all.iter().zip(columns).map(|(&against, columns)| {
-        let taken = taken.columns(first, columns.ncols()).into_owned();
-        first += columns.ncols();
-        TestedPattern::new(against, columns, taken, &projected.left)
+fn bases((_, columns): &(Against, Vec<PatternColumn>)) -> impl Iterator<Item = Base> {
+    columns.iter().map(|(base, _)| *base)
+}
+
+/// Candidates whose columns have the same bases; those that cannot be told from the fit's directions are left out. A column is a base b of
+/// each reading i times a factor f, so that products are sums of `b_i`'s with the factors.
+fn tested(
+    looked: &LookedAt,
+    projected: &Projected,
+    group: &[(Against, Vec<PatternColumn>)],
+) -> Vec<TestedPattern> {
+    let bases: Vec<Base> = group.first().into_iter().flat_map(bases).collect();
+    // What the fit's directions and what is left see of each column, side by side (r + 1 x candidates).
+    let seen = bases.iter().enumerate().map(|(place, &base)| {
+        let factors = group.iter().flat_map(|(_, columns)| &columns[place].1);
+        let (rows, count) = (looked.readings.len(), group.len());
+        projected.seen(looked, base) * DMatrix::from_iterator(rows, count, factors.copied())
     });
-    candidates.flatten().collect()
+    let seen: Vec<DMatrix<f64>> = seen.collect();
+    let pairs = bases
+        .iter()
+        .flat_map(|one| bases.iter().map(move |other| (one, other)));
+    let product = |(one, other): (&Base, &Base)| -> Vec<f64> {
+        let readings = looked.readings.iter();
+        readings
+            .map(|each| one.of(each).dot(&other.of(each)))
+            .collect()
+    };
+    let products: Vec<Vec<f64>> = pairs.map(product).collect();
+    let candidate = |(number, (against, columns)): (usize, &(Against, Vec<PatternColumn>))| {
+        let whole = DMatrix::from_fn(columns.len(), columns.len(), |one, other| {
+            let factors = columns[one].1.iter().zip(&columns[other].1);
+            let terms = factors.zip(&products[bases.len() * one + other]);
+            terms
+                .map(|((one, other), product)| one * other * product)
+                .sum()
+        });
+        let own: Vec<_> = seen.iter().map(|seen| seen.column(number)).collect();
+        let own = DMatrix::from_columns(&own);
+        let (taken, left) = own.rows_range_pair(..own.nrows() - 1, own.nrows() - 1..);
+        let combinations = orthonormal(&(&whole - taken.tr_mul(&taken)), &whole, |_| TOLD_APART)?;
+        Some(TestedPattern {
+            against: *against,
+            taken: taken.into_owned(),
+            shares: (left * &combinations).row(0).transpose(),
+            combinations,
+        })
+    };
+    group.iter().enumerate().filter_map(candidate).collect()
 }
 
 /// A candidate again, with its design effect, and its orthonormal directions (6 N x q).
@@ -144,8 +166,8 @@ pub(super) fn judged(
     projected: &Projected,
     against: Against,
 ) -> Option<(Test, DMatrix<f64>)> {
-    let candidate = candidates_of(looked, projected, &[against]).pop()?;
-    let directions = candidate.directions(projected);
+    let candidate = tested(looked, projected, &[(against, looked.columns(against))]).pop()?;
+    let directions = candidate.directions(looked, projected);
     let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
     let effect_of = |groups: &[usize]| design_effect(groups, projected, &directions);
     let q = |reading: usize| &looked.readings[reading].angles;

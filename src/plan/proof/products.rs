@@ -157,6 +157,7 @@ pub(super) fn add_scaled(
     }
 }
 
+/// Adds a product: of one model with itself, or of one with another that may have no part of second order.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub(super) fn add_product(
     layout: ModelLayout,
@@ -164,16 +165,21 @@ pub(super) fn add_product(
     sign: f64,
     (one, one_range): (&[Lanes], [usize; 2]),
     (other, other_range): (&[Lanes], [usize; 2]),
+    [is_square, is_linear]: [bool; 2],
 ) {
+    let twice = if is_square { 2.0 * sign } else { sign };
     let mut constant = ZERO;
     for lane in 0..LANES {
         constant[lane] = one[0][lane] * other[0][lane];
     }
-    add_constant_times(sum, sign, &one[0], other, other_range);
-    add_constant_times(sum, sign, &other[0], one, one_range);
+    add_constant_times(sum, twice, &one[0], other, other_range);
+    if !is_square {
+        add_constant_times(sum, sign, &other[0], one, one_range);
+    }
     for i in one_range[0]..one_range[1] {
         let slope = one[linear(i)];
-        for j in other_range[0]..other_range[1] {
+        let first = if is_square { i } else { other_range[0] };
+        for j in first..other_range[1] {
             let factor = &other[linear(j)];
             let place = second(i.min(j), i.max(j));
             if i == j {
@@ -185,7 +191,7 @@ pub(super) fn add_product(
                 }
             } else {
                 for lane in 0..LANES {
-                    sum[place][lane] += sign * (slope[lane] * factor[lane]);
+                    sum[place][lane] += twice * (slope[lane] * factor[lane]);
                 }
             }
         }
@@ -193,8 +199,10 @@ pub(super) fn add_product(
     for lane in 0..LANES {
         sum[0][lane] += sign * constant[lane];
     }
-    add_third(sum, third, sign, (one, one_range), (other, other_range));
-    add_third(sum, third, sign, (other, other_range), (one, one_range));
+    if !is_square && !is_linear {
+        add_third(sum, third, sign, (one, one_range), (other, other_range));
+    }
+    add_third(sum, third, twice, (other, other_range), (one, one_range));
     let (remainder, sizes) = (layout.remainder(), layout.sizes());
     for lane in 0..LANES {
         let size =

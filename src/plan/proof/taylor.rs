@@ -23,6 +23,8 @@ pub(super) struct TaylorModel {
     /// The variables that it depends on: first..last.
     first: usize,
     last: usize,
+    /// Whether its part of second order is nought, as it was made.
+    is_linear: bool,
 }
 
 impl TaylorModel {
@@ -31,6 +33,7 @@ impl TaylorModel {
         index: 0,
         first: 0,
         last: 0,
+        is_linear: true,
     };
 }
 
@@ -155,7 +158,10 @@ impl ModelWorkspace {
         for (j, slope) in slopes.iter().enumerate() {
             top[linear(j)] = *slope;
         }
-        self.push(0, slopes.len())
+        TaylorModel {
+            is_linear: true,
+            ..self.push(0, slopes.len())
+        }
     }
 
     /// Sine and cosine of a coordinate of the box, from those of its centre and the waves of its
@@ -262,6 +268,7 @@ impl ModelWorkspace {
             index: self.used - 1,
             first,
             last,
+            is_linear: first == last,
         }
     }
 }
@@ -323,6 +330,7 @@ impl ModelSum<'_> {
             sign,
             (numbers(one), range(one)),
             (numbers(other), range(other)),
+            [one == other, other.is_linear],
         );
         self
     }

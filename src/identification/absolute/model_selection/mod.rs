@@ -146,7 +146,7 @@ impl AbsoluteCase<'_> {
                 undetermined: named.map(|each| each.sentence.clone()).collect(),
                 distances: DistanceStatistics::of_positions(&left),
                 angles: DistanceStatistics::of_rotations(&left),
-                discrepancy: case.discrepancy(&step.fit)?,
+                discrepancy: case.discrepancy_of(&left, &step.fit),
                 cross_validation: without.and_then(|without| {
                     cross_validation(&case, &blocks, &judged, &step.set, &without)
                 }),
