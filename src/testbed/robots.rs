@@ -33,6 +33,8 @@ pub struct SeenFrom<'a> {
     pub target: &'a str,
     /// Where the instrument stands (m, world frame), where somebody says.
     pub station_m: Option<Vector3<f64>>,
+    /// Whether it errs as a tracker does.
+    pub by_tracker: bool,
 }
 
 /// The virtual robot of one run after another.
@@ -331,7 +333,8 @@ impl TrueRobots {
             }
         }
         let (at_m, axes, _) = rest;
-        let off_by_distance: Vector3<f64> = (reading.noise.by_distance.into_iter())
+        let ranges = (reading.noise.by_distance.into_iter()).filter(|_| seen.by_tracker);
+        let off_by_distance: Vector3<f64> = ranges
             .map(|(range, normals)| {
                 let apart_m = at_m - seen.station_m.unwrap_or(range.from_m);
                 range.drawn(&normals, &apart_m)

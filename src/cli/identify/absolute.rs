@@ -78,7 +78,7 @@ impl Identify {
         if let Some(path) = &self.uncertainties_out {
             text += &written.noted(path, write_uncertainties(path, file, &identified));
         }
-        let uncounted = uncounted(belief);
+        let uncounted = uncounted(&identified.case);
         if !uncounted.is_empty() {
             text += &format!(
                 "  Not counted but as part of what the residuals show: {}\n",
@@ -91,7 +91,7 @@ impl Identify {
         for each in &identified.inconsistencies {
             text += &compared(each);
         }
-        text += &noted(&identified.fit.notes());
+        text += &noted(&identified.notes());
         let mut conditions = identified.conditions();
         conditions.extend(written.conditions());
         Ok(Report::new(json, text, conditions))

@@ -43,6 +43,7 @@ impl Checker<'_> {
                 &[Deflection],
             ),
             ("gauge", table.gauge.is_some(), &[Deflection]),
+            ("distance", table.distance.is_some(), &[Deflection]),
         ];
         let is_refused = |(_, is_given, of): &&(_, bool, &[_])| *is_given && !of.contains(&reads);
         if let Some((key, ..)) = keys.iter().find(is_refused) {
@@ -61,23 +62,28 @@ impl Checker<'_> {
             ("instrument.unloaded", table.unloaded == Unloaded::Shared),
             ("instrument.rotation_sigma_mrad", rotates),
         ];
-        let wrong = match reads {
-            Displacement | Deflection if reads == Displacement || table.gauge.is_some() => {
-                let is_given = |(key, is_given): (&'static str, bool)| {
-                    is_given.then_some((key, "is of an instrument that sees positions alone"))
-                };
-                not_of_gauge.into_iter().find_map(is_given)
+        let wrong = if reads == Distance || table.distance.is_some() {
+            match file.station.as_slice() {
+                _ if !is_absolute => Some(("design.accuracy", "is not \"absolute\"")),
+                [] => Some(("station", "is missing: where distances are read from")),
+                _ => None,
             }
-            Distance if !is_absolute => Some(("design.accuracy", "is not \"absolute\"")),
-            Distance if file.station.is_empty() => {
-                Some(("station", "is missing: where distances are read from"))
-            }
-            _ => None,
+        } else if reads == Displacement || table.gauge.is_some() {
+            let is_given = |(key, is_given): (&'static str, bool)| {
+                is_given.then_some((key, "is of an instrument that sees positions alone"))
+            };
+            not_of_gauge.into_iter().find_map(is_given)
+        } else {
+            None
         };
         if let Some((key, problem)) = wrong {
-            let gauge = table.gauge.as_ref().map_or("", |_| " with a gauge");
+            let beside = match (&table.gauge, &table.distance) {
+                (_, Some(_)) => " with instrument.distance",
+                (Some(_), _) => " with a gauge",
+                _ => "",
+            };
             let problem = format!(
-                "{problem}, and instrument.reads is {:?}{gauge}",
+                "{problem}, and instrument.reads is {:?}{beside}",
                 reads.word()
             );
             return Err(self.wrong(key, problem));
