@@ -93,6 +93,7 @@ pub(super) fn possible(
         let looking = LookingAt {
             target: known.unwrap_or(&task.belief.calibration_tool),
             station: station_named(&task.belief.stations, row.station.as_deref()),
+            is_seen: true,
         };
         let experiment = row.experiment(row.most.unwrap_or(MOST_EXPERIMENTS));
         let violations = feasibility.violations_of_reading(1, &experiment, looking);
