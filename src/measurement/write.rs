@@ -222,7 +222,7 @@ fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_fille
     }
     add_approach(&mut sheet, |each| each.approach.as_ref());
     // What is of the other kind of readings, or not filled in, is empty.
-    let mut add = |names: &[String], of_distances: bool, is_filled: bool, fields: Fields<'_>| {
+    let mut add = |names: &[String], of_distances: bool, is_filled: bool, fields: NumbersOf<'_>| {
         sheet.add(names, |each| {
             if is_filled && is_distance(each) == of_distances {
                 shown(&fields(each))
@@ -284,7 +284,7 @@ fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_fille
 }
 
 /// Numbers of a reading, in the units of the file.
-type Fields<'f> = &'f dyn Fn(&AbsoluteReading) -> Vec<f64>;
+type NumbersOf<'f> = &'f dyn Fn(&AbsoluteReading) -> Vec<f64>;
 
 fn is_diagonal(covariance: &Matrix6<f64>, rows: usize) -> bool {
     triangle(rows).all(|(row, column)| row == column || covariance[(row, column)] == 0.0)

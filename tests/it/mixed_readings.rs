@@ -228,7 +228,7 @@ fn rows_by_hand(planning: &AbsolutePlanning<'_>, scenario: &Scenario) -> (DMatri
         left.iter().zip(&blank).flat_map(of_one).collect()
     };
     let columns = set.parameters().iter().enumerate().map(|(index, each)| {
-        let step = 1e-3 * each.scale;
+        let step = 1e-2 * each.scale;
         let [above, below] = [step, -step].map(|step| {
             let mut values = values.clone();
             values[index] += step;
@@ -260,34 +260,34 @@ fn information_of_both_adds_up() {
         format!("{}{}", &text[..repeatability], &text[design..]),
     );
     let (scenario, rows) = loaded(&place);
-    let planning = AbsolutePlanning::of_plan(&scenario.task, &[], &rows).expect("a plan");
-    let set = planning.set();
-    let (by_unknowns, sigmas) = rows_by_hand(&planning, &scenario);
-    let mut information = set.prior().precision.clone();
-    for (row, sigma) in by_unknowns.row_iter().zip(&sigmas) {
-        information += row.transpose() * row / sigma.powi(2);
-    }
-    let found = planning.prediction(&planning.whole()).posterior;
-    // In typical sizes, so that an inverse has all its digits.
-    let sizes = DMatrix::from_diagonal(&set.scales());
-    let covariance = (&sizes * information * &sizes)
-        .try_inverse()
-        .expect("determined");
-    for place in 0..set.len() {
-        let by_hand = covariance[(place, place)].sqrt() * set.scales()[place];
-        let error = found.standard_error(place).expect("determined");
-        let name = &found.names[place];
-        assert!(
-            (error / by_hand - 1.0).abs() < 1e-4,
-            "{name}: {error} {by_hand}"
-        );
-    }
-
-    let by_tracker: Vec<Candidate> = rows
-        .iter()
+    let by_tracker: Vec<Candidate> = (rows.iter())
         .filter(|row| is_by_tracker(row))
         .cloned()
         .collect();
+    for rows in [&rows, &by_tracker] {
+        let planning = AbsolutePlanning::of_plan(&scenario.task, &[], rows).expect("a plan");
+        let set = planning.set();
+        let (by_unknowns, sigmas) = rows_by_hand(&planning, &scenario);
+        let mut information = set.prior().precision.clone();
+        for (row, sigma) in by_unknowns.row_iter().zip(&sigmas) {
+            information += row.transpose() * row / sigma.powi(2);
+        }
+        let found = planning.prediction(&planning.whole()).posterior;
+        // In typical sizes, so that an inverse has all its digits.
+        let sizes = DMatrix::from_diagonal(&set.scales());
+        let covariance = (&sizes * information * &sizes).try_inverse();
+        let covariance = &sizes * covariance.expect("determined") * &sizes;
+        for (place, name) in found.names.iter().enumerate() {
+            let by_hand = covariance[(place, place)].sqrt();
+            let error = found.standard_error(place).expect("determined");
+            // Derivatives are those at the commanded angles: gravity bends the robot by 2 mrad.
+            assert!(
+                (error / by_hand - 1.0).abs() < 1e-2,
+                "{name}: {error} {by_hand}"
+            );
+        }
+    }
+
     let rho0_m = |scenario: &Scenario| {
         let planning = AbsolutePlanning::of_plan(&scenario.task, &[], &by_tracker).expect("a plan");
         planning
@@ -332,7 +332,7 @@ fn identified(scenario: &Scenario, rows: &[Candidate], run: u64) -> (Vec<f64>, f
 }
 
 /// Files of both are weighed as their errors are: identified zeros are as far off as they are said to be, intervals of 95 % hold 95 %, and
-/// residuals are as large as predicted; where no visit is shared that is not so.
+/// residuals are as large as predicted.
 #[test]
 fn one_fit_weighs_both() {
     const RUNS: u64 = 600;
@@ -494,7 +494,7 @@ fn scenarios_that_do_not_fit_are_refused() {
     let cup = "[instrument.distance]\nsigma_mm = 0.002\nresolution_mm = 0.001\n";
     refused(
         [cup, ""],
-        "[2].reads",
+        "station[1].reads",
         "nothing says how precise distances are",
     );
     refused(

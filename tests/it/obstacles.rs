@@ -186,7 +186,7 @@ fn a_gauge_looks_at_nothing() {
     let place = Workplace::new();
     place.write("s.toml", &text);
     assert_eq!(hidden(&load(&place.path("s.toml"))), [0; 0]);
-    let screen = "[[obstacle]]\nname = \"screen\"\nkind = \"sphere\"\nradius_mm = 150\nposition_mm = [3800, -1400, 1300]\n[design]";
+    let screen = "[[obstacle]]\nname = \"screen\"\nkind = \"sphere\"\nradius_mm = 300\nposition_mm = [3800, -1400, 1300]\n[design]";
     place.write("s.toml", text.replace("[design]", screen));
     let scenario = load(&place.path("s.toml"));
     let read = of_both(&scenario).experiments;
