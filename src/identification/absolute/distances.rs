@@ -70,6 +70,11 @@ impl AbsoluteCase<'_> {
         places.filter(|&place| !self.is_distance(place)).collect()
     }
 
+    /// The same with these alone.
+    pub(super) fn of_positions(&self) -> Self {
+        self.part_of(|place| !self.is_distance(place))
+    }
+
     /// The stations in whose frames a place may count: those with axes, and points where there are no others.
     pub fn framing_stations(&self) -> Vec<usize> {
         let all = 0..self.stations.len();

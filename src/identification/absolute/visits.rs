@@ -12,10 +12,9 @@ pub(super) const LEAST_VISITS: usize = 20;
 /// Readings by their places: those of one visit together, in the order of the first. Where no column says it, the k-th reading of each
 /// target in one configuration, under one load and from one station, is of visit k. Distances are read in the visits of an only tracker.
 pub(super) fn visits(readings: &[AbsoluteReading], belief: &Belief) -> Vec<Vec<usize>> {
-    let station = |reading: &AbsoluteReading| -> Option<String> {
-        let station = belief.station_of_visit(reading.station.as_deref());
-        station.map(str::to_owned)
-    };
+    let stations: Vec<Option<&str>> = (readings.iter())
+        .map(|each| belief.station_of_visit(each.station.as_deref()))
+        .collect();
     let pose = |place: usize| {
         let reading = &readings[place];
         (&reading.configuration_rad, reading.approach.as_ref())
@@ -24,7 +23,7 @@ pub(super) fn visits(readings: &[AbsoluteReading], belief: &Belief) -> Vec<Vec<u
         let [own, others] = [&readings[one], &readings[other]];
         is_one_configuration(pose(one), pose(other))
             && own.load == others.load
-            && station(own) == station(others)
+            && stations[one] == stations[other]
     };
     let q = |place: usize| &readings[place].configuration_rad;
     let alike = numbered(readings.len(), q, is_same);
@@ -34,7 +33,7 @@ pub(super) fn visits(readings: &[AbsoluteReading], belief: &Belief) -> Vec<Vec<u
     let mut visits: Vec<Vec<usize>> = Vec::new();
     for (place, reading) in readings.iter().enumerate() {
         let visit = if let Some(name) = reading.visit.as_deref() {
-            (Some((name, station(reading))), [0; 2])
+            (Some((name, stations[place])), [0; 2])
         } else {
             let read = [reading.target.as_deref(), reading.station.as_deref()];
             let count = taken.entry((alike[place], read)).or_default();

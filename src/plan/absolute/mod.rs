@@ -21,8 +21,6 @@ mod readable;
 mod tied_choice;
 mod together;
 
-use std::collections::BTreeMap;
-
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -308,11 +306,9 @@ impl AbsolutePlanning<'_> {
 
     /// The stations in whose frames the tool's place may count, by their numbers.
     fn frames(&self) -> Vec<usize> {
-        let first = self.poses.first().map(|pose| &pose.by_station);
+        let first = self.poses.iter().take(1);
         first
-            .into_iter()
-            .flat_map(BTreeMap::keys)
-            .copied()
+            .flat_map(|pose| pose.by_station.keys().copied())
             .collect()
     }
 

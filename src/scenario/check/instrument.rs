@@ -59,17 +59,14 @@ impl Checker<'_> {
             .deviation(key, &given, &NOISE[0])?
             .ok_or_else(|| self.without_sigma(key))?;
         let step = self.optional(&format!("{key}.resolution_mm"), table.resolution_mm, &SIZE)?;
-        let shows = Gauge {
+        let mut shows = Gauge {
             beside_m: None,
             range_m: None,
             resolution_m: step.unwrap_or(0.0) * 1e-3,
         };
         // As of two readings.
-        let beside_m = SQRT_2 * sigma_m.hypot(shows.rounding_m2().sqrt());
-        Ok(Some(Gauge {
-            beside_m: Some(beside_m),
-            ..shows
-        }))
+        shows.beside_m = Some(SQRT_2 * sigma_m.hypot(shows.rounding_m2().sqrt()));
+        Ok(Some(shows))
     }
 
     fn without_sigma(&self, table: &str) -> FileError {
