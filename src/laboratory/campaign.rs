@@ -124,7 +124,15 @@ impl Campaign {
         let groups = |_: &Planner<'_>| groups_of_visits(planning, plan, keep_order);
         let mut campaign = Self::in_groups((task, laboratory), &made, groups, keep_order)?;
         for stop in &mut campaign.stops {
-            let target = |&index: &usize| planning.target(plan[index].0).to_owned();
+            let target = |&index: &usize| {
+                let target = planning.target(plan[index].0);
+                match &rows[index].0.station {
+                    Some(other) if stop.station.as_ref().is_some_and(|own| own != other) => {
+                        format!("{target} from {other}")
+                    }
+                    _ => target.to_owned(),
+                }
+            };
             stop.targets = stop.experiments.iter().map(target).collect();
         }
         Ok(campaign)

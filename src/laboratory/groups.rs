@@ -157,7 +157,9 @@ fn visits(planning: &AbsolutePlanning<'_>, plan: &[(usize, u32)]) -> Vec<Planned
         let first = all.len();
         for alike in group.chunk_by(|one, other| one.visits == other.visits) {
             let candidate = &planning.candidates[alike[0].place];
-            let station = planning.station_of(alike[0].place);
+            // Where a tracker reads, too, distances are read beside it.
+            let seen = alike.iter().find(|each| !planning.is_distance(each.place));
+            let station = planning.station_of(seen.unwrap_or(&alike[0]).place);
             let load = candidate.load.filter(|load| *load != Load::NONE);
             for _ in 0..alike[0].times {
                 let before = all[first..].iter();

@@ -9,7 +9,7 @@ use super::columns::{
     DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, DISTANCE, LOADED, LOADED_SIGMA,
     PLACES, POSITION, ROTATION, ROTATION_SIGMA, UNLOADED, UNLOADED_SIGMA, deviations,
 };
-use super::read_absolute::{absolute_columns, absolute_readings, distance_columns};
+use super::read_absolute::{absolute_columns, absolute_readings};
 use super::{AbsoluteReading, Measurement, RotationMeasurement, by_configuration};
 use crate::codes::ErrorCode;
 use crate::csv::{Columns, Row, Table, owned};
@@ -158,10 +158,8 @@ fn read(path: &Path, of: &MeasuredArm, may_be_unfinished: bool) -> Result<Measur
             || reads_along == ReadsAlong::Sometimes && has(DISPLACEMENT) && !reads_all
         {
             displacement_columns(commands, may_be_unfinished)
-        } else if has(DISTANCE) {
-            distance_columns(commands, may_be_unfinished)
-        } else if POSITION.into_iter().any(has) {
-            absolute_columns(commands, may_be_unfinished)
+        } else if POSITION.into_iter().chain([DISTANCE]).any(has) {
+            absolute_columns(commands, header, may_be_unfinished)
         } else {
             deflection_columns(commands, may_be_unfinished)
         }

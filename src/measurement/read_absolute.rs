@@ -19,32 +19,45 @@ use crate::robot::{Commands, Load};
 /// Rounding in what wrote a covariance may leave it so far from positive definite, as a share of the variances.
 const LEAST_EIGENVALUE: f64 = 1e-9;
 
-/// The columns that a file of absolute readings may have.
-pub(super) fn absolute_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
-    let numbers = [
-        &LOAD[..],
+/// The columns of positions and poses that a file of absolute readings may have, and those of distances.
+fn columns_of_kinds() -> [Vec<String>; 2] {
+    let of_positions = [
+        &POSITION[..],
         &QUATERNION,
         &DEFLECTION_SIGMA,
         &ROTATION_SIGMA,
-        &[TIME, TEMPERATURE],
-    ];
-    let mut columns = Columns::of(commands.columns(), &numbers.concat(), &WORDS);
-    columns.one_of = vec![owned(&POSITION)];
-    columns.optional.extend(covariance_columns(6));
-    if may_be_unfinished {
-        columns.may_be_empty = vec![owned(&POSITION)];
-    }
-    columns
+    ]
+    .concat();
+    [
+        [owned(&of_positions), covariance_columns(6)].concat(),
+        owned(&[DISTANCE, DISPLACEMENT_SIGMA]),
+    ]
 }
 
-/// The columns that a file of distances may have.
-pub(super) fn distance_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
-    let mut required = commands.columns();
-    required.push(DISTANCE.to_owned());
-    let numbers = [&LOAD[..], &[DISPLACEMENT_SIGMA, TIME, TEMPERATURE]].concat();
-    let mut columns = Columns::of(required, &numbers, &WORDS);
+/// The columns that a file of absolute readings with such a header may have: of positions, of distances, or of both, where each row
+/// leaves the others' empty.
+pub(super) fn absolute_columns(
+    commands: &Commands,
+    header: &[String],
+    may_be_unfinished: bool,
+) -> Columns {
+    let numbers = [&LOAD[..], &[TIME, TEMPERATURE]].concat();
+    let mut columns = Columns::of(commands.columns(), &numbers, &WORDS);
+    let read = [&POSITION[..], &[DISTANCE]].map(owned);
+    let has = |read: &[String]| read.iter().any(|column| header.contains(column));
+    let kinds = read.into_iter().zip(columns_of_kinds());
+    let kinds: Vec<_> = kinds.filter(|(read, _)| has(read)).collect();
+    let mut to_fill_in = Vec::new();
+    for (read, all) in &kinds {
+        columns.required.extend_from_slice(read);
+        columns.optional.extend_from_slice(all);
+        to_fill_in.extend_from_slice(read);
+        if kinds.len() > 1 {
+            columns.blank.extend_from_slice(all);
+        }
+    }
     if may_be_unfinished {
-        columns.may_be_empty = vec![owned(&[DISTANCE])];
+        columns.may_be_empty = vec![to_fill_in];
     }
     columns
 }
@@ -80,8 +93,9 @@ pub(super) fn absolute_readings(
 struct AbsoluteGroups {
     has_load: bool,
     is_pose: bool,
-    is_distance: bool,
     precision: ReadingPrecision,
+    /// The columns of positions, and of distances.
+    of_kinds: [Vec<String>; 2],
 }
 
 /// What a file says of how precise its readings are.
@@ -124,21 +138,47 @@ impl AbsoluteGroups {
                 ReadingPrecision::Covariance
             }
         };
-        let precision = if table.has(&[DISPLACEMENT_SIGMA]) {
-            ReadingPrecision::Deviations
-        } else {
-            precision
-        };
+        let of_kinds = columns_of_kinds().map(|mut columns| {
+            columns.retain(|column| table.has(&[column]));
+            columns
+        });
         Ok(Self {
             has_load: table.has_group(&LOAD)?,
             is_pose,
-            is_distance: table.has(&[DISTANCE]),
             precision,
+            of_kinds,
         })
+    }
+
+    /// Whether a row is a distance, and no position; where a file has both, the columns of the other are empty.
+    fn is_distance(&self, row: &Row<'_>) -> Result<bool, FileError> {
+        let is_distance = !row.get(DISTANCE).is_nan();
+        let [positions, distances] = &self.of_kinds;
+        let (own, others) = if is_distance {
+            (distances, positions)
+        } else {
+            (positions, distances)
+        };
+        let is_empty = |column: &&String| row.get(column).is_nan();
+        if let Some(column) = own.iter().find(is_empty) {
+            let kind = if is_distance { "distance" } else { "position" };
+            return Err(row.wrong(format!("{column}: is empty, and the row is of a {kind}")));
+        }
+        if let Some(column) = others.iter().find(|column| !is_empty(column)) {
+            let problem = format!(
+                "{column}: found {} beside {}; a row is of a position or of a distance",
+                shown(row.get(column)),
+                own[0]
+            );
+            return Err(row.wrong(problem));
+        }
+        Ok(is_distance)
     }
 
     fn reading(&self, row: &Row<'_>, commands: &Commands) -> Result<AbsoluteReading, FileError> {
         let [target, visit, station, _] = WORDS;
+        let is_distance = self.is_distance(row)?;
+        let is_pose = self.is_pose && !is_distance;
         let number = |column: &str| Some(row.get(column)).filter(|value| !value.is_nan());
         Ok(AbsoluteReading {
             configuration_rad: configuration(row, commands),
@@ -150,32 +190,43 @@ impl AbsoluteGroups {
             target: row.name(target)?,
             station: row.name(station)?,
             visit: row.name(visit)?,
-            position_m: if self.is_distance {
+            position_m: if is_distance {
                 Vector3::zeros()
             } else {
                 row.vector(POSITION) * 1e-3
             },
-            rotation: self.is_pose.then(|| rotation_of(row)).transpose()?,
-            distance_m: self.is_distance.then(|| distance_m(row)).transpose()?,
-            covariance: self.covariance(row)?,
+            rotation: is_pose.then(|| rotation_of(row)).transpose()?,
+            distance_m: is_distance.then(|| distance_m(row)).transpose()?,
+            covariance: self.covariance(row, is_distance)?,
             approach: approach(row, commands)?,
             time_s: number(TIME),
             temperature_c: number(TEMPERATURE),
         })
     }
 
-    fn covariance(&self, row: &Row<'_>) -> Result<Option<Matrix6<f64>>, FileError> {
+    fn covariance(
+        &self,
+        row: &Row<'_>,
+        is_distance: bool,
+    ) -> Result<Option<Matrix6<f64>>, FileError> {
         let mut covariance = Matrix6::identity();
-        match self.precision {
+        let [_, distances] = &self.of_kinds;
+        let precision = match is_distance {
+            true if distances.len() > 1 => ReadingPrecision::Deviations,
+            true => ReadingPrecision::None,
+            false => self.precision,
+        };
+        let is_pose = self.is_pose && !is_distance;
+        match precision {
             ReadingPrecision::None => return Ok(None),
             ReadingPrecision::Deviations => {
-                let own = if self.is_distance {
+                let own = if is_distance {
                     [DISPLACEMENT_SIGMA; 3]
                 } else {
                     DEFLECTION_SIGMA
                 };
                 let position = deviations(row, own, &DEVIATION)?;
-                let rotation = (self.is_pose)
+                let rotation = is_pose
                     .then(|| deviations(row, ROTATION_SIGMA, &ROTATION_DEVIATION))
                     .transpose()?;
                 let rotation = rotation.iter().flat_map(|vector| vector.iter());
@@ -184,7 +235,7 @@ impl AbsoluteGroups {
                 }
             }
             ReadingPrecision::Covariance => {
-                for (one, other) in triangle(if self.is_pose { 6 } else { 3 }) {
+                for (one, other) in triangle(if is_pose { 6 } else { 3 }) {
                     let value = row.get(&covariance_column(one, other)) * 1e-6;
                     covariance[(one, other)] = value;
                     covariance[(other, one)] = value;

@@ -10,7 +10,7 @@ use super::columns::{
     covariance_columns, triangle,
 };
 use super::{AbsoluteReading, Measurement, Origin};
-use crate::csv::{Sheet, word_field};
+use crate::csv::{Sheet, owned, word_field};
 use crate::experiment::{LOAD, add_approach, fields_of, reading_columns, reading_fields};
 use crate::files::{FileError, output::write_whole};
 use crate::quantities::units::thousandths;
@@ -180,7 +180,7 @@ pub fn deflection_table(
     Ok(sheet.text())
 }
 
-/// The text of a measurement file that holds these readings, all of the same kind. A column that some of them do not
+/// The text of a measurement file that holds these readings, positions or poses, distances, or both. A column that some of a kind do not
 /// have is left out, but for the approach, which may be known of some.
 pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> String {
     table_of_readings(commands, readings, true)
@@ -192,20 +192,12 @@ pub fn readings_to_fill_in(commands: &Commands, readings: &[AbsoluteReading]) ->
 }
 
 fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_filled: bool) -> String {
-    let if_filled = |mut fields: Vec<String>| {
-        if !is_filled {
-            fields.iter_mut().for_each(String::clear);
-        }
-        fields
-    };
     let all = |has: &dyn Fn(&AbsoluteReading) -> bool| readings.iter().all(has);
-    let is_pose = all(&|each| each.rotation.is_some());
-    let is_distance = all(&|each| each.distance_m.is_some());
-    let rows = match (is_pose, is_distance) {
-        (true, _) => 6,
-        (false, true) => 1,
-        (false, false) => 3,
-    };
+    let is_distance = |each: &AbsoluteReading| each.distance_m.is_some();
+    let [has_positions, has_distances] =
+        [false, true].map(|kind| readings.iter().any(|each| is_distance(each) == kind));
+    let is_pose = has_positions && all(&|each| is_distance(each) || each.rotation.is_some());
+    let rows = if is_pose { 6 } else { 3 };
     let mut sheet = Sheet::new(readings);
     sheet.add(&commands.columns(), |each| {
         shown(&commands.numbers(each.configuration_rad.as_slice()))
@@ -229,43 +221,57 @@ fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_fille
         }
     }
     add_approach(&mut sheet, |each| each.approach.as_ref());
-    if is_distance {
-        sheet.add(&[DISTANCE], |each| {
-            let distance_m = each.distance_m.into_iter();
-            if_filled(
-                distance_m
-                    .map(|value| thousandths(value).to_string())
-                    .collect(),
-            )
+    // What is of the other kind of readings, or not filled in, is empty.
+    let mut add = |names: &[String], of_distances: bool, is_filled: bool, fields: NumbersOf<'_>| {
+        sheet.add(names, |each| {
+            if is_filled && is_distance(each) == of_distances {
+                shown(&fields(each))
+            } else {
+                vec![String::new(); names.len()]
+            }
         });
-    } else {
-        sheet.add(&POSITION, |each| {
-            if_filled(in_thousandths(&each.position_m))
-        });
+    };
+    if has_positions {
+        let position = |each: &AbsoluteReading| -> Vec<f64> {
+            each.position_m
+                .iter()
+                .map(|&value| thousandths(value))
+                .collect()
+        };
+        add(&owned(&POSITION), false, is_filled, &position);
     }
     if is_pose {
-        sheet.add(&QUATERNION, |each| {
-            let parts = each.rotation.map(|rotation| rotation.coords.into());
-            let of = |[x, y, z, w]: [f64; 4]| if_filled(shown(&[w, x, y, z]));
-            parts.map_or_else(Vec::new, of)
+        add(&owned(&QUATERNION), false, is_filled, &|each| {
+            let parts = each.rotation.iter();
+            parts
+                .flat_map(|turned| [turned.w, turned.i, turned.j, turned.k])
+                .collect()
+        });
+    }
+    if has_distances {
+        add(&owned(&[DISTANCE]), true, is_filled, &|each| {
+            each.distance_m.map(thousandths).into_iter().collect()
         });
     }
     if all(&|each| each.covariance.is_some()) {
-        let is_diagonal = all(&|each| each.covariance.is_none_or(|all| is_diagonal(&all, rows)));
-        let columns = if is_distance {
-            vec![DISPLACEMENT_SIGMA.to_owned()]
-        } else if is_diagonal {
-            [DEFLECTION_SIGMA, ROTATION_SIGMA].concat()[..rows]
-                .iter()
-                .map(|&name| name.to_owned())
-                .collect()
-        } else {
-            covariance_columns(rows)
-        };
-        sheet.add(&columns, |each| {
-            let numbers = (each.covariance).map(|all| precision(&all, rows, is_diagonal));
-            shown(&numbers.unwrap_or_default())
-        });
+        let covariance = |each: &AbsoluteReading| each.covariance.unwrap_or_default();
+        if has_positions {
+            let is_diagonal =
+                all(&|each| is_distance(each) || is_diagonal(&covariance(each), rows));
+            let columns = if is_diagonal {
+                owned(&[DEFLECTION_SIGMA, ROTATION_SIGMA].concat()[..rows])
+            } else {
+                covariance_columns(rows)
+            };
+            add(&columns, false, true, &|each| {
+                precision(&covariance(each), rows, is_diagonal)
+            });
+        }
+        if has_distances {
+            add(&owned(&[DISPLACEMENT_SIGMA]), true, true, &|each| {
+                precision(&covariance(each), 1, true)
+            });
+        }
     }
     let mut number = |name: &str, of: fn(&AbsoluteReading) -> Option<f64>| {
         if all(&|each| of(each).is_some()) {
@@ -276,6 +282,9 @@ fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_fille
     number(TEMPERATURE, |each| each.temperature_c);
     sheet.text()
 }
+
+/// Numbers of a reading, in the units of the file.
+type NumbersOf<'f> = &'f dyn Fn(&AbsoluteReading) -> Vec<f64>;
 
 fn is_diagonal(covariance: &Matrix6<f64>, rows: usize) -> bool {
     triangle(rows).all(|(row, column)| row == column || covariance[(row, column)] == 0.0)

@@ -41,6 +41,6 @@ pub use reading::{
     DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,
     Whitener,
 };
-pub use reading_errors::ReadingErrors;
+pub use reading_errors::{ReadingErrors, turned_columns, turned_covariance};
 pub use shared::{SharedErrors, SharingReadings, shared_equations};
 pub use visits::{ConfigurationEquations, SharingReading, Together, Visits, visits_of};

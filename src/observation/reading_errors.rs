@@ -5,7 +5,7 @@
 //! moves the target along its column, and a load that is off by (dF, dT) at the target by the sum of `k_j` `J_j` (`J_j` . dF + `z_j` . dT).
 //! Readings that share an error share its random numbers, each by columns of its own: targets of one visit are moved together.
 
-use nalgebra::{Matrix3, Matrix6, Matrix6x3, Matrix6xX, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Matrix6x3, Matrix6xX, UnitQuaternion, Vector3, Vector6};
 
 use super::compliances::BareArm;
 use super::shown::ShownRows;
@@ -95,6 +95,15 @@ impl ReadingErrors {
         self
     }
 
+    /// The same in axes that are turned so from the base's: an instrument's.
+    pub fn turned(&self, by: &UnitQuaternion<f64>) -> Self {
+        Self {
+            reading: turned_covariance(&self.reading, by),
+            visit: turned_columns(&self.visit, by),
+            configuration: turned_columns(&self.configuration, by),
+        }
+    }
+
     /// The same where no other reading shares any: all is new in it.
     pub fn alone(&self) -> Self {
         Self {
@@ -129,6 +138,30 @@ impl ReadingErrors {
     pub fn covariance(&self) -> Matrix6<f64> {
         self.reading + self.effects_covariance()
     }
+}
+
+/// Columns (6 x k; m, rad) of one frame in the axes of another.
+pub fn turned_columns(columns: &Matrix6xX<f64>, by: &UnitQuaternion<f64>) -> Matrix6xX<f64> {
+    let axes = by.to_rotation_matrix();
+    let mut turned = columns.clone();
+    for (mut part, own) in turned.column_iter_mut().zip(columns.column_iter()) {
+        for rows in [0, 3] {
+            let moved = axes * own.fixed_rows::<3>(rows);
+            part.fixed_rows_mut::<3>(rows).copy_from(&moved);
+        }
+    }
+    turned
+}
+
+/// The same of a covariance (m^2, m rad, rad^2).
+pub fn turned_covariance(covariance: &Matrix6<f64>, by: &UnitQuaternion<f64>) -> Matrix6<f64> {
+    let axes: Matrix3<f64> = by.to_rotation_matrix().into_inner();
+    let mut both = Matrix6::zeros();
+    both.fixed_view_mut::<3, 3>(0, 0).copy_from(&axes);
+    both.fixed_view_mut::<3, 3>(3, 3).copy_from(&axes);
+    let turned = both * covariance * both.transpose();
+    // Rounding leaves the halves apart, and a covariance has one value for both.
+    (turned + turned.transpose()) / 2.0
 }
 
 /// A joint's column of the Jacobian, position above rotation.

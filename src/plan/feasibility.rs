@@ -110,14 +110,17 @@ pub struct LookingAt<'a> {
     pub target: &'a Tool,
     /// The station; none for the scenario's one tracker.
     pub station: Option<&'a Station>,
+    /// Whether nothing may stand in between: a gauge looks at nothing.
+    pub is_seen: bool,
 }
 
 impl<'a> LookingAt<'a> {
-    /// What is looked at where deflections are read: the calibration tool, by the one tracker.
-    const fn of_deflections(task: &'a Task) -> Self {
+    /// What is looked at where deflections are read: the calibration tool, by the one tracker, or by a gauge along a direction.
+    const fn of_deflections(task: &'a Task, direction: Option<&Vector3<f64>>) -> Self {
         Self {
             target: &task.belief.calibration_tool,
             station: None,
+            is_seen: direction.is_none(),
         }
     }
 
@@ -174,7 +177,7 @@ impl<'a> Feasibility<'a> {
 
     /// Every violation of one experiment, whose number in the plan is given.
     pub fn violations_of(&mut self, number: usize, experiment: &Experiment) -> Vec<Violation> {
-        let looking = LookingAt::of_deflections(self.task);
+        let looking = LookingAt::of_deflections(self.task, experiment.direction.as_ref());
         self.violations_of_reading(number, experiment, looking)
     }
 
@@ -220,7 +223,7 @@ impl<'a> Feasibility<'a> {
         if self.forbidden(q).is_some() || self.beyond_gauge(q, load, direction).is_some() {
             return false;
         }
-        let looking = LookingAt::of_deflections(self.task);
+        let looking = LookingAt::of_deflections(self.task, direction);
         self.simulation.is_none()
             || [Load::NONE, *load].iter().all(|load| {
                 self.seen_violations(q, load, looking)
@@ -382,7 +385,7 @@ impl<'a> Feasibility<'a> {
                 Violation::of_size(what, [contact.distance_m, clearance].map(|m| m * 1e3), "mm")
             }));
         }
-        if region.line_of_sight
+        if (region.line_of_sight && looking.is_seen)
             && let Some(viewpoint) =
                 Viewpoint::new(simulation, looking.station, instrument.tracker_site)
         {

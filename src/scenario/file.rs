@@ -222,6 +222,18 @@ pub(super) struct InstrumentTable {
     pub unloaded: Unloaded,
     /// A gauge beside a tracker, which reads some of the experiments.
     pub gauge: Option<GaugeTable>,
+    /// What reads distances beside a tracker, from some of the stations.
+    pub distance: Option<DistanceTable>,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DistanceTable {
+    pub sigma_mm: Option<f64>,
+    pub mpe_um: Option<f64>,
+    pub distribution: Option<ErrorDistribution>,
+    pub coverage_factor: Option<f64>,
+    pub resolution_mm: Option<f64>,
 }
 
 #[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
@@ -344,11 +356,20 @@ pub(super) enum ShapeTable {
     Capsule { radius_mm: f64, length_mm: f64 },
 }
 
+/// What is read from a station: positions or poses, as a tracker does, or distances.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum StationReads {
+    Position,
+    Distance,
+}
+
 /// One of `[[station]]`.
 #[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StationTable {
     pub name: String,
+    pub reads: Option<StationReads>,
     pub position_mm: Vec<f64>,
     pub range_min_mm: Option<f64>,
     pub range_max_mm: Option<f64>,

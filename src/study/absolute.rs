@@ -7,8 +7,7 @@
 //! the loaded tool's place is compared with where the virtual robot has it.
 
 use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix3, Matrix6, Matrix6xX, Point3, Rotation3, SymmetricEigen,
-    Vector3,
+    DMatrix, DVector, Isometry3, Matrix3, Matrix6xX, Point3, Rotation3, SymmetricEigen, Vector3,
 };
 
 use super::tally::{FailedRun, Failure, Outcome};
@@ -18,7 +17,7 @@ use crate::files::FileError;
 use crate::identification::{AbsoluteCase, AbsoluteFit, JointError, ReadingWeights};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::tolerance::CHI_SQUARE_95;
-use crate::observation::{Form, ObservationModel, ReadingKind, Setup};
+use crate::observation::{Form, ObservationModel, ReadingKind, Setup, turned_covariance};
 use crate::parameter::{
     ElasticArm, ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty,
 };
@@ -317,7 +316,8 @@ impl<'a> ReadingRuns<'a> {
             let sum_m: Vector3<f64> = shown.iter().map(|shown| shown.position_m).sum();
             let turns: Vec<Rotation3<f64>> = shown.iter().map(|shown| shown.rotation).collect();
             let covariance = planning.own_covariance(each.place, each.times);
-            let covariance = turned(&covariance, &frames[planning.station_of(each.place)]);
+            let frame = &frames[planning.station_of(each.place)];
+            let covariance = turned_covariance(&covariance, &frame.rotation);
             let mean = (
                 sum_m / f64::from(each.times),
                 is_pose.then(|| mean_turn(&turns)),
@@ -372,15 +372,4 @@ fn mean_turn(turns: &[Rotation3<f64>]) -> Rotation3<f64> {
         .map(|turn| (turn * first.inverse()).scaled_axis())
         .sum();
     Rotation3::new(off / turns.len().max(1) as f64) * first
-}
-
-/// A covariance in the world frame as one in the instrument's.
-fn turned(covariance: &Matrix6<f64>, frame: &Isometry3<f64>) -> Matrix6<f64> {
-    let axes: Matrix3<f64> = frame.rotation.to_rotation_matrix().into_inner();
-    let mut both = Matrix6::zeros();
-    both.fixed_view_mut::<3, 3>(0, 0).copy_from(&axes);
-    both.fixed_view_mut::<3, 3>(3, 3).copy_from(&axes);
-    let turned = both * covariance * both.transpose();
-    // Rounding leaves the halves apart, and a covariance has one value for both.
-    (turned + turned.transpose()) / 2.0
 }

@@ -107,7 +107,7 @@ impl ReadingRuns<'_> {
     }
 
     fn rows(&self, robots: &mut TrueRobots) -> Result<Vec<CarriedOutRow>, FailedRun> {
-        let rows = self.read.rows(&self.task.belief.stations);
+        let rows = self.read.rows(&self.task.belief);
         let rows: Result<Vec<_>, _> = rows.map(|row| row.carried_out(robots)).collect();
         rows.map_err(|error| Failure::Measurement.because(&error))
     }

@@ -19,7 +19,7 @@ use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::{Stream, frames_of_trial};
 use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
 use crate::robot::{EquilibriumError, Load};
-use crate::task::{Station, Task, station_named};
+use crate::task::{Belief, Task, station_named};
 use crate::testbed::{ReadingNumbers, SeenFrom, TrueRobots, Truth};
 
 /// The instrument is within such a cube about the robot (m).
@@ -139,16 +139,18 @@ impl<'a> ReadPlan<'a> {
     }
 
     /// The rows by configuration, those that visits repeat alike together.
-    pub fn rows<'b>(&'b self, stations: &'b [Station]) -> impl Iterator<Item = VisitedRow<'b>> {
+    pub fn rows<'b>(&'b self, belief: &'b Belief) -> impl Iterator<Item = VisitedRow<'b>> {
         let visited = self.groups.iter().flatten().zip(&self.numbers);
         visited.map(|(each, numbers)| {
             let row = self.row(each.place);
-            let station = station_named(stations, row.station.as_deref());
+            let name = row.station.as_deref();
+            let station = station_named(&belief.stations, name);
             VisitedRow {
                 row,
                 seen: SeenFrom {
                     target: self.target(each.place),
                     station_m: station.map(|station| station.position_m),
+                    by_tracker: belief.reads_by_tracker(name),
                 },
                 numbers,
                 each: *each,
@@ -199,15 +201,20 @@ impl<'a> ReadPlan<'a> {
         [seed, run]: [u64; 2],
     ) -> Result<Vec<(RepeatedReading, Vec<TargetReading>)>, VirtualReadingError> {
         let sigma = &task.belief.instrument;
-        let sigma_m = OF_DEFLECTION * sigma.noise_m();
         let sigma_rad = OF_DEFLECTION * sigma.rotation_sigma_rad.unwrap_or(0.0);
         let mut noise = vec![[0.0; LANES]; 6 * self.len()];
         fill_normals(Stream::Noise, seed, run, &mut noise);
         let mut all = Vec::with_capacity(self.numbers.len());
-        for visited in self.rows(&task.belief.stations) {
+        for visited in self.rows(&task.belief) {
             let each = visited.each;
             let load = visited.row.load.unwrap_or(Load::NONE);
             let frame = &frames[self.planning.station_of(each.place)];
+            let distance = task.belief.distance_from(visited.row.station.as_deref());
+            let noise_m = match distance {
+                None => sigma.noise_m(),
+                Some(shows) => sigma.distance_noise_m(shows),
+            };
+            let sigma_m = OF_DEFLECTION * noise_m;
             let shown = visited.numbers.iter().map(|&numbers| {
                 let (at_m, axes) = visited.rest(robots, numbers, load)?;
                 let own = &noise[6 * numbers.reading..];
@@ -215,7 +222,7 @@ impl<'a> ReadPlan<'a> {
                 let exact_m = (frame * Point3::from(at_m)).coords;
                 Ok(TargetReading {
                     number: numbers.reading,
-                    position_m: match &sigma.distance {
+                    position_m: match distance {
                         None => exact_m + three(0) * sigma_m,
                         Some(shows) => {
                             let read_m = exact_m.norm() + own[0][0] * sigma_m;
@@ -243,16 +250,19 @@ impl<'a> ReadPlan<'a> {
         numbers: [u64; 2],
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
         let instrument = &task.belief.instrument;
-        let [m, rad] = [
-            instrument.sigma_m,
-            instrument.rotation_sigma_rad.unwrap_or(0.0),
-        ]
-        .map(|sigma| (OF_DEFLECTION * sigma).powi(2));
-        let covariance = Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
         let mut readings = Vec::with_capacity(self.len());
         let [seed, run] = numbers;
         let frames = self.frames([seed, robots.campaign_of(run)]);
         for (each, shown) in self.read(task, robots, &frames, [seed, robots.readings_of(run)])? {
+            let distance = task
+                .belief
+                .distance_from(self.row(each.place).station.as_deref());
+            let [m, rad] = [
+                instrument.sigma_by_m(distance),
+                instrument.rotation_sigma_rad.unwrap_or(0.0),
+            ]
+            .map(|sigma| (OF_DEFLECTION * sigma).powi(2));
+            let covariance = Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
             readings.extend(shown.into_iter().map(|shown| {
                 let turned = instrument.rotation_sigma_rad.map(|_| shown.rotation);
                 let reading = self.reading(each.place, (shown.position_m, turned), covariance);
@@ -270,20 +280,14 @@ impl<'a> ReadPlan<'a> {
         (position_m, rotation): (Vector3<f64>, Option<Rotation3<f64>>),
         covariance: Matrix6<f64>,
     ) -> AbsoluteReading {
-        let row = self.row(place);
+        let is_distance = self.planning.is_distance(place);
+        let rotation = rotation.filter(|_| !is_distance);
         AbsoluteReading {
-            configuration_rad: row.configuration_rad.clone(),
-            load: row.load.unwrap_or(Load::NONE),
-            target: Some(self.target(place).to_owned()),
-            station: row.station.clone(),
-            visit: None,
             position_m,
-            distance_m: self.planning.reads_distances().then_some(position_m.x),
+            distance_m: is_distance.then_some(position_m.x),
             rotation: rotation.map(|turned| UnitQuaternion::from_rotation_matrix(&turned)),
             covariance: Some(covariance),
-            approach: row.approach.clone(),
-            time_s: None,
-            temperature_c: None,
+            ..self.planning.blank_reading(place)
         }
     }
 }

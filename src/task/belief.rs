@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::{Extended, Gauge, PriorCampaign, Station};
+use super::{Extended, Gauge, PriorCampaign, Station, station_named};
 use crate::observation::{BareArm, DeflectionPrecision};
 use crate::parameter::{
     ElasticArm, ErrorDistribution, ParameterError, ParameterSet, Prior, Unloaded,
@@ -25,7 +25,8 @@ pub struct Instrument {
     pub distribution: ErrorDistribution,
     /// What a gauge shows, where displacements along a direction are read, in place of all three coordinates or in some experiments.
     pub gauge: Option<Gauge>,
-    /// What a ballbar or a wire encoder shows, where the distances of targets from stations are read in place of positions.
+    /// What a ballbar or a wire encoder shows, where the distances of targets from stations are read, from all or from some of them. As of
+    /// all else, the standard deviation is that of the difference of two.
     pub distance: Option<Gauge>,
 }
 
@@ -58,16 +59,26 @@ impl Instrument {
         ))
     }
 
+    /// Whether absolute readings may be positions or poses.
+    pub fn reads_positions(&self) -> bool {
+        self.distance.is_none_or(|shows| shows.beside_m.is_some())
+    }
+
+    /// The standard deviation of what a gauge shows (m), alone or beside another instrument; without one, of a coordinate.
+    pub fn sigma_by_m(&self, gauge: Option<Gauge>) -> f64 {
+        (gauge.and_then(|gauge| gauge.beside_m)).unwrap_or(self.sigma_m)
+    }
+
     /// The standard deviation of a displacement along a direction (m).
     pub fn along_sigma_m(&self) -> f64 {
-        (self.gauge.and_then(|gauge| gauge.beside_m)).unwrap_or(self.sigma_m)
+        self.sigma_by_m(self.gauge)
     }
 
     /// The variance of rounding (m^2) in a deflection, which is made of two distances.
     pub fn rounding_m2(&self) -> f64 {
-        let gauge = self.gauge.filter(|gauge| gauge.beside_m.is_none());
-        let [once, twice] =
-            [gauge, self.distance].map(|gauge| gauge.map_or(0.0, |gauge| gauge.rounding_m2()));
+        let alone = |gauge: Option<Gauge>| gauge.filter(|gauge| gauge.beside_m.is_none());
+        let [once, twice] = [self.gauge, self.distance]
+            .map(|gauge| alone(gauge).map_or(0.0, |gauge| gauge.rounding_m2()));
         once + 2.0 * twice
     }
 
@@ -80,6 +91,11 @@ impl Instrument {
     pub fn along_noise_m(&self) -> f64 {
         let rounding_m2 = self.gauge.map_or(0.0, |gauge| gauge.rounding_m2());
         before_rounding(self.along_sigma_m(), rounding_m2)
+    }
+
+    /// The same of the difference of two distances.
+    pub fn distance_noise_m(&self, shows: Gauge) -> f64 {
+        before_rounding(self.sigma_by_m(Some(shows)), 2.0 * shows.rounding_m2())
     }
 }
 
@@ -149,6 +165,28 @@ impl Belief {
     /// How the robot is commanded: what plans and measurements have columns for.
     pub fn commands(&self) -> Commands {
         Commands::from(&self.nominal.chain).reading_along(self.instrument.reads_along())
+    }
+
+    /// What shows the distances that are read from a station of this name; none where positions are read.
+    pub fn distance_from(&self, station: Option<&str>) -> Option<Gauge> {
+        let station = station_named(&self.stations, station)?;
+        (self.instrument.distance).filter(|_| station.reads_distances)
+    }
+
+    /// Whether what errs by a tracker's range counts there: not where distances are read beside one.
+    pub fn reads_by_tracker(&self, station: Option<&str>) -> bool {
+        let distance = self.distance_from(station);
+        distance.is_none_or(|shows| shows.beside_m.is_none())
+    }
+
+    /// The station whose name stands for all from which readings of one visit may be: while the robot waits, distances are read beside the
+    /// only tracker's positions; otherwise its own.
+    pub fn station_of_visit<'a>(&'a self, station: Option<&'a str>) -> Option<&'a str> {
+        let mut trackers = self.stations.iter().filter(|each| !each.reads_distances);
+        match (trackers.next(), trackers.next()) {
+            (Some(only), None) if self.distance_from(station).is_some() => Some(&only.name),
+            _ => station,
+        }
     }
 
     /// The unit of its parameters' compliances in so small parts, for a heading: that of joints that turn, and of any that slide.

@@ -55,8 +55,9 @@ impl Belief {
             belief.text("displacements along a direction are read");
             belief.numbers(gauge.beside_m);
         }
-        if self.instrument.distance.is_some() {
+        if let Some(shows) = &self.instrument.distance {
             belief.text("distances from stations are read");
+            belief.numbers(shows.beside_m);
         }
         let rotation = self.instrument.rotation_sigma_rad;
         belief.numbers([self.instrument.sigma_m].into_iter().chain(rotation));

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-/// A place where the instrument may stand when it reads positions or poses.
+/// A place where the instrument may stand when it reads positions or poses, or the point from which it reads distances.
 ///
 /// It tells how far and how well the instrument sees from there; where its frame is in space is unknown all the same, and is found
 /// from its readings.
@@ -10,6 +10,8 @@ use nalgebra::Vector3;
 pub struct Station {
     /// Its name, as candidates, plans and measurements have it.
     pub name: String,
+    /// Whether distances are read from there, and not positions or poses.
+    pub reads_distances: bool,
     /// The instrument's point of reference (m), in the world frame.
     pub position_m: Vector3<f64>,
     /// The smallest and the largest distance (m) at which it reads a target, where they are bounded.

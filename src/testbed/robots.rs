@@ -31,6 +31,8 @@ pub struct SeenFrom<'a> {
     pub target: &'a str,
     /// Where the instrument stands (m, world frame), where somebody says.
     pub station_m: Option<Vector3<f64>>,
+    /// Whether it errs as a tracker does.
+    pub by_tracker: bool,
 }
 
 /// The virtual robot of one run after another.
@@ -324,7 +326,8 @@ impl TrueRobots {
             Some(&(_, site)) => body.site(site),
             None => (tool_m, tool_axes),
         };
-        let off_by_distance: Vector3<f64> = (reading.noise.by_distance.into_iter())
+        let ranges = (reading.noise.by_distance.into_iter()).filter(|_| seen.by_tracker);
+        let off_by_distance: Vector3<f64> = ranges
             .map(|(range, normals)| {
                 let apart_m = at_m - seen.station_m.unwrap_or(range.from_m);
                 range.drawn(&normals, &apart_m)

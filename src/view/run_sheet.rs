@@ -85,21 +85,19 @@ fn places(campaign: &Campaign) -> Vec<Vec<usize>> {
 }
 
 /// What is written down of a reading, with units.
-fn columns(task: &Task) -> &'static [&'static str] {
+fn columns(task: &Task) -> Vec<&'static str> {
     let instrument = &task.belief.instrument;
     let is_absolute = task.design.accuracy == AccuracyKind::Absolute;
-    let reads_along = instrument.reads_along();
-    if reads_along == ReadsAlong::Always {
-        &["displacement [mm]"]
-    } else if reads_along == ReadsAlong::Sometimes {
-        &["x [mm]", "y [mm]", "z [mm]", "displacement [mm]"]
-    } else if instrument.distance.is_some() {
-        &["distance [mm]"]
-    } else if is_absolute && instrument.rotation_sigma_rad.is_some() {
-        &["x [mm]", "y [mm]", "z [mm]", "qw", "qx", "qy", "qz"]
-    } else {
-        &["x [mm]", "y [mm]", "z [mm]"]
+    let mut columns = Vec::new();
+    if instrument.reads_along() != ReadsAlong::Always && instrument.reads_positions() {
+        columns.extend(["x [mm]", "y [mm]", "z [mm]"]);
     }
+    if is_absolute && instrument.rotation_sigma_rad.is_some() {
+        columns.extend(["qw", "qx", "qy", "qz"]);
+    }
+    columns.extend(instrument.gauge.map(|_| "displacement [mm]"));
+    columns.extend(instrument.distance.map(|_| "distance [mm]"));
+    columns
 }
 
 fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {

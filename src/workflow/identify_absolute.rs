@@ -68,15 +68,13 @@ pub fn identify_absolute<'a>(
     let joints = case.arm.chain.joints.iter();
     let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
     let halves = halves(&mut kept, &fit, &joints);
-    let all: Vec<usize> = (0..readings.len()).collect();
-    let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
     // These are of three coordinates.
-    let repeats = (!case.reads_distances())
-        .then(|| Repeats::of_readings(readings, &residuals_m, &fit.of_kept(&all)))
-        .flatten();
+    let mut repeated = fit.of_kept(&(0..readings.len()).collect::<Vec<usize>>());
+    repeated.retain(|&place| readings[place].distance_m.is_none());
+    let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
     Ok(IdentifiedRobot {
         repeat_components: case.repeat_components(&fit),
-        repeats,
+        repeats: Repeats::of_readings(readings, &residuals_m, &repeated),
         patterns: looked.patterns(&fit.rejected),
         inconsistencies: halves.into_iter().collect(),
         likely,
@@ -122,10 +120,10 @@ fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
 }
 
 /// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
-/// by themselves, but for joint error functions. Distances count them.
-pub fn uncounted(belief: &Belief) -> Vec<String> {
-    let uncertain = belief.uncertain.iter();
-    let uncertain = uncertain.filter(|_| belief.instrument.distance.is_none());
+/// by themselves, but for joint error functions. Distances count them, and what is read beside them.
+pub fn uncounted(case: &AbsoluteCase<'_>) -> Vec<String> {
+    let uncertain = case.belief.uncertain.iter();
+    let uncertain = uncertain.filter(|_| !case.reads_distances());
     let sources = uncertain.flat_map(Extended::sources);
     let new = sources.filter(|(_, source)| !source.is_function());
     new.map(|(name, _)| name.to_owned()).collect()
@@ -185,6 +183,16 @@ impl<'a> IdentifiedRobot<'a> {
         conditions
     }
 
+    /// What holds since the fit counts it, and nobody need act on.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = self.fit.notes();
+        if self.case.reads_distances() && !self.case.positions().is_empty() {
+            let words = "positions are weighed by the scenario's error sources, as the distances beside them are";
+            notes.push(words.to_owned());
+        }
+        notes
+    }
+
     /// The record.
     pub fn json(
         &self,
@@ -208,9 +216,9 @@ impl<'a> IdentifiedRobot<'a> {
             "repeats": self.repeats,
             "repeat_components": self.repeat_components,
             "inconsistencies": self.inconsistencies,
-            "not_counted": uncounted(&scenario.task.belief),
+            "not_counted": uncounted(&self.case),
             "conditions": self.conditions(),
-            "notes": self.fit.notes(),
+            "notes": self.notes(),
         });
         merge(&mut json, more);
         Ok(json)

@@ -173,11 +173,15 @@ pub fn validate_absolute(
         })
     });
     let readings_m2 = readings_m2.collect();
-    case = case.counting_sources();
-    let nominal = case.arm.clone();
+    let mut nominal = case.arm.clone();
     case.arm = stored.apply(path, &case.arm)?;
     let is_turned = readings.iter().any(|each| each.rotation.is_some());
     let known = known_frames(&mut case, stored, is_turned);
+    // Sources disturb the nominal robot's readings, in the frames where they are seen.
+    (nominal.instrument_from_base).clone_from(&case.arm.instrument_from_base);
+    let identified = std::mem::replace(&mut case.arm, nominal.clone());
+    case = case.counting_sources();
+    case.arm = identified;
     let anew = (known.anew.iter()).map(|kind| (*kind, None));
     let anew = ParameterSet::new(&case.arm, anew).map_err(AbsoluteError::from)?;
     if !anew.is_empty() {
@@ -228,10 +232,10 @@ pub fn validate_absolute(
         readings_m2,
         probability,
         names: [
-            if case.reads_distances() {
-                "distances"
-            } else {
-                "positions"
+            match (case.reads_distances(), case.positions().is_empty()) {
+                (true, true) => "distances",
+                (true, false) => "readings",
+                _ => "positions",
             },
             "orientations",
         ],

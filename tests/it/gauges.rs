@@ -360,7 +360,7 @@ fn what_no_gauge_can_do_is_refused() {
 }
 
 /// The tracker of the laboratory reads some experiments, a gauge beside it others.
-fn beside(text: &str) -> String {
+pub fn beside(text: &str) -> String {
     let (head, tail) = text.split_once("[instrument]").expect("an instrument");
     let (_, tail) = tail.split_once("[[test_pose]]").expect("a test pose");
     let range = "[[uncertainty]]\nkind = \"tracker_range\"\nstd_um_per_m = 6\n";
@@ -373,7 +373,7 @@ fn beside(text: &str) -> String {
 }
 
 /// Six random experiments, of which both instruments read some.
-fn of_both(scenario: &Scenario) -> Plan {
+pub fn of_both(scenario: &Scenario) -> Plan {
     let mut plan = six(scenario);
     for (index, each) in plan.experiments.iter_mut().enumerate() {
         each.direction = (index % 2 == 0).then_some(Vector3::z());

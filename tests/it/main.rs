@@ -176,6 +176,7 @@ mod left_out;
 mod limits;
 mod load_sets;
 mod measured_rotations;
+mod mixed_readings;
 mod model_features;
 mod model_messages;
 mod model_selection;

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use elastocal::mujoco::Shape;
 use elastocal::plan::search::Problem;
-use elastocal::plan::{Assessment, Criterion, Experiment, Violation};
+use elastocal::plan::{Assessment, Criterion, Experiment, Feasibility, Violation};
 use elastocal::scenario::Scenario;
 use nalgebra::Vector3;
 
+use crate::gauges::{beside, of_both};
 use crate::planning::designed;
 use crate::support::{Workplace, scenario, scenario_text, table4};
 
@@ -165,4 +166,33 @@ fn obstacles_are_drawn_where_they_stand_in_both_robots_laboratories() {
             );
         }
     }
+}
+
+/// What stands before the tracker hides what it reads, and nothing from a gauge beside it.
+#[test]
+fn a_gauge_looks_at_nothing() {
+    let text = beside(&scenario_text("kr270_gauge"));
+    let text = text.replace(
+        "clearance_mm = 20",
+        "clearance_mm = 20\nline_of_sight = true",
+    );
+    let hidden = |scenario: &Scenario| -> Vec<usize> {
+        let violations = Feasibility::new(&scenario.task).violations(&of_both(scenario));
+        let hidden = violations
+            .iter()
+            .filter(|each| each.what.contains("line of sight"));
+        hidden.filter_map(|each| each.experiment).collect()
+    };
+    let place = Workplace::new();
+    place.write("s.toml", &text);
+    assert_eq!(hidden(&load(&place.path("s.toml"))), [0; 0]);
+    let screen = "[[obstacle]]\nname = \"screen\"\nkind = \"sphere\"\nradius_mm = 300\nposition_mm = [3800, -1400, 1300]\n[design]";
+    place.write("s.toml", text.replace("[design]", screen));
+    let scenario = load(&place.path("s.toml"));
+    let read = of_both(&scenario).experiments;
+    let by_tracker = (1..)
+        .zip(&read)
+        .filter(|(_, each)| each.direction.is_none());
+    let by_tracker: Vec<usize> = by_tracker.map(|(number, _)| number).collect();
+    assert_eq!(hidden(&scenario), by_tracker);
 }

@@ -153,6 +153,7 @@ fn inner_targets_rest_with_the_whole_arm() {
         let seen = SeenFrom {
             target: "elbow",
             station_m: None,
+            by_tracker: true,
         };
         let numbers = ReadingNumbers {
             reading: 0,

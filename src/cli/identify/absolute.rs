@@ -79,7 +79,7 @@ impl Identify {
         if let Some(path) = &self.uncertainties_out {
             text += &written.noted(path, write_uncertainties(path, file, &identified));
         }
-        let uncounted = uncounted(belief);
+        let uncounted = uncounted(&identified.case);
         if !uncounted.is_empty() {
             text += &format!(
                 "  Not counted but as part of what the residuals show: {}\n",
@@ -92,7 +92,7 @@ impl Identify {
         for each in &identified.inconsistencies {
             text += &compared(each);
         }
-        text += &noted(&identified.fit.notes());
+        text += &noted(&identified.notes());
         let loads = readings.iter().map(|each| &each.load);
         let loads = loads.filter(|load| **load != Load::NONE);
         let mut conditions = identified.conditions();

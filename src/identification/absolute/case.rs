@@ -65,7 +65,8 @@ impl<'a> AbsoluteCase<'a> {
     /// that distances are read from; the units cannot be right.
     pub fn new(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
         let mut case = Self::placed(belief, readings)?;
-        if case.reads_distances() {
+        let positions = case.positions();
+        if positions.is_empty() {
             // Places of points are known well enough to begin with.
             case.copies = case.copied();
             return Ok(case);
@@ -75,12 +76,12 @@ impl<'a> AbsoluteCase<'a> {
         let found = RobustFrames::guessed(&sights, case.stations.len(), &case.link_from_tools());
         let wrong = found.wrong();
         case.far_from_frames = (wrong.iter())
-            .map(|&reading| RejectedReading {
-                reading,
-                deviations: found.off[reading],
+            .map(|&place| RejectedReading {
+                reading: positions[place],
+                deviations: found.off[place],
             })
             .collect();
-        case.set_frames(found.frames);
+        case.set_frames(case.beside_points(found.frames));
         let mut right = sights;
         let mut places = 0..right.len();
         right.retain(|_| (places.next()).is_some_and(|place| wrong.binary_search(&place).is_err()));
@@ -104,7 +105,7 @@ impl<'a> AbsoluteCase<'a> {
             targets: Vec::new(),
             observations: Vec::new(),
             covariances: Vec::new(),
-            visits: visits(readings),
+            visits: visits(readings, belief),
             within: [0.0; 2],
             shared: None,
             is_sharing_known: false,
@@ -127,6 +128,7 @@ impl<'a> AbsoluteCase<'a> {
             }
             let hangs_on = (tool.name != hook.name).then(|| Arc::clone(&hook));
             let covariance = case.covariance(reading)?;
+            case.check_kind(index, reading)?;
             case.covariances.push(covariance);
             case.observations.push(Observation {
                 setup: Setup {
@@ -151,7 +153,7 @@ impl<'a> AbsoluteCase<'a> {
             });
         }
         let frames = (0..case.stations.len()).map(|station| case.placed_frame(station));
-        case.arm.instrument_from_base = frames.collect::<Result<_, _>>()?;
+        case.arm.instrument_from_base = frames.collect();
         Ok(case)
     }
 
@@ -166,7 +168,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// What some sources disturb a reading by, by its place, besides the instrument, where the calibration tool carries a load; of a
-    /// distance what is along it.
+    /// distance what is along it. In the robot's base frame.
     pub fn disturbed<'s>(
         &self,
         place: usize,
@@ -184,6 +186,10 @@ impl<'a> AbsoluteCase<'a> {
         let station_m = station_named(&belief.stations, name).map(|station| &station.position_m);
         let q = setup.commanded_rad.as_slice();
         let carried = (&belief.calibration_tool, load);
+        let by_tracker = belief.reads_by_tracker(name);
+        let sources = sources
+            .into_iter()
+            .filter(|source| by_tracker || !matches!(source, ReadingSource::Range(_)));
         let errors = ReadingErrors::new(arm, q, carried, station_m, sources);
         match station_m.filter(|_| reading.kind() == ReadingKind::Distance) {
             Some(station_m) => {
@@ -232,19 +238,21 @@ impl<'a> AbsoluteCase<'a> {
             return Ok(covariance);
         }
         let instrument = &self.belief.instrument;
-        if reading.distance_m.is_some() != instrument.distance.is_some() {
-            return Err(AbsoluteError::NoSigma(if reading.distance_m.is_some() {
-                "distances"
-            } else {
-                "positions"
-            }));
+        let distance = instrument.distance.filter(|_| reading.distance_m.is_some());
+        match reading.distance_m {
+            Some(_) if distance.is_none() => return Err(AbsoluteError::NoSigma("distances")),
+            None if !instrument.reads_positions() => {
+                return Err(AbsoluteError::NoSigma("positions"));
+            }
+            _ => {}
         }
+        let sigma_m = instrument.sigma_by_m(distance);
         let rotation_rad = match (reading.rotation, instrument.rotation_sigma_rad) {
             (None, _) => 1.0,
             (Some(_), Some(sigma)) => sigma,
             (Some(_), None) => return Err(AbsoluteError::NoRotationSigma),
         };
-        let variances = [instrument.sigma_m, rotation_rad].map(|sigma| sigma * sigma / 2.0);
+        let variances = [sigma_m, rotation_rad].map(|sigma| sigma * sigma / 2.0);
         Ok(Matrix6::from_diagonal(&Vector6::from_fn(|row, _| {
             variances[row / 3]
         })))
@@ -256,24 +264,30 @@ impl<'a> AbsoluteCase<'a> {
         tools.map(|tool| tool.link_from_tool).collect()
     }
 
-    /// Where stations and targets are to begin with: by closed forms, or where distances have the planner's model's places.
+    /// Where stations and targets are to begin with: by closed forms of positions, and points where the planner's model has them.
     pub fn first_frames(&self) -> MountedFrames {
         let link_from_tool = self.link_from_tools();
-        if self.reads_distances() {
+        if self.positions().is_empty() {
             let instrument_from_base = self.arm.instrument_from_base.clone();
             return MountedFrames {
                 instrument_from_base,
                 link_from_tool,
             };
         }
-        MountedFrames::guessed(&self.sights(), self.stations.len(), &link_from_tool)
+        let frames = MountedFrames::guessed(&self.sights(), self.stations.len(), &link_from_tool);
+        self.beside_points(frames)
     }
 
-    /// What closed forms need of the readings.
+    /// What closed forms need of the readings of positions; of all where there are none.
     pub fn sights(&self) -> Vec<Sight> {
         let mut state = KinematicState::new(self.arm.chain.len());
-        (self.observations.iter())
-            .map(|each| {
+        let mut seen = self.positions();
+        if seen.is_empty() {
+            seen = (0..self.observations.len()).collect();
+        }
+        (seen.into_iter())
+            .map(|place| {
+                let each = &self.observations[place];
                 let carrier = Tool {
                     link_from_tool: Isometry3::identity(),
                     ..self.arm.tools[each.setup.target].clone()
@@ -298,10 +312,14 @@ impl<'a> AbsoluteCase<'a> {
     /// Readings that are equal to the last digit.
     fn copied(&self) -> CopiedReadings {
         let shows = self.belief.instrument.distance.as_ref();
-        CopiedReadings::of(
-            &self.read_bits(),
-            shows.map_or(0.0, |shows| shows.resolution_m),
-        )
+        let resolution_m = shows.map_or(0.0, |shows| shows.resolution_m);
+        let (lengths, positions): (Vec<ReadBits>, Vec<ReadBits>) =
+            (self.read_bits().into_iter()).partition(|each| self.is_distance(each.place));
+        let mut copies = CopiedReadings::of(&positions, 0.0);
+        let more = CopiedReadings::of(&lengths, resolution_m);
+        copies.rows.extend(more.rows);
+        copies.readings.extend(more.readings);
+        copies
     }
 
     /// What was read, and where, to the bit.

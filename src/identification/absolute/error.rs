@@ -95,6 +95,18 @@ pub enum AbsoluteError {
     /// Distances from where nobody knows.
     #[error("distances are read from {0}, and the scenario has no such [[station]]")]
     NoPlace(String),
+    /// A distance where positions are read, or the other way round.
+    #[error(
+        "reading {reading} is {is} from station {station:?}, where the scenario reads the other kind"
+    )]
+    OtherKind {
+        /// Its number.
+        reading: usize,
+        /// What it is, in words.
+        is: &'static str,
+        /// The station's name.
+        station: String,
+    },
     /// Readings that cannot be chosen one by one.
     #[error("several readings of one visit cannot be chosen one by one")]
     Together,
@@ -139,10 +151,14 @@ impl AbsoluteError {
                 "add the target to the scenario as a [[robot.tool]], or to the model as a site",
             ),
             Self::NoSigma(_) => Some(
-                "give instrument.reads = \"distance\" for distances alone, or columns of standard deviations",
+                "give instrument.reads = \"distance\" for distances alone, [instrument.distance] for distances beside positions, or columns of \
+                 standard deviations",
             ),
             Self::NoPlace(_) => Some(
                 "give the column station, and a [[station]] with position_mm for each place that distances are read from",
+            ),
+            Self::OtherKind { .. } => Some(
+                "[[station]] says what is read from each: reads = \"position\", or \"distance\" with [instrument.distance]",
             ),
             Self::Together => Some("give readings of one target, each in a visit of its own"),
             _ => None,

@@ -107,9 +107,9 @@ struct AveragedVisit {
 }
 
 impl AbsoluteCase<'_> {
-    /// What the repeated visits of a fit's readings say, without those that were rejected; none where there are none, and of distances.
+    /// What the repeated visits of a fit's positions say, without those that were rejected; none where there are none.
     pub fn repeat_components(&self, fit: &AbsoluteFit) -> Option<RepeatComponents> {
-        let kept = (!self.reads_distances()).then(|| self.kept(fit))?;
+        let kept = self.kept(fit).of_positions();
         let joints = kept.commanded_joints();
         let mean = &fit.posterior.mean;
         let rows = kept.rows_at(&kept.arm, &fit.set, mean, &joints).ok()?;

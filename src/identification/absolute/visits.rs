@@ -4,13 +4,17 @@ use std::collections::BTreeMap;
 
 use crate::experiment::{is_one_configuration, numbered};
 use crate::measurement::AbsoluteReading;
+use crate::task::Belief;
 
 /// Fewer visits tell nothing of what the parameters leave but its size.
 pub(super) const LEAST_VISITS: usize = 20;
 
 /// Readings by their places: those of one visit together, in the order of the first. Where no column says it, the k-th reading of each
-/// target in one configuration, under one load and from one station, is of visit k.
-pub(super) fn visits(readings: &[AbsoluteReading]) -> Vec<Vec<usize>> {
+/// target in one configuration, under one load and from one station, is of visit k. Distances are read in the visits of an only tracker.
+pub(super) fn visits(readings: &[AbsoluteReading], belief: &Belief) -> Vec<Vec<usize>> {
+    let stations: Vec<Option<&str>> = (readings.iter())
+        .map(|each| belief.station_of_visit(each.station.as_deref()))
+        .collect();
     let pose = |place: usize| {
         let reading = &readings[place];
         (&reading.configuration_rad, reading.approach.as_ref())
@@ -19,20 +23,20 @@ pub(super) fn visits(readings: &[AbsoluteReading]) -> Vec<Vec<usize>> {
         let [own, others] = [&readings[one], &readings[other]];
         is_one_configuration(pose(one), pose(other))
             && own.load == others.load
-            && own.station == others.station
+            && stations[one] == stations[other]
     };
     let q = |place: usize| &readings[place].configuration_rad;
     let alike = numbered(readings.len(), q, is_same);
-    let mut taken: BTreeMap<(usize, Option<&str>), usize> = BTreeMap::new();
+    let mut taken: BTreeMap<(usize, [Option<&str>; 2]), usize> = BTreeMap::new();
     // By a word of a file and the station, or by the number of a configuration and which visit of it.
     let mut known = BTreeMap::new();
     let mut visits: Vec<Vec<usize>> = Vec::new();
     for (place, reading) in readings.iter().enumerate() {
         let visit = if let Some(name) = reading.visit.as_deref() {
-            (Some((name, reading.station.as_deref())), [0; 2])
+            (Some((name, stations[place])), [0; 2])
         } else {
-            let target = reading.target.as_deref();
-            let count = taken.entry((alike[place], target)).or_default();
+            let read = [reading.target.as_deref(), reading.station.as_deref()];
+            let count = taken.entry((alike[place], read)).or_default();
             *count += 1;
             (None, [alike[place], *count])
         };

@@ -25,11 +25,10 @@ const PARTS: usize = 8;
 impl AbsoluteCase<'_> {
     /// The input error that explains why frames alone do not explain the readings; none where they do, or where none explains it.
     pub fn likely_input_error(&self) -> Option<Condition> {
-        if self.reads_distances() {
-            return None;
-        }
-        let step = self.observations.len().div_ceil(ENOUGH).max(1);
-        let some = self.part_of(|index| index % step == 0);
+        let positions = self.positions();
+        let step = positions.len().div_ceil(ENOUGH).max(1);
+        let looked_at: Vec<usize> = positions.into_iter().step_by(step).collect();
+        let some = self.part_of(|index| looked_at.binary_search(&index).is_ok());
         let sights = some.sights();
         let robust = RobustFrames::guessed(&sights, some.stations.len(), &some.link_from_tools());
         let as_it_is_m = robust.median_m;
@@ -40,7 +39,7 @@ impl AbsoluteCase<'_> {
         let explained_m = EXPLAINS * as_it_is_m.min(reach(&sights));
         let explaining = |errors: Vec<InputError>| {
             let left: Vec<f64> = (errors.par_iter())
-                .map(|error| some.left_without(error, step))
+                .map(|error| some.left_without(error, &looked_at))
                 .collect();
             // An earlier one unless a later one is clearly better.
             let best = errors.into_iter().zip(left).reduce(|best, next| {
@@ -61,7 +60,7 @@ impl AbsoluteCase<'_> {
         simple.extend(offsets);
         simple.extend(catalogue::of_sights(has_rotations));
         simple.extend(units.into_iter().chain(swapped).chain(from_before));
-        let moved = |part| part * some.observations.len() / PARTS * step;
+        let moved = |part: usize| looked_at[part * looked_at.len() / PARTS];
         simple.extend((1..PARTS).map(|part| catalogue::station_moved(moved(part))));
         let (error, left_m) = explaining(simple).or_else(|| explaining(several))?;
         Some(condition(&format!(
@@ -72,9 +71,9 @@ impl AbsoluteCase<'_> {
         )))
     }
 
-    /// What frames alone leave of the readings, which are every so many of a table, without an error (m, a median, with rotations as
+    /// What frames alone leave of the readings, which are at these places of a table, without an error (m, a median, with rotations as
     /// lengths).
-    fn left_without(&self, error: &InputError, step: usize) -> f64 {
+    fn left_without(&self, error: &InputError, places: &[usize]) -> f64 {
         let mut case = self.clone();
         for each in &mut case.observations {
             error.correct_commands(&mut each.setup.commanded_rad);
@@ -83,7 +82,7 @@ impl AbsoluteCase<'_> {
         for (place, sight) in sights.iter_mut().enumerate() {
             match &error.change {
                 Correction::Sight(change) => change(sight),
-                Correction::StationMoved(first) if place * step >= *first => {
+                Correction::StationMoved(first) if places[place] >= *first => {
                     sight.station += self.stations.len();
                 }
                 _ => {}

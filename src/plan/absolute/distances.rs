@@ -33,9 +33,9 @@ impl AbsolutePlanning<'_> {
         (found.ok().filter(|_| kind == ReadingKind::Distance)).map(|found| found.position_m.x)
     }
 
-    /// Whether distances are read.
-    pub fn reads_distances(&self) -> bool {
-        self.case.reads_distances()
+    /// Whether a candidate is a distance.
+    pub fn is_distance(&self, place: usize) -> bool {
+        self.setup(place).1 == ReadingKind::Distance
     }
 }
 
@@ -48,7 +48,7 @@ pub(super) fn in_range(
     mut q: DVector<f64>,
 ) -> DVector<f64> {
     let belief = &task.belief;
-    let Some(station) = station.filter(|_| belief.instrument.distance.is_some()) else {
+    let Some(station) = station.filter(|station| station.reads_distances) else {
         return q;
     };
     let [least, most] = [

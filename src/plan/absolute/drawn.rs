@@ -325,9 +325,10 @@ impl AbsolutePlanning<'_> {
         [seed, index]: [u64; 2],
     ) -> Result<CandidatePlan, AbsolutePlanError> {
         let mut random = generator(seed, random_readings(index));
+        let frames = self.frames();
         let machining = &self.case.belief.machining_tool.name;
         for _ in 0..RANDOM_PLANS {
-            let station = random.random_range(0..self.case.stations.len().max(1));
+            let station = frames[random.random_range(0..frames.len())];
             let mut places = self.places();
             places.retain(|&place| self.station_of(place) == station);
             let mut plan = CandidatePlan::new();
@@ -390,8 +391,8 @@ fn rows_at(task: &Task, q: &DVector<f64>, load: Load, line: usize) -> Vec<Candid
     let mut targets = vec![&belief.calibration_tool, &belief.machining_tool];
     targets.dedup_by(|one, other| one.name == other.name);
     // Distances have a range, and each station its own configurations.
-    let reads_distances = belief.instrument.distance.is_some();
-    let stations: Vec<Option<&Station>> = if reads_distances {
+    let reads_distances = |station: &Station| station.reads_distances;
+    let stations: Vec<Option<&Station>> = if belief.stations.iter().any(reads_distances) {
         belief.stations.iter().map(Some).collect()
     } else {
         vec![None]
@@ -400,7 +401,7 @@ fn rows_at(task: &Task, q: &DVector<f64>, load: Load, line: usize) -> Vec<Candid
     for target in targets {
         for station in &stations {
             // A load acts at the calibration tool, and no further; none hangs where a ballbar's ball is.
-            let is_loaded = target.joints <= carried && !reads_distances;
+            let is_loaded = target.joints <= carried && !station.is_some_and(reads_distances);
             let loads = [Some(Load::NONE), is_loaded.then_some(load)];
             rows.extend(loads.into_iter().flatten().map(|load| Candidate {
                 line,

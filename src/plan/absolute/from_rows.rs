@@ -53,8 +53,7 @@ impl<'a> AbsolutePlanning<'a> {
         let rows = from_stations(task, rows)?;
         let (possible, offer) = possible(task, &rows)?;
         let (taken, times) = taken_once(measured);
-        let instrument = &task.belief.instrument;
-        let blank = possible.iter().map(|row| reading_of(row, instrument));
+        let blank = possible.iter().map(|row| reading_of(row, &task.belief));
         let readings: Vec<AbsoluteReading> = blank.chain(taken.iter().cloned()).collect();
         let mut candidates = possible;
         let offered = candidates.len();
@@ -84,9 +83,10 @@ impl<'a> AbsolutePlanning<'a> {
         let asked = (0..case.stations.len()).map(|station| PlannedReading {
             setup: setup_of(&first.setup.commanded_rad, Load::NONE, [target, station]),
             // Where only lengths are read, the tool's place counts along axes that they do not show: the robot's own.
-            kind: match first.reading.kind() {
-                ReadingKind::Distance => ReadingKind::Distance,
-                _ => ReadingKind::Position,
+            kind: if case.is_point(station) {
+                ReadingKind::Distance
+            } else {
+                ReadingKind::Position
             },
             whitener: first.whitener,
         });
@@ -100,7 +100,7 @@ impl<'a> AbsolutePlanning<'a> {
             before: relative_precision(&set),
             unasked: case.unasked(groups),
             offer,
-            neighbours: Neighbours::of(&candidates),
+            neighbours: Neighbours::of(&candidates, &task.belief),
             candidates,
             case,
             set,

@@ -150,7 +150,9 @@ impl TiedReadings {
             by_task.columns_mut(known, own.ncols()).copy_from(&own);
             PlaceRows {
                 weight: pose.weight,
-                by_station: pose.by_station.iter().map(|rows| rows - &shown).collect(),
+                by_station: (pose.by_station.iter())
+                    .map(|(station, rows)| (*station, rows - &shown))
+                    .collect(),
                 by_task,
             }
         };

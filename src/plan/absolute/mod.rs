@@ -5,7 +5,8 @@
 //! with the whole vector: compensation takes away what is predicted, so that the residual error is what the parameters' errors make.
 //!
 //! The place counts in the frame of a station. Of several, it is that where least is left: each station has a frame of its own,
-//! which only readings from there tell, so that where the instrument stands is chosen with the readings.
+//! which only readings from there tell, so that where the instrument stands is chosen with the readings. Points from which distances
+//! are read have no axes: the place counts from one of them where nothing else is read.
 
 mod assumed;
 mod budget;
@@ -141,7 +142,7 @@ impl AbsolutePlanning<'_> {
     pub fn blank_reading(&self, place: usize) -> AbsoluteReading {
         AbsoluteReading {
             target: Some(self.target(place).to_owned()),
-            ..reading_of(&self.candidates[place], &self.case.belief.instrument)
+            ..reading_of(&self.candidates[place], self.case.belief)
         }
     }
 
@@ -225,10 +226,11 @@ impl AbsolutePlanning<'_> {
         let average = &self.before + all * share.min(1.0);
         let likely = known_after(&self.set, &average).covariance;
         let scales = self.set.scales();
-        let rows: Vec<DMatrix<f64>> = (0..self.case.stations.len())
-            .map(|station| stacked(&self.poses, station))
+        let frames = self.frames().into_iter();
+        let rows: Vec<(usize, DMatrix<f64>)> = frames
+            .map(|station| (station, stacked(&self.poses, station)))
             .collect();
-        let missing_of = |rows: &DMatrix<f64>| {
+        let missing_of = |(_, rows): &(usize, DMatrix<f64>)| {
             let own = in_units(rows.clone(), &scales);
             let variance = (&own * &likely * own.transpose()).trace();
             estimable.missing(rows, variance.max(0.0).sqrt())
@@ -252,12 +254,11 @@ impl AbsolutePlanning<'_> {
                 told.push(information);
             }
         }
-        let determined =
-            (rows.iter().zip(&missing).enumerate()).filter(|(_, (_, missing))| missing.is_empty());
+        let determined = (rows.iter().zip(&missing)).filter(|(_, missing)| missing.is_empty());
         Ok(Shown {
             beside: within(&self.before),
             test_poses: determined
-                .map(|(station, (rows, _))| (station, basis.tr_mul(&rows.transpose())))
+                .map(|((station, rows), _)| (*station, basis.tr_mul(&rows.transpose())))
                 .collect(),
             together: self.bounds_together(&places, basis),
             basis: basis.clone(),
@@ -303,6 +304,14 @@ impl AbsolutePlanning<'_> {
                 bounds: shown.together.as_ref(),
             }),
         })
+    }
+
+    /// The stations in whose frames the tool's place may count, by their numbers.
+    fn frames(&self) -> Vec<usize> {
+        let first = self.poses.iter().take(1);
+        first
+            .flat_map(|pose| pose.by_station.keys().copied())
+            .collect()
     }
 
     /// All candidates that may be chosen.
@@ -513,7 +522,7 @@ fn place_rows(
     set: &ParameterSet,
     target: usize,
 ) -> Vec<PlaceRows> {
-    let by_station: Vec<DMatrix<f64>> = (0..case.stations.len())
+    let by_station: Vec<(usize, DMatrix<f64>)> = (case.framing_stations().into_iter())
         .map(|station| {
             let setups = task.test_poses.iter();
             let setups =
@@ -535,7 +544,7 @@ fn place_rows(
                     column.fill(0.0);
                 }
             }
-            rows
+            (station, rows)
         })
         .collect();
     (task
@@ -546,7 +555,10 @@ fn place_rows(
     .map(|(index, (pose, by_task))| PlaceRows {
         weight: pose.weight,
         by_station: (by_station.iter())
-            .map(|rows| pose.counted_rows(rows.rows(3 * index, 3).into_owned()))
+            .map(|(station, rows)| {
+                let own = rows.rows(3 * index, 3).into_owned();
+                (*station, pose.counted_rows(own))
+            })
             .collect(),
         by_task,
     })

@@ -1,5 +1,7 @@
 //! The predicted accuracy of a plan of absolute readings.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 use crate::numeric::estimable::Estimable;
@@ -35,8 +37,8 @@ pub struct PredictedAccuracy {
 pub(super) struct PlaceRows {
     /// The weight of the test pose.
     pub weight: f64,
-    /// C (3 x p, m in typical sizes), in the frame of each station.
-    pub by_station: Vec<DMatrix<f64>>,
+    /// C (3 x p, m in typical sizes), in the frame of each station that may count, by its number.
+    pub by_station: BTreeMap<usize, DMatrix<f64>>,
     /// By the task's force (3 x t, m in standard deviations), which is off whatever is read.
     pub by_task: DMatrix<f64>,
 }
@@ -57,7 +59,7 @@ fn joined<'p>(
 
 /// C of all test poses (3 m x p), each times the root of its weight, in the frame of a station.
 pub(super) fn stacked(poses: &[PlaceRows], station: usize) -> DMatrix<f64> {
-    joined(poses, |pose| &pose.by_station[station])
+    joined(poses, |pose| &pose.by_station[&station])
 }
 
 /// The same by the task's force (3 m x t).
@@ -99,13 +101,16 @@ impl PredictedAccuracy {
         scales: &DVector<f64>,
         readings: u32,
     ) -> Self {
-        let stations = poses.first().map_or(0, |pose| pose.by_station.len());
+        let stations = poses
+            .first()
+            .into_iter()
+            .flat_map(|pose| pose.by_station.keys());
         let left_in = |station: usize| {
             let rows = in_units(stacked(poses, station), scales);
             posterior.variance_of(&rows).map(|square| (square, rows))
         };
         let mut best = Err(Vec::new());
-        for (station, left) in (0..stations).map(left_in).enumerate() {
+        for (station, left) in stations.map(|&station| (station, left_in(station))) {
             match (&mut best, left) {
                 (Ok((_, least, _)), Ok((square, _))) if square >= *least => {}
                 (best, Ok((square, rows))) => *best = Ok((station, square, rows)),
@@ -114,10 +119,13 @@ impl PredictedAccuracy {
             }
         }
         let task = stacked_task(poses);
-        let station = best.as_ref().map_or(0, |(station, ..)| *station);
+        let first = poses.first().and_then(|pose| pose.by_station.keys().next());
+        let station = best
+            .as_ref()
+            .map_or(first.copied().unwrap_or(0), |(station, ..)| *station);
         // The rms distance, and the covariance in the world frame.
         let of_pose = |pose: &PlaceRows| {
-            let rows = in_units(pose.by_station[station].clone(), scales);
+            let rows = in_units(pose.by_station[&station].clone(), scales);
             let square = posterior.variance_of(&rows).ok()?;
             let known = &rows * &posterior.covariance * rows.transpose();
             let task = &pose.by_task * pose.by_task.transpose();

@@ -11,7 +11,7 @@ use crate::plan::search::{CandidateError, OfferedCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::robot::{Load, SerialChain, Tool};
-use crate::task::{Belief, Instrument, Task, station_named};
+use crate::task::{Belief, Task, station_named};
 use crate::text::nearest;
 
 /// Rows as readings from stations: where a task says what stations there are, a row that names none is one from each.
@@ -93,6 +93,7 @@ pub(super) fn possible(
         let looking = LookingAt {
             target: known.unwrap_or(&task.belief.calibration_tool),
             station: station_named(&task.belief.stations, row.station.as_deref()),
+            is_seen: true,
         };
         let experiment = row.experiment(row.most.unwrap_or(MOST_EXPERIMENTS));
         let violations = feasibility.violations_of_reading(1, &experiment, looking);
@@ -125,8 +126,10 @@ fn targets<'a>(
     Ok(known)
 }
 
-/// A reading that a candidate would be by an instrument.
-pub(super) fn reading_of(candidate: &Candidate, instrument: &Instrument) -> AbsoluteReading {
+/// A reading that a candidate would be by what reads from its station.
+pub(super) fn reading_of(candidate: &Candidate, belief: &Belief) -> AbsoluteReading {
+    let distance = belief.distance_from(candidate.station.as_deref());
+    let rotation_rad = (belief.instrument.rotation_sigma_rad).filter(|_| distance.is_none());
     AbsoluteReading {
         configuration_rad: candidate.configuration_rad.clone(),
         load: candidate.load.unwrap_or(Load::NONE),
@@ -134,8 +137,8 @@ pub(super) fn reading_of(candidate: &Candidate, instrument: &Instrument) -> Abso
         station: candidate.station.clone(),
         visit: None,
         position_m: Vector3::zeros(),
-        rotation: (instrument.rotation_sigma_rad).map(|_| UnitQuaternion::identity()),
-        distance_m: instrument.distance.map(|_| 0.0),
+        rotation: rotation_rad.map(|_| UnitQuaternion::identity()),
+        distance_m: distance.map(|_| 0.0),
         covariance: None,
         approach: candidate.approach.clone(),
         time_s: None,

@@ -39,8 +39,7 @@ impl AbsolutePlanning<'_> {
         if !self.ties_all() {
             return None;
         }
-        let stations = 0..self.case.stations.len();
-        let found = stations.filter_map(|station| {
+        let found = self.frames().into_iter().filter_map(|station| {
             let found = self.tied_choice(station, search, sizes, (seed, stop))?;
             Some((self.prediction(&found.plan).rho0_m()?, found))
         });
@@ -149,7 +148,7 @@ impl AbsolutePlanning<'_> {
         let at_poses = self.poses.iter().zip(&self.functions.poses);
         readings.extend(at_poses.map(|(pose, point)| {
             let root = pose.weight.sqrt();
-            let by_unknowns = pose.by_station[station].transpose() * root;
+            let by_unknowns = pose.by_station[&station].transpose() * root;
             predicted(by_unknowns, &point.columns * root, point.places.clone())
         }));
         let processes = self.functions.kernels.len();

@@ -10,22 +10,24 @@ use crate::experiment::{Candidate, is_one_configuration, numbered};
 use crate::numeric::markov::ProcessPoint;
 use crate::observation::{
     ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
-    SharingReadings, Together, Visits, Whitener, visits_of,
+    SharingReadings, Together, Visits, Whitener, turned_columns, visits_of,
 };
 use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds};
 use crate::robot::Load;
+use crate::task::Belief;
 
 /// Which candidates share errors.
 #[derive(Debug, Clone)]
 pub(super) struct Neighbours {
     /// The number of each candidate's configuration.
     pub configurations: Vec<usize>,
-    /// The number of each candidate's visit: at one command pose, under one load, with the instrument at one station.
+    /// The number of each candidate's visit: at one command pose, under one load, with the instrument at one station. What reads distances
+    /// beside an only tracker does so in its visits.
     visits: Vec<usize>,
 }
 
 impl Neighbours {
-    pub fn of(candidates: &[Candidate]) -> Self {
+    pub fn of(candidates: &[Candidate], belief: &Belief) -> Self {
         let q = |place: usize| &candidates[place].configuration_rad;
         let numbers = |is_same: &dyn Fn(&Candidate, &Candidate) -> bool| {
             let is_same = |one: usize, other: usize| is_same(&candidates[one], &candidates[other]);
@@ -37,12 +39,13 @@ impl Neighbours {
                 (&other.configuration_rad, other.approach.as_ref()),
             )
         };
-        let load = |each: &Candidate| each.load.unwrap_or(Load::NONE);
+        let of_visit = |each: &Candidate| {
+            let station = belief.station_of_visit(each.station.as_deref());
+            (each.load.unwrap_or(Load::NONE), station.map(str::to_owned))
+        };
         Self {
             configurations: numbers(&stands),
-            visits: numbers(&|one, other| {
-                stands(one, other) && load(one) == load(other) && one.station == other.station
-            }),
+            visits: numbers(&|one, other| stands(one, other) && of_visit(one) == of_visit(other)),
         }
     }
 
@@ -169,7 +172,10 @@ impl AbsolutePlanning<'_> {
                 (effects.columns_mut(at, root.ncols())).copy_from(&moved);
                 at += root.ncols();
             }
-            turned_columns(&effects, &frames[self.station_of(all[place].place)])
+            turned_columns(
+                &effects,
+                &frames[self.station_of(all[place].place)].rotation,
+            )
         };
         SharingReadings {
             readings: (0..all.len()).collect(),
@@ -308,17 +314,4 @@ impl AbsolutePlanning<'_> {
             each: CandidateInformation::of_all(basis.ncols(), each),
         })
     }
-}
-
-/// Columns of the world frame (6 x k; m, rad) in an instrument's.
-fn turned_columns(columns: &Matrix6xX<f64>, frame: &Isometry3<f64>) -> Matrix6xX<f64> {
-    let axes = frame.rotation.to_rotation_matrix();
-    let mut turned = columns.clone();
-    for (mut part, own) in turned.column_iter_mut().zip(columns.column_iter()) {
-        for rows in [0, 3] {
-            let moved = axes * own.fixed_rows::<3>(rows);
-            part.fixed_rows_mut::<3>(rows).copy_from(&moved);
-        }
-    }
-    turned
 }

@@ -43,6 +43,7 @@ impl Checker<'_> {
                 &[Deflection],
             ),
             ("gauge", table.gauge.is_some(), &[Deflection]),
+            ("distance", table.distance.is_some(), &[Deflection]),
         ];
         let is_refused = |(_, is_given, of): &&(_, bool, &[_])| *is_given && !of.contains(&reads);
         if let Some((key, ..)) = keys.iter().find(is_refused) {
@@ -53,35 +54,7 @@ impl Checker<'_> {
                  their [[station]], a tracker all else",
             ));
         }
-        let is_absolute = file.design.accuracy == AccuracyKind::Absolute;
-        let rotates = rotation.contains(&true);
-        let not_of_gauge = [
-            ("design.accuracy", is_absolute),
-            ("region.line_of_sight", file.region.line_of_sight),
-            ("instrument.unloaded", table.unloaded == Unloaded::Shared),
-            ("instrument.rotation_sigma_mrad", rotates),
-        ];
-        let wrong = match reads {
-            Displacement | Deflection if reads == Displacement || table.gauge.is_some() => {
-                let is_given = |(key, is_given): (&'static str, bool)| {
-                    is_given.then_some((key, "is of an instrument that sees positions alone"))
-                };
-                not_of_gauge.into_iter().find_map(is_given)
-            }
-            Distance if !is_absolute => Some(("design.accuracy", "is not \"absolute\"")),
-            Distance if file.station.is_empty() => {
-                Some(("station", "is missing: where distances are read from"))
-            }
-            _ => None,
-        };
-        if let Some((key, problem)) = wrong {
-            let gauge = table.gauge.as_ref().map_or("", |_| " with a gauge");
-            let problem = format!(
-                "{problem}, and instrument.reads is {:?}{gauge}",
-                reads.word()
-            );
-            return Err(self.wrong(key, problem));
-        }
+        self.check_others(file)?;
         if (table.sigma_of == SigmaOf::Distance) != (reads == Distance) {
             let problem = format!("does not go with instrument.reads = {:?}", reads.word());
             let wrong = self.wrong("instrument.sigma_of", problem);
@@ -109,6 +82,58 @@ impl Checker<'_> {
             gauge.beside_m = Some(sigma_m.hypot(gauge.rounding_m2().sqrt()));
         }
         Ok(Some(gauge))
+    }
+
+    /// Refuses what there is not where a gauge reads, and what distances need and have not.
+    fn check_others(&self, file: &File) -> Result<(), FileError> {
+        use InstrumentReads::{Displacement, Distance};
+        let table = &file.instrument;
+        let reads = table.reads;
+        let is_absolute = file.design.accuracy == AccuracyKind::Absolute;
+        let rotates = table
+            .rotation_sigma_mrad
+            .or(table.rotation_mpe_mrad)
+            .is_some();
+        let [gauge, distances] = [
+            reads == Displacement || table.gauge.is_some(),
+            reads == Distance || table.distance.is_some(),
+        ];
+        let positions = "is of an instrument that sees positions alone";
+        let hidden = file.region.line_of_sight && reads == Displacement;
+        let shared = table.unloaded == Unloaded::Shared;
+        let refused = [
+            ("design.accuracy", gauge && is_absolute, positions),
+            ("region.line_of_sight", hidden, positions),
+            ("instrument.unloaded", gauge && shared, positions),
+            (
+                "instrument.rotation_sigma_mrad",
+                gauge && rotates,
+                positions,
+            ),
+            (
+                "design.accuracy",
+                distances && !is_absolute,
+                "is not \"absolute\"",
+            ),
+            (
+                "station",
+                distances && file.station.is_empty(),
+                "is missing: where distances are read from",
+            ),
+        ];
+        if let Some((key, _, problem)) = refused.into_iter().find(|(_, is_wrong, _)| *is_wrong) {
+            let beside = match (&table.gauge, &table.distance) {
+                (_, Some(_)) => " with instrument.distance",
+                (Some(_), _) => " with a gauge",
+                _ => "",
+            };
+            let problem = format!(
+                "{problem}, and instrument.reads is {:?}{beside}",
+                reads.word()
+            );
+            return Err(self.wrong(key, problem));
+        }
+        Ok(())
     }
 
     /// Along which directions a gauge may read; one that is none where all three coordinates are read.

@@ -1,13 +1,16 @@
 //! The table `[instrument]`.
 
+use std::f64::consts::SQRT_2;
+
 use toml::Table;
 
 use super::Checker;
 use super::certificate::NOISE;
 use crate::files::FileError;
 use crate::mujoco::Model;
+use crate::quantities::plausible::SIZE;
 use crate::scenario::file::{File, InstrumentReads};
-use crate::task::Instrument;
+use crate::task::{Gauge, Instrument};
 
 impl Checker<'_> {
     pub(super) fn instrument(&self, file: &File, model: &Model) -> Result<Instrument, FileError> {
@@ -18,10 +21,7 @@ impl Checker<'_> {
         let [sigma, rotation] = &NOISE;
         let sigma_m = self
             .deviation("instrument", &given, sigma)?
-            .ok_or_else(|| {
-                let wrong = self.wrong("instrument.sigma_mm", "is missing");
-                wrong.hint("give sigma_mm, or mpe_um as a certificate has it")
-            })?;
+            .ok_or_else(|| self.without_sigma("instrument"))?;
         let key = "instrument.tracker_site";
         let site = |name: &str| (model.site(name)).map_err(|error| self.named_file(key, error));
         let tracker_site = table.tracker_site.as_deref().map(site).transpose()?;
@@ -35,7 +35,9 @@ impl Checker<'_> {
         let mut instrument = Instrument {
             sigma_m: sigma_m * factor,
             gauge: gauge.filter(|_| !reads_distances),
-            distance: gauge.filter(|_| reads_distances),
+            distance: self
+                .distance_beside(file)?
+                .or(gauge.filter(|_| reads_distances)),
             rotation_sigma_rad: rotation_sigma_rad.map(|each| each * factor),
             tracker_site,
             unloaded: table.unloaded,
@@ -43,5 +45,32 @@ impl Checker<'_> {
         };
         instrument.sigma_m = instrument.sigma_m.hypot(instrument.rounding_m2().sqrt());
         Ok(instrument)
+    }
+
+    /// What reads distances beside a tracker.
+    fn distance_beside(&self, file: &File) -> Result<Option<Gauge>, FileError> {
+        let key = "instrument.distance";
+        let Some(table) = &file.instrument.distance else {
+            return Ok(None);
+        };
+        let given = Table::try_from(table).unwrap_or_default();
+        self.certificate_is_used(key, &given, &NOISE[..1])?;
+        let sigma_m = self
+            .deviation(key, &given, &NOISE[0])?
+            .ok_or_else(|| self.without_sigma(key))?;
+        let step = self.optional(&format!("{key}.resolution_mm"), table.resolution_mm, &SIZE)?;
+        let mut shows = Gauge {
+            beside_m: None,
+            range_m: None,
+            resolution_m: step.unwrap_or(0.0) * 1e-3,
+        };
+        // As of two readings.
+        shows.beside_m = Some(SQRT_2 * sigma_m.hypot(shows.rounding_m2().sqrt()));
+        Ok(Some(shows))
+    }
+
+    fn without_sigma(&self, table: &str) -> FileError {
+        let wrong = self.wrong(&format!("{table}.sigma_mm"), "is missing");
+        wrong.hint("give sigma_mm, or mpe_um as a certificate has it")
     }
 }

@@ -105,7 +105,7 @@ impl Checker<'_> {
         let loads = self.loads(&file.load)?;
         let design = self.design(&file.design, to_find, &commands, &loads)?;
         let plans = self.plans(&file.plan, &commands)?;
-        let stations = self.stations(&file, &nominal.model, instrument.tracker_site)?;
+        let stations = self.stations(&file, &nominal.model, &instrument)?;
         let context = study::Context {
             sigma_m: instrument.sigma_m,
             sigma_of: file.instrument.sigma_of,

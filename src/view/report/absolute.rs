@@ -212,15 +212,16 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
 /// The stills, and the plan as a table.
 fn readings(shown: &AbsolutePageRecord<'_>) -> String {
     let own = &shown.scenario.task.belief.calibration_tool.name;
+    let lengths = (shown.plan.plan.iter()).any(|reading| reading.distance_mm.is_some());
     let rows = (shown.plan.plan.iter().enumerate()).map(|(index, reading)| {
         let mut row = plan_row(index, &reading.q_deg, reading.wrench.as_ref());
         row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
         row.push(reading.station.clone().unwrap_or_else(dash));
         row.push(reading.repeats.to_string());
-        row.extend(reading.distance_mm.map(|length| format!("{length:.3}")));
+        let length = (reading.distance_mm).map_or_else(dash, |length| format!("{length:.3}"));
+        row.extend(lengths.then_some(length));
         row
     });
-    let lengths = (shown.plan.plan.iter()).any(|reading| reading.distance_mm.is_some());
     let own = if lengths {
         "row | reflector | station | times | distance [mm]"
     } else {

@@ -226,7 +226,9 @@ pub(super) fn by_pose(visits: &[PoseReadings]) -> Vec<PoseReadings> {
         )
     };
     let has_axes = |visit: usize| visits[visit].coordinates.len() > 1;
-    let is_same = |one, other| has_axes(one) && is_one_configuration(pose(one), pose(other));
+    let is_same = |one, other| {
+        has_axes(one) && has_axes(other) && is_one_configuration(pose(one), pose(other))
+    };
     let groups = together(visits.len(), |place| pose(place).0, is_same);
     let joined = |group: Vec<usize>| {
         let first = visits[group[0]].clone();
