@@ -10,7 +10,7 @@ use super::super::Discrepancy;
 use super::super::joint_errors::{DiscrepancyModel, JointError, SQUARE_95, region_square};
 use super::{MixedFit, MixedModel, MixedSolution, MixedVariances, PoseReadings};
 
-/// From so many readings on, regions are scaled by what was seen: of 19 the largest stays above 95 % of further ones in the mean,
+/// From so many readings on, regions are scaled by quantiles of what was seen: of 19 the largest stays above 95 % of further ones in the mean,
 const SCALED_FROM: usize = 19;
 /// and from so many on errors are spread over joint space.
 const SPREAD_FROM: usize = 40;
@@ -89,7 +89,9 @@ impl MixedModel {
             let others = self.of_visits(|number| number % parts != part);
             let (variances, solved) = others.likeliest()?;
             let own = self.visits.iter().skip(part).step_by(parts);
-            let squares = own.flat_map(|visit| others.squares_at(visit, &variances, &solved));
+            let squares = own.flat_map(|pose| {
+                means_over_visits(pose, others.squares_at(pose, &variances, &solved))
+            });
             Some(squares.collect::<Vec<_>>())
         });
         let all: Vec<Option<Vec<_>>> = each.collect();
@@ -131,6 +133,29 @@ struct PredictedSquares<'a> {
     squares: [Option<f64>; 2],
 }
 
+/// The means of what readings of a pose have over its visits, reading by reading: errors of a pose come again with each.
+fn means_over_visits<'a>(
+    pose: &PoseReadings,
+    mut squares: Vec<PredictedSquares<'a>>,
+) -> Vec<PredictedSquares<'a>> {
+    let visits = pose.visits.last().map_or(1, |last| last + 1);
+    if visits == 1 || squares.len() % visits > 0 {
+        return squares;
+    }
+    let others = squares.split_off(squares.len() / visits);
+    let count = squares.len();
+    for (place, each) in squares.iter_mut().enumerate() {
+        for part in 0..2 {
+            let alike = others.iter().skip(place).step_by(count);
+            let sum = alike.fold(each.squares[part], |sum, other| {
+                Some(sum? + other.squares[part]?)
+            });
+            each.squares[part] = sum.map(|sum| sum / visits as f64);
+        }
+    }
+    squares
+}
+
 impl DiscrepancyModel {
     /// Takes over how large errors of positions (0) or rotations (1) were that were seen: of readings that were fitted, and of others that were left
     /// out and count as far as they are no wrong ones but of a tail that the errors have. Returns the share of the former that lies in regions of
@@ -152,6 +177,9 @@ impl DiscrepancyModel {
         let within = kept_squares.iter().filter(|each| **each <= SQUARE_95);
         let share = Some(within.count() as f64 / count as f64);
         if count < SCALED_FROM {
+            // So few poses, of many visits: as of few readings that count fully.
+            let largest = kept_squares.iter().copied().fold(SQUARE_95, f64::max);
+            self.scale[part] = largest / SQUARE_95;
             return share;
         }
         let of_tail = shares_of_tail(&kept_squares, &squares(left_out));
