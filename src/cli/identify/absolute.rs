@@ -92,11 +92,13 @@ impl Identify {
         for each in &identified.inconsistencies {
             text += &compared(each);
         }
-        text += &noted(&identified.notes());
         let loads = readings.iter().map(|each| &each.load);
         let loads = loads.filter(|load| **load != Load::NONE);
+        let outside = scenario.task.loads.outside_all("loaded reading", loads);
+        let mut notes = identified.notes();
+        notes.extend(outside.map(|each| each.text));
+        text += &noted(&notes);
         let mut conditions = identified.conditions();
-        conditions.extend(scenario.task.loads.outside_all("loaded reading", loads));
         conditions.extend(written.conditions());
         Ok(Report::new(json, text, conditions))
     }
