@@ -1,8 +1,8 @@
 //! What residuals may go with: the columns of its effect on the readings, and its words.
 
-use nalgebra::{DMatrix, Matrix6xX, Vector6};
+use nalgebra::DMatrix;
 
-use super::rows::{LookedAt, ReadingRows};
+use super::rows::{Base, LookedAt, ReadingRows};
 
 /// What numbers of readings a drift goes with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -59,25 +59,6 @@ const FEWEST_WAVES: usize = 12;
 
 /// With more waves than these in a revolution the phase within one is drawn in place of the angle.
 const WAVES_TO_SEE: usize = 8;
-
-/// What a column is a multiple of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Base {
-    Moved(usize),
-    Bent(usize),
-    Placed(usize),
-}
-
-impl Base {
-    pub fn of(self, reading: &ReadingRows) -> Vector6<f64> {
-        let (rows, place): (&Matrix6xX<f64>, usize) = match self {
-            Self::Moved(joint) => (&reading.moved, joint),
-            Self::Bent(joint) => (&reading.bent, joint),
-            Self::Placed(place) => (&reading.placed, place),
-        };
-        rows.column(place).into_owned()
-    }
-}
 
 /// One column of a candidate: what a base of each reading is multiplied by.
 pub(super) type PatternColumn = (Base, Vec<f64>);

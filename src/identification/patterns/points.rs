@@ -3,8 +3,8 @@
 use nalgebra::{DVector, Vector6};
 use serde::Serialize;
 
-use super::against::{Against, Base, Drifting};
-use super::rows::LookedAt;
+use super::against::{Against, Drifting};
+use super::rows::{Base, LookedAt};
 use crate::numeric::tolerance::ends;
 
 /// Readings are put together in so many bins.

@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector6};
 
-use super::against::Base;
 use crate::robot::{Drive, SerialChain};
 
 /// Directions of parameters that readings see with less than this share of the best seen one are none.
@@ -38,6 +37,25 @@ pub struct ReadingRows {
     pub count: usize,
     /// Its block of joint space.
     pub block: usize,
+}
+
+/// What a column is a multiple of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Base {
+    Moved(usize),
+    Bent(usize),
+    Placed(usize),
+}
+
+impl Base {
+    pub fn of(self, reading: &ReadingRows) -> Vector6<f64> {
+        let (rows, place): (&Matrix6xX<f64>, usize) = match self {
+            Self::Moved(joint) => (&reading.moved, joint),
+            Self::Bent(joint) => (&reading.bent, joint),
+            Self::Placed(place) => (&reading.placed, place),
+        };
+        rows.column(place).into_owned()
+    }
 }
 
 /// All readings.

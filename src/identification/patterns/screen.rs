@@ -25,8 +25,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::against::{Against, Base, PatternColumn};
-use super::rows::{LookedAt, Projected, orthonormal};
+use super::against::{Against, PatternColumn};
+use super::rows::{Base, LookedAt, Projected, orthonormal};
 use crate::experiment::numbered;
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
