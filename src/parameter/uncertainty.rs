@@ -292,14 +292,12 @@ impl ReadingSource {
     }
 
     /// Whether it is of deflections along a direction, or of those of all coordinates.
+    #[inline]
     pub const fn is_of_deflection(&self, is_along: bool) -> bool {
         match self {
-            Self::Discrepancy(UnexplainedError {
-                of: Some(DiscrepancyOf::Pose),
-                ..
-            }) => false,
             Self::GaugeDirection(_) => is_along,
             Self::Range(_) => !is_along,
+            Self::Discrepancy(error) => !matches!(error.of, Some(DiscrepancyOf::Pose)),
             _ => true,
         }
     }

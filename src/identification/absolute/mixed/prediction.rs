@@ -139,7 +139,7 @@ fn means_over_visits<'a>(
     mut squares: Vec<PredictedSquares<'a>>,
 ) -> Vec<PredictedSquares<'a>> {
     let visits = pose.visits.last().map_or(1, |last| last + 1);
-    if visits == 1 || squares.len() % visits > 0 {
+    if visits == 1 || !squares.len().is_multiple_of(visits) {
         return squares;
     }
     let others = squares.split_off(squares.len() / visits);
