@@ -111,7 +111,7 @@ pub fn calibrate(
     let MeasuredRun {
         measurements,
         truth,
-    } = measure(&mut robots, task, truth, plan, [seed, run], true)?;
+    } = measure(&mut robots, task, truth, plan, seed, run, true)?;
     let identification = identify_as_planned(&task.belief, &measurements)?;
     let residuals = residuals(&case_of(&task.belief, &measurements), &identification)?;
     let poses = compensate_poses(
@@ -147,7 +147,8 @@ pub fn measure(
     task: &Task,
     truth: &Truth,
     plan: &Plan,
-    [seed, run]: [u64; 2],
+    seed: u64,
+    run: u64,
     has_noise: bool,
 ) -> Result<MeasuredRun, CalibrationError> {
     let (instrument, count) = (&task.belief.instrument, plan.measurements() as usize);

@@ -101,7 +101,7 @@
 //!
 //! use elastocal::calibration::calibrate;
 //! use elastocal::plan::Criterion;
-//! use elastocal::plan::search::{Bound, Problem, Watch, approximate_design, exact_design};
+//! use elastocal::plan::search::{Bound, PlanSize, Problem, Watch, approximate_design, exact_design};
 //! use elastocal::scenario::Scenario;
 //!
 //! let scenario = Scenario::load("scenarios/klimchik2012.toml".as_ref())?;
@@ -110,7 +110,7 @@
 //! problem.effort.searches = 8; // a quick search
 //! let approximate = approximate_design(&problem, seed)?;
 //! let watch = Watch { stop: &AtomicBool::new(false), progress: &|_, _, _| {} };
-//! let best = exact_design(&problem, &approximate, 4, 4, seed, watch)?;
+//! let best = exact_design(&problem, &approximate, PlanSize::all_different(4), seed, watch)?;
 //! let calibration = calibrate(task, truth, &best.plan, seed, 0)?;
 //! let pose = &calibration.poses[0];
 //! let no_plan_is_below_m = Bound::new(task, &approximate).of_plan(&best.plan)?.best;

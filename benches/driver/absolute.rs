@@ -111,7 +111,7 @@ pub fn trials(scenario: &'static Scenario) -> impl FnMut(u64) {
         name: "plan".to_owned(),
         setting: 0,
         kind: EntryKind::Readings(Arc::new(StudiedReadings {
-            plan: planning.random(READINGS, [1, 0]).expect("a plan"),
+            plan: planning.random(READINGS, 1, 0).expect("a plan"),
             planning,
             groups,
             is_random: true,

@@ -8,7 +8,9 @@ use elastocal::identification::{Sigma, identify};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::normal::{LANES, fill_normals};
 use elastocal::numeric::random::streams::Stream;
-use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design, random_plan};
+use elastocal::plan::search::{
+    PlanSize, Problem, Watch, approximate_design, exact_design, random_plan,
+};
 use elastocal::plan::{Criterion, Plan, read_plan};
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, block_runs};
@@ -174,7 +176,7 @@ fn search() -> HotPath {
                 stop: &stop,
                 progress: &|_, _, _| {},
             };
-            exact_design(&problem, &bound, 3, 3, 1, watch).expect("a plan")
+            exact_design(&problem, &bound, PlanSize::all_different(3), 1, watch).expect("a plan")
         })
     })
 }

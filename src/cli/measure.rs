@@ -80,12 +80,20 @@ impl Measure {
         } else {
             let robots = TrueRobots::new(&task.belief, truth)?;
             let mut robots = robots.in_series(self.campaign, self.series);
-            let numbers = [scenario.seed, self.run.unwrap_or(0)];
+            let run = self.run.unwrap_or(0);
             let MeasuredRun {
                 measurements,
                 truth,
-            } = measure(&mut robots, task, truth, &plan, numbers, !self.noise_free)
-                .map_err(|error| self.wrong(&error))?;
+            } = measure(
+                &mut robots,
+                task,
+                truth,
+                &plan,
+                scenario.seed,
+                run,
+                !self.noise_free,
+            )
+            .map_err(|error| self.wrong(&error))?;
             let joints = task.belief.parameters.iter().copied();
             (measurements, Some(TruthMessage::new(joints, &truth)))
         };
@@ -157,8 +165,10 @@ impl Measure {
             task,
             &scenario.truth,
             &planning,
-            [seed, run],
-            [self.campaign, self.series],
+            seed,
+            run,
+            self.campaign,
+            self.series,
         )
         .map_err(|error| self.wrong(&error))?;
         let mut text = format!(

@@ -240,8 +240,8 @@ impl PlanCommand {
         wanted: Wanted,
     ) -> anyhow::Result<(PlannedAccuracy<'a>, Report)> {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
-        let (groups, sizes) = (&args.parameters, wanted.sizes());
-        let readings = counted(sizes[0].into(), "absolute reading");
+        let (groups, size) = (&args.parameters, wanted.size());
+        let readings = counted(size.measurements.into(), "absolute reading");
         let file = args.candidates.as_deref();
         let rows = file.map(|path| read_candidates(path, task.belief.commands()));
         let rows = rows.transpose()?;
@@ -257,7 +257,7 @@ impl PlanCommand {
         let place = among.as_deref().unwrap_or("at sampled configurations");
         let says = format!("designing a plan of {readings} {place}");
         let (planning, found) = search(&args.common, &says, |watch| {
-            chosen.design(task, sizes, seed, watch)
+            chosen.design(task, size, seed, watch)
         })
         .map_err(|error| error.in_file(chosen.path))?;
         let drawn = chosen.drawn(seed);
@@ -314,12 +314,12 @@ impl PlanCommand {
             take_nearest_turns(task, scenario.laboratory.home(), plan);
         }
         let assessment = designed.assessment(task);
-        let [experiments, configurations] = wanted.sizes();
+        let size = wanted.size();
         let mut json = json!({
             "plan": plan_messages(&task.belief.commands(), &designed.exact.plan),
             "criterion": self.criterion.name(),
             "minutes": minutes,
-            "configurations": configurations.min(experiments),
+            "configurations": size.configurations.min(size.measurements),
             "elapsed_s": designed.elapsed_s,
             "searches": designed.exact.searches,
             "searches_agreeing": designed.exact.agreeing,

@@ -116,8 +116,8 @@ impl Replay {
                 random_plan(task, setting.conditions.experiments, seed, self.run)?
             }
             EntryKind::Readings(readings) => {
-                let studied = (&*name, &**readings);
-                let (run, did) = replay_readings(scenario, setting, studied, [seed, self.run])?;
+                let (run, did) =
+                    replay_readings(scenario, setting, &name, readings, seed, self.run)?;
                 return Ok(ReplayedPlan {
                     record: run.json()?,
                     residuals_mm: run.test_poses.iter().map(|pose| pose.residual_mm).collect(),

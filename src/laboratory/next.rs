@@ -5,7 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_one_direction, is_printed_as};
 use crate::identification::{Case, Identification, Sigma};
 use crate::measurement::{Measurement, by_experiment};
-use crate::plan::search::{Bound, Problem, SearchError, Watch, approximate_design, exact_design};
+use crate::plan::search::{
+    Bound, PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
+};
 use crate::plan::{Criterion, posterior, rho0_m};
 use crate::task::{Forbidden, Method, Task};
 
@@ -168,7 +170,13 @@ fn planned(task: &Task, count: u32, seed: u64, watch: Watch<'_>) -> Result<Rest,
     task.design.experiments = count;
     let problem = Problem::new(&task, Criterion::TestPose);
     let approximate = approximate_design(&problem, seed)?;
-    let design = exact_design(&problem, &approximate, count, count, seed, watch)?;
+    let design = exact_design(
+        &problem,
+        &approximate,
+        PlanSize::all_different(count),
+        seed,
+        watch,
+    )?;
     let bound = Bound::new(&task, &approximate);
     // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
     let prediction = rho0_m(&task, &posterior(&task.belief, &design.plan));

@@ -4,7 +4,7 @@
 use super::{Campaign, Laboratory, Loading};
 use crate::experiment::{Loads, Plan};
 use crate::plan::search::{
-    ApproximateDesign, Problem, SearchError, Watch, approximate_design, exact_design,
+    ApproximateDesign, PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
 };
 use crate::plan::{Criterion, posterior, rho0_m};
 use crate::task::Task;
@@ -165,14 +165,11 @@ impl TimeSearch<'_> {
                 break;
             };
             let (problem, approximate) = (&self.problem, &self.approximate);
-            let design = exact_design(
-                problem,
-                approximate,
-                experiments,
+            let size = PlanSize {
+                measurements: experiments,
                 configurations,
-                self.seed,
-                watch,
-            );
+            };
+            let design = exact_design(problem, approximate, size, self.seed, watch);
             let plan = match design {
                 Ok(design) => design.plan,
                 Err(SearchError::Singular { .. }) => break,

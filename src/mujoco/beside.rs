@@ -53,6 +53,17 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, MjEditError> {
         {
             delete(equality)?;
         }
+        // What would look at it plays no part in statics.
+        while let Some(camera) =
+            (spec.world_body_mut().camera_iter_mut(true)).find(|each| is_of_it(each.targetbody()))
+        {
+            delete(camera)?;
+        }
+        while let Some(light) =
+            (spec.world_body_mut().light_iter_mut(true)).find(|each| is_of_it(each.targetbody()))
+        {
+            delete(light)?;
+        }
         // They have coordinates of what is gone.
         while let Some(key) = spec.key_iter_mut().next() {
             delete(key)?;

@@ -88,6 +88,8 @@ fn specification_of(path: &Path, text: &str) -> Result<(MjSpec, Vec<String>), Fi
     }
     let mut spec =
         MjSpec::from_xml(path).map_err(|error| refused(path, refusal(path, &error.to_string())))?;
+    // Fused bodies have no names, and payloads none to be found by; the statics are the same.
+    spec.compiler_mut().set_fusestatic(false);
     let left_out =
         beside::leave_out(&mut spec).map_err(|error| refused(path, error.to_string()))?;
     Ok((spec, left_out))

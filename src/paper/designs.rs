@@ -2,7 +2,7 @@
 
 use super::ReproductionError;
 use crate::paper::published::TABLE_6;
-use crate::plan::search::{Bound, Problem, Watch, approximate_design, exact_design};
+use crate::plan::search::{Bound, PlanSize, Problem, Watch, approximate_design, exact_design};
 use crate::plan::{Criterion, Plan};
 use crate::scenario::Scenario;
 
@@ -36,14 +36,11 @@ pub fn designs(
     let mut designs = Vec::new();
     for (index, &(experiments, configurations, _)) in TABLE_6.iter().enumerate() {
         progress(index, TABLE_6.len());
-        let exact = exact_design(
-            &problem,
-            &approximate,
-            experiments,
+        let size = PlanSize {
+            measurements: experiments,
             configurations,
-            scenario.seed,
-            watch,
-        )?;
+        };
+        let exact = exact_design(&problem, &approximate, size, scenario.seed, watch)?;
         designs.push(DesignedPlan {
             experiments,
             configurations,

@@ -11,7 +11,7 @@ use crate::measurement::AbsoluteReading;
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::{OfferedCandidates, PlanBound};
-use crate::robot::{Commands, Load};
+use crate::robot::{Approach, Commands, Load};
 use crate::task::{AccuracyKind, Task};
 
 /// What is read in a plan, and where.
@@ -28,6 +28,9 @@ pub struct PlannedReadingMessage {
     /// The nominal distance that is read (mm), where one is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
+    /// From which side the configuration is approached: a sign for each joint, where the candidates say it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub approach: Option<String>,
     /// How often it is read.
     pub repeats: u32,
 }
@@ -112,6 +115,7 @@ impl PlannedReadingMessage {
             target: candidate.target.clone(),
             station: candidate.station.clone(),
             distance_mm: distance_m.map(|distance_m| distance_m * 1e3),
+            approach: candidate.approach.as_ref().map(Approach::word),
             repeats,
         }
     }
@@ -202,6 +206,9 @@ impl AbsolutePlanMessage {
         let unknowns = (planning.set().parameters().iter().enumerate())
             .filter(|(index, _)| !planning.is_elsewhere(*index, plan));
         let poses = task.test_poses.iter().zip(&prediction.poses_m);
+        let proof = bound.and_then(|bound| bound.proof.as_ref());
+        let of_bound = (proof.into_iter().flat_map(|proof| &proof.left_out))
+            .map(|name| format!("{name}, by the bound alone"));
         Self {
             accuracy: AccuracyKind::Absolute.name(),
             frame: planning
@@ -237,7 +244,11 @@ impl AbsolutePlanMessage {
             plan: planned_readings(task, planning, plan),
             candidates: planning.offer.clone(),
             drawn: None,
-            assumed_exact: planning.assumed_exact(),
+            assumed_exact: planning
+                .assumed_exact()
+                .into_iter()
+                .chain(of_bound)
+                .collect(),
             not_counted: planning.not_counted(),
         }
     }

@@ -179,14 +179,15 @@ impl<'a> ReadingRuns<'a> {
     pub fn run(
         &self,
         robots: &mut TrueRobots,
-        [seed, run]: [u64; 2],
+        seed: u64,
+        run: u64,
     ) -> Result<ReadingsRun, FailedRun> {
         let no_reading = |error: &dyn ToString| Failure::Measurement.because(error);
         (robots.become_run_of(&self.truth, self.read.len(), seed, run))
             .map_err(|error| no_reading(&error))?;
-        let frames = self.read.frames([seed, run]);
+        let frames = self.read.frames(seed, run);
         let readings =
-            (self.readings(robots, &frames, [seed, run])).map_err(|error| no_reading(&error))?;
+            (self.readings(robots, &frames, seed, run)).map_err(|error| no_reading(&error))?;
         let no_fit = |error| Failure::Identification.because(&error);
         let mut case = AbsoluteCase::new(&self.task.belief, &readings)
             .map_err(no_fit)?
@@ -194,7 +195,7 @@ impl<'a> ReadingRuns<'a> {
         let fit = case
             .fit(self.studied.groups, ReadingWeights::AsNeeded)
             .map_err(no_fit)?;
-        let mut residuals_m = self.residuals(robots, &frames, (&case, &fit.arm, &[]))?;
+        let mut residuals_m = self.residuals(robots, &frames, &case, &fit.arm, &[])?;
         for (residual_m, moved_m) in residuals_m.iter_mut().zip(self.moved(&fit, &frames)) {
             *residual_m -= moved_m;
         }
@@ -233,15 +234,16 @@ impl<'a> ReadingRuns<'a> {
     pub fn measure(
         &self,
         robots: &mut TrueRobots,
-        [seed, run]: [u64; 2],
+        seed: u64,
+        run: u64,
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
         robots.become_run_of(&self.truth, self.read.len(), seed, run)?;
-        self.read.readings(self.task, robots, [seed, run])
+        self.read.readings(self.task, robots, seed, run)
     }
 
     /// The frames of the stations in a run, from the world's.
-    pub fn frames(&self, numbers: [u64; 2]) -> Vec<Isometry3<f64>> {
-        self.read.frames(numbers)
+    pub fn frames(&self, seed: u64, run: u64) -> Vec<Isometry3<f64>> {
+        self.read.frames(seed, run)
     }
 
     /// By how much the tool of the robot of a run is elsewhere than an arm whose joints are off says at each test pose (m, world frame), of
@@ -253,7 +255,9 @@ impl<'a> ReadingRuns<'a> {
         &self,
         robots: &mut TrueRobots,
         frames: &[Isometry3<f64>],
-        (case, arm, joints): (&AbsoluteCase<'_>, &ElasticArm, &[JointError]),
+        case: &AbsoluteCase<'_>,
+        arm: &ElasticArm,
+        joints: &[JointError],
     ) -> Result<Vec<Vector3<f64>>, FailedRun> {
         let frame = self.prediction.station;
         let own = &self.studied.planning.stations()[frame];
@@ -308,7 +312,8 @@ impl<'a> ReadingRuns<'a> {
         &self,
         robots: &mut TrueRobots,
         frames: &[Isometry3<f64>],
-        numbers: [u64; 2],
+        seed: u64,
+        run: u64,
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
         let planning = &self.studied.planning;
         let is_pose = self.task.belief.instrument.rotation_sigma_rad.is_some();
@@ -318,13 +323,11 @@ impl<'a> ReadingRuns<'a> {
             let covariance = planning.own_covariance(each.place, each.times);
             let frame = &frames[planning.station_of(each.place)];
             let covariance = turned_covariance(&covariance, &frame.rotation);
-            let mean = (
-                sum_m / f64::from(each.times),
-                is_pose.then(|| mean_turn(&turns)),
-            );
-            self.read.reading(each.place, mean, covariance)
+            let mean_m = sum_m / f64::from(each.times);
+            let rotation = is_pose.then(|| mean_turn(&turns));
+            self.read.reading(each.place, mean_m, rotation, covariance)
         };
-        let read = self.read.read(self.task, robots, frames, numbers)?;
+        let read = self.read.read(self.task, robots, frames, seed, run)?;
         Ok(read.into_iter().map(of_one).collect())
     }
 }

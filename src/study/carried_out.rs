@@ -77,19 +77,24 @@ impl ReadingRuns<'_> {
     ///
     /// # Errors
     /// What it failed by.
-    pub fn shown(&self, robots: &mut TrueRobots, numbers: [u64; 2]) -> Result<ShownRun, FailedRun> {
-        let run = self.run(robots, numbers)?;
+    pub fn shown(
+        &self,
+        robots: &mut TrueRobots,
+        seed: u64,
+        run: u64,
+    ) -> Result<ShownRun, FailedRun> {
+        let read = self.run(robots, seed, run)?;
         let no_fit = |error: AbsoluteError| Failure::Identification.because(&error);
-        let case = AbsoluteCase::new(&self.task.belief, &run.readings).map_err(no_fit)?;
+        let case = AbsoluteCase::new(&self.task.belief, &read.readings).map_err(no_fit)?;
         let nominal = case.in_best_frames().map_err(no_fit)?;
-        let before_m = self.residuals(robots, &self.frames(numbers), (&case, &nominal, &[]))?;
+        let before_m = self.residuals(robots, &self.frames(seed, run), &case, &nominal, &[])?;
         let mut rows = self.rows(robots)?;
         for (place, row) in rows.iter_mut().enumerate() {
             row.readings = place..place + 1;
         }
         let test_poses = self.at_work(robots)?;
         Ok(ShownRun {
-            run,
+            run: read,
             before_m,
             carried_out: CarriedOut { rows, test_poses },
         })

@@ -375,7 +375,7 @@ impl<'a> Runner<'a> {
                 None => self.random_run(workspace, entry.setting, run, (batch, lane)),
             };
         };
-        let made = runs.run(robots, [self.seed, run])?;
+        let made = runs.run(robots, self.seed, run)?;
         batch.put(lane, &runs.outcome(&made));
         Ok(())
     }

@@ -375,7 +375,8 @@ impl Chooser<'_> {
         let found = best_choice(
             list,
             size as usize,
-            (SEARCHES_WITH_FUNCTIONS, &[]),
+            SEARCHES_WITH_FUNCTIONS,
+            &[],
             self.wanted.seed,
             stop,
         );

@@ -160,9 +160,9 @@ impl<'a> ReadPlan<'a> {
 
     /// The frame of each station in a run, whatever else is read: anywhere about the robot; of points near where they are believed to be,
     /// with the base's axes.
-    pub fn frames(&self, numbers: [u64; 2]) -> Vec<Isometry3<f64>> {
+    pub fn frames(&self, seed: u64, run: u64) -> Vec<Isometry3<f64>> {
         let stations = self.planning.stations().iter();
-        let frames = stations.map(|name| self.frame(name.as_deref(), numbers));
+        let frames = stations.map(|name| self.frame(name.as_deref(), seed, run));
         (frames.zip(self.planning.points()))
             .map(|(frame, point)| match point {
                 None => frame,
@@ -175,7 +175,7 @@ impl<'a> ReadPlan<'a> {
     }
 
     /// Where a station's instrument stands in a run: one of the scenario by its place in there, another by its name.
-    fn frame(&self, name: Option<&str>, [seed, run]: [u64; 2]) -> Isometry3<f64> {
+    fn frame(&self, name: Option<&str>, seed: u64, run: u64) -> Isometry3<f64> {
         let known = &self.planning.task().belief.stations;
         let place = known.iter().position(|each| Some(&*each.name) == name);
         let own = name.filter(|_| place.is_none()).map_or(0, |name| {
@@ -198,7 +198,8 @@ impl<'a> ReadPlan<'a> {
         task: &Task,
         robots: &mut TrueRobots,
         frames: &[Isometry3<f64>],
-        [seed, run]: [u64; 2],
+        seed: u64,
+        run: u64,
     ) -> Result<Vec<(RepeatedReading, Vec<TargetReading>)>, VirtualReadingError> {
         let sigma = &task.belief.instrument;
         let sigma_rad = OF_DEFLECTION * sigma.rotation_sigma_rad.unwrap_or(0.0);
@@ -247,13 +248,13 @@ impl<'a> ReadPlan<'a> {
         &self,
         task: &Task,
         robots: &mut TrueRobots,
-        numbers: [u64; 2],
+        seed: u64,
+        run: u64,
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
         let instrument = &task.belief.instrument;
         let mut readings = Vec::with_capacity(self.len());
-        let [seed, run] = numbers;
-        let frames = self.frames([seed, robots.campaign_of(run)]);
-        for (each, shown) in self.read(task, robots, &frames, [seed, robots.readings_of(run)])? {
+        let frames = self.frames(seed, robots.campaign_of(run));
+        for (each, shown) in self.read(task, robots, &frames, seed, robots.readings_of(run))? {
             let distance = task
                 .belief
                 .distance_from(self.row(each.place).station.as_deref());
@@ -265,7 +266,7 @@ impl<'a> ReadPlan<'a> {
             let covariance = Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
             readings.extend(shown.into_iter().map(|shown| {
                 let turned = instrument.rotation_sigma_rad.map(|_| shown.rotation);
-                let reading = self.reading(each.place, (shown.position_m, turned), covariance);
+                let reading = self.reading(each.place, shown.position_m, turned, covariance);
                 (shown.number, reading)
             }));
         }
@@ -277,7 +278,8 @@ impl<'a> ReadPlan<'a> {
     pub fn reading(
         &self,
         place: usize,
-        (position_m, rotation): (Vector3<f64>, Option<Rotation3<f64>>),
+        position_m: Vector3<f64>,
+        rotation: Option<Rotation3<f64>>,
         covariance: Matrix6<f64>,
     ) -> AbsoluteReading {
         let is_distance = self.planning.is_distance(place);
@@ -335,15 +337,17 @@ pub fn virtual_readings(
     task: &Task,
     truth: &Truth,
     planning: &AbsolutePlanning<'_>,
-    [seed, run]: [u64; 2],
-    [campaign, series]: [u64; 2],
+    seed: u64,
+    run: u64,
+    campaign: u64,
+    series: u64,
 ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
     let whole = planning.whole();
     let plan = ReadPlan::new(planning, &whole);
     let robots = TrueRobots::of_readings(&task.belief, truth, plan.targets())?;
     let mut robots = robots.in_series(campaign, series);
     robots.become_run_of(truth, plan.len(), seed, run)?;
-    plan.readings(task, &mut robots, [seed, run])
+    plan.readings(task, &mut robots, seed, run)
 }
 
 /// A position (m), and a quaternion that is not of unit length.

@@ -92,7 +92,7 @@ impl Circumstances {
     }
 
     /// Samples the joints' error functions of a run under a seed.
-    pub fn sample_functions(&mut self, [seed, run]: [u64; 2]) {
+    pub fn sample_functions(&mut self, seed: u64, run: u64) {
         let random = generator(seed, streams::joint_functions(run));
         let numbered = self.functions.iter().enumerate();
         self.sampled_functions = numbered

@@ -194,7 +194,7 @@ impl TrueRobots {
                 normals[place] = shared[place];
             }
         }
-        self.laboratory.sample_functions([seed, run]);
+        self.laboratory.sample_functions(seed, run);
         self.become_run(&compliances_of_run(truth, seed, run), &normals, 0)?;
         self.normals.clone_from(&normals);
         Ok(normals)

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use crate::plan::search::{
-    ApproximateDesign, Bound, Candidates, ExactDesign, Problem, SearchError, Watch,
+    ApproximateDesign, Bound, Candidates, ExactDesign, PlanSize, Problem, SearchError, Watch,
     approximate_design, exact_design,
 };
 use crate::plan::{Assessment, Criterion, Plan};
@@ -32,9 +32,11 @@ impl Wanted {
     }
 
     /// The numbers of measurements and of different configurations.
-    pub fn sizes(&self) -> [u32; 2] {
-        let configurations = self.configurations.unwrap_or(self.experiments);
-        [self.experiments, configurations]
+    pub fn size(&self) -> PlanSize {
+        PlanSize {
+            measurements: self.experiments,
+            configurations: self.configurations.unwrap_or(self.experiments),
+        }
     }
 }
 
@@ -108,12 +110,12 @@ pub fn design(
         stop: onlooker.stop,
         progress: &|done, all, cost| (onlooker.progress)(&bound, done, all, cost),
     };
-    let [measurements, configurations] = wanted.sizes();
-    let mut exact = exact_design(&problem, &design, measurements, configurations, seed, watch)?;
+    let size = wanted.size();
+    let mut exact = exact_design(&problem, &design, size, seed, watch)?;
     // The bound without what is left out holds as it is, and so does its proof.
     if let Some(problem) = problem.with_left_out(&exact.plan) {
         let design = approximate_design(&problem, seed)?;
-        let again = exact_design(&problem, &design, measurements, configurations, seed, watch)?;
+        let again = exact_design(&problem, &design, size, seed, watch)?;
         let cost = |plan: &Plan| {
             let value = problem.cost().value(&problem.information(plan));
             value.unwrap_or(f64::INFINITY)
@@ -142,7 +144,7 @@ pub fn design_among(
 ) -> Result<Designed, SearchError> {
     let start = Instant::now();
     let (exact, mut bound) =
-        candidates.design(task, wanted.criterion, wanted.sizes(), seed, watch)?;
+        candidates.design(task, wanted.criterion, wanted.size(), seed, watch)?;
     let mut by_criterion = None;
     if wanted.criterion != Criterion::TestPose {
         let rho0 = candidates.bound(task, Criterion::TestPose, &exact.plan);

@@ -6,8 +6,8 @@ use std::sync::atomic::AtomicBool;
 use thiserror::Error;
 
 use crate::plan::search::{
-    ApproximateDesign, Basis, Bound, BudgetPoint, Problem, SearchError, Watch, compare_criteria,
-    exact_design,
+    ApproximateDesign, Basis, Bound, BudgetPoint, PlanSize, Problem, SearchError, Watch,
+    compare_criteria, exact_design,
 };
 use crate::plan::{Criterion, Plan};
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
@@ -141,19 +141,23 @@ fn accuracy(
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
     let own = designed.measurements();
-    let size = |plan: &Plan| u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
     let point = |plan: &Plan, cost: f64| {
-        let sizes = [plan.measurements(), size(plan)];
-        BudgetPoint::new(task, plan.clone(), sizes, cost, bound)
+        BudgetPoint::new(task, plan.clone(), PlanSize::of(plan), cost, bound)
     };
-    let fewest = (problem.fewest() as usize).max(size(&task.design.mandatory) as usize);
+    let fewest = (problem.fewest() as usize).max(task.design.mandatory.experiments.len());
     let largest = (own * WIDEST).max(ALWAYS);
     let mut points = Vec::new();
     for m in SIZES {
         if m == own || (m as usize) < fewest || m > largest {
             continue;
         }
-        match exact_design(&problem, approximate, m, m, seed, watch) {
+        match exact_design(
+            &problem,
+            approximate,
+            PlanSize::all_different(m),
+            seed,
+            watch,
+        ) {
             Ok(design) => points.push(point(&design.plan, design.cost)),
             // So few measurements do not determine the compliances: more may.
             Err(SearchError::Singular { .. }) => {}

@@ -73,7 +73,7 @@ pub fn run_absolute<'a>(
     (watch, stage): (Watch<'_>, &dyn Fn(&RunStage<'_>)),
 ) -> Result<(DesignedReadings<'a>, AbsoluteRun<'a>), FileError> {
     let (task, seed, groups) = (&scenario.task, scenario.seed, wanted.groups);
-    let (belief, numbers) = (&task.belief, [seed, RUN]);
+    let belief = &task.belief;
     let no_plan = |error: AbsolutePlanError| error.in_file(wanted.path);
     let unread = |error: &dyn Display| {
         FileError::new(&scenario.path, error.to_string()).code(ErrorCode::Simulation)
@@ -84,8 +84,8 @@ pub fn run_absolute<'a>(
     };
 
     // Design.
-    let sizes = Wanted::by(task).sizes();
-    let (planning, found) = (wanted.design(task, sizes, seed, watch)).map_err(no_plan)?;
+    let size = Wanted::by(task).size();
+    let (planning, found) = (wanted.design(task, size, seed, watch)).map_err(no_plan)?;
 
     // Read, as the plan's file says.
     stage(&RunStage::Calibrating);
@@ -97,11 +97,11 @@ pub fn run_absolute<'a>(
         groups,
         is_random: false,
     };
-    let conditions = Conditions::plain(task, sizes[0]);
+    let conditions = Conditions::plain(task, size.measurements);
     let setting = Setting::new(task, &scenario.truth, conditions);
     let runs = ReadingRuns::new(&setting, &studied).map_err(|error| unread(&error))?;
     let mut robots = runs.robots()?;
-    let readings = (runs.measure(&mut robots, numbers)).map_err(|error| unread(&error))?;
+    let readings = (runs.measure(&mut robots, seed, RUN)).map_err(|error| unread(&error))?;
     let carried_out = (runs.carried_out(&mut robots)).map_err(|error| unread(&error))?;
 
     // Identify.
@@ -112,8 +112,8 @@ pub fn run_absolute<'a>(
     let nominal = nominal.map_err(unidentified)?;
 
     // Compensate, and see where the tool is.
-    let frames = runs.frames(numbers);
-    let mut seen = |arm, joints| runs.residuals(&mut robots, &frames, (case, arm, joints));
+    let frames = runs.frames(seed, RUN);
+    let mut seen = |arm, joints| runs.residuals(&mut robots, &frames, case, arm, joints);
     let before_m = seen(&nominal, &[]).map_err(|error| unread(&error))?;
     // What joints are off by counts as the prediction has it: where the planner's model has it as functions.
     let after_m = seen(&fit.arm, fit.known_joint_errors(belief)).map_err(|error| unread(&error))?;
@@ -122,7 +122,7 @@ pub fn run_absolute<'a>(
 
     // Compare.
     stage(&RunStage::Comparing);
-    let random_rho0_m = planning.median_random_rho0_m(sizes[0], RANDOM_PLANS, seed);
+    let random_rho0_m = planning.median_random_rho0_m(size.measurements, RANDOM_PLANS, seed);
     let plan = planned_readings(task, &planning, &found.plan);
     let run = AbsoluteRun {
         searches: found.searches,
@@ -184,13 +184,15 @@ fn predicted(prediction: &PredictedAccuracy, place: usize) -> Result<f64, NotDet
 pub fn replay_readings(
     scenario: &Scenario,
     setting: &Setting<'_>,
-    (name, studied): (&str, &StudiedReadings<'_>),
-    [seed, number]: [u64; 2],
+    name: &str,
+    studied: &StudiedReadings<'_>,
+    seed: u64,
+    number: u64,
 ) -> anyhow::Result<(ReadingsRunMessage, CarriedOut)> {
     let (task, belief) = (&setting.task, &setting.task.belief);
     let runs = ReadingRuns::new(setting, studied)?;
     let mut robots = runs.robots()?;
-    let shown = runs.shown(&mut robots, [seed, number])?;
+    let shown = runs.shown(&mut robots, seed, number)?;
     let run = shown.run;
     let case = AbsoluteCase::new(belief, &run.readings)?;
     let seen_m = [&*shown.before_m, &run.residuals_m];

@@ -12,7 +12,7 @@ use crate::experiment::{Candidate, Plan};
 use crate::files::FileError;
 use crate::plan::Criterion;
 use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
-use crate::plan::search::{CandidatePlan, SearchError, Watch, random_plan};
+use crate::plan::search::{CandidatePlan, PlanSize, SearchError, Watch, random_plan};
 use crate::record::json::{merge, results};
 use crate::record::robot_trials::RobotTrials;
 use crate::record::study::StudyPlanMessage;
@@ -179,15 +179,18 @@ fn readings_of<'a>(
             ..
         } => {
             let m = experiments.unwrap_or(measurements);
-            let sizes = [m, configurations.unwrap_or(m)];
+            let size = PlanSize {
+                measurements: m,
+                configurations: configurations.unwrap_or(m),
+            };
             let watch = watch(&plan.name, m);
-            let (planning, found) = wanted.design(task, sizes, seed, watch)?;
+            let (planning, found) = wanted.design(task, size, seed, watch)?;
             (planning, found.plan)
         }
         StudySource::Random | StudySource::RandomEach => {
             is_random = true;
             let planning = wanted.planning(task, seed)?;
-            let plan = planning.random(measurements, [seed, 0])?;
+            let plan = planning.random(measurements, seed, 0)?;
             (planning, plan)
         }
     };

@@ -10,7 +10,7 @@ use elastocal::measurement::AbsoluteReading;
 use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup, planned_positions};
 use elastocal::parameter::{ElasticArm, ParameterSet};
 use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning};
-use elastocal::plan::search::{Watch, random_plan};
+use elastocal::plan::search::{PlanSize, Watch, random_plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::{DVector, Isometry3, Matrix6xX};
@@ -137,7 +137,9 @@ fn the_best_choice_is_found() {
         stop: &stop,
         progress: &|_, _, _| {},
     };
-    let found = planning.design([8, 8], 1, watch).expect("a plan");
+    let found = planning
+        .design(PlanSize::all_different(8), 1, watch)
+        .expect("a plan");
     let value = planning
         .prediction(&found.plan)
         .rho0_m()
@@ -172,7 +174,7 @@ fn what_targets_do_not_show_is_named() {
         stop: &stop,
         progress: &|_, _, _| {},
     };
-    match planning.design([30, 30], 1, watch) {
+    match planning.design(PlanSize::all_different(30), 1, watch) {
         Err(error @ AbsolutePlanError::Undetermined { .. }) => {
             let words = error.to_string();
             assert!(words.contains("none of them reads spindle"), "{words}");
@@ -242,7 +244,9 @@ fn what_hardly_moves_the_tool_may_stay_hidden() {
         stop: &stop,
         progress: &|_, _, _| {},
     };
-    let design = planning.design([28, 28], 1, watch).expect("a plan");
+    let design = planning
+        .design(PlanSize::all_different(28), 1, watch)
+        .expect("a plan");
     let prediction = planning.prediction(&design.plan);
     let rho0_m = prediction.rho0_m().expect("a prediction");
     let bound_m = design.bound.expect("a bound").best;
@@ -381,6 +385,15 @@ fn commands_plan_absolute_readings() {
     place.write("t.toml", place.read("s.toml") + source);
     let prior = place.json_with_conditions("evaluate t.toml --parameters compliances --plan p.csv");
     assert_eq!(prior["assumed_exact"], serde_json::json!([]));
+    // What a bound takes for exact is named where there is one.
+    let function = "\n[[uncertainty]]\nkind = \"transmission_error\"\njoints = [\"elbow\"]\nstd_mrad = 0.3\ncorrelation_deg = 20\n";
+    place.write("f.toml", place.read("s.toml") + function);
+    let evaluate = "evaluate f.toml --parameters zeros --plan p.csv";
+    for (options, is_there) in [("", false), (" --candidates c.csv", true)] {
+        let json = place.json_with_conditions(&format!("{evaluate}{options}"));
+        let exact = json["assumed_exact"].to_string();
+        assert_eq!(exact.contains("by the bound alone"), is_there, "{exact}");
+    }
     let words = prior["not_counted"][0].as_str().expect("a sentence");
     assert!(words.starts_with("tool_position, of frames"), "{words}");
     let text = place.run(plan).ends_with(0).stdout;

@@ -1,7 +1,7 @@
 //! Plans that are chosen from a list of candidates: held to all plans that there are of short lists, and their bound, too.
 
 use elastocal::experiment::{Candidate, Experiment};
-use elastocal::plan::search::{BoundKind, Candidates, Watch, random_plan};
+use elastocal::plan::search::{BoundKind, Candidates, PlanSize, Watch, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
@@ -30,7 +30,7 @@ fn designed(
     task: &Task,
     candidates: &Candidates,
     criterion: Criterion,
-    sizes: [u32; 2],
+    size: PlanSize,
 ) -> (Plan, Assessment) {
     let stop = AtomicBool::new(false);
     let watch = Watch {
@@ -38,7 +38,7 @@ fn designed(
         progress: &|_, _, _| {},
     };
     let (exact, bound) = candidates
-        .design(task, criterion, sizes, 1, watch)
+        .design(task, criterion, size, 1, watch)
         .expect("a plan");
     let rho0 = candidates.bound(task, Criterion::TestPose, &exact.plan);
     let assessment = Assessment::new(task, &exact.plan, Some(&rho0)).beside(&bound, &exact.plan);
@@ -46,7 +46,7 @@ fn designed(
 }
 
 /// All ways to measure so many of the candidates, each at most so often as it may be, in so many configurations.
-fn all_plans(candidates: &[Experiment], [measurements, configurations]: [u32; 2]) -> Vec<Plan> {
+fn all_plans(candidates: &[Experiment], size: PlanSize) -> Vec<Plan> {
     fn go(
         left: &[Experiment],
         measurements: u32,
@@ -82,8 +82,8 @@ fn all_plans(candidates: &[Experiment], [measurements, configurations]: [u32; 2]
     let mut all = Vec::new();
     go(
         candidates,
-        measurements,
-        configurations,
+        size.measurements,
+        size.configurations,
         &Plan::default(),
         &mut all,
     );
@@ -95,17 +95,20 @@ fn holds_up(
     scenario: &Scenario,
     criterion: Criterion,
     most: Option<u32>,
-    sizes: [u32; 2],
+    size: PlanSize,
     near: f64,
 ) {
     let task = &scenario.task;
     let candidates = Candidates::new(task, &rows(task, 9, most)).expect("candidates");
-    let (plan, assessment) = designed(task, &candidates, criterion, sizes);
-    assert_eq!(plan.measurements(), sizes[0]);
+    let (plan, assessment) = designed(task, &candidates, criterion, size);
+    assert_eq!(plan.measurements(), size.measurements);
     let value = assessment.value(criterion).expect("a value");
     let sign = if criterion.is_maximised() { -1.0 } else { 1.0 };
     let mandatory = task.design.mandatory.measurements();
-    let free = [sizes[0] - mandatory, sizes[1]];
+    let free = PlanSize {
+        measurements: size.measurements - mandatory,
+        ..size
+    };
     let best = (all_plans(&candidates.experiments, free).into_iter())
         .map(|free| Plan {
             experiments: [task.design.mandatory.experiments.clone(), free.experiments].concat(),
@@ -113,7 +116,7 @@ fn holds_up(
         .filter_map(|plan| Assessment::new(task, &plan, None).value(criterion))
         .map(|value| sign * value)
         .fold(f64::INFINITY, f64::min);
-    let case = format!("{} {} {most:?} {sizes:?}", scenario.name, criterion.name());
+    let case = format!("{} {} {most:?} {size:?}", scenario.name, criterion.name());
     assert!(
         (sign * value - best).abs() <= 1e-9 * best.abs(),
         "{case}: {value} against {best}"
@@ -138,17 +141,44 @@ fn holds_up(
 #[test]
 fn the_best_of_all_plans_is_found() {
     let paper = scenario("klimchik2012");
-    holds_up(&paper, Criterion::TestPose, None, [3, 3], 0.8);
-    holds_up(&paper, Criterion::TestPose, Some(1), [4, 4], 0.8);
-    holds_up(&paper, Criterion::TestPose, Some(2), [6, 3], 0.8);
-    holds_up(&paper, Criterion::D, None, [4, 4], 0.8);
+    holds_up(
+        &paper,
+        Criterion::TestPose,
+        None,
+        PlanSize::all_different(3),
+        0.8,
+    );
+    holds_up(
+        &paper,
+        Criterion::TestPose,
+        Some(1),
+        PlanSize::all_different(4),
+        0.8,
+    );
+    holds_up(
+        &paper,
+        Criterion::TestPose,
+        Some(2),
+        PlanSize {
+            measurements: 6,
+            configurations: 3,
+        },
+        0.8,
+    );
+    holds_up(&paper, Criterion::D, None, PlanSize::all_different(4), 0.8);
     for unbounded in [Criterion::E, Criterion::G, Criterion::O3, Criterion::O5] {
-        holds_up(&paper, unbounded, None, [4, 4], 0.0);
+        holds_up(&paper, unbounded, None, PlanSize::all_different(4), 0.0);
     }
     let mut mandatory = scenario("klimchik2012");
     let first = random_plan(&mandatory.task, 1, 3, 0).expect("a plan");
     mandatory.task.design.mandatory = first;
-    holds_up(&mandatory, Criterion::TestPose, None, [4, 4], 0.7);
+    holds_up(
+        &mandatory,
+        Criterion::TestPose,
+        None,
+        PlanSize::all_different(4),
+        0.7,
+    );
 }
 
 /// With all that a laboratory is uncertain of, repeats share errors.
@@ -159,9 +189,14 @@ fn repeats_share_errors() {
     laboratory.task.region.line_of_sight = false;
     let task = &laboratory.task;
     let candidates = Candidates::new(task, &rows(task, 6, None)).expect("candidates");
-    let (plan, assessment) = designed(task, &candidates, Criterion::TestPose, [4, 4]);
+    let (plan, assessment) = designed(
+        task,
+        &candidates,
+        Criterion::TestPose,
+        PlanSize::all_different(4),
+    );
     let rho0_m = assessment.rho0_m.expect("a prediction");
-    let best = (all_plans(&candidates.experiments, [4, 4]).iter())
+    let best = (all_plans(&candidates.experiments, PlanSize::all_different(4)).iter())
         .filter_map(|plan| Assessment::new(task, plan, None).rho0_m)
         .fold(f64::INFINITY, f64::min);
     // What makes less than 1 % of the square is left out of the search.

@@ -4,7 +4,9 @@
 use elastocal::calibration::calibrate;
 use elastocal::identification::{Sigma, identify};
 use elastocal::numeric::estimable::Estimable;
-use elastocal::plan::search::{Problem, SearchError, Watch, approximate_design, exact_design};
+use elastocal::plan::search::{
+    PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
+};
 use elastocal::plan::{Assessment, Criterion, Experiment, Plan, posterior};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
@@ -327,7 +329,8 @@ fn a_determined_sum_is_as_good_as_one_joint() {
             stop: &AtomicBool::new(false),
             progress: &|_, _, _| {},
         };
-        let exact = exact_design(&problem, &bound, 3, 3, 1, watch).expect("determined");
+        let exact = exact_design(&problem, &bound, PlanSize::all_different(3), 1, watch)
+            .expect("determined");
         (exact.cost.sqrt(), exact.plan)
     };
     let (of_twins, plan) = best(&twins);
@@ -360,7 +363,7 @@ fn a_determined_sum_is_as_good_as_one_joint() {
         approximate_design(&Problem::new(&twins.task, Criterion::TestPose), 1).expect("feasible");
     let joints = vec!["first".to_owned(), "second".to_owned()];
     assert_eq!(
-        exact_design(&wanted, &bound, 3, 3, 1, watch),
+        exact_design(&wanted, &bound, PlanSize::all_different(3), 1, watch),
         Err(SearchError::Inseparable { joints })
     );
 }

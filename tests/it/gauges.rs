@@ -561,7 +561,7 @@ fn a_gross_error_is_named_whichever_instrument_reads() {
         let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
         let mut unnamed = 0;
         for run in 0..200 {
-            let measured = measure(&mut robots, task, truth, &plan, [71, run as u64], true);
+            let measured = measure(&mut robots, task, truth, &plan, 71, run as u64, true);
             let mut measured = measured.expect("measured").measurements;
             let right = robust(&scenario, &measured);
             assert!(right.rejected.is_empty(), "{run}: {:?}", right.rejected);

@@ -475,7 +475,8 @@ fn numbers_that_no_robot_has_are_refused_by_name() {
 /// What lies loose beside the arm, or drags it in a simulation, is left out by name.
 #[test]
 fn loose_bodies_are_left_out_by_name() {
-    let loose = "<body name=\"cube\" pos=\"1 0 0.1\"><freejoint/><geom size=\"0.05\"/></body>\
+    let loose = "<camera mode=\"targetbody\" target=\"cube\"/><light mode=\"targetbody\" target=\"cube\"/>\
+                 <body name=\"cube\" pos=\"1 0 0.1\"><freejoint/><geom size=\"0.05\"/></body>\
                  <body pos=\"1 1 0.1\"><freejoint/><geom size=\"0.05\"/></body>\
                  <body name=\"drag\" mocap=\"true\" pos=\"0 0 1.2\"><geom size=\"0.05\" contype=\"0\" conaffinity=\"0\"/></body>";
     let tied = "<equality><weld body1=\"drag\" body2=\"l3\"/></equality>\
@@ -493,6 +494,17 @@ fn loose_bodies_are_left_out_by_name() {
             assert!(warnings.contains(name), "{warnings}");
         }
     }
+}
+
+/// The first test pose may be compensated: no joint stands at the end of its range.
+#[test]
+fn the_first_test_pose_has_room_to_either_side() {
+    let (json, text) = drafted("arm.xml", &scene("", "-2 2", "0", END, ""));
+    let q = text.lines().find_map(|line| line.strip_prefix("q_deg = "));
+    let q: Vec<f64> = serde_json::from_str(q.expect("a pose")).expect("numbers");
+    assert_eq!(q.len(), joints(&json).len());
+    let end = 2.0_f64.to_degrees();
+    assert!(q.iter().all(|q| q.abs() <= 0.98 * end), "{q:?} of {end}");
 }
 
 /// A gripper's moving jaw that is called so is no joint of the arm; who says that it is gets it.

@@ -69,6 +69,10 @@ fn a_model_that_scales_payloads_is_refused() {
         let outcome = workplace.run("check my.toml --quiet").ends_with(1);
         outcome.says("makes the payload of 1.3 kg one of ");
     }
+    // A body that MuJoCo would fuse weighs the same.
+    let fused = planar().replace("<compiler ", "<compiler fusestatic=\"true\" ");
+    workplace.write("arm.xml", fused);
+    workplace.run("check my.toml --quiet").ends_with(0);
 }
 
 #[test]

@@ -321,7 +321,7 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
         };
         let measure = |plan: &Plan, part: u64| {
             let robots = &mut robots.borrow_mut();
-            measure(robots, task, truth, plan, [seed, 2 * run + part], true)
+            measure(robots, task, truth, plan, seed, 2 * run + part, true)
                 .expect("measured")
                 .measurements
         };

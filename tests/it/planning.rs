@@ -6,7 +6,8 @@ use std::sync::atomic::AtomicBool;
 use elastocal::experiment::Loads;
 use elastocal::numeric::random::generator;
 use elastocal::plan::search::{
-    ApproximateDesign, ExactDesign, Problem, SearchError, Watch, approximate_design, exact_design,
+    ApproximateDesign, ExactDesign, PlanSize, Problem, SearchError, Watch, approximate_design,
+    exact_design,
 };
 use elastocal::plan::{Criterion, SmoothBound, bounds_of};
 use elastocal::robot::Load;
@@ -41,14 +42,11 @@ pub fn exact(
         stop: &stop,
         progress: &|_, _, _| {},
     };
-    exact_design(
-        problem,
-        approximate,
-        experiments,
+    let size = PlanSize {
+        measurements: experiments,
         configurations,
-        seed,
-        watch,
-    )
+    };
+    exact_design(problem, approximate, size, seed, watch)
 }
 
 /// `rho_0` of the best plan of m measurements (m).

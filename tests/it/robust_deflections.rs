@@ -56,7 +56,7 @@ fn wrong_deflections_are_left_out_and_named() {
     for run in 0..40 {
         let mut random = generator(61, run);
         let plan = plan(&scenario, 40, 1);
-        let right = measure(&mut robots, task, truth, &plan, [61, run], true)
+        let right = measure(&mut robots, task, truth, &plan, 61, run, true)
             .expect("measured")
             .measurements;
         let mut measurements = right.clone();
@@ -95,7 +95,7 @@ fn of_few_measurements_the_wrong_one_is_found_or_none() {
         let mut found = 0;
         for run in 0..30_usize {
             let plan = plan(&scenario, experiments, 1);
-            let mut measurements = measure(&mut robots, task, truth, &plan, [62, run as u64], true)
+            let mut measurements = measure(&mut robots, task, truth, &plan, 62, run as u64, true)
                 .expect("measured")
                 .measurements;
             let index = run % measurements.len();
@@ -121,7 +121,7 @@ fn one_of_four_is_found_by_what_the_others_predict() {
     for off_m in [2e-3, 10e-3, 0.1, 1.0] {
         let mut found = 0;
         for run in 0..12_usize {
-            let right = measure(&mut robots, task, truth, &plan, [66, run as u64], true)
+            let right = measure(&mut robots, task, truth, &plan, 66, run as u64, true)
                 .expect("measured")
                 .measurements;
             assert!(robust(&scenario, &right).rejected.is_empty(), "{run}");
@@ -150,7 +150,7 @@ fn compliances_that_measurements_hardly_determine_stay_nominal() {
     for experiments in [2, 4, 8] {
         for run in 0..30 {
             let plan = random_plan(task, experiments, run, 0).expect("a plan");
-            let measured = measure(&mut robots, task, truth, &plan, [68, run], true);
+            let measured = measure(&mut robots, task, truth, &plan, 68, run, true);
             let found = robust(&scenario, &measured.expect("measured").measurements).identification;
             let is_weak = |each: &Condition| each.code == ConditionCode::AllUncertain;
             if found.conditions().iter().any(is_weak) {
@@ -206,7 +206,7 @@ fn what_is_counted_is_a_note_and_what_needs_somebody_a_condition() {
     let (task, truth) = (&scenario.task, &scenario.truth);
     let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
     let plan = plan(&scenario, 40, 1);
-    let right = measure(&mut robots, task, truth, &plan, [69, 0], true)
+    let right = measure(&mut robots, task, truth, &plan, 69, 0, true)
         .expect("measured")
         .measurements;
     let how = HowIdentified {
@@ -266,7 +266,7 @@ fn a_compliance_that_is_negative_beyond_noise_is_a_condition() {
     let (task, truth) = (&scenario.task, &scenario.truth);
     let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
     let plan = plan(&scenario, 40, 1);
-    let measured = measure(&mut robots, task, truth, &plan, [70, 0], true).expect("measured");
+    let measured = measure(&mut robots, task, truth, &plan, 70, 0, true).expect("measured");
     let conditions = robust(&scenario, &measured.measurements)
         .identification
         .conditions();
@@ -330,7 +330,7 @@ fn intervals_hold_where_the_model_does_not() {
         let plan = plan(&scenario, experiments, repeats);
         let (mut held, mut all) = (0, 0);
         for run in 0..RUNS {
-            let measured = measure(&mut robots, task, truth, &plan, [63, run], true)
+            let measured = measure(&mut robots, task, truth, &plan, 63, run, true)
                 .expect("measured")
                 .measurements;
             let found = robust(&scenario, &measured);
@@ -376,7 +376,7 @@ fn intervals_hold_where_rotations_are_off() {
         let plan = plan(&scenario, 10, repeats);
         let (mut held, mut all) = (0, 0);
         for run in 0..RUNS {
-            let mut measured = measure(&mut robots, task, truth, &plan, [64, run], true)
+            let mut measured = measure(&mut robots, task, truth, &plan, 64, run, true)
                 .expect("measured")
                 .measurements;
             let mut random = generator(65, run);

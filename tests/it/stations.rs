@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use elastocal::experiment::Candidate;
 use elastocal::identification::ParameterGroup;
 use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning};
-use elastocal::plan::search::{Watch, random_plan};
+use elastocal::plan::search::{PlanSize, Watch, random_plan};
 use elastocal::scenario::Scenario;
 use serde_json::Value;
 
@@ -102,7 +102,9 @@ fn the_best_of_all_plans_from_all_stations_is_found() {
         stop: &stop,
         progress: &|_, _, _| {},
     };
-    let found = planning.design([READINGS; 2], 1, watch).expect("a plan");
+    let found = planning
+        .design(PlanSize::all_different(READINGS), 1, watch)
+        .expect("a plan");
     let value = planning
         .prediction(&found.plan)
         .rho0_m()

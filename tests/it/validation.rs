@@ -156,7 +156,7 @@ fn mean_square(scenario: &Scenario, plan: &Plan, runs: u64, is_later: bool) -> f
     let mut sum = 0.0;
     for run in 0..runs {
         let [measured, later] = robots.each_mut().map(|robots| {
-            let measured = measure(robots, task, truth, plan, [scenario.seed, run], true);
+            let measured = measure(robots, task, truth, plan, scenario.seed, run, true);
             measured.expect("measured").measurements
         });
         // Noise is of its own for each measurement.

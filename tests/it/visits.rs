@@ -7,7 +7,7 @@ use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
 use elastocal::plan::absolute::AbsolutePlanning;
-use elastocal::plan::search::{Watch, random_plan};
+use elastocal::plan::search::{PlanSize, Watch, random_plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::Vector3;
@@ -164,7 +164,9 @@ fn no_plan_of_several_targets_is_below_the_bound() {
             stop: &stop,
             progress: &|_, _, _| {},
         };
-        let found = planning.design([10, 10], 1, watch).expect("a plan");
+        let found = planning
+            .design(PlanSize::all_different(10), 1, watch)
+            .expect("a plan");
         let rho0 = |plan: &[(usize, u32)]| planning.prediction(plan).rho0_m();
         let best = rho0(&found.plan).expect("a prediction");
         let bound = found.bound.expect("a bound").best;

@@ -49,9 +49,9 @@ impl StudyObserver {
                     random_plan(task, conditions.experiments, scenario.seed, 0)?
                 }
                 EntryKind::Readings(readings) => {
-                    let (setting, numbers) = (&settings[entry.setting], [scenario.seed, 0]);
+                    let setting = &settings[entry.setting];
                     if let Ok((run, did)) =
-                        replay_readings(scenario, setting, (&label, readings), numbers)
+                        replay_readings(scenario, setting, &label, readings, scenario.seed, 0)
                     {
                         shown.push(CarriedOutPlan::Readings(Box::new(run), did));
                     }

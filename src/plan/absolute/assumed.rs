@@ -22,8 +22,6 @@ impl AbsolutePlanning<'_> {
         let is_drift = |kind: ParameterKind| matches!(kind, ParameterKind::Drift { .. });
         let drifts = self.sources_of(is_drift);
         words.extend(drifts.map(|name| format!("{name}, which is of deflections")));
-        let kept = self.kept_errors().into_iter();
-        words.extend(kept.map(|name| format!("{name}, by the bound alone")));
         words
     }
 

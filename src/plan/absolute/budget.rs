@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 
 use super::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
 use crate::experiment::Candidate;
-use crate::plan::search::{BudgetPoint, CandidatePlan, PlanBound, Watch};
+use crate::plan::search::{BudgetPoint, CandidatePlan, PlanBound, PlanSize, Watch};
 use crate::plan::{Plan, UncertaintyBudget};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 
@@ -35,7 +35,13 @@ impl ReadingsWanted<'_> {
             }
             let known = once_more(last.clone()).unwrap_or_default();
             let found = watch.part(number, numbers, |here| {
-                self.design_from(planning, &known, [readings; 2], seed, here)
+                self.design_from(
+                    planning,
+                    &known,
+                    PlanSize::all_different(readings),
+                    seed,
+                    here,
+                )
             });
             match found {
                 Ok((chosen, mut found)) => {

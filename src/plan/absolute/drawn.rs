@@ -22,7 +22,7 @@ use crate::measurement::AbsoluteReading;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::{drawn_candidates, random_readings};
 use crate::plan::Criterion;
-use crate::plan::search::{CandidatePlan, PlanBound, Problem, RandomPlans, Watch};
+use crate::plan::search::{CandidatePlan, PlanBound, PlanSize, Problem, RandomPlans, Watch};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::{Station, Task, station_named};
@@ -104,12 +104,12 @@ impl ReadingsWanted<'_> {
     pub fn design<'t>(
         &self,
         task: &'t Task,
-        sizes: [u32; 2],
+        size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<(AbsolutePlanning<'t>, AbsolutePlan), AbsolutePlanError> {
         let planning = self.planning(task, seed)?;
-        let (rows, mut found) = self.design_from(&planning, &[], sizes, seed, watch)?;
+        let (rows, mut found) = self.design_from(&planning, &[], size, seed, watch)?;
         if self.candidates.is_some() {
             return Ok((planning, found));
         }
@@ -126,20 +126,20 @@ impl ReadingsWanted<'_> {
         &self,
         planning: &AbsolutePlanning<'_>,
         known: &[(Candidate, u32)],
-        sizes: [u32; 2],
+        size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<(Vec<Candidate>, AbsolutePlan), AbsolutePlanError> {
         if self.candidates.is_some() {
             let known: Vec<CandidatePlan> = planning.plan_of(known).into_iter().collect();
-            let found = planning.design_from(&known, sizes, seed, watch)?;
+            let found = planning.design_from(&known, size, seed, watch)?;
             return Ok((Vec::new(), found));
         }
         let of_rows = |rows: &[Candidate]| {
             AbsolutePlanning::of_rows(planning.task, self.groups, self.measured, rows)
         };
         let rounds = Rounds {
-            sizes,
+            size,
             seed,
             again: if planning.ties_all() { TIED_ROUNDS } else { 1 },
             watch,
@@ -211,7 +211,7 @@ impl PlanOfRows {
 
 /// Searches of which each goes on from the last.
 struct Rounds<'a> {
-    sizes: [u32; 2],
+    size: PlanSize,
     seed: u64,
     /// How often each step is tried.
     again: usize,
@@ -231,7 +231,7 @@ impl Rounds<'_> {
         let searches = if known.is_some() { 0 } else { SEARCHES };
         let rounds = self.again * STEPS.len() + 1;
         let found = self.watch.part(round, rounds, |here| {
-            own.design_by((searches, known.as_slice()), self.sizes, self.seed, here)
+            own.design_by(searches, known.as_slice(), self.size, self.seed, here)
         })?;
         Ok(PlanOfRows::new(own, found))
     }
@@ -249,11 +249,17 @@ impl Rounds<'_> {
             if self.watch.stop.load(Ordering::Relaxed) {
                 break;
             }
-            let numbers = [self.seed, round as u64];
+            let number = round as u64;
             let chosen: Vec<Candidate> = best.rows.iter().map(|(row, _)| row.clone()).collect();
-            let mut rows = near(task, &chosen, step, numbers);
+            let mut rows = near(task, &chosen, step, self.seed, number);
             if planning.ties_all() {
-                rows.extend(mixed(task, &best.rows, planning.offered(), numbers));
+                rows.extend(mixed(
+                    task,
+                    &best.rows,
+                    planning.offered(),
+                    self.seed,
+                    number,
+                ));
                 rows = merged(&rows);
             }
             let searched = of_rows(&rows).and_then(|local| self.search(&local, Some(&best), round));
@@ -305,7 +311,7 @@ impl AbsolutePlanning<'_> {
         seed: u64,
     ) -> Result<f64, AbsolutePlanError> {
         let rho0_m = |index: u64| {
-            let plan = self.random(readings, [seed, index])?;
+            let plan = self.random(readings, seed, index)?;
             Ok(self.prediction(&plan).rho0_m().unwrap_or(f64::INFINITY))
         };
         let predicted = (0..plans).into_par_iter().map(rho0_m);
@@ -322,7 +328,8 @@ impl AbsolutePlanning<'_> {
     pub fn random(
         &self,
         readings: u32,
-        [seed, index]: [u64; 2],
+        seed: u64,
+        index: u64,
     ) -> Result<CandidatePlan, AbsolutePlanError> {
         let mut random = generator(seed, random_readings(index));
         let frames = self.frames();
@@ -429,12 +436,12 @@ fn near_test_poses(task: &Task, offered: &[Candidate], seed: u64) -> Vec<Candida
         .collect();
     let rounds = (POSES..).zip(STEPS.iter().chain(&STEPS));
     rounds
-        .flat_map(|(round, step)| near(task, &at, *step, [seed, round]))
+        .flat_map(|(round, step)| near(task, &at, *step, seed, round))
         .collect()
 }
 
 /// Some candidates, and others near each: a step of each joint by a share of its range.
-fn near(task: &Task, best: &[Candidate], step: f64, [seed, round]: [u64; 2]) -> Vec<Candidate> {
+fn near(task: &Task, best: &[Candidate], step: f64, seed: u64, round: u64) -> Vec<Candidate> {
     let mut random = generator(seed, drawn_candidates(round));
     let ranges = &task.region.joint_range_rad;
     let mut all = best.to_vec();
@@ -481,7 +488,8 @@ fn mixed(
     task: &Task,
     best: &[(Candidate, u32)],
     offered: &[Candidate],
-    [seed, round]: [u64; 2],
+    seed: u64,
+    round: u64,
 ) -> Vec<Candidate> {
     let mut random = generator(seed, drawn_candidates(MIXED + round));
     let poses = task.test_poses.iter().map(|pose| &pose.configuration_rad);

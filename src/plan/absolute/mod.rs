@@ -21,6 +21,7 @@ mod readable;
 mod tied_choice;
 mod together;
 
+use crate::plan::search::PlanSize;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -325,22 +326,22 @@ impl AbsolutePlanning<'_> {
     /// The candidates do not determine the tool's place, or allow fewer readings.
     pub fn design(
         &self,
-        sizes: [u32; 2],
+        size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        self.design_from(&[], sizes, seed, watch)
+        self.design_from(&[], size, seed, watch)
     }
 
     /// The same also from plans that are known.
     fn design_from(
         &self,
         known: &[CandidatePlan],
-        sizes: [u32; 2],
+        size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        let found = self.design_by((SEARCHES, known), sizes, seed, watch)?;
+        let found = self.design_by(SEARCHES, known, size, seed, watch)?;
         let bound = match found.bound {
             None if self.ties_all() => self.bound(&found.plan)?,
             bound => bound,
@@ -351,19 +352,20 @@ impl AbsolutePlanning<'_> {
     /// The best plan that is found by so many searches and from plans that are known; where functions tie readings, without a bound.
     fn design_by(
         &self,
-        (searches, known): (usize, &[CandidatePlan]),
-        sizes: [u32; 2],
+        searches: usize,
+        known: &[CandidatePlan],
+        size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        if let Some(tied) = self.tied_plan((searches, known), sizes, seed, watch.stop) {
+        if let Some(tied) = self.tied_plan(searches, known, size, seed, watch.stop) {
             (watch.progress)(1, 1, f64::INFINITY);
             return Ok(tied);
         }
-        let [measurements, configurations] = sizes;
+        let measurements = size.measurements;
         let effort = FiniteEffort {
             measurements,
-            configurations,
+            configurations: size.configurations,
             searches,
             seed,
             is_thorough: false,
@@ -373,8 +375,7 @@ impl AbsolutePlanning<'_> {
         let (mut designs, mut bounds) = (Vec::new(), Vec::new());
         for (frame, (station, test_poses)) in shown.test_poses.iter().enumerate() {
             let (found, bound) = self.with_problem(&shown, test_poses, measurements, |problem| {
-                let search =
-                    |here: Watch<'_>| self.search(problem, (*station, known), effort, here);
+                let search = |here: Watch<'_>| self.search(problem, *station, known, effort, here);
                 let found = watch.part(frame, frames, search);
                 // Where no plan was found, others have a bound there none the less.
                 let bound = match &found {
@@ -412,7 +413,8 @@ impl AbsolutePlanning<'_> {
     fn search(
         &self,
         problem: &FiniteProblem<'_>,
-        (station, known): (usize, &[CandidatePlan]),
+        station: usize,
+        known: &[CandidatePlan],
         effort: FiniteEffort,
         watch: Watch<'_>,
     ) -> Result<FiniteDesign, CandidateError> {

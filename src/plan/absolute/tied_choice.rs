@@ -14,7 +14,7 @@ use crate::numeric::markov::ProcessPoint;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::drawn_candidates;
 use crate::observation::{ReadingKind, planned_rows};
-use crate::plan::search::{CandidatePlan, best_choice};
+use crate::plan::search::{CandidatePlan, PlanSize, best_choice};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 
@@ -31,8 +31,9 @@ impl AbsolutePlanning<'_> {
     /// without a bound; none without functions, where candidates may not be read so often, and where none determines the tool's place.
     pub(super) fn tied_plan(
         &self,
-        search: (usize, &[CandidatePlan]),
-        sizes: [u32; 2],
+        searches: usize,
+        known: &[CandidatePlan],
+        size: PlanSize,
         seed: u64,
         stop: &AtomicBool,
     ) -> Option<AbsolutePlan> {
@@ -40,7 +41,7 @@ impl AbsolutePlanning<'_> {
             return None;
         }
         let found = self.frames().into_iter().filter_map(|station| {
-            let found = self.tied_choice(station, search, sizes, (seed, stop))?;
+            let found = self.tied_choice(station, searches, known, size, seed, stop)?;
             Some((self.prediction(&found.plan).rho0_m()?, found))
         });
         let best = found.min_by(|one, other| one.0.total_cmp(&other.0));
@@ -51,10 +52,13 @@ impl AbsolutePlanning<'_> {
     fn tied_choice(
         &self,
         station: usize,
-        (searches, known): (usize, &[CandidatePlan]),
-        [measurements, configurations]: [u32; 2],
-        (seed, stop): (u64, &AtomicBool),
+        searches: usize,
+        known: &[CandidatePlan],
+        size: PlanSize,
+        seed: u64,
+        stop: &AtomicBool,
     ) -> Option<AbsolutePlan> {
+        let (measurements, configurations) = (size.measurements, size.configurations);
         // Where there are fewer configurations than readings, each that is chosen is read so often.
         let repeats = measurements.div_ceil(configurations);
         let most = |place: usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS) / repeats;
@@ -63,16 +67,16 @@ impl AbsolutePlanning<'_> {
         let share = f64::from(configurations) / f64::from(measurements);
         let mut list = self.tied_list(station, &places, share)?;
         list.most = places.iter().map(|&place| most(place)).collect();
-        let size = configurations as usize;
+        let count = configurations as usize;
         let indices = |plan: &CandidatePlan| -> Vec<usize> {
             let indices = plan.iter().filter_map(|&(place, times)| {
                 let index = places.binary_search(&place).ok()?;
                 Some(repeat_n(index, times.div_ceil(repeats) as usize))
             });
-            indices.flatten().take(size).collect()
+            indices.flatten().take(count).collect()
         };
         let known: Vec<Vec<usize>> = known.iter().map(indices).collect();
-        let found = best_choice(&list, size, (searches, &known), seed, stop)?;
+        let found = best_choice(&list, count, searches, &known, seed, stop)?;
         let more = (measurements % configurations) as usize;
         let mut plan = CandidatePlan::new();
         for (number, index) in found.chosen.into_iter().enumerate() {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::approximate::approximate_design;
 use super::bound::{Bound, PlanBound};
-use super::exact::{Watch, exact_design_from};
+use super::exact::{PlanSize, Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
 use crate::plan::proof::ProofLimits;
 use crate::plan::{CommonSources, Criterion, Plan, UncertaintyBudget, posterior, rho0_m};
@@ -95,15 +95,18 @@ pub fn budget(
             }
         });
         let known: Vec<Plan> = known.collect();
-        let sizes = [experiments, configurations];
+        let size = PlanSize {
+            measurements: experiments,
+            configurations,
+        };
         let watch = Watch::quiet(stop);
-        match exact_design_from(&problem, &approximate, sizes, seed, watch, &known) {
+        match exact_design_from(&problem, &approximate, size, seed, watch, &known) {
             Ok(design) => {
                 plans.push(((experiments, configurations), design.plan.clone()));
                 points.push(BudgetPoint::new(
                     task,
                     design.plan,
-                    sizes,
+                    size,
                     design.cost,
                     &bound,
                 ));
@@ -119,13 +122,7 @@ pub fn budget(
 impl BudgetPoint {
     /// The point of a plan that a search found at a cost; it counts all that is uncertain, of which the search may leave something
     /// out.
-    pub(crate) fn new(
-        task: &Task,
-        plan: Plan,
-        [experiments, configurations]: [u32; 2],
-        cost: f64,
-        bound: &Bound,
-    ) -> Self {
+    pub(crate) fn new(task: &Task, plan: Plan, size: PlanSize, cost: f64, bound: &Bound) -> Self {
         let (mut rho0_m, mut shared_m, mut common_sources) = (cost.sqrt(), None, None);
         let uncertain = task.belief.uncertain.as_ref();
         if let Some(posterior) = uncertain.map(|_| posterior(&task.belief, &plan))
@@ -137,12 +134,12 @@ impl BudgetPoint {
         }
         Self {
             plan,
-            experiments,
-            configurations,
+            experiments: size.measurements,
+            configurations: size.configurations,
             rho0_m,
             shared_m,
             common_sources,
-            bound: bound.of_size(experiments).ok(),
+            bound: bound.of_size(size.measurements).ok(),
         }
     }
 
@@ -151,9 +148,8 @@ impl BudgetPoint {
     pub fn repeated(task: &Task, plan: &Plan, times: u32, bound: &Bound) -> Option<Self> {
         let plan = repeated(plan, times);
         let rho0_m = rho0_m(task, &posterior(&task.belief, &plan))?;
-        let configurations = u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
-        let sizes = [plan.measurements(), configurations];
-        Some(Self::new(task, plan, sizes, rho0_m * rho0_m, bound))
+        let size = PlanSize::of(&plan);
+        Some(Self::new(task, plan, size, rho0_m * rho0_m, bound))
     }
 
     /// The lower bound (m), where there is one.

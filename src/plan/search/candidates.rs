@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::bound::{Basis, Bound, Enumerated, NoBound};
 use super::candidate_error::{CandidateError, LeftOutCandidates, OfferedCandidates};
 use super::candidate_information::CandidateInformation;
-use super::exact::{ExactDesign, Watch};
+use super::exact::{ExactDesign, PlanSize, Watch};
 use super::finite::{FiniteBound, FiniteProblem, SharingCandidates};
 use super::finite_search::FiniteEffort;
 use super::problem::{Problem, SearchError};
@@ -133,15 +133,15 @@ impl Candidates {
         &self,
         task: &Task,
         criterion: Criterion,
-        [measurements, configurations]: [u32; 2],
+        size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<(ExactDesign, Bound), SearchError> {
         let mandatory = &task.design.mandatory;
         let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
         let effort = FiniteEffort {
-            measurements: measurements.saturating_sub(mandatory.measurements()),
-            configurations: configurations.saturating_sub(count),
+            measurements: size.measurements.saturating_sub(mandatory.measurements()),
+            configurations: size.configurations.saturating_sub(count),
             searches: SEARCHES,
             seed,
             is_thorough: true,
@@ -154,7 +154,7 @@ impl Candidates {
         plan.experiments.extend(self.measured(&found.plan));
         if !problem.is_determined_by(&plan) {
             return Err(SearchError::Singular {
-                experiments: measurements,
+                experiments: size.measurements,
                 parameters: problem.parameters(),
             });
         }

@@ -37,7 +37,8 @@ pub struct CorrelatedChoice {
 pub fn best_choice(
     list: &CorrelatedList,
     size: usize,
-    (searches, known): (usize, &[Vec<usize>]),
+    searches: usize,
+    known: &[Vec<usize>],
     seed: u64,
     stop: &AtomicBool,
 ) -> Option<CorrelatedChoice> {
@@ -140,7 +141,7 @@ mod tests {
             known.expect("regular").cost()
         };
         let stop = AtomicBool::new(false);
-        let choice = best_choice(&list, 4, (3, &[]), 1, &stop).expect("a choice");
+        let choice = best_choice(&list, 4, 3, &[], 1, &stop).expect("a choice");
         let chosen = choice.chosen;
         let found = cost(&chosen);
         for place in 0..chosen.len() {

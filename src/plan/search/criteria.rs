@@ -1,7 +1,7 @@
 //! Plans that are optimal by other criteria, compared at the test poses.
 
 use super::approximate::ApproximateDesign;
-use super::exact::{Watch, exact_design_from};
+use super::exact::{PlanSize, Watch, exact_design_from};
 use super::problem::Problem;
 use crate::plan::{Criterion, Plan, posterior, rho0_m};
 use crate::task::Task;
@@ -44,14 +44,12 @@ pub fn compare_criteria(
         agreeing,
         problem: None,
     };
-    let experiments = for_test_poses.measurements();
-    let configurations = u32::try_from(for_test_poses.experiments.len()).unwrap_or(experiments);
-    let sizes = [experiments, configurations];
+    let size = PlanSize::of(for_test_poses);
     let mut plans = vec![judged(&[Criterion::TestPose], for_test_poses.clone(), None)];
     for criteria in RIVALS {
         let mut problem = Problem::new(task, criteria[0]);
         problem.effort.searches = SEARCHES;
-        let design = exact_design_from(&problem, approximate, sizes, seed, watch, &[]);
+        let design = exact_design_from(&problem, approximate, size, seed, watch, &[]);
         plans.push(match design {
             Ok(design) => judged(criteria, design.plan, Some(design.agreeing)),
             Err(error) => CriterionPlan {

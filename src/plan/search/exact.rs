@@ -82,8 +82,34 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// Searches the best plan of `experiments` measurements in `configurations` different
-/// configurations, the mandatory ones of the task among them, from many starts.
+/// How large a plan is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PlanSize {
+    /// The number of measurements.
+    pub measurements: u32,
+    /// How many of them may be of different configurations.
+    pub configurations: u32,
+}
+
+impl PlanSize {
+    /// So many measurements, each of which may be of a configuration of its own.
+    pub const fn all_different(measurements: u32) -> Self {
+        Self {
+            measurements,
+            configurations: measurements,
+        }
+    }
+
+    /// The size that a plan has.
+    pub fn of(plan: &Plan) -> Self {
+        Self {
+            measurements: plan.measurements(),
+            configurations: u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX),
+        }
+    }
+}
+
+/// Searches the best plan of a size, the mandatory experiments of the task among it, from many starts.
 ///
 /// The result is a function of the problem and the seed alone, unless it is stopped.
 ///
@@ -92,13 +118,11 @@ impl<'a> Watch<'a> {
 pub fn exact_design(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
-    experiments: u32,
-    configurations: u32,
+    size: PlanSize,
     seed: u64,
     watch: Watch<'_>,
 ) -> Result<ExactDesign, SearchError> {
-    let sizes = [experiments, configurations];
-    exact_design_from(problem, approximate, sizes, seed, watch, &[])
+    exact_design_from(problem, approximate, size, seed, watch, &[])
 }
 
 /// The same, no worse than plans of as many measurements in at most as many configurations that are
@@ -106,7 +130,7 @@ pub fn exact_design(
 pub(super) fn exact_design_from(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
-    [experiments, configurations]: [u32; 2],
+    size: PlanSize,
     seed: u64,
     watch: Watch<'_>,
     known: &[Plan],
@@ -114,20 +138,21 @@ pub(super) fn exact_design_from(
     problem.optimised_as()?;
     let mandatory = &problem.task.design.mandatory;
     let singular = SearchError::Singular {
-        experiments,
+        experiments: size.measurements,
         parameters: problem.parameters(),
     };
-    let free = experiments.saturating_sub(mandatory.measurements());
+    let free = size.measurements.saturating_sub(mandatory.measurements());
     let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
-    let configurations = configurations.saturating_sub(count).min(free);
-    let sizes = [experiments, free, configurations];
+    let beside = PlanSize {
+        measurements: free,
+        configurations: size.configurations.saturating_sub(count).min(free),
+    };
     let (ends, [searches, agreeing]) =
-        if let Some(near) = rounded_design(problem, approximate, sizes) {
+        if let Some(near) = rounded_design(problem, approximate, size.measurements, beside) {
             (vec![near], [0, 0])
         } else {
             let known = known_plans(problem, known);
-            let sizes = [free, configurations];
-            search_plans(problem, approximate, sizes, seed, watch, known)
+            search_plans(problem, approximate, beside, seed, watch, known)
         };
     let best = ends
         .iter()
@@ -156,11 +181,12 @@ pub(super) fn exact_design_from(
 fn search_plans(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
-    [free, configurations]: [u32; 2],
+    free: PlanSize,
     seed: u64,
     watch: Watch<'_>,
     mut results: Vec<Found>,
 ) -> (Vec<Found>, [usize; 2]) {
+    let (free, configurations) = (free.measurements, free.configurations);
     let searches = if free == 0 {
         1
     } else {

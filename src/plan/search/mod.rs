@@ -48,7 +48,7 @@ pub use candidates::Candidates;
 pub(in crate::plan) use candidates::possible_of;
 pub use correlated_choice::{CorrelatedChoice, best_choice};
 pub use criteria::{CriterionPlan, compare_criteria};
-pub use exact::{ExactDesign, Watch, exact_design};
+pub use exact::{ExactDesign, PlanSize, Watch, exact_design};
 pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
 pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;

@@ -10,6 +10,8 @@ use crate::robot::Tool;
 const TRIES: u32 = 3000;
 /// The distance to keep from collisions (m).
 pub(super) const CLEARANCE_M: f64 = 0.01;
+/// The share of a joint's range that is left to either end.
+const ROOM: f64 = 0.01;
 /// Angles beyond this (rad) are another turn.
 const HALF_TURN: f64 = std::f64::consts::PI;
 
@@ -66,6 +68,9 @@ pub(super) fn tried(arm: &FoundArm, tool: &Tool) -> Tried {
             *hit.entry(contact.between).or_default() += 1;
             score -= 1e3;
         }
+        if !(chain.joints.iter().zip(&q)).all(|(joint, &q)| has_room(joint.range_rad, q)) {
+            score -= 1e2;
+        }
         if best.as_ref().is_none_or(|(known, _)| score > *known) {
             best = Some((score, q));
         }
@@ -107,6 +112,12 @@ fn rounded(value: f64, [low, high]: [f64; 2], slides: bool) -> f64 {
     } else {
         value
     }
+}
+
+/// Whether a coordinate may be commanded some way to both sides, as compensation does.
+fn has_room([low, high]: [f64; 2], q: f64) -> bool {
+    let least = ROOM * (high - low);
+    q - low >= least && high - q >= least
 }
 
 /// The smallest singular value that is not zero for want of joints.
