@@ -81,7 +81,7 @@ impl ProofArgs {
         &self,
         common: &Common,
         stop: &AtomicBool,
-        work: impl FnOnce(Option<(ProofLimits<'_>, bool)>) -> T,
+        work: impl FnOnce(Option<ProofLimits<'_>>) -> T,
     ) -> T {
         if self.no_proof {
             return work(None);
@@ -103,10 +103,11 @@ impl ProofArgs {
         let effort = ProofLimits {
             gap: self.prove.unwrap_or(TIGHT),
             boxes: if is_asked_for { u64::MAX } else { BOXES },
+            records: self.proof_out.is_some(),
             stop: &is_to_stop,
             progress: &progress,
         };
-        let result = work(Some((effort, self.proof_out.is_some())));
+        let result = work(Some(effort));
         bar.finish_and_clear();
         result
     }

@@ -29,12 +29,12 @@ impl RobotTrials {
     /// Nothing is predicted, or no run says anything.
     pub fn new(runner: &Runner<'_>, tally: &Tally) -> Result<Self, StudyError> {
         let only = runner.plans().next().ok_or(StudyError::NoPlan)?;
-        let account = Account::of_entry(only).ok_or(StudyError::NoPrediction)?;
+        let account = Account::of_plan(only).ok_or(StudyError::NoPrediction)?;
         let quantile95_m = predicted_quantile95_m(only);
-        let conditions = only.1.conditions;
+        let conditions = only.setting.conditions;
         let predicted = (Some(&account), quantile95_m);
         let runs = StudyPlanMessage::new(
-            &only.0.name,
+            &only.entry.name,
             (&conditions, AccuracyKind::Absolute),
             0,
             (tally, None),

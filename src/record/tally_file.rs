@@ -83,7 +83,11 @@ impl PlanHeader {
     /// The plans of a study.
     pub fn of(runner: &Runner<'_>) -> Vec<Self> {
         let plan = |(plan, reference): (PlanInStudy<'_>, Option<usize>)| {
-            let (entry, setting, prediction) = plan;
+            let PlanInStudy {
+                entry,
+                setting,
+                prediction,
+            } = plan;
             let has_account = prediction.is_some() || setting.truth.leaves_more_than_noise();
             Self {
                 name: entry.name.clone(),
@@ -95,7 +99,7 @@ impl PlanHeader {
                     }
                     kind => kind.plan().map(fingerprint),
                 },
-                account: has_account.then(|| Account::of_entry(plan)).flatten(),
+                account: has_account.then(|| Account::of_plan(plan)).flatten(),
                 predicted_quantile95_m: predicted_quantile95_m(plan).map(to_ten_digits),
             }
         };

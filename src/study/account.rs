@@ -107,10 +107,12 @@ impl Account {
 
     /// The account of a plan of a study, of absolute readings with what it predicts; `None` where every run has a plan of its own,
     /// or where the plan does not determine what the test poses need.
-    pub fn of_entry((entry, setting, prediction): PlanInStudy<'_>) -> Option<Self> {
-        let (task, truth) = (&setting.task, setting.truth);
-        match &entry.kind {
-            EntryKind::Readings(readings) => Self::of_readings(task, truth, readings, prediction?),
+    pub fn of_plan(plan: PlanInStudy<'_>) -> Option<Self> {
+        let (task, truth) = (&plan.setting.task, plan.setting.truth);
+        match &plan.entry.kind {
+            EntryKind::Readings(readings) => {
+                Self::of_readings(task, truth, readings, plan.prediction?)
+            }
             kind => Self::new(task, truth, kind.plan()?),
         }
     }
@@ -303,11 +305,11 @@ fn with_earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>, name: &str) -> 
 }
 
 /// The distance (m) that a plan of a study predicts 95 % of the runs to stay below; `None` as of its account.
-pub fn predicted_quantile95_m((entry, setting, prediction): PlanInStudy<'_>) -> Option<f64> {
-    let task = &setting.task;
-    match prediction {
+pub fn predicted_quantile95_m(plan: PlanInStudy<'_>) -> Option<f64> {
+    let task = &plan.setting.task;
+    match plan.prediction {
         Some(prediction) => prediction.quantile95_m,
-        None => quantile95_m(task, &posterior(&task.belief, entry.kind.plan()?)),
+        None => quantile95_m(task, &posterior(&task.belief, plan.entry.kind.plan()?)),
     }
 }
 

@@ -54,11 +54,15 @@ enum ReadyPlan<'a> {
 }
 
 /// A plan with its conditions and, of absolute readings, what it predicts.
-pub type PlanInStudy<'a> = (
-    &'a Entry<'a>,
-    &'a Setting<'a>,
-    Option<&'a PredictedAccuracy>,
-);
+#[derive(Clone, Copy)]
+pub struct PlanInStudy<'a> {
+    /// The plan.
+    pub entry: &'a Entry<'a>,
+    /// Its conditions.
+    pub setting: &'a Setting<'a>,
+    /// What it predicts, of absolute readings.
+    pub prediction: Option<&'a PredictedAccuracy>,
+}
 
 /// What one thread needs.
 pub struct ThreadWorkspace<'a> {
@@ -170,7 +174,11 @@ impl<'a> Runner<'a> {
                 ReadyPlan::Deflections(_) => None,
                 ReadyPlan::Readings(runs) => Some(&runs.prediction),
             };
-            (entry, &self.settings[entry.setting], prediction)
+            PlanInStudy {
+                entry,
+                setting: &self.settings[entry.setting],
+                prediction,
+            }
         })
     }
 

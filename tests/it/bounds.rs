@@ -208,6 +208,7 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
     let effort = ProofLimits {
         gap: 0.1,
         boxes: 300_000,
+        records: false,
         stop: &|| false,
         progress: &|_, _| {},
     };
@@ -216,7 +217,7 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
         Criterion::TestPose,
         scenario.seed,
         &[6],
-        Some((effort, false)),
+        Some(effort),
     );
     let found = efficiency(&scenario, &near, &best.plan).expect("it has the mandatory one");
     assert!(found > 0.99 && found <= 1.0, "{found}");

@@ -15,6 +15,7 @@ fn effort(gap: f64, boxes: u64) -> ProofLimits<'static> {
     ProofLimits {
         gap,
         boxes,
+        records: false,
         stop: &|| false,
         progress: &|_, _| {},
     }
@@ -29,7 +30,7 @@ fn the_papers_problem_is_proved_to_a_thousandth() {
         Criterion::TestPose,
         scenario.seed,
         &[],
-        Some((effort(1e-3, 150_000), false)),
+        Some(effort(1e-3, 150_000)),
     );
     let proof = proved.proof().expect("it was asked for");
     let proof = proof.as_ref().expect("it is proved");
@@ -58,7 +59,7 @@ fn a_force_of_any_direction_takes_few_boxes() {
     scenario.task.loads = Loads::Any {
         force_max_n: 2500.0,
     };
-    let effort = Some((effort(0.1, 240_000), false));
+    let effort = Some(effort(0.1, 240_000));
     let proved = Bound::search_and_prove(
         &scenario.task,
         Criterion::TestPose,
@@ -78,7 +79,7 @@ fn a_force_of_any_direction_takes_few_boxes() {
 fn small_arms_are_proved_at_once() {
     for (name, gap) in [("planar_3r", 5e-3), ("spatial_3r", 3e-3)] {
         let scenario = scenario(name);
-        let effort = Some((effort(1e-3, 40_000), false));
+        let effort = Some(effort(1e-3, 40_000));
         let proved = Bound::search_and_prove(
             &scenario.task,
             Criterion::TestPose,

@@ -35,6 +35,8 @@ pub struct ProofLimits<'a> {
     pub gap: f64,
     /// The number of boxes after which it ends.
     pub boxes: u64,
+    /// Whether it is recorded, so that it can be checked.
+    pub records: bool,
     /// Asked now and then whether to end.
     pub stop: &'a (dyn Fn() -> bool + Sync),
     /// Hears of the gap that is proved so far and the number of boxes.
@@ -135,9 +137,8 @@ pub fn prove(
     question: &Question,
     found: f64,
     effort: ProofLimits<'_>,
-    records: bool,
 ) -> Result<(Proved, Option<ProofObject>), NoProof> {
-    let mut record = records.then(Record::default);
+    let mut record = effort.records.then(Record::default);
     let mut tasks = tasks(question).ok_or(NoProof::TooLarge)?;
     for task in &mut tasks {
         choose_middle(task, found);

@@ -252,7 +252,7 @@ impl Bound {
         criterion: Criterion,
         seed: u64,
         sizes: &[u32],
-        proof: Option<(ProofLimits<'_>, bool)>,
+        proof: Option<ProofLimits<'_>>,
     ) -> Self {
         let problem = Problem::new(task, criterion);
         match approximate_design(&problem, seed) {
@@ -273,12 +273,12 @@ impl Bound {
         task: &Task,
         criterion: Criterion,
         seed: u64,
-        proof: Option<(ProofLimits<'_>, bool)>,
+        proof: Option<ProofLimits<'_>>,
     ) -> Self {
         let nothing = |reason| Self::resting_on(task, criterion, Basis::Nothing(reason));
         let class = nothing(NoBound::outside("nothing is searched"));
         match class.check(plan) {
-            Err(reason) if proof.is_none_or(|(_, records)| !records) => nothing(reason),
+            Err(reason) if proof.is_none_or(|effort| !effort.records) => nothing(reason),
             _ => Self::search_and_prove(task, criterion, seed, &[plan.measurements()], proof),
         }
     }
@@ -291,7 +291,7 @@ impl Bound {
         approximate: &ApproximateDesign,
         seed: u64,
         sizes: &[u32],
-        proof: Option<(ProofLimits<'_>, bool)>,
+        proof: Option<ProofLimits<'_>>,
     ) -> Self {
         let task = self.task.clone();
         let problem = Problem::new(&task, self.criterion);
@@ -299,8 +299,8 @@ impl Bound {
         let proof = proof.filter(|_| refused.is_none());
         let is_provable = ProvableTask::is_itself(&problem);
         let proved = |problem: &Problem<'_>, approximate: &ApproximateDesign| {
-            let (effort, records) = proof.filter(|_| is_provable)?;
-            Some(ProvedBound::new(problem, approximate, effort, records))
+            let effort = proof.filter(|_| is_provable)?;
+            Some(ProvedBound::new(problem, approximate, effort))
         };
         self.add_sizes(&problem, seed, sizes.iter().copied(), &proved);
         if self.sizes.is_empty() {
@@ -355,16 +355,10 @@ impl Bound {
     }
 
     /// Proves the bound of a simpler task, whose plans leave no more, and keeps it where it is the higher one.
-    fn prove_simpler(
-        &mut self,
-        simpler: &ProvableTask,
-        seed: u64,
-        (effort, records): (ProofLimits<'_>, bool),
-    ) {
+    fn prove_simpler(&mut self, simpler: &ProvableTask, seed: u64, effort: ProofLimits<'_>) {
         let problem = Problem::new(&simpler.task, self.criterion);
         let nearer = |problem: &Problem<'_>, known: Option<&ProvedBound>, size: u32| {
-            let limits = (effort, records);
-            ProvedBound::of_simpler(problem, simpler, limits, seed, (known, size))
+            ProvedBound::of_simpler(problem, simpler, effort, seed, known, size)
         };
         let mut is_general = true;
         for (&size, (_, proof)) in &mut self.sizes {

@@ -52,7 +52,7 @@ pub fn budget(
     task: &Task,
     largest: u32,
     seed: u64,
-    proof: Option<(ProofLimits<'_>, bool)>,
+    proof: Option<ProofLimits<'_>>,
     stop: &AtomicBool,
     progress: &dyn Fn(usize, usize),
 ) -> Result<(Vec<BudgetPoint>, Bound), SearchError> {

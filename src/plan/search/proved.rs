@@ -65,7 +65,6 @@ impl ProvedBound {
         problem: &Problem<'_>,
         approximate: &ApproximateDesign,
         effort: ProofLimits<'_>,
-        records: bool,
     ) -> Result<Self, NoProof> {
         let task = problem.task;
         if problem
@@ -76,7 +75,7 @@ impl ProvedBound {
         }
         let rows = bound_rows(problem, approximate).ok_or(NoProof::Singular)?;
         // A proof that is to be checked shows B as it is.
-        let mut question = if records {
+        let mut question = if effort.records {
             question(problem, rows.clone())
         } else {
             question(problem, gathered(&rows))
@@ -91,7 +90,7 @@ impl ProvedBound {
             let spread = spread(&question, compliances, extended, sigma_m, printed);
             question.spread = Some(spread.ok_or(NoProof::Uncertain)?);
         }
-        let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
+        let (largest, object) = prove_printed(&question, found, printed, effort)?;
         let precision = precision(task, &question.parameters);
         let file = ProofFile {
             proof: object,
@@ -116,9 +115,10 @@ impl ProvedBound {
     pub(super) fn of_simpler(
         problem: &Problem<'_>,
         simpler: &ProvableTask,
-        (effort, records): (ProofLimits<'_>, bool),
+        effort: ProofLimits<'_>,
         seed: u64,
-        (known, measurements): (Option<&Self>, u32),
+        known: Option<&Self>,
+        measurements: u32,
     ) -> Option<Result<Self, NoProof>> {
         if known.is_some_and(|known| known.largest.gap() <= NEAR) {
             return None;
@@ -132,7 +132,7 @@ impl ProvedBound {
                 if !is_nearer(most.map(f64::sqrt)) {
                     return None;
                 }
-                Self::new(problem, &design, effort, records)
+                Self::new(problem, &design, effort)
             }
             Err(_) => Err(NoProof::Singular),
         };
@@ -200,7 +200,6 @@ fn prove_printed(
     found: f64,
     printed: f64,
     effort: ProofLimits<'_>,
-    records: bool,
 ) -> Result<(Proved, Option<ProofObject>), NoProof> {
     let unit = question.root_of_unit_load();
     let more = printed * unit * (1.0 + f64::EPSILON);
@@ -212,7 +211,7 @@ fn prove_printed(
     let known = without(found);
     let gap = (without(found * (1.0 + effort.gap)) / known - 1.0).max(0.5 * effort.gap);
     let effort = ProofLimits { gap, ..effort };
-    let (proved, object) = prove(question, known, effort, records)?;
+    let (proved, object) = prove(question, known, effort)?;
     let proved = Proved {
         largest: (proved.largest.sqrt() + more).powi(2) * (1.0 + 8.0 * f64::EPSILON),
         found: proved.found.max(found),

@@ -27,8 +27,14 @@ const PAIRS: usize = 5;
 /// How many other angles of the joints that do not matter are tried to get clear of an obstacle.
 const VARIANTS: usize = 24;
 
-/// A configuration (rad), a load and the direction of a gauge.
-type Drawn = (Vec<f64>, Load, Option<Vector3<f64>>);
+/// An experiment that was sampled.
+pub(super) struct Drawn {
+    /// The configuration (rad, m).
+    pub q: Vec<f64>,
+    pub load: Load,
+    /// A gauge's direction.
+    pub direction: Option<Vector3<f64>>,
+}
 
 /// Draws configurations uniformly from the joint ranges, and loads from those that are allowed: what a laboratory without a plan
 /// would measure.
@@ -53,9 +59,9 @@ impl<'a> RandomPlans<'a> {
     /// after many attempts.
     pub(super) fn draw_one(&mut self, random: &mut impl Rng) -> Option<Drawn> {
         (0..ATTEMPTS).find_map(|_| {
-            let (q, load, direction) = self.inside(random)?;
-            (self.feasibility.is_clear(&q, &load, direction.as_ref()))
-                .then_some((q, load, direction))
+            let drawn = self.inside(random)?;
+            let direction = drawn.direction.as_ref();
+            (self.feasibility.is_clear(&drawn.q, &drawn.load, direction)).then_some(drawn)
         })
     }
 
@@ -64,7 +70,7 @@ impl<'a> RandomPlans<'a> {
         let q = uniform(&self.problem.ranges, random);
         let load = self.load(&q, random)?;
         let direction = self.direction(random);
-        (self.local.is_inside(&q, &load)).then_some((q, load, direction))
+        (self.local.is_inside(&q, &load)).then_some(Drawn { q, load, direction })
     }
 
     /// Random plan number `run` under a seed.
@@ -119,7 +125,7 @@ impl<'a> RandomPlans<'a> {
 
     /// An experiment that keeps the smooth bounds only.
     pub(super) fn draw_inside(&self, random: &mut impl Rng) -> Option<Point> {
-        let (q, load, direction) = (0..ATTEMPTS).find_map(|_| self.inside(random))?;
+        let Drawn { q, load, direction } = (0..ATTEMPTS).find_map(|_| self.inside(random))?;
         Some(self.local.point(&q, &load, direction))
     }
 
@@ -135,7 +141,11 @@ impl<'a> RandomPlans<'a> {
             let load = self
                 .load(&q, &mut random)
                 .unwrap_or_else(|| self.least_load());
-            let experiment = experiment((q, load, self.direction(&mut random)));
+            let experiment = experiment(Drawn {
+                q,
+                load,
+                direction: self.direction(&mut random),
+            });
             let violations = self.feasibility.violations_of(1, &experiment);
             let kinds: BTreeSet<String> = violations.iter().map(Violation::kind).collect();
             for what in kinds {
@@ -258,7 +268,7 @@ pub fn median_random_plan(
     Ok(predicted.swap_remove(predicted.len() / 2))
 }
 
-fn experiment((q, load, direction): Drawn) -> Experiment {
+fn experiment(Drawn { q, load, direction }: Drawn) -> Experiment {
     Experiment {
         configuration_rad: nalgebra::DVector::from_vec(q),
         load,

@@ -392,6 +392,7 @@ fn effort(gap: f64, boxes: u64) -> ProofLimits<'static> {
     ProofLimits {
         gap,
         boxes,
+        records: false,
         stop: &|| false,
         progress: &|_, _| {},
     }
@@ -423,7 +424,7 @@ fn nothing_is_proved_from_less_than_an_experiment_gives() {
         };
         // A far too small derivative is given as found: the threshold rises with what is found on the way, and ends
         // above the best experiment.
-        let Ok((proved, _)) = prove(question, 0.2 * best.0, effort(0.1, 15_000), false) else {
+        let Ok((proved, _)) = prove(question, 0.2 * best.0, effort(0.1, 15_000)) else {
             continue;
         };
         assert!(proved.largest >= best.0 * (1.0 - 1e-12));
@@ -453,7 +454,7 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
     };
     let outer = (100.0_f64 * 0.25).powi(2);
     let alone = |question: &Question, found: f64, effort: ProofLimits<'_>| {
-        prove(question, found, effort, false).map(|(proved, _)| proved)
+        prove(question, found, effort).map(|(proved, _)| proved)
     };
     let proved = alone(
         &question(vec![1], vec![vec![1.0]]),
@@ -542,7 +543,7 @@ fn results_do_not_depend_on_threads() {
     let found = sampled(&question, 20_000, 3)[0].0;
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.map(|pool| pool.install(|| prove(&question, found, effort(0.1, 30_000), false)))
+        pool.map(|pool| pool.install(|| prove(&question, found, effort(0.1, 30_000))))
     };
     let results: Vec<_> = [1, 2, 3].into_iter().map(run).collect();
     for result in results {
