@@ -198,9 +198,10 @@ pub fn compensate_poses(
     method: Method,
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
     let belief = &task.belief;
-    let identified = (posterior.mean.as_slice(), compliance_rad_per_nm);
+    let values = posterior.mean.as_slice();
     compensate_poses_by(task, robots, &|pose| {
-        let commanded_rad = compensate_identified(belief, identified, pose, method)?;
+        let commanded_rad =
+            compensate_identified(belief, values, compliance_rad_per_nm, pose, method)?;
         let matrix = test_pose_rows(belief, pose);
         Ok((commanded_rad, predicted_error(&matrix, posterior)))
     })

@@ -124,7 +124,7 @@ fn study(scenario: &Scenario) -> Value {
     let plan = plan_of(3);
     let mut robot = RobotRuns::new(&scenario.task, &scenario.truth).expect("the tools exist");
     let runs: Vec<(f64, f64)> = (0..LANES)
-        .map(|lane| robot.run(&plan, (&normals, &[]), lane).expect("a run"))
+        .map(|lane| robot.run(&plan, &normals, &[], lane).expect("a run"))
         .map(|outcome| (outcome.square, outcome.nees))
         .collect();
     json!({

@@ -88,7 +88,8 @@ fn under_load(
 /// The unloaded robot has no equilibrium at the test pose.
 pub fn compensate_identified(
     belief: &Belief,
-    (values, compliance_rad_per_nm): (&[f64], &[f64]),
+    values: &[f64],
+    compliance_rad_per_nm: &[f64],
     pose: &TestPose,
     method: Method,
 ) -> Result<DVector<f64>, EquilibriumError> {

@@ -106,7 +106,7 @@ impl Case<'_> {
                         block += model.covariance_of_all(&own.load);
                     } else {
                         block *= model.unloaded().shared_part();
-                        block += model.covariance_shared([&own.load, &another.load]);
+                        block += model.covariance_shared(&own.load, &another.load);
                     }
                 }
                 let block = of_rows_there(&block, [own, another]);

@@ -102,7 +102,7 @@ impl Campaign {
             groups.extend(planner.in_place(&in_place, keep_order));
             groups
         };
-        Self::in_groups((task, laboratory), plan, groups, keep_order)
+        Self::in_groups(task, laboratory, plan, groups, keep_order)
     }
 
     /// Plans the work of a plan of absolute readings, as [`new`](Self::new) does: candidates by their places, and how often each is
@@ -122,7 +122,7 @@ impl Campaign {
             experiments: experiments.collect(),
         };
         let groups = |_: &Planner<'_>| groups_of_visits(planning, plan, keep_order);
-        let mut campaign = Self::in_groups((task, laboratory), &made, groups, keep_order)?;
+        let mut campaign = Self::in_groups(task, laboratory, &made, groups, keep_order)?;
         for stop in &mut campaign.stops {
             let target = |&index: &usize| {
                 let target = planning.target(plan[index].0);
@@ -139,7 +139,8 @@ impl Campaign {
     }
 
     fn in_groups(
-        (task, laboratory): (&Task, &Laboratory),
+        task: &Task,
+        laboratory: &Laboratory,
         plan: &Plan,
         groups: impl FnOnce(&Planner<'_>) -> Vec<Group>,
         keep_order: bool,

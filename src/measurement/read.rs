@@ -250,7 +250,7 @@ fn deflections(table: &Table<'_>, of: &MeasuredArm) -> Result<Vec<Measurement>, 
         });
     }
     if columns.has_positions {
-        check_unloaded(table, &columns, (&measurements, of.unloaded))?;
+        check_unloaded(table, &columns, &measurements, of.unloaded)?;
     }
     Ok(measurements)
 }
@@ -374,7 +374,8 @@ fn displacement_m(row: &Row<'_>) -> Result<f64, FileError> {
 fn check_unloaded(
     table: &Table<'_>,
     columns: &Given,
-    (measurements, unloaded): (&[Measurement], Unloaded),
+    measurements: &[Measurement],
+    unloaded: Unloaded,
 ) -> Result<(), FileError> {
     let rows: Vec<Row<'_>> = table.rows().collect();
     let read: Vec<(Vec<u64>, String)> = (rows.iter().zip(measurements))

@@ -306,7 +306,7 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// What one of the sources adds to the covariance of two deflections of this configuration under these loads.
-    fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix6<f64> {
+    fn covariance_between(&self, source: usize, one: &Load, other: &Load) -> Matrix6<f64> {
         let source = &self.sources[source];
         match source.shared_part(self.unloaded()) {
             0.0 => Matrix6::zeros(),
@@ -325,10 +325,10 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// What all sources add to it.
-    pub fn covariance_shared(&self, loads: [&Load; 2]) -> Matrix6<f64> {
+    pub fn covariance_shared(&self, one: &Load, other: &Load) -> Matrix6<f64> {
         let sources = 0..self.sources.len();
         sources
-            .map(|source| self.covariance_between(source, loads))
+            .map(|source| self.covariance_between(source, one, other))
             .sum()
     }
 
@@ -404,7 +404,7 @@ impl<'a> PlannedReadings<'a> {
                     self.set_repeats(*repeats);
                     self.covariance_of(source, load)
                 } else {
-                    self.covariance_between(source, [load, &experiments[column].0])
+                    self.covariance_between(source, load, &experiments[column].0)
                 }
             })
         });

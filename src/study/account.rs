@@ -128,7 +128,7 @@ impl Account {
         let hidden: Vec<&Uncertainty> = (truth.uncertainties.iter())
             .filter(|each| each.is_hidden || task.belief.uncertain.is_none())
             .collect();
-        let left_m = planning.left_by_hidden(task, (plan, prediction), &hidden);
+        let left_m = planning.left_by_hidden(task, plan, prediction, &hidden);
         let believed = (believed.iter()).map(|each| Contribution {
             source: each.source.clone(),
             hidden: false,

@@ -86,10 +86,11 @@ impl<'a> RobotRuns<'a> {
     pub fn run(
         &mut self,
         plan: &Plan,
-        normals: (&[[f64; LANES]], &[[f64; LANES]]),
+        noise: &[[f64; LANES]],
+        laboratory: &[[f64; LANES]],
         lane: usize,
     ) -> Result<Outcome, FailedRun> {
-        self.run_prepared(&PreparedPlan::new(self.task, plan), normals, lane)
+        self.run_prepared(&PreparedPlan::new(self.task, plan), noise, laboratory, lane)
     }
 
     /// The same of a plan that is made ready.
@@ -99,7 +100,8 @@ impl<'a> RobotRuns<'a> {
             plan,
             identification,
         }: &PreparedPlan<'_>,
-        (noise, laboratory): (&[[f64; LANES]], &[[f64; LANES]]),
+        noise: &[[f64; LANES]],
+        laboratory: &[[f64; LANES]],
         lane: usize,
     ) -> Result<Outcome, FailedRun> {
         let belief = &self.task.belief;
@@ -122,8 +124,8 @@ impl<'a> RobotRuns<'a> {
         let mut square_m2 = 0.0;
         for pose in &self.task.test_poses {
             let estimated = &identification.compliance_rad_per_nm;
-            let identified = (posterior.mean.as_slice(), estimated.as_slice());
-            let seen = compensate_identified(belief, identified, pose, belief.method)
+            let mean = posterior.mean.as_slice();
+            let seen = compensate_identified(belief, mean, estimated, pose, belief.method)
                 .and_then(|commanded| see_residual(&mut self.robots, pose, &commanded))
                 .map_err(|error| Failure::TestPose.because(&error))?;
             square_m2 += pose.weight * seen.norm_squared();

@@ -252,7 +252,7 @@ impl<'a> Runner<'a> {
             let count = usize::try_from(end - first).map_or(LANES, |left| left.min(LANES));
             self.draw(workspace, first);
             for (plan, batch) in batches.iter_mut().enumerate() {
-                self.make(workspace, plan, (first, count), batch)?;
+                self.make(workspace, plan, first, count, batch)?;
                 batch.clean(count);
             }
             for (plan, (tally, sums)) in tallies.iter_mut().zip(&mut sums).enumerate() {
@@ -333,7 +333,8 @@ impl<'a> Runner<'a> {
         &'w self,
         workspace: &mut ThreadWorkspace<'w>,
         plan: usize,
-        (first, count): (u64, usize),
+        first: u64,
+        count: usize,
         batch: &mut Batch,
     ) -> Result<(), StudyError> {
         self.proceed()?;
@@ -358,7 +359,7 @@ impl<'a> Runner<'a> {
         }
         for (lane, run) in (first..).take(count).enumerate() {
             self.proceed()?;
-            if let Err(failed) = self.one(workspace, plan, run, (batch, lane)) {
+            if let Err(failed) = self.one(workspace, plan, run, batch, lane) {
                 batch.failed[lane] = Some(failed.failure);
                 self.note(run, failed.reason);
             }
@@ -372,15 +373,16 @@ impl<'a> Runner<'a> {
         workspace: &mut ThreadWorkspace<'w>,
         plan: usize,
         run: u64,
-        (batch, lane): (&mut Batch, usize),
+        batch: &mut Batch,
+        lane: usize,
     ) -> Result<(), FailedRun> {
         let entry = &self.entries[plan];
         let (ReadyPlan::Readings(runs), Some(robots)) =
             (&self.plans[plan], &mut workspace.robots[plan])
         else {
             return match &self.prepared[plan] {
-                Some(prepared) => robot_run(workspace, entry.setting, prepared, (batch, lane)),
-                None => self.random_run(workspace, entry.setting, run, (batch, lane)),
+                Some(prepared) => robot_run(workspace, entry.setting, prepared, batch, lane),
+                None => self.random_run(workspace, entry.setting, run, batch, lane),
             };
         };
         let made = runs.run(robots, self.seed, run)?;
@@ -394,7 +396,8 @@ impl<'a> Runner<'a> {
         workspace: &mut ThreadWorkspace<'_>,
         setting: usize,
         run: u64,
-        (batch, lane): (&mut Batch, usize),
+        batch: &mut Batch,
+        lane: usize,
     ) -> Result<(), FailedRun> {
         let part = &self.parts[setting];
         let experiments = part.setting.conditions.experiments;
@@ -407,7 +410,7 @@ impl<'a> Runner<'a> {
             return Ok(());
         }
         let prepared = PreparedPlan::new(&part.setting.task, &plan);
-        robot_run(workspace, setting, &prepared, (batch, lane))
+        robot_run(workspace, setting, &prepared, batch, lane)
     }
 }
 
@@ -449,16 +452,20 @@ fn robot_run(
     workspace: &mut ThreadWorkspace<'_>,
     setting: usize,
     plan: &PreparedPlan<'_>,
-    (batch, lane): (&mut Batch, usize),
+    batch: &mut Batch,
+    lane: usize,
 ) -> Result<(), FailedRun> {
     let Some(robot) = &mut workspace.parts[setting].robot else {
         return Ok(());
     };
-    let normals = (&*workspace.normals, &*workspace.laboratory);
+    let laboratory = &workspace.laboratory;
     robot
-        .become_run(workspace.truth.current(), normals.1, lane)
+        .become_run(workspace.truth.current(), laboratory, lane)
         .map_err(|error| Failure::Measurement.because(&error))?;
-    batch.put(lane, &robot.run_prepared(plan, normals, lane)?);
+    batch.put(
+        lane,
+        &robot.run_prepared(plan, &workspace.normals, laboratory, lane)?,
+    );
     Ok(())
 }
 

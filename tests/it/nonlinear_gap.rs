@@ -34,7 +34,7 @@ fn gap(spread: f64) -> f64 {
         let laboratory = vec![[normal; LANES]; runs.numbers(4)];
         runs.become_run(&compliance, &laboratory, 0).expect("works");
         let noise = [[0.0; LANES]; 12];
-        let outcome = runs.run(&plan, (&noise, &laboratory), 0).expect("works");
+        let outcome = runs.run(&plan, &noise, &laboratory, 0).expect("works");
         square += weight * outcome.square;
     }
     square.sqrt() * task.belief.instrument.sigma_m / computed_m - 1.0

@@ -142,9 +142,9 @@ fn a_run_can_be_replayed_by_itself() {
     assert!((one.nees[0] / nees - 1.0).abs() < 1e-8, "{nees}");
 
     let mut robot = RobotRuns::new(&scenario.task, &scenario.truth).expect("works");
-    let first = robot.run(&plan, (&alone, &[]), 0).expect("works");
-    robot.run(&plan, (&alone, &[]), 1).expect("works");
-    assert_eq!(robot.run(&plan, (&among, &[]), 1), Ok(first.clone()));
+    let first = robot.run(&plan, &alone, &[], 0).expect("works");
+    robot.run(&plan, &alone, &[], 1).expect("works");
+    assert_eq!(robot.run(&plan, &among, &[], 1), Ok(first.clone()));
     // And it is what a single calibration shows.
     let shown =
         calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 777).expect("works");

@@ -440,7 +440,7 @@ fn covariances_are_those_of_what_changes() {
         let error = (covariance(&first) - expected).amax();
         assert!(error < 1e-6 * expected.amax(), "{error}");
         // Of three repeats as of so many independent readings: what they share counts three times.
-        let shared = first.covariance_shared([&load, &load]);
+        let shared = first.covariance_shared(&load, &load);
         let shared = shared.fixed_view::<3, 3>(0, 0).into_owned();
         first.set_repeats(3);
         let error = (covariance(&first) - expected - shared * 2.0).amax();

@@ -231,7 +231,8 @@ impl AbsolutePlanning<'_> {
     pub fn left_by_hidden(
         &self,
         task: &Task,
-        (plan, prediction): (&[(usize, u32)], &PredictedAccuracy),
+        plan: &[(usize, u32)],
+        prediction: &PredictedAccuracy,
         hidden: &[&Uncertainty],
     ) -> Vec<Option<f64>> {
         if hidden.is_empty() {
@@ -241,7 +242,7 @@ impl AbsolutePlanning<'_> {
         let square = |uncertainty: &&Uncertainty| match &uncertainty.source {
             Source::Reading(source) => Some(self.left_by_source(&weighed, source)),
             Source::Plan(parameters) => {
-                self.left_by_parameters((task, prediction), &weighed, parameters)
+                self.left_by_parameters(task, prediction, &weighed, parameters)
             }
         };
         hidden
@@ -253,7 +254,8 @@ impl AbsolutePlanning<'_> {
     /// |(K sum J^T R^-1 Z - C_h) d|^2 of parameters that are not in the vector; what is in it is found, whatever it is.
     fn left_by_parameters(
         &self,
-        (task, prediction): (&Task, &PredictedAccuracy),
+        task: &Task,
+        prediction: &PredictedAccuracy,
         weighed: &WeighedReadings,
         parameters: &[(ParameterKind, f64)],
     ) -> Option<f64> {

@@ -35,7 +35,7 @@ pub(super) fn judge(
 ) -> Vec<Judgement> {
     let enclosure = task.enclose(workspace, cells, threshold);
     (0..used)
-        .map(|lane| judge_one(task, workspace, &enclosure, (&cells[lane], lane), threshold))
+        .map(|lane| judge_one(task, workspace, &enclosure, &cells[lane], lane, threshold))
         .collect()
 }
 
@@ -43,7 +43,8 @@ fn judge_one(
     task: &ProofTask<'_>,
     workspace: &ModelWorkspace,
     enclosure: &Enclosure,
-    (cell, lane): (&Cell, usize),
+    cell: &Cell,
+    lane: usize,
     threshold: f64,
 ) -> Judgement {
     let (variables, turned) = (task.variables(), &enclosure.derivative);

@@ -89,7 +89,7 @@ impl Refinement<'_> {
                 } && cost < found.cost * (1.0 - WORTHWHILE)
                 {
                     if let Some(point) = self.take_clear(pool, better) {
-                        let cost = self.cost_in_place(&found, (index, &point), &information, cost);
+                        let cost = self.cost_in_place(&found, index, &point, &information, cost);
                         if cost < found.cost {
                             found.points[index] = point;
                             found.cost = cost;

@@ -310,7 +310,7 @@ impl<'a> LocalSearch<'a> {
         let start = self.point(&from.q, &load, from.direction);
         let value = information_in(&start.matrix, directions);
         let unit = if value > 0.0 { value.recip() } else { 1.0 };
-        let point = self.descend(&start, free, (&cost, unit), precision)?;
+        let point = self.descend(&start, free, &cost, unit, precision)?;
         let value = information_in(&point.matrix, directions);
         Some((point, value))
     }
@@ -326,12 +326,7 @@ impl<'a> LocalSearch<'a> {
         if !unit.is_finite() || unit == 0.0 {
             return None;
         }
-        self.descend(
-            start,
-            self.free_load(),
-            (cost, unit),
-            self.in_turn(precision),
-        )
+        self.descend(start, self.free_load(), cost, unit, self.in_turn(precision))
     }
 
     /// What an improvement in turn may take on the way to a plan.
@@ -349,7 +344,8 @@ impl<'a> LocalSearch<'a> {
         &self,
         start: &Point,
         free: FreeLoad<'_>,
-        (cost, unit): (&MatrixCost<'_>, f64),
+        cost: &MatrixCost<'_>,
+        unit: f64,
         precision: Precision,
     ) -> Option<Point> {
         let (joints, direction) = (start.q.len(), start.direction);

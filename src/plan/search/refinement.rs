@@ -301,7 +301,8 @@ impl<'a> Refinement<'a> {
     pub fn cost_in_place(
         &self,
         found: &Found,
-        (index, point): (usize, &Point),
+        index: usize,
+        point: &Point,
         rest: &DMatrix<f64>,
         apart: f64,
     ) -> f64 {

@@ -136,7 +136,8 @@ impl Checker<'_> {
     pub(super) fn one_per_command(
         &self,
         key: &str,
-        (values, kind): (&[f64], &Kind),
+        values: &[f64],
+        kind: &Kind,
         chain: &SerialChain,
         mut all: Vec<f64>,
     ) -> Result<Vec<f64>, FileError> {
@@ -166,8 +167,10 @@ impl Checker<'_> {
     pub(super) fn check_unit(
         &self,
         key: &str,
-        (joint, slides): (&str, bool),
-        [unit, of_angles]: [&str; 2],
+        joint: &str,
+        slides: bool,
+        unit: &str,
+        of_angles: &str,
     ) -> Result<(), FileError> {
         let (moves, own) = if slides {
             ("slides", "mm")

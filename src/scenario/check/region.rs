@@ -33,7 +33,7 @@ impl Checker<'_> {
         let joint_torque_max_nm = (table.joint_torque_max_nm.as_deref()).map(|values| {
             let all = vec![f64::INFINITY; chain.len()];
             let key = "region.joint_torque_max_nm";
-            self.one_per_command(key, (values, &TORQUE_LIMIT), chain, all)
+            self.one_per_command(key, values, &TORQUE_LIMIT, chain, all)
         });
         let height_mm = [table.tool_height_min_mm, table.tool_height_max_mm];
         let radius_mm = [table.tool_radius_min_mm, table.tool_radius_max_mm];
@@ -66,7 +66,7 @@ impl Checker<'_> {
         if joint.drive.passive_at.is_some() {
             return Err(self.wrong(key, "the joint is passive: nothing commands it"));
         }
-        self.check_unit(key, (&joint.name, slides), [unit, "deg"])?;
+        self.check_unit(key, &joint.name, slides, unit, "deg")?;
         let [low, high] = joint.range_rad.map(|end| joint.drive.shown(end).0);
         let [from, to] = self.numbers(key, range, &ANGLE)?;
         if from > to || from < low - 1e-9 || to > high + 1e-9 {

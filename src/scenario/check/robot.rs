@@ -43,7 +43,7 @@ impl Checker<'_> {
             let index = (model.joint(joint)).map_err(|error| self.named_file(key, error))?;
             let slides = model.is_slide(index);
             if slides || model.is_hinge(index) {
-                self.check_unit(key, (joint, slides), [unit, "deg"])?;
+                self.check_unit(key, joint, slides, unit, "deg")?;
             }
         }
         let pairs: Vec<(String, f64)> = (locked.iter())
@@ -137,7 +137,7 @@ impl Checker<'_> {
             let all = self.one_per_joint(key, values, chain.len(), &COMPLIANCE)?;
             return Ok(all.to_vec());
         }
-        self.one_per_command(key, (values, &COMPLIANCE), chain, own)
+        self.one_per_command(key, values, &COMPLIANCE, chain, own)
     }
 
     /// The joints whose compliances are to be found, in ascending order, and the names of what else is.

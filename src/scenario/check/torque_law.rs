@@ -54,7 +54,7 @@ impl Checker<'_> {
                 for (of, unit, value) in given {
                     let Some(value) = value else { continue };
                     let key = format!("{key}.{of}_{unit}");
-                    self.check_unit(&key, (name, drive.slides), [unit, "mrad"])?;
+                    self.check_unit(&key, name, drive.slides, unit, "mrad")?;
                     if law.is_some() {
                         return Err(self.wrong(&key, "a joint either stiffens or softens"));
                     }
