@@ -1,8 +1,9 @@
 //! Plans that are optimal by other criteria, compared at the test poses.
 
 use super::approximate::ApproximateDesign;
-use super::exact::{PlanSize, Watch, exact_design_from};
+use super::exact::{Watch, exact_design_from};
 use super::problem::Problem;
+use super::size::PlanSize;
 use crate::plan::{Criterion, Plan, posterior, rho0_m};
 use crate::task::Task;
 

@@ -11,6 +11,7 @@ use super::point::Point;
 use super::problem::{Problem, SearchError};
 use super::refinement::{Found, Refinement};
 use super::rounding::rounded_design;
+use super::size::PlanSize;
 use crate::numeric::random::{generator, streams};
 use crate::plan::Plan;
 
@@ -78,33 +79,6 @@ impl<'a> Watch<'a> {
                 *seen = (seen.0 + 1, cost.min(seen.1));
                 (self.progress)(seen.0, all, seen.1);
             }
-        }
-    }
-}
-
-/// How large a plan is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PlanSize {
-    /// The number of measurements.
-    pub measurements: u32,
-    /// How many of them may be of different configurations.
-    pub configurations: u32,
-}
-
-impl PlanSize {
-    /// So many measurements, each of which may be of a configuration of its own.
-    pub const fn all_different(measurements: u32) -> Self {
-        Self {
-            measurements,
-            configurations: measurements,
-        }
-    }
-
-    /// The size that a plan has.
-    pub fn of(plan: &Plan) -> Self {
-        Self {
-            measurements: plan.measurements(),
-            configurations: u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX),
         }
     }
 }

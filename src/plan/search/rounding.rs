@@ -1,11 +1,11 @@
 //! Plans of many measurements, from a rounded design.
 
 use super::approximate::ApproximateDesign;
-use super::exact::PlanSize;
 use super::local::Precision;
 use super::point::Point;
 use super::problem::Problem;
 use super::refinement::{Found, Refinement};
+use super::size::PlanSize;
 
 /// A plan whose value is within this factor of its bound needs no search.
 const NEAR: f64 = 1.001;
