@@ -73,10 +73,6 @@ class CompensateOptions(CompensateGiven, total=False):
     targets: FilePath | None
 
 
-class CompletionGiven(TypedDict, total=False):
-    threads: int | None
-
-
 class EvaluateGiven(Common, total=False):
     budget_out: FilePath | None
     candidates: FilePath | None
@@ -299,8 +295,6 @@ class Commands(Protocol):
     def __call__(self, name: Literal["compare"], /, *positional: object, **given: Unpack[CompareGiven]) -> Results: ...
     @overload
     def __call__(self, name: Literal["compensate"], /, *positional: object, **given: Unpack[CompensateOptions]) -> Results: ...
-    @overload
-    def __call__(self, name: Literal["completion"], /, *positional: object, **given: Unpack[CompletionGiven]) -> Results: ...
     @overload
     def __call__(self, name: Literal["evaluate"], /, *positional: object, **given: Unpack[EvaluateOptions]) -> Results: ...
     @overload

@@ -44,8 +44,8 @@ pub struct Evaluate {
 
 impl Evaluate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let (args, file) = (&self.args, Some(&*self.plan));
-        let scenario = args.load(file, &[])?;
+        let args = &self.args;
+        let scenario = args.load()?;
         args.common.refuse_others("evaluate", &scenario)?;
         let mut written = Written::default();
         let (planned, besides) = match scenario.task.design.accuracy {
@@ -53,7 +53,7 @@ impl Evaluate {
             AccuracyKind::Relative => self.deflections(&scenario, &mut written)?,
         };
         let found = (&planned, besides);
-        let mut report = args.report("evaluate", &scenario, file, found, &mut written)?;
+        let mut report = args.report("evaluate", &scenario, found, &mut written)?;
         if self.static_compliance {
             planned.add_static_compliance(&mut report, &scenario.task)?;
         }
@@ -63,12 +63,7 @@ impl Evaluate {
         if let Some(record) = trials.as_ref().map(RobotTrials::json) {
             merge(&mut report.json, json!({ "trials": record }));
         }
-        args.finish(
-            &scenario,
-            file,
-            (&planned, trials.as_ref()),
-            (report, written),
-        )
+        args.finish(&scenario, (&planned, trials.as_ref()), (report, written))
     }
 
     /// A plan of deflections, and how near it is to the best that there can be.
@@ -103,7 +98,7 @@ impl Evaluate {
             besides.text = args.told(&candidates.offer);
             besides.json = json!({ "candidates": candidates.offer });
         } else {
-            let provenance = args.provenance(scenario, Some(&self.plan))?;
+            let provenance = args.common.provenance(scenario)?;
             besides.text = args.proof.tell(&bound, &provenance, written)?;
         }
         let planned = PlannedAccuracy::Deflections(plan, Box::new(assessment));

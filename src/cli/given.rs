@@ -1,25 +1,40 @@
-//! Options that were given, and which of them are about plans of one accuracy alone.
+//! Options that were given: which files they read and write, and which are about plans of one accuracy alone.
+
+use std::ffi::OsString;
+use std::path::Path;
 
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches, Id};
 use elastocal::codes::ErrorCode;
-use elastocal::files::FileError;
+use elastocal::files::{FileError, roles::Roles};
 use elastocal::plan::Criterion;
+use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
 
-use super::Common;
+use super::{Common, check_outputs};
 
 /// Options that were given on the command line, each with its first value.
 #[derive(Debug, Clone)]
-pub struct GivenOptions(Vec<(String, String)>);
+pub struct GivenOptions(Vec<(String, OsString)>);
+
+/// The options whose files are read beside the scenario, with what these are.
+const INPUTS: [(&str, &str); 7] = [
+    ("plan", "the plan"),
+    ("measurements", "the measurements"),
+    ("against", "the other measurements"),
+    ("identified", "what was identified"),
+    ("candidates", "the candidates"),
+    ("test_poses", "the test poses"),
+    ("targets", "the targets"),
+];
 
 impl FromArgMatches for GivenOptions {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let value = |option: &str| {
             let values = matches.try_get_raw(option).ok().flatten();
             let first = values.and_then(|mut values| values.next());
-            first.unwrap_or_default().to_string_lossy().into_owned()
+            first.unwrap_or_default().to_owned()
         };
         let options = matches.ids().map(Id::as_str);
         let is_given =
@@ -50,10 +65,39 @@ impl Args for GivenOptions {
 impl GivenOptions {
     /// The first option that something is said of, by its name and value, as a user writes it.
     pub fn find<T>(&self, said: impl Fn(&str, &str) -> Option<T>) -> Option<(String, T)> {
-        let named = |option: &str| format!("--{}", option.replace('_', "-"));
         let mut given = self.0.iter();
-        given.find_map(|(option, value)| Some((named(option), said(option, value)?)))
+        given.find_map(|(option, value)| {
+            Some((named(option), said(option, &value.to_string_lossy())?))
+        })
     }
+
+    /// The files that are read besides the scenario: option, what it is, and path.
+    fn inputs(&self) -> impl Iterator<Item = (&'static str, &'static str, &Path)> {
+        INPUTS.into_iter().filter_map(|(option, what)| {
+            let (_, path) = self.0.iter().find(|(given, _)| given == option)?;
+            Some((option, what, Path::new(path)))
+        })
+    }
+
+    /// The files that are written, by their options as a user writes them. Programs go to a folder.
+    fn outputs(&self) -> Vec<(String, &Path)> {
+        let given = self.0.iter();
+        let outputs = given.filter_map(|(option, value)| {
+            let path = match option.as_str() {
+                "program_out" => None,
+                "rerun" => value.to_str()?.strip_prefix("save=").map(Path::new),
+                "resume" => Some(Path::new(value)),
+                other => other.ends_with("_out").then(|| Path::new(value)),
+            };
+            Some((named(option), path?))
+        });
+        outputs.collect()
+    }
+}
+
+/// An option as a user writes it.
+fn named(option: &str) -> String {
+    format!("--{}", option.replace('_', "-"))
 }
 
 /// Whether an option of a command is of plans of deflections alone, with the value that is, where others are not.
@@ -81,6 +125,36 @@ fn instead(command: &str, option: &str) -> Option<&'static str> {
 }
 
 impl Common {
+    /// Finds out before any work that no file would be lost, of a folder's results of these names, too, and that those that options
+    /// name can be written.
+    pub fn check_files(
+        &self,
+        scenario: &Scenario,
+        results: Option<(&Path, &[&str])>,
+    ) -> Result<(), FileError> {
+        let mut roles = Roles::default();
+        roles.reads("the scenario", &scenario.path);
+        for file in &scenario.files {
+            roles.reads("a file of the scenario", file);
+        }
+        for (_, what, path) in self.given.inputs() {
+            roles.reads(what, path);
+        }
+        if let Some((folder, names)) = results {
+            roles.writes_to(folder, names);
+        }
+        check_outputs(&mut roles, &self.given.outputs())
+    }
+
+    /// Where results come from: a scenario, and the files that were given beside it.
+    pub fn provenance(&self, scenario: &Scenario) -> Result<ProvenanceMessage, FileError> {
+        let mut inputs = self.given.inputs();
+        inputs.try_fold(
+            ProvenanceMessage::new(scenario),
+            |from, (option, _, path)| from.with_input(option, path),
+        )
+    }
+
     /// Refuses options of a command that are about the accuracy that a scenario has not.
     pub fn refuse_others(&self, command: &str, scenario: &Scenario) -> Result<(), FileError> {
         let accuracy = scenario.task.design.accuracy;

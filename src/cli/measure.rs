@@ -10,7 +10,7 @@ use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, output::write_whole};
 use elastocal::measurement::{absolute_table, write_measurements_under};
 use elastocal::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
-use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage, TruthMessage};
+use elastocal::record::messages::{MeasurementMessage, TruthMessage};
 use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::virtual_readings;
@@ -20,7 +20,7 @@ use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::table::table;
-use super::{Common, Report, check_outputs, inputs, without_effect};
+use super::{Common, Report, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["threads", "out"])))]
@@ -52,8 +52,7 @@ impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         self.common.refuse_others("measure", &scenario)?;
-        let outputs = [("--measurements-out", self.measurements_out.as_deref())];
-        check_outputs(inputs(&scenario).reads("the plan", &self.plan), &outputs)?;
+        self.common.check_files(&scenario, None)?;
         match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.absolute(&scenario),
             AccuracyKind::Relative => self.deflections(&scenario),
@@ -137,7 +136,7 @@ impl Measure {
             .collect();
         Ok(Report::of(
             "measure",
-            &ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?,
+            &self.common.provenance(scenario)?,
             json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             text,
             (scenario.task.loads.outside_plan(&plan, None).into_iter())
@@ -171,10 +170,9 @@ impl Measure {
             write_whole(path, table.as_bytes())?;
             text += &format!("wrote {}\n", path.display());
         }
-        let provenance = ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?;
         Ok(Report::of(
             "measure",
-            &provenance,
+            &self.common.provenance(scenario)?,
             json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
             text,
             Vec::new(),

@@ -182,14 +182,8 @@ impl PlanCommand {
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let (args, outputs) = (
-            &self.args,
-            [
-                ("--plan-out", self.plan_out.as_deref()),
-                ("--stills-out", self.stills_out.as_deref()),
-            ],
-        );
-        let mut scenario = args.load(None, &outputs)?;
+        let args = &self.args;
+        let mut scenario = args.load()?;
         if let Some(experiments) = self.experiments {
             scenario.task.design.experiments = experiments;
             scenario.task.design.configurations = None;
@@ -222,7 +216,7 @@ impl PlanCommand {
             AccuracyKind::Relative => self.deflections(&scenario, wanted, &timed, &mut written)?,
         };
         let found = (&planned, besides);
-        let mut report = args.report("plan", &scenario, None, found, &mut written)?;
+        let mut report = args.report("plan", &scenario, found, &mut written)?;
         report.text = tell(&timed) + &report.text;
         if let Some(path) = &self.plan_out {
             report.text += &written.noted(path, planned.write(&scenario.task, path));
@@ -230,7 +224,7 @@ impl PlanCommand {
         if let Some(path) = &self.stills_out {
             report.text += &written.save(path, &planned.stills(&scenario).sheet());
         }
-        args.finish(&scenario, None, (&planned, None), (report, written))
+        args.finish(&scenario, (&planned, None), (report, written))
     }
 
     /// A plan of absolute readings, of candidates or of configurations that are drawn.
@@ -332,7 +326,7 @@ impl PlanCommand {
             merge(&mut json, json!({ "candidates": candidates.offer }));
         }
         if let Some(certificate) = &certificate {
-            let provenance = args.provenance(scenario, None)?;
+            let provenance = args.common.provenance(scenario)?;
             let bound = designed.wanted_bound();
             after += &args.proof.tell(bound, &provenance, written)?;
             after += &rests_on(certificate, &assessment);

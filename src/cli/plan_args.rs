@@ -10,7 +10,6 @@ use elastocal::identification::ParameterGroup;
 use elastocal::plan::absolute::DrawnWanted;
 use elastocal::plan::search::{Candidates, OfferedCandidates};
 use elastocal::quantities::limits::MOST_NAMED;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::{Task, TestPose};
@@ -18,7 +17,7 @@ use elastocal::text::wording::counted;
 
 use super::proof::ProofArgs;
 use super::uncertainty_budget::BudgetArgs;
-use super::{Common, check_outputs, inputs, rests};
+use super::{Common, rests};
 
 /// What `plan` and `evaluate` take alike.
 #[derive(Debug, Args)]
@@ -51,38 +50,13 @@ pub struct PlanArgs {
 }
 
 impl PlanArgs {
-    /// The scenario, with the test poses that are asked for; a plan may be read, and files of more options be written.
-    pub fn load(
-        &self,
-        plan: Option<&Path>,
-        outputs: &[(&str, Option<&Path>)],
-    ) -> anyhow::Result<Scenario> {
+    /// The scenario, with the test poses that are asked for.
+    pub fn load(&self) -> anyhow::Result<Scenario> {
         let mut scenario = self.common.load()?;
-        let own = [
-            ("--report-out", self.report_out.as_deref()),
-            ("--proof-out", self.proof.out()),
-            self.budget.out(),
-        ];
-        let mut roles = inputs(&scenario);
-        roles.may_read("the plan", plan);
-        roles.may_read("the test poses", self.test_poses.as_deref());
-        roles.may_read("the candidates", self.candidates.as_deref());
-        check_outputs(&mut roles, &[outputs, &own].concat())?;
+        self.common.check_files(&scenario, None)?;
         self.replace_test_poses(&mut scenario.task)?;
         rests(&scenario)?;
         Ok(scenario)
-    }
-
-    /// Where a result comes from, with the plan that it is about, if it was read.
-    pub fn provenance(
-        &self,
-        scenario: &Scenario,
-        plan: Option<&Path>,
-    ) -> Result<ProvenanceMessage, FileError> {
-        ProvenanceMessage::new(scenario)
-            .with_optional("plan", plan)?
-            .with_optional("test_poses", self.test_poses.as_deref())?
-            .with_optional("candidates", self.candidates.as_deref())
     }
 
     /// The candidates of the file that a task allows, where one was given.

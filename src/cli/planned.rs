@@ -157,11 +157,10 @@ impl PlanArgs {
         &self,
         command: &str,
         scenario: &Scenario,
-        plan: Option<&Path>,
         (planned, besides): (&PlannedAccuracy<'_>, Report),
         written: &mut Written,
     ) -> anyhow::Result<Report> {
-        let provenance = self.provenance(scenario, plan)?;
+        let provenance = self.common.provenance(scenario)?;
         let mut json = results(command, &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, besides.json);
         merge(&mut json, planned.json(scenario)?);
@@ -176,7 +175,6 @@ impl PlanArgs {
     pub fn finish(
         &self,
         scenario: &Scenario,
-        plan: Option<&Path>,
         (planned, trials): (&PlannedAccuracy<'_>, Option<&RobotTrials>),
         (mut report, mut written): (Report, Written),
     ) -> anyhow::Result<Report> {
@@ -186,7 +184,7 @@ impl PlanArgs {
                 plan: record,
                 trials,
                 run: None,
-                provenance: &self.provenance(scenario, plan)?,
+                provenance: &self.common.provenance(scenario)?,
                 stills: &planned.stills(scenario).figures(),
                 conditions: &report.conditions,
                 command: &command_line(),

@@ -17,9 +17,9 @@ use super::interruption::proceed;
 use super::readings_args::ReadingsArgs;
 use super::study::results::noted;
 use super::table::table_of;
-use super::views::{REPLAY_ENDINGS, write_recording};
+use super::views::write_recording;
 use super::written::Written;
-use super::{Common, Report, inputs, rests, results};
+use super::{Common, Report, results};
 
 #[derive(Debug, Args)]
 pub struct Replay {
@@ -45,19 +45,12 @@ struct ReplayedPlan {
 impl Replay {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
-        let mut scenario = common.load()?;
-        rests(&scenario)?;
-        common.refuse_others("replay", &scenario)?;
+        let mut scenario = common.open("replay")?;
         refuse_others(&scenario)?;
         let folder = common.folder(&scenario);
-        let record = format!("replay_{}.json", self.run);
-        let mut roles = inputs(&scenario);
-        roles.may_read("the candidates", self.readings.candidates.as_deref());
-        roles.writes_to(&folder, &[&record]);
-        for ending in REPLAY_ENDINGS {
-            roles.writes_to(&folder, &[&format!("replay_{}.{ending}", self.run)]);
-        }
-        roles.check()?;
+        let [record, mcap, rerun] =
+            ["json", "mcap", "rrd"].map(|ending| format!("replay_{}.{ending}", self.run));
+        common.check_files(&scenario, Some((&folder, &[&record, &mcap, &rerun])))?;
         make_folder(&folder)?;
         // The first conditions of a sweep stand for all.
         let others = scenario.study.conditions.split_off(1);

@@ -29,7 +29,7 @@ use super::table::{number, table};
 use super::uncertainty_budget::BudgetArgs;
 use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
 use super::written::{Written, record_text, warn};
-use super::{Common, Report, check_outputs, inputs, rests};
+use super::{Common, Report};
 
 #[derive(Debug, Args)]
 pub struct Run {
@@ -53,25 +53,14 @@ impl Run {
     /// The folder of the results, once nothing is in the way of any file.
     fn make_folder(&self, scenario: &Scenario) -> anyhow::Result<PathBuf> {
         let folder = self.common.folder(scenario);
-        let file = self.rerun.as_ref().and_then(ViewerTarget::file);
-        let mut roles = inputs(scenario);
-        roles.may_read("the candidates", self.readings.candidates.as_deref());
-        roles.writes_to(&folder, &FILES);
-        roles.writes_to(&folder, RUN_FILES);
-        let outputs = [
-            ("--rerun", file.map(PathBuf::as_path)),
-            ("--proof-out", self.proof.out()),
-            self.budget.out(),
-        ];
-        check_outputs(&mut roles, &outputs)?;
+        let names = [&FILES[..], RUN_FILES].concat();
+        self.common.check_files(scenario, Some((&folder, &names)))?;
         make_folder(&folder)?;
         Ok(folder)
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
-        rests(&scenario)?;
-        self.common.refuse_others("run", &scenario)?;
+        let scenario = self.common.open("run")?;
         let folder = self.make_folder(&scenario)?;
         match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.of_readings(&scenario, &folder),

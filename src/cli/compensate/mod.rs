@@ -14,7 +14,7 @@ use elastocal::laboratory::{
     CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to,
 };
 use elastocal::measurement::SimulatedRun;
-use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
+use elastocal::record::messages::TestPoseMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::{Method, Task};
 use elastocal::testbed::TrueRobots;
@@ -25,7 +25,7 @@ use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::static_compliance::add_static_compliance;
 use super::table::{number, table_of};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
+use super::{Common, Report, named_by_file, without_effect};
 use targets::{TargetFrame, Workpiece};
 
 #[derive(Debug, Args)]
@@ -134,8 +134,7 @@ impl Compensate {
         if simulated.is_none() {
             forget_observed(&mut keys);
         }
-        let provenance =
-            ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
+        let provenance = self.common.provenance(&scenario)?;
         let mut report = Report::of("compensate", &provenance, keys, text, conditions);
         if self.static_compliance {
             let Task {
@@ -149,15 +148,12 @@ impl Compensate {
     }
 
     fn check(&self, scenario: &Scenario, dialect: Option<&Dialect>) -> Result<(), FileError> {
-        let mut roles = inputs(scenario);
-        roles.reads("what was identified", &self.identified);
-        roles.may_read("the targets", self.targets.as_deref());
-        if let (Some(folder), Some(dialect)) = (&self.program_out, dialect) {
-            let files = self.files(&Program::default(), scenario, dialect)?;
-            let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();
-            roles.writes_to(folder, &names);
-        }
-        check_outputs(&mut roles, &[("--angles-out", self.angles_out.as_deref())])
+        let (Some(folder), Some(dialect)) = (&self.program_out, dialect) else {
+            return self.common.check_files(scenario, None);
+        };
+        let files = self.files(&Program::default(), scenario, dialect)?;
+        let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();
+        (self.common).check_files(scenario, Some((folder, &names)))
     }
 
     /// The program through the compensated test poses.

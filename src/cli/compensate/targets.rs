@@ -11,7 +11,6 @@ use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::JointError;
 use elastocal::mujoco::frame;
 use elastocal::parameter::ElasticArm;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
 use nalgebra::{DVector, Isometry3, Vector3};
@@ -139,12 +138,9 @@ impl Compensate {
             "corrects_joint_errors": robot.with_joint_errors.is_some(),
             "targets": list,
         });
-        let provenance = ProvenanceMessage::new(scenario)
-            .with_input("identified", &self.identified)?
-            .with_input("targets", targets)?;
         Ok(Report::of(
             "compensate",
-            &provenance,
+            &self.common.provenance(scenario)?,
             keys,
             text,
             conditions,

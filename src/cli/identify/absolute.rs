@@ -8,8 +8,8 @@ use elastocal::measurement::{AbsoluteReading, read_measured};
 use elastocal::quantities::units::shown_unit;
 use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
 use elastocal::record::json::merge;
+use elastocal::record::model_selection::model_selection_json;
 use elastocal::record::uncertainties::uncertainty_tables;
-use elastocal::record::{messages::ProvenanceMessage, model_selection::model_selection_json};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
@@ -52,16 +52,14 @@ impl Identify {
         let model_selection = model_selection.as_ref();
         let groups = model_selection.map_or(&*self.parameters, ModelSelection::groups);
         let mut identified = identify_absolute(belief, readings, groups, how).map_err(wrong)?;
-        let mut provenance = ProvenanceMessage::new(scenario).with_input("measurements", file)?;
         if let Some(other) = &self.against {
             let why = ", and absolute readings are held against it";
             let readings = read_measured(other, belief)?.absolute(other, why)?;
             let between = [file, other].map(|path| format!("in {}", path.display()));
             (identified.compare(belief, &readings, (groups, weights), between))
                 .map_err(|error| explained(other, &error))?;
-            provenance = provenance.with_input("against", other)?;
         }
-        let mut json = identified.json(scenario, &provenance, groups)?;
+        let mut json = identified.json(scenario, &self.common.provenance(scenario)?, groups)?;
         let mut written = Written::default();
         let mut text = String::new();
         if let Some(found) = model_selection {

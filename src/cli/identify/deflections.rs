@@ -8,7 +8,7 @@ use elastocal::identification::{
     Identification, IdentificationError, Robustness, UncertainEstimate,
 };
 use elastocal::measurement::{Measurement, Origin};
-use elastocal::record::{json::merge, messages::ProvenanceMessage};
+use elastocal::record::json::merge;
 use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
@@ -61,8 +61,7 @@ impl Identify {
         };
         let identified = identify_measurements(belief, measurements, how)
             .map_err(|problem| explained(&self.measurements, &problem))?;
-        let provenance =
-            ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;
+        let provenance = self.common.provenance(scenario)?;
         // Another state of the scenario has another virtual robot.
         let simulated = origin
             .filter(|origin| origin.scenario_sha256 == scenario.sha256)

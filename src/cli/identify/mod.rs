@@ -16,7 +16,7 @@ use elastocal::view::discrepancy_plots::patterns_plot;
 use serde_json::{Value, json};
 
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
+use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -67,15 +67,7 @@ impl Identify {
         let input = ["identify", "--measurements"];
         let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
         let measured = read_measured(&self.measurements, &scenario.task.belief)?;
-        let outputs = [
-            ("--identified-out", self.identified_out.as_deref()),
-            ("--plot-out", self.plot_out.as_deref()),
-            ("--uncertainties-out", self.uncertainties_out.as_deref()),
-        ];
-        let mut roles = inputs(&scenario);
-        roles.reads("the measurements", &self.measurements);
-        roles.may_read("the other measurements", self.against.as_deref());
-        check_outputs(&mut roles, &outputs)?;
+        self.common.check_files(&scenario, None)?;
         let mut report = match measured {
             MeasuredFile::Deflections(measurements) => {
                 self.of_deflections(&scenario, origin.as_ref(), &measurements)?

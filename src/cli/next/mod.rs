@@ -16,7 +16,7 @@ use elastocal::plan::{
 };
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use elastocal::record::json::merge;
-use elastocal::record::messages::{ProvenanceMessage, plan_messages};
+use elastocal::record::messages::plan_messages;
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
@@ -29,7 +29,7 @@ use super::interruption::STOP;
 use super::progress::search;
 use super::readings_args::ReadingsArgs;
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
+use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -92,11 +92,7 @@ impl Next {
         let input = ["next", "--measurements"];
         let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
         self.common.refuse_others("next", &scenario)?;
-        let mut roles = inputs(&scenario);
-        roles.reads("the measurements", &self.measurements);
-        roles.may_read("the plan", self.plan.as_deref());
-        roles.may_read("the candidates", self.readings.candidates.as_deref());
-        check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])?;
+        self.common.check_files(&scenario, None)?;
         match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.absolute(&scenario),
             AccuracyKind::Relative => self.deflections(&scenario),
@@ -203,10 +199,7 @@ impl Next {
             text += &written.noted(path, write(path));
         }
         conditions.extend(written.conditions());
-        let provenance = ProvenanceMessage::new(scenario)
-            .with_input("measurements", &self.measurements)?
-            .with_optional("plan", self.plan.as_deref())?
-            .with_optional("candidates", self.readings.candidates.as_deref())?;
+        let provenance = self.common.provenance(scenario)?;
         let millimetres = |value_m: Option<f64>| value_m.map(|value_m| value_m * 1e3);
         let mut keys = json!({
             "measured": next.measured,

@@ -8,7 +8,6 @@ use elastocal::measurement::absolute_table;
 use elastocal::plan::UncertaintyBudget;
 use elastocal::plan::search::Watch;
 use elastocal::record::absolute_plan::AbsolutePlanMessage;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use elastocal::view::recording::{CarriedOutPlan, Recording};
@@ -33,8 +32,7 @@ impl Run {
         let (common, task, seed) = (&self.common, &scenario.task, scenario.seed);
         let candidates = self.readings.candidates(scenario)?;
         let wanted = self.readings.wanted(scenario, candidates.as_deref());
-        let provenance = ProvenanceMessage::new(scenario)
-            .with_optional("candidates", self.readings.candidates.as_deref())?;
+        let provenance = common.provenance(scenario)?;
         let readings = counted(task.design.experiments.into(), "absolute reading");
         common.say(&format!("designing a plan of {readings}"));
         let bar = progress::bar(common.quiet, "searching the plan");

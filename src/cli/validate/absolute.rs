@@ -4,7 +4,6 @@ use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::identification::{DistanceStatistics, ReadingResidual};
 use elastocal::measurement::read_measured;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use elastocal::workflow::stored_robot::StoredRobot;
@@ -45,8 +44,7 @@ impl Validate {
                 AbsoluteValidationError::Readings(error) => explained(file, &error),
             },
         )?;
-        let provenance = (ProvenanceMessage::new(scenario).with_input("identified", identified)?)
-            .with_input("measurements", file)?;
+        let provenance = self.common.provenance(scenario)?;
         let text = describe(&validation);
         let conditions = validation.conditions();
         let mut report = Report::of(

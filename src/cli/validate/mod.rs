@@ -10,7 +10,7 @@ use elastocal::identification::{Predicted, StoredIdentification};
 use elastocal::laboratory::validation::{Validation, validate, validation_plan};
 use elastocal::measurement::read_measurements;
 use elastocal::plan::write_plan;
-use elastocal::record::messages::{ProvenanceMessage, plan_messages};
+use elastocal::record::messages::plan_messages;
 use elastocal::text::wording::counted;
 use elastocal::workflow::stored_robot::StoredRobot;
 use elastocal::workflow::validate_absolute::prediction_failed;
@@ -21,7 +21,7 @@ use super::identified::read_identified;
 use super::table::{or_dash, table_of};
 use super::tolerance::{ToleranceArgs, report_judged};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
+use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -59,11 +59,8 @@ impl Validate {
         let origin = StoredIdentification::origin(&self.identified)?;
         let scenario = (self.common).load_for(input, &self.identified, origin.as_ref())?;
         let identified = read_identified(&self.identified, &scenario)?;
-        let mut roles = inputs(&scenario);
-        roles.reads("what was identified", &self.identified);
-        check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])?;
-        let mut provenance =
-            ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
+        self.common.check_files(&scenario, None)?;
+        let provenance = self.common.provenance(&scenario)?;
         let mut conditions = identified.conditions;
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
         let Some(path) = &self.measurements else {
@@ -87,7 +84,6 @@ impl Validate {
         // What the model left unexplained is in other measurements, too.
         let sigma_m = task.belief.instrument.sigma_m;
         let measurements = identified.discrepancy.weighed(&measured, sigma_m);
-        provenance = provenance.with_input("measurements", path)?;
         let validation = validate(&task.belief, &identified.posterior, &measurements)
             .map_err(|error| FileError::new(path, error.to_string()))?;
         conditions.extend(prediction_failed(validation.probability));

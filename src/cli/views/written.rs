@@ -17,8 +17,6 @@ pub const RUN_FILES: &[&str] = &["run.mcap", "run.rrd", "stills.svg", "report.ht
 pub const STUDY_PAGE: &str = "study.html";
 /// The recordings of a study.
 pub const STUDY_FILES: &[&str] = &["study.mcap", "study.rrd"];
-/// How the recordings of `replay` end.
-pub const REPLAY_ENDINGS: &[&str] = &["mcap", "rrd"];
 
 /// Shows what run.rrd holds.
 pub fn show(
