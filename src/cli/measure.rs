@@ -1,14 +1,14 @@
 //! `measure`: virtual measurements of a plan.
 
 use std::fmt::Display;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use elastocal::calibration::{MeasuredRun, measure};
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, output::write_whole};
-use elastocal::measurement::{absolute_table, write_measurements_under};
+use elastocal::measurement::{absolute_table, deflection_table};
 use elastocal::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
 use elastocal::record::messages::{MeasurementMessage, TruthMessage};
 use elastocal::robot::ReadsAlong;
@@ -121,14 +121,9 @@ impl Measure {
             text += &truth_words(&task.belief, truth);
         }
         if let Some(path) = &self.measurements_out {
-            write_measurements_under(
-                &(scenario.origin())
-                    .simulated(scenario.seed, of_run.as_ref().map(|truth| truth.run)),
-                path,
-                scenario.task.belief.commands(),
-                &measurements,
-            )?;
-            text += &format!("wrote {}\n", path.display());
+            let run = of_run.as_ref().map(|truth| truth.run);
+            let table = deflection_table(path, &task.belief.commands(), &measurements)?;
+            text += &write(scenario, run, path, &table)?;
         }
         let commands = scenario.task.belief.commands();
         let messages: Vec<MeasurementMessage> = (measurements.iter())
@@ -165,10 +160,8 @@ impl Measure {
             counted(readings.len() as u64, "absolute reading")
         );
         if let Some(path) = &self.measurements_out {
-            let origin = scenario.origin().simulated(seed, Some(run));
-            let table = origin.comments() + &absolute_table(&commands, &readings);
-            write_whole(path, table.as_bytes())?;
-            text += &format!("wrote {}\n", path.display());
+            let table = absolute_table(&commands, &readings);
+            text += &write(scenario, Some(run), path, &table)?;
         }
         Ok(Report::of(
             "measure",
@@ -178,6 +171,18 @@ impl Measure {
             Vec::new(),
         ))
     }
+}
+
+/// Writes the rows of a file of measurements of the virtual robot, of a run where one was sampled.
+fn write(
+    scenario: &Scenario,
+    run: Option<u64>,
+    path: &Path,
+    rows: &str,
+) -> Result<String, FileError> {
+    let origin = scenario.origin().simulated(scenario.seed, run);
+    write_whole(path, (origin.comments() + rows).as_bytes())?;
+    Ok(format!("wrote {}\n", path.display()))
 }
 
 /// What a gauge cannot show of a plan.

@@ -260,11 +260,7 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
     if let (Some(bound), Some(efficiency)) = (message.lower_bound_rho0_mm, message.efficiency) {
         text += &format!(
             "; no plan of as many candidates is below {bound:.5} mm (efficiency {efficiency:.4}), {}",
-            if message.drawn.is_some() {
-                "which were sampled: evidence, no proof"
-            } else {
-                "proved by looking at all"
-            }
+            bound_basis(message)
         );
     }
     text.push('\n');
@@ -296,6 +292,14 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
     });
     text += &format!("\n{}\n", table("unknown | standard error | unit", rows));
     text
+}
+
+/// What it rests on that no plan of as many candidates is better, in words that follow these.
+pub const fn bound_basis(message: &AbsolutePlanMessage) -> &'static str {
+    match message.drawn {
+        Some(_) => "which were sampled: evidence, no proof",
+        None => "proved by looking at all",
+    }
 }
 
 /// What a prediction leaves out, a line of each.

@@ -25,6 +25,9 @@ use crate::understanding::implausible;
 /// So many random plans stand for what a laboratory without a plan would do.
 pub const RANDOM_PLANS: u64 = 99;
 
+/// The number of the run, as studies count them.
+pub const RUN: u64 = 0;
+
 /// A plan that took part.
 #[derive(Debug)]
 pub struct TriedPlan {
@@ -59,7 +62,7 @@ pub enum RunStage<'a> {
     /// The designed plan is set beside random plans, other criteria and other numbers of measurements.
     Comparing,
     /// There are no random plans to compare with.
-    NoRandomPlans(SearchError),
+    NoRandomPlans(String),
 }
 
 /// Why there is no run.
@@ -116,7 +119,7 @@ pub fn run(
     }
     stage(&RunStage::Comparing);
     let random = median_random_plan(task, experiments, RANDOM_PLANS, scenario.seed)
-        .map_err(|problem| stage(&RunStage::NoRandomPlans(problem)))
+        .map_err(|problem| stage(&RunStage::NoRandomPlans(problem.to_string())))
         .ok()
         .filter(|(median, _)| median.is_finite());
     let random_repeats = (random.as_ref())
@@ -179,7 +182,7 @@ fn calibrate_all(
         // Every plan is measured with the same noise.
         match plan
             .as_ref()
-            .map(|plan| calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, 0))
+            .map(|plan| calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, RUN))
         {
             Ok(Ok(calibration)) => tried.push(TriedPlan {
                 assessment: assessment(&calibration.plan),

@@ -1,20 +1,19 @@
 //! What a page of absolute readings shows of one run: where the tool was, and what was identified beside the simulated truth of that run.
 
+use crate::calibration::rms_m;
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::text::wording::{counted, micrometres, number};
 use crate::view::markup::{card, paragraph, section};
 use crate::view::tables;
-use crate::workflow::run::RANDOM_PLANS;
-use crate::workflow::run_absolute::{AbsoluteRun, RUN};
+use crate::workflow::run::{RANDOM_PLANS, RUN};
+use crate::workflow::run_absolute::AbsoluteRun;
 
 /// A smaller discrepancy (mm) is not said.
 const LEAST_MM: f64 = 5e-6;
 
 /// What was observed beside what was predicted, and random plans.
 pub(super) fn cards(plan: &AbsolutePlanMessage, run: &AbsoluteRun<'_>) -> String {
-    let [before, after] = run
-        .observed_rms_m()
-        .map(|value| micrometres(Some(value * 1e3)));
+    let [before, after] = rms_m(&run.poses).map(|value| micrometres(Some(value * 1e3)));
     let about = format!(
         "Residual error in run {} on the virtual robot: the distance of the loaded tool from where the identified robot predicts it, \
          rms over the test poses; predicted {} rms. Of the nominal robot, in the frames that suit the same readings best: {before}.",
@@ -22,7 +21,7 @@ pub(super) fn cards(plan: &AbsolutePlanMessage, run: &AbsoluteRun<'_>) -> String
         micrometres(plan.rho0_mm)
     );
     let observed = card("", "Observed in this run", &after, &about);
-    let median_mm = run.random_rho0_mm();
+    let median_mm = run.random_rho0_m.map(|value| value * 1e3);
     let Some((median, own)) = median_mm.zip(plan.rho0_mm) else {
         return observed;
     };

@@ -18,6 +18,7 @@ mod test_poses;
 use super::charts::PlotError;
 use super::markup::{card, cell, escaped, figure, page, paragraph, section, table, table_of_cells};
 use super::tables;
+use crate::calibration::rms_m;
 use crate::codes::Condition;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
@@ -316,15 +317,13 @@ fn residuals(
 fn plans(run: &RunRecord<'_>) -> String {
     let row = |plan: &TriedPlan| {
         let (calibration, assessment) = (&plan.record, &plan.assessment);
-        let poses = calibration.test_poses.iter();
-        let square = poses.map(|pose| pose.weight * pose.residual_mm.powi(2));
-        let residual_um = square.sum::<f64>().sqrt() * 1e3;
+        let [_, residual_m] = rms_m(&plan.calibration.1.poses);
         vec![
             calibration.name.clone(),
             assessment.experiments.to_string(),
             number(assessment.rho0_m.map(|value| value * 1e6), 2),
             percent(assessment.efficiency(), 1),
-            number(Some(residual_um), 2),
+            number(Some(residual_m * 1e6), 2),
             assessment.violations.len().to_string(),
         ]
     };
