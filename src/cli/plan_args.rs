@@ -67,10 +67,7 @@ impl PlanArgs {
         let rows = read_candidates(path, task.belief.commands())?;
         let candidates = Candidates::new(task, &rows).map_err(|error| {
             let wrong = FileError::new(path, error.to_string()).code(ErrorCode::CandidateFile);
-            match error.hint() {
-                Some(hint) => wrong.hint(hint),
-                None => wrong,
-            }
+            wrong.hinted(error.hint())
         })?;
         Ok(Some(candidates))
     }

@@ -17,7 +17,6 @@ use elastocal::text::wording::counted;
 use elastocal::view::selection_plot::selection_plot;
 use serde_json::json;
 
-use super::identify::absolute::explained;
 use super::progress::search;
 use super::table::{number, table};
 use super::written::Written;
@@ -81,7 +80,7 @@ impl Select {
         let selection = search(&self.common, &says, |watch| {
             select(belief, &readings, &self.parameters, &wanted, watch)
         })
-        .map_err(|error| explained(&self.measurements, &error))?;
+        .map_err(|error| error.in_file(&self.measurements))?;
         let mut text = describe(&selection);
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {

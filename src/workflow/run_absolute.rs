@@ -75,10 +75,7 @@ pub fn run_absolute<'a>(
     let unread = |error: &dyn Display| {
         FileError::new(&scenario.path, error.to_string()).code(ErrorCode::Simulation)
     };
-    let unidentified = |error: AbsoluteError| {
-        let wrong = FileError::new(&scenario.path, error.to_string()).code(error.code());
-        wrong.hinted(error.hint())
-    };
+    let unidentified = |error: AbsoluteError| error.in_file(&scenario.path);
 
     // Design.
     let sizes = Wanted::by(task).sizes();

@@ -45,7 +45,9 @@ impl Identify {
             (false, false) => ReadingWeights::AsNeeded,
         };
         let (belief, file) = (&scenario.task.belief, &self.measurements);
-        let (how, wrong) = ((weights, self.keep_all), |error| explained(file, &error));
+        let (how, wrong) = ((weights, self.keep_all), |error: AbsoluteError| {
+            error.in_file(file)
+        });
         let model_selection = (self.model_selection)
             .then(|| model_selection(belief, readings, how).map_err(wrong))
             .transpose()?;
@@ -57,7 +59,7 @@ impl Identify {
             let readings = read_measured(other, belief)?.absolute(other, why)?;
             let between = [file, other].map(|path| format!("in {}", path.display()));
             (identified.compare(belief, &readings, (groups, weights), between))
-                .map_err(|error| explained(other, &error))?;
+                .map_err(|error| error.in_file(other))?;
         }
         let mut json = identified.json(scenario, &self.common.provenance(scenario)?, groups)?;
         let mut written = Written::default();
@@ -137,15 +139,6 @@ fn compared(beside: &Inconsistencies) -> String {
         text += &format!("    not comparable, from the same prior in both: {names}\n");
     }
     text
-}
-
-/// Why there is no fit, with what to do about it.
-pub fn explained(file: &Path, error: &AbsoluteError) -> FileError {
-    let wrong = FileError::new(file, error.to_string()).code(error.code());
-    wrong.hinted(match error {
-        AbsoluteError::Mistaken { likely, .. } => Some(likely.as_str()),
-        _ => error.hint(),
-    })
 }
 
 /// What was identified, for a person.
