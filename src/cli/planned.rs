@@ -21,7 +21,7 @@ use elastocal::study::verdict::Kept;
 use elastocal::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
 use elastocal::task::Task;
 use elastocal::text::wording::counted;
-use elastocal::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
+use elastocal::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, PlanPage, absolute_page};
 use elastocal::view::stills::Stills;
 use elastocal::workflow::study::try_plan;
 use serde_json::{Value, json};
@@ -180,14 +180,16 @@ impl PlanArgs {
     ) -> anyhow::Result<Report> {
         if let (Some(path), PlannedAccuracy::Readings(_, _, record)) = (&self.report_out, planned) {
             let page = absolute_page(&AbsolutePageRecord {
-                scenario,
+                page: PlanPage {
+                    scenario,
+                    stills: &planned.stills(scenario).figures(),
+                    conditions: &report.conditions,
+                    provenance: &self.common.provenance(scenario)?,
+                    command: &command_line(),
+                },
                 plan: record,
                 trials,
                 run: None,
-                provenance: &self.common.provenance(scenario)?,
-                stills: &planned.stills(scenario).figures(),
-                conditions: &report.conditions,
-                command: &command_line(),
             })?;
             report.text += &written.save(path, &page);
         }

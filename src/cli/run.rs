@@ -13,7 +13,7 @@ use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
 use elastocal::text::wording::{counted, shell_path};
 use elastocal::view::recording::{CarriedOutPlan, Recording};
-use elastocal::view::report::{AbsolutePageRecord, RunRecord, absolute_page, run_page};
+use elastocal::view::report::{AbsolutePageRecord, PlanPage, absolute_page, run_page};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{
     FailedPlan, RANDOM_PLANS, RUN, RunError, RunOutcome, RunStage, TriedPlan, run,
@@ -133,12 +133,14 @@ impl Run {
         let (assessment, plan) = (Box::new(main.assessment.clone()), made.plan.clone());
         let planned = PlannedAccuracy::Deflections(plan, assessment);
         let stills = planned.stills(scenario);
-        let page = run_page(&RunRecord {
+        let page = PlanPage {
             scenario,
-            outcome: &outcome,
-            command: &command_line(),
             stills: &stills.figures(),
-        })?;
+            conditions: &outcome.conditions,
+            provenance: &common.provenance(scenario)?,
+            command: &command_line(),
+        };
+        let page = run_page(&page, &outcome)?;
         let shown = outcome.tried.iter().map(|each| {
             let (name, calibration) = each.calibration.clone();
             CarriedOutPlan::Deflections(name, Box::new(calibration))
@@ -191,14 +193,16 @@ impl Run {
         conditions.extend(outcome.conditions(scenario));
         let stills = planned.stills(scenario);
         let page = absolute_page(&AbsolutePageRecord {
-            scenario,
+            page: PlanPage {
+                scenario,
+                stills: &stills.figures(),
+                conditions: &conditions,
+                provenance: &provenance,
+                command: &command_line(),
+            },
             plan,
             trials: None,
             run: Some(&outcome),
-            provenance: &provenance,
-            stills: &stills.figures(),
-            conditions: &conditions,
-            command: &command_line(),
         })?;
         let sheet = stills.sheet();
         let record = &outcome.record;
@@ -247,11 +251,7 @@ fn leaves(
     budget: Option<&UncertaintyBudget>,
     [rho0_m, quantile95_m]: [Option<f64>; 2],
 ) -> String {
-    let of = if budget.is_some_and(UncertaintyBudget::has_more_than_noise) {
-        "with the whole uncertainty budget".to_owned()
-    } else {
-        format!("for the {noun}s' noise alone")
-    };
+    let of = UncertaintyBudget::in_words(budget, noun);
     let tolerance = quantile95_m.map_or_else(String::new, |value_m| {
         format!(", 95 % below {:.1} um", value_m * 1e6)
     });
