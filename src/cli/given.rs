@@ -107,7 +107,6 @@ fn of_deflections(command: &str, option: &str, value: &str) -> Option<&'static s
         "criterion" if value != Criterion::TestPose.name() => Some(""),
         "level" if value == "model" => Some(" model"),
         "plan" if command == "next" => Some(""),
-        "rerun" if command == "run" => Some(""),
         _ => None,
     }
 }

@@ -7,4 +7,4 @@ mod written;
 pub use written::*;
 
 /// The names of the targets of `--rerun`, for the help.
-pub const TARGETS: &str = "spawn|connect[=URL]|save=FILE";
+pub const TARGETS: &str = "connect[=URL]|save=FILE";
