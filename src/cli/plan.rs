@@ -5,11 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use elastocal::codes::ErrorCode;
-use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
-use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, BoundKind, Candidates, Certificate, Problem, SearchError, Watch,
 };
@@ -25,7 +23,7 @@ use serde_json::json;
 
 use super::conditions::search_stopped;
 use super::interruption::{STOP, ask_search, searched};
-use super::plan_args::{PlanArgs, offered};
+use super::plan_args::{PlanArgs, of_any_plan, offered};
 use super::planned::PlannedAccuracy;
 use super::progress::{bar, search, show};
 use super::proof::ProofArgs;
@@ -33,11 +31,8 @@ use super::table::table;
 use super::written::Written;
 use super::{Common, Report, without_effect};
 
-/// So many configurations are drawn where nothing else is said.
-pub const DRAWN: u32 = 200;
-
 #[derive(Debug, Args)]
-#[command(mut_args(without_effect(&["out"])))]
+#[command(mut_arg("candidates", of_any_plan), mut_args(without_effect(&["out"])))]
 pub struct PlanCommand {
     #[command(flatten)]
     pub args: PlanArgs,
@@ -50,9 +45,6 @@ pub struct PlanCommand {
     /// At most so many minutes, by the table [laboratory] of the scenario, in place of a number of measurements.
     #[arg(long, value_name = "MIN", value_parser = |text: &str| MINUTES.parse(text), conflicts_with_all = ["experiments", "configurations", "criterion", "candidates"])]
     minutes: Option<f64>,
-    /// Begin with so many configurations at random, with design.accuracy = "absolute" and without --candidates [default: 200]
-    #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    draw: Option<u32>,
     /// What makes the plan good; any of them with --candidates, and test-pose, a, d or o1 without
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
@@ -234,18 +226,10 @@ impl PlanCommand {
         wanted: Wanted,
     ) -> anyhow::Result<(PlannedAccuracy<'a>, Report)> {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
-        let (groups, sizes) = (&args.parameters, wanted.sizes());
+        let sizes = wanted.sizes();
         let readings = counted(sizes[0].into(), "absolute reading");
-        let file = args.candidates.as_deref();
-        let rows = file.map(|path| read_candidates(path, task.belief.commands()));
-        let rows = rows.transpose()?;
-        let chosen = ReadingsWanted {
-            groups,
-            measured: &[],
-            candidates: rows.as_deref(),
-            path: file.unwrap_or(&scenario.path),
-            configurations: self.draw.unwrap_or(DRAWN),
-        };
+        let rows = args.readings.candidates(scenario)?;
+        let chosen = args.readings.wanted(scenario, rows.as_deref());
         let count = |rows: &Vec<_>| counted(rows.len() as u64, "candidate");
         let among = rows.as_ref().map(|rows| format!("among {}", count(rows)));
         let place = among.as_deref().unwrap_or("at sampled configurations");
@@ -255,7 +239,7 @@ impl PlanCommand {
         })
         .map_err(|error| error.in_file(chosen.path))?;
         let drawn = chosen.drawn(seed);
-        let offer = offered(drawn, file, &planning.offer);
+        let offer = offered(drawn, args.readings.candidates.as_deref(), &planning.offer);
         let [searches, agreeing] = found.searches;
         let json = json!({ "searches": searches, "searches_agreeing": agreeing });
         let told =
@@ -263,7 +247,13 @@ impl PlanCommand {
         // One that goes on from the last plan agrees with nothing but itself.
         let after = if searches > 1 { offer + &told } else { offer };
         let beside = (found.bound.as_ref(), drawn);
-        let planned = PlannedAccuracy::of_readings(task, groups, planning, found.plan, beside);
+        let planned = PlannedAccuracy::of_readings(
+            task,
+            &args.readings.parameters,
+            planning,
+            found.plan,
+            beside,
+        );
         let conditions = STOP.load(Ordering::Relaxed).then(search_stopped);
         let conditions = conditions.into_iter().collect();
         Ok((planned, Report::new(json, after, conditions)))
@@ -349,7 +339,7 @@ impl PlanCommand {
         let designed = search(&self.args.common, says, |watch| {
             design_among(&scenario.task, candidates, scenario.seed, wanted, watch)
         });
-        designed.map_err(|error| match &self.args.candidates {
+        designed.map_err(|error| match &self.args.readings.candidates {
             Some(path) => FileError::new(path, error.to_string())
                 .code(ErrorCode::NoPlan)
                 .into(),

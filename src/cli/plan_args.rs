@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Arg, Args};
 use elastocal::codes::ErrorCode;
 use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
-use elastocal::identification::ParameterGroup;
 use elastocal::plan::absolute::DrawnWanted;
 use elastocal::plan::search::{Candidates, OfferedCandidates};
 use elastocal::quantities::limits::MOST_NAMED;
@@ -16,6 +15,7 @@ use elastocal::task::{Task, TestPose};
 use elastocal::text::wording::counted;
 
 use super::proof::ProofArgs;
+use super::readings_args::ReadingsArgs;
 use super::uncertainty_budget::BudgetArgs;
 use super::{Common, rests};
 
@@ -26,27 +26,25 @@ pub struct PlanArgs {
     pub common: Common,
     #[command(flatten)]
     pub proof: ProofArgs,
-    /// Choose from these rows alone (CSV: joint angles, loads); that no plan of them is better than the bound is proved by
-    /// looking at all
-    #[arg(
-        long,
-        value_name = "FILE",
-        conflicts_with_all = ["prove", "prove_time", "no_proof", "proof_out"]
-    )]
-    pub candidates: Option<PathBuf>,
+    #[command(flatten)]
+    pub readings: ReadingsArgs,
     /// Be accurate at these poses, of a path or a region, in place of the scenario's (CSV: joint angles, and loads at the
     /// machining tool; without loads, that of the scenario's first test pose)
     #[arg(long, value_name = "FILE")]
     test_poses: Option<PathBuf>,
-    /// What is unknown, with design.accuracy = "absolute": frames of stations and targets always; what the scenario's
-    /// robot.parameters name if not given.
-    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
-    pub parameters: Vec<ParameterGroup>,
     #[command(flatten)]
     pub budget: BudgetArgs,
     /// Where to write a page about the plan (HTML), with design.accuracy = "absolute".
     #[arg(long, value_name = "FILE")]
     pub report_out: Option<PathBuf>,
+}
+
+/// The option for candidates of a command that takes them of deflections, too.
+pub fn of_any_plan(candidates: Arg) -> Arg {
+    let help = "Choose from these rows alone (CSV: joint angles, loads); that no plan of them is better than the bound is proved by \
+                looking at all";
+    let bounds = ["prove", "prove_time", "no_proof", "proof_out"];
+    candidates.help(help).conflicts_with_all(bounds)
 }
 
 impl PlanArgs {
@@ -61,7 +59,7 @@ impl PlanArgs {
 
     /// The candidates of the file that a task allows, where one was given.
     pub fn read_candidates(&self, task: &Task) -> Result<Option<Candidates>, FileError> {
-        let Some(path) = &self.candidates else {
+        let Some(path) = &self.readings.candidates else {
             return Ok(None);
         };
         let rows = read_candidates(path, task.belief.commands())?;
@@ -79,7 +77,7 @@ impl PlanArgs {
             counted(offer.possible as u64, "candidate"),
             left_out(
                 &offer.offered.to_string(),
-                self.candidates.as_deref(),
+                self.readings.candidates.as_deref(),
                 offer
             )
         )
