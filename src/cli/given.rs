@@ -63,14 +63,6 @@ impl Args for GivenOptions {
 }
 
 impl GivenOptions {
-    /// The first option that something is said of, by its name and value, as a user writes it.
-    pub fn find<T>(&self, said: impl Fn(&str, &str) -> Option<T>) -> Option<(String, T)> {
-        let mut given = self.0.iter();
-        given.find_map(|(option, value)| {
-            Some((named(option), said(option, &value.to_string_lossy())?))
-        })
-    }
-
     /// The files that are read besides the scenario: option, what it is, and path.
     fn inputs(&self) -> impl Iterator<Item = (&'static str, &'static str, &Path)> {
         INPUTS.into_iter().filter_map(|(option, what)| {
@@ -100,26 +92,27 @@ fn named(option: &str) -> String {
     format!("--{}", option.replace('_', "-"))
 }
 
-/// Whether an option of a command is of plans of deflections alone, with the value that is, where others are not.
-fn of_deflections(command: &str, option: &str, value: &str) -> Option<&'static str> {
-    match option {
-        "prove" | "prove_time" | "no_proof" | "proof_out" | "minutes" | "noise_free" => Some(""),
-        "criterion" if value != Criterion::TestPose.name() => Some(""),
-        "level" if value == "model" => Some(" model"),
-        "plan" if command == "next" => Some(""),
-        _ => None,
-    }
+/// The accuracy that an option of a command is about, where that is one alone; with the value that is, as a user writes it.
+fn about(command: &str, option: &str, value: &str) -> Option<(AccuracyKind, &'static str)> {
+    use AccuracyKind::{Absolute, Relative};
+    Some(match (command, option) {
+        (_, "prove" | "prove_time" | "no_proof" | "proof_out" | "minutes" | "noise_free")
+        | ("next", "plan") => (Relative, ""),
+        (_, "criterion") if value != Criterion::TestPose.name() => (Relative, ""),
+        (_, "level") if value == "model" => (Relative, " model"),
+        (_, "method") if value == "linear" => (Relative, " linear"),
+        ("plan" | "evaluate", "candidates") => return None,
+        (_, "candidates" | "draw" | "parameters" | "report_out" | "model_selection")
+        | (_, "against" | "uncertainties_out") => (Absolute, ""),
+        _ => return None,
+    })
 }
 
-/// What there is for plans of deflections in place of an option that is of absolute readings alone.
-fn instead(command: &str, option: &str) -> Option<&'static str> {
-    let anywhere = "plans of deflections are searched in the whole region";
-    match option {
-        "parameters" => Some("robot.parameters says what is unknown"),
-        "draw" => Some(anywhere),
-        "candidates" if !["plan", "evaluate"].contains(&command) => Some(anywhere),
-        "report_out" => Some("`run` writes a page about plans of deflections"),
-        _ => None,
+/// What is measured for an accuracy, in words.
+const fn measured(accuracy: AccuracyKind) -> &'static str {
+    match accuracy {
+        AccuracyKind::Absolute => "absolute readings",
+        AccuracyKind::Relative => "deflections",
     }
 }
 
@@ -154,31 +147,48 @@ impl Common {
         )
     }
 
+    /// An option of a command that is about the other accuracy alone, as a user writes it.
+    fn other(&self, command: &str, accuracy: AccuracyKind) -> Option<String> {
+        let other = |(option, value): &(String, OsString)| {
+            let (about, shown) = about(command, option, &value.to_string_lossy())?;
+            (about != accuracy).then(|| named(option) + shown)
+        };
+        self.given.0.iter().find_map(other)
+    }
+
     /// Refuses options of a command that are about the accuracy that a scenario has not.
     pub fn refuse_others(&self, command: &str, scenario: &Scenario) -> Result<(), FileError> {
-        let accuracy = scenario.task.design.accuracy;
-        let refused = self.given.find(|option, value| match accuracy {
-            AccuracyKind::Absolute => {
-                let value = of_deflections(command, option, value)?;
-                Some((
-                    value,
-                    "deflections",
-                    ", or set accuracy = \"relative\"".to_owned(),
-                ))
-            }
-            AccuracyKind::Relative => {
-                let instead = format!(": {}", instead(command, option)?);
-                Some(("", "absolute readings", instead))
-            }
-        });
-        let Some((option, (value, about, instead))) = refused else {
+        let own = scenario.task.design.accuracy;
+        let Some(option) = self.other(command, own) else {
             return Ok(());
         };
-        let accuracy = accuracy.name();
-        let problem = format!("is {accuracy:?}, and {option}{value} is for plans of {about}");
+        let (name, other) = (own.name(), own.other());
+        let problem = format!(
+            "is {name:?}, and {option} is for plans of {}",
+            measured(other)
+        );
         Err(FileError::new(&scenario.path, problem)
             .at("design.accuracy")
             .code(ErrorCode::OtherAccuracy)
-            .hint(format!("leave out {option}{value}{instead}")))
+            .hint(format!(
+                "leave out {option}, or set accuracy = {:?}",
+                other.name()
+            )))
+    }
+
+    /// Refuses options of a command that a file of measurements has no use for.
+    pub fn refuse_for(
+        &self,
+        command: &str,
+        path: &Path,
+        held: AccuracyKind,
+    ) -> Result<(), FileError> {
+        let Some(option) = self.other(command, held) else {
+            return Ok(());
+        };
+        let [own, other] = [held, held.other()].map(measured);
+        let wrong = FileError::new(path, format!("holds {own}, and {option} is for {other}"));
+        let wrong = wrong.code(ErrorCode::OtherAccuracy);
+        Err(wrong.hint(format!("leave out {option}")))
     }
 }

@@ -32,9 +32,6 @@ impl Identify {
         scenario: &Scenario,
         readings: &[AbsoluteReading],
     ) -> anyhow::Result<Report> {
-        self.refuse("absolute readings", |option, value| {
-            (option == "method" && value == "linear").then_some("which no linear fit takes")
-        })?;
         self.common.say(&format!(
             "fitting the robot to {}",
             counted(readings.len() as u64, "absolute reading")

@@ -30,7 +30,6 @@ impl Identify {
         origin: Option<&Origin>,
         measurements: &[Measurement],
     ) -> anyhow::Result<Report> {
-        self.refuse("deflections", |option, _| of_readings(option))?;
         let loads = measurements.iter().map(|each| &each.load);
         let loads_outside = scenario.task.loads.outside_all("measurement", loads);
         let method = self.method.unwrap_or(scenario.task.belief.method);
@@ -95,17 +94,6 @@ impl Identify {
                 .chain(identified.conditions())
                 .collect(),
         ))
-    }
-}
-
-/// Why there is nothing for deflections in an option of absolute readings.
-fn of_readings(option: &str) -> Option<&'static str> {
-    match option {
-        "model_selection" => Some("for which there is no model selection"),
-        "against" => Some("which are compared with no other series"),
-        "parameters" => Some("of which robot.parameters of the scenario says what to identify"),
-        "uncertainties_out" => Some("of which no joint error functions are estimated"),
-        _ => None,
     }
 }
 
