@@ -16,7 +16,7 @@ use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::report::{AbsolutePageRecord, PlanPage, absolute_page, run_page};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{
-    FailedPlan, RANDOM_PLANS, RUN, RunError, RunOutcome, RunStage, TriedPlan, run,
+    FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run,
 };
 use elastocal::workflow::run_absolute::{AbsoluteRun, run_absolute};
 use serde_json::Value;
@@ -116,11 +116,7 @@ impl Run {
         let outcome = run(scenario, (&designed, &approximate), &STOP, &|stage| {
             tell(common, stage, "measuring");
         });
-        let outcome = outcome.map_err(|error| match error {
-            // Its hint is told, too.
-            RunError::File(error) => error.into(),
-            other => anyhow::Error::from(other),
-        })?;
+        let outcome = outcome?;
         proceed()?;
         let main = &outcome.tried[0];
         let made = &main.calibration.1;

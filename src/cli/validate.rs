@@ -16,7 +16,7 @@ use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use elastocal::workflow::stored_robot::StoredRobot;
 use elastocal::workflow::validate_absolute::{
-    AbsoluteValidation, AbsoluteValidationError, prediction_failed, validate_absolute,
+    AbsoluteValidation, prediction_failed, validate_absolute,
 };
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
@@ -135,11 +135,7 @@ impl Validate {
         let (robot, mut conditions) = robot.with_possible_compliances(&belief.arm());
         let why = ", and what was identified rests on absolute readings";
         let readings = read_measured(file, belief)?.absolute(file, why)?;
-        let validation = validate_absolute(belief, identified, &robot, &readings);
-        let validation = validation.map_err(|error| match error {
-            AbsoluteValidationError::File(error) => error,
-            AbsoluteValidationError::Readings(error) => error.in_file(file),
-        })?;
+        let validation = validate_absolute(belief, (identified, &robot), (file, &readings))?;
         conditions.extend(validation.conditions());
         let left = validation.left.iter().map(|each| each.position_m);
         Ok(Validated {

@@ -3,10 +3,9 @@
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
-use thiserror::Error;
 
 use super::design::Designed;
-use super::evidence::{EvidenceError, gather};
+use super::evidence::gather;
 use crate::calibration::{Calibration, CalibrationError, calibrate, pose_conditions};
 use crate::codes::Condition;
 use crate::experiment::{Plan, read_plan};
@@ -65,20 +64,6 @@ pub enum RunStage<'a> {
     NoRandomPlans(String),
 }
 
-/// Why there is no run.
-#[derive(Debug, Error)]
-pub enum RunError {
-    /// A plan of the scenario cannot be read.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The designed plan cannot be measured, identified or compensated.
-    #[error(transparent)]
-    Calibration(#[from] CalibrationError),
-    /// There is nothing to set it beside.
-    #[error(transparent)]
-    Evidence(#[from] EvidenceError),
-}
-
 /// What a run comes to.
 #[derive(Debug)]
 pub struct RunOutcome {
@@ -105,7 +90,7 @@ pub fn run(
     (designed, approximate): (&Designed, &ApproximateDesign),
     stop: &AtomicBool,
     stage: &dyn Fn(&RunStage<'_>),
-) -> Result<RunOutcome, RunError> {
+) -> anyhow::Result<RunOutcome> {
     let (task, bound) = (&scenario.task, &designed.bound);
     let plans = plans_to_compare(scenario, designed.exact.plan.clone())?;
     stage(&RunStage::Calibrating);

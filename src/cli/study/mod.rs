@@ -19,7 +19,7 @@ use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::{diagnostics::say, wording::counted};
 use elastocal::view::study_recording::next_snapshot;
 use elastocal::workflow::design::Wanted;
-use elastocal::workflow::study::{self, EntryError, Timing, foreign_loads};
+use elastocal::workflow::study::{self, Timing, foreign_loads};
 use indicatif::ProgressStyle;
 use serde_json::json;
 
@@ -67,7 +67,7 @@ impl ReadingsArgs {
         scenario: &'a Scenario,
         settings: &'a [Setting<'_>],
         candidates: Option<&'a [Candidate]>,
-    ) -> Result<Vec<Entry<'a>>, EntryError> {
+    ) -> anyhow::Result<Vec<Entry<'a>>> {
         let say = |name: &str, of: String| {
             common.say(&format!("designing the plan {name:?} of {of}"));
         };
