@@ -86,16 +86,14 @@ pub struct Calibration {
     pub poses: Vec<CompensatedPose>,
 }
 
-impl Calibration {
-    /// The rms over the test poses, by their weights, of distances without compensation and of what is left with it (m).
-    pub fn rms_m(&self) -> [f64; 2] {
-        let seen = |pose: &CompensatedPose| [pose.seen.uncompensated_m, pose.seen.residual_m];
-        [0, 1].map(|which| {
-            let squares = self.poses.iter();
-            let squares = squares.map(|pose| pose.weight * seen(pose)[which].norm_squared());
-            squares.sum::<f64>().sqrt()
-        })
-    }
+/// The rms over test poses, by their weights, of distances without compensation and of what is left with it (m).
+pub fn rms_m(poses: &[CompensatedPose]) -> [f64; 2] {
+    let seen = |pose: &CompensatedPose| [pose.seen.uncompensated_m, pose.seen.residual_m];
+    [0, 1].map(|which| {
+        let squares = poses.iter();
+        let squares = squares.map(|pose| pose.weight * seen(pose)[which].norm_squared());
+        squares.sum::<f64>().sqrt()
+    })
 }
 
 /// Measures, identifies and compensates with the noise of run `run` under a seed: the same as that run of a

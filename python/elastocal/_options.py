@@ -65,16 +65,11 @@ class CompensateGiven(Common, total=False):
     static_compliance: bool | None
     station: str | None
     tool: str | None
-    workpiece: str | None
 
 
 class CompensateOptions(CompensateGiven, total=False):
     identified: FilePath | None
     targets: FilePath | None
-
-
-class CompletionGiven(TypedDict, total=False):
-    threads: int | None
 
 
 class EvaluateGiven(Common, total=False):
@@ -237,7 +232,6 @@ class RunGiven(Common, total=False):
     proof_out: FilePath | None
     prove: float | str | None
     prove_time: float | str | None
-    rerun: str | None
 
 
 class RunOptions(RunGiven, total=False):
@@ -299,8 +293,6 @@ class Commands(Protocol):
     def __call__(self, name: Literal["compare"], /, *positional: object, **given: Unpack[CompareGiven]) -> Results: ...
     @overload
     def __call__(self, name: Literal["compensate"], /, *positional: object, **given: Unpack[CompensateOptions]) -> Results: ...
-    @overload
-    def __call__(self, name: Literal["completion"], /, *positional: object, **given: Unpack[CompletionGiven]) -> Results: ...
     @overload
     def __call__(self, name: Literal["evaluate"], /, *positional: object, **given: Unpack[EvaluateOptions]) -> Results: ...
     @overload

@@ -74,8 +74,7 @@ def test_every_command_has_a_function() -> None:
     functions = {name for name, _ in inspect.getmembers(ec.Scenario, inspect.isfunction)} | set(ec.__all__)
     # `import` is a word of Python's own.
     names = {"plan": "design", "import": "import_table"}
-    # A viewer and what shells complete are a program's.
-    for name in set(options()) - {"completion"}:
+    for name in options():
         assert names.get(name, name) in functions, name
 
 

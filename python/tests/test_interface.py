@@ -58,7 +58,7 @@ def test_signatures_have_every_option_of_the_program() -> None:
         taken = set(inspect.signature(function).parameters)
         assert shown - OPTIONS_OF_THE_PROGRAM_ALONE - hidden <= taken, name
         assert not any(each.kind is inspect.Parameter.VAR_KEYWORD for each in inspect.signature(function).parameters.values()), name
-    assert seen == set(options()) - {"completion", "schema"}
+    assert seen == set(options()) - {"schema"}
     assert "how many" in (ec.Scenario.select.__doc__ or "").lower()
 
 

@@ -26,7 +26,7 @@ use super::readings_args::ReadingsArgs;
 use super::table::{number, table_of};
 use super::uncertainty_budget::common_sources;
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
+use super::{Common, Report, results, without_effect};
 
 /// What a plan shares is as good as constant where it falls by less than this factor.
 const FLAT: f64 = 1.1;
@@ -177,16 +177,8 @@ impl Budget {
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
-        self.common.refuse_others("budget", &scenario)?;
-        rests(&scenario)?;
-        let outputs = [
-            ("--plot-out", self.plot_out.as_deref()),
-            ("--proof-out", self.proof.out()),
-        ];
-        let mut roles = inputs(&scenario);
-        roles.may_read("the candidates", self.readings.candidates.as_deref());
-        check_outputs(&mut roles, &outputs)?;
+        let scenario = self.common.open("budget")?;
+        self.common.check_files(&scenario, None)?;
         let mut written = Written::default();
         let accuracy = scenario.task.design.accuracy;
         let found = match accuracy {
@@ -217,9 +209,7 @@ impl Budget {
             "needed_minutes": needed.and_then(|(_, minutes)| *minutes),
             "budget": points.iter().map(record).collect::<Vec<_>>(),
         });
-        let provenance = ProvenanceMessage::new(&scenario)
-            .with_optional("candidates", self.readings.candidates.as_deref())?;
-        let mut json = results("budget", &provenance, json);
+        let mut json = results("budget", &self.common.provenance(&scenario)?, json);
         merge(&mut json, found.json);
         Ok(Report::new(json, text, conditions))
     }

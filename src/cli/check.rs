@@ -8,7 +8,7 @@ use elastocal::experiment::read_candidates;
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::{Feasibility, read_plan};
 use elastocal::record::json::merge;
-use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
+use elastocal::record::messages::SchemaMessage;
 use elastocal::record::understanding::{understanding_json, unknowns_json};
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::understanding::{
@@ -101,9 +101,7 @@ impl Check {
         let problems: Vec<String> = violations.into_iter().chain(found).collect();
         let conditions = violated.into_iter().chain(impossible).collect();
         let json = json!({ "ok": problems.is_empty(), "problems": problems });
-        let provenance =
-            ProvenanceMessage::new(&scenario).with_optional("plan", self.plan.as_deref())?;
-        let mut json = results("check", &provenance, json);
+        let mut json = results("check", &self.common.provenance(&scenario)?, json);
         merge(&mut json, understanding_json(&understanding));
         if self.parameters {
             let each: Vec<Value> = told_apart.iter().map(unknowns_json).collect();

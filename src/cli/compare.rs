@@ -44,7 +44,8 @@ impl Compare {
         let mut roles = Roles::default();
         roles.reads("the base", &self.base);
         roles.reads("the results to judge", &self.new);
-        check_outputs(&mut roles, &[("--markdown", self.markdown.as_deref())])?;
+        let written = self.markdown.as_deref().map(|path| ("--markdown", path));
+        check_outputs(&mut roles, written.as_slice())?;
         let within = if self.exact { Some(0.0) } else { self.within };
         let comparison = compare(&base, &new, &self.allow_different, within)?;
         if let Some(path) = &self.markdown {

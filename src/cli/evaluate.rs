@@ -17,13 +17,15 @@ use elastocal::task::AccuracyKind;
 use serde_json::json;
 
 use super::interruption::{STOP, proceed};
-use super::plan_args::PlanArgs;
+use super::plan_args::{PlanArgs, of_any_plan};
 use super::planned::PlannedAccuracy;
 use super::written::Written;
 use super::{Report, without_effect};
 
 #[derive(Debug, Args)]
-#[command(mut_args(without_effect(&["out"])))]
+#[command(mut_arg("candidates", of_any_plan), mut_args(without_effect(&["out", "draw"])))]
+// The plan is there: nothing is sampled.
+#[command(mut_arg("draw", |draw| draw.conflicts_with("plan")))]
 pub struct Evaluate {
     #[command(flatten)]
     pub args: PlanArgs,
@@ -44,8 +46,8 @@ pub struct Evaluate {
 
 impl Evaluate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let (args, file) = (&self.args, Some(&*self.plan));
-        let scenario = args.load(file, &[])?;
+        let args = &self.args;
+        let scenario = args.load()?;
         args.common.refuse_others("evaluate", &scenario)?;
         let mut written = Written::default();
         let (planned, besides) = match scenario.task.design.accuracy {
@@ -53,7 +55,7 @@ impl Evaluate {
             AccuracyKind::Relative => self.deflections(&scenario, &mut written)?,
         };
         let found = (&planned, besides);
-        let mut report = args.report("evaluate", &scenario, file, found, &mut written)?;
+        let mut report = args.report("evaluate", &scenario, found, &mut written)?;
         if self.static_compliance {
             planned.add_static_compliance(&mut report, &scenario.task)?;
         }
@@ -63,12 +65,7 @@ impl Evaluate {
         if let Some(record) = trials.as_ref().map(RobotTrials::json) {
             merge(&mut report.json, json!({ "trials": record }));
         }
-        args.finish(
-            &scenario,
-            file,
-            (&planned, trials.as_ref()),
-            (report, written),
-        )
+        args.finish(&scenario, (&planned, trials.as_ref()), (report, written))
     }
 
     /// A plan of deflections, and how near it is to the best that there can be.
@@ -103,7 +100,7 @@ impl Evaluate {
             besides.text = args.told(&candidates.offer);
             besides.json = json!({ "candidates": candidates.offer });
         } else {
-            let provenance = args.provenance(scenario, Some(&self.plan))?;
+            let provenance = args.common.provenance(scenario)?;
             besides.text = args.proof.tell(&bound, &provenance, written)?;
         }
         let planned = PlannedAccuracy::Deflections(plan, Box::new(assessment));
@@ -117,12 +114,14 @@ impl Evaluate {
     ) -> anyhow::Result<(PlannedAccuracy<'a>, Report)> {
         let (args, task, file) = (&self.args, &scenario.task, &self.plan);
         let rows = read_candidates(file, task.belief.commands())?;
-        let planning = AbsolutePlanning::of_plan(task, &args.parameters, &rows);
+        let planning = AbsolutePlanning::of_plan(task, &args.readings.parameters, &rows);
         let planning = planning.map_err(|error| error.in_file(file))?;
         let mut bound = None;
-        if let Some(path) = &args.candidates {
-            let candidates = read_candidates(path, task.belief.commands())?;
-            let among = AbsolutePlanning::new(task, &args.parameters, &candidates);
+        if let (Some(path), Some(candidates)) = (
+            &args.readings.candidates,
+            args.readings.candidates(scenario)?,
+        ) {
+            let among = AbsolutePlanning::new(task, &args.readings.parameters, &candidates);
             let among = among.map_err(|error| error.in_file(path))?;
             let chosen = places_among(&among, &planning.candidates)
                 .map_err(|problem| FileError::new(file, problem).code(ErrorCode::CandidateFile))?;
@@ -130,7 +129,8 @@ impl Evaluate {
         }
         let plan = planning.whole();
         let beside = (bound.as_ref(), None);
-        let planned = PlannedAccuracy::of_readings(task, &args.parameters, planning, plan, beside);
+        let planned =
+            PlannedAccuracy::of_readings(task, &args.readings.parameters, planning, plan, beside);
         let besides = Report::new(json!({ "trials": null }), String::new(), Vec::new());
         Ok((planned, besides))
     }

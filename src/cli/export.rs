@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::files::output::write_whole;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::workflow::export::{ExportedModel, export};
 use serde_json::json;
 
 use super::identified::{ScenarioRobot, read_robot};
-use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
+use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -33,12 +32,9 @@ impl Export {
             conditions,
             ..
         } = read_robot(&self.common, "export", &self.identified)?;
-        let mut roles = inputs(&scenario);
-        roles.reads("what was identified", &self.identified);
-        check_outputs(&mut roles, &[("--model-out", Some(&self.model_out))])?;
+        self.common.check_files(&scenario, None)?;
         self.common.say("writing the robot as MJCF");
-        let provenance =
-            ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
+        let provenance = self.common.provenance(&scenario)?;
         let exported = export(&scenario, &robot, &provenance, &self.model_out)?;
         write_whole(&self.model_out, exported.text.as_bytes())?;
         let mut text = describe(&exported);

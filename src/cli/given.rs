@@ -1,25 +1,40 @@
-//! Options that were given, and which of them are about plans of one accuracy alone.
+//! Options that were given: which files they read and write, and which are about plans of one accuracy alone.
+
+use std::ffi::OsString;
+use std::path::Path;
 
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches, Id};
 use elastocal::codes::ErrorCode;
-use elastocal::files::FileError;
+use elastocal::files::{FileError, roles::Roles};
 use elastocal::plan::Criterion;
+use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
 
-use super::Common;
+use super::{Common, check_outputs};
 
 /// Options that were given on the command line, each with its first value.
 #[derive(Debug, Clone)]
-pub struct GivenOptions(Vec<(String, String)>);
+pub struct GivenOptions(Vec<(String, OsString)>);
+
+/// The options whose files are read beside the scenario, with what these are.
+const INPUTS: [(&str, &str); 7] = [
+    ("plan", "the plan"),
+    ("measurements", "the measurements"),
+    ("against", "the other measurements"),
+    ("identified", "what was identified"),
+    ("candidates", "the candidates"),
+    ("test_poses", "the test poses"),
+    ("targets", "the targets"),
+];
 
 impl FromArgMatches for GivenOptions {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let value = |option: &str| {
             let values = matches.try_get_raw(option).ok().flatten();
             let first = values.and_then(|mut values| values.next());
-            first.unwrap_or_default().to_string_lossy().into_owned()
+            first.unwrap_or_default().to_owned()
         };
         let options = matches.ids().map(Id::as_str);
         let is_given =
@@ -48,64 +63,132 @@ impl Args for GivenOptions {
 }
 
 impl GivenOptions {
-    /// The first option that something is said of, by its name and value, as a user writes it.
-    pub fn find<T>(&self, said: impl Fn(&str, &str) -> Option<T>) -> Option<(String, T)> {
-        let named = |option: &str| format!("--{}", option.replace('_', "-"));
-        let mut given = self.0.iter();
-        given.find_map(|(option, value)| Some((named(option), said(option, value)?)))
+    /// The files that are read besides the scenario: option, what it is, and path.
+    fn inputs(&self) -> impl Iterator<Item = (&'static str, &'static str, &Path)> {
+        INPUTS.into_iter().filter_map(|(option, what)| {
+            let (_, path) = self.0.iter().find(|(given, _)| given == option)?;
+            Some((option, what, Path::new(path)))
+        })
+    }
+
+    /// The files that are written, by their options as a user writes them. Programs go to a folder.
+    fn outputs(&self) -> Vec<(String, &Path)> {
+        let given = self.0.iter();
+        let outputs = given.filter_map(|(option, value)| {
+            let path = match option.as_str() {
+                "program_out" => None,
+                "rerun" => value.to_str()?.strip_prefix("save=").map(Path::new),
+                "resume" => Some(Path::new(value)),
+                other => other.ends_with("_out").then(|| Path::new(value)),
+            };
+            Some((named(option), path?))
+        });
+        outputs.collect()
     }
 }
 
-/// Whether an option of a command is of plans of deflections alone, with the value that is, where others are not.
-fn of_deflections(command: &str, option: &str, value: &str) -> Option<&'static str> {
-    match option {
-        "prove" | "prove_time" | "no_proof" | "proof_out" | "minutes" | "noise_free" => Some(""),
-        "criterion" if value != Criterion::TestPose.name() => Some(""),
-        "level" if value == "model" => Some(" model"),
-        "plan" if command == "next" => Some(""),
-        "rerun" if command == "run" => Some(""),
-        _ => None,
-    }
+/// An option as a user writes it.
+fn named(option: &str) -> String {
+    format!("--{}", option.replace('_', "-"))
 }
 
-/// What there is for plans of deflections in place of an option that is of absolute readings alone.
-fn instead(command: &str, option: &str) -> Option<&'static str> {
-    let anywhere = "plans of deflections are searched in the whole region";
-    match option {
-        "parameters" => Some("robot.parameters says what is unknown"),
-        "draw" => Some(anywhere),
-        "candidates" if !["plan", "evaluate"].contains(&command) => Some(anywhere),
-        "report_out" => Some("`run` writes a page about plans of deflections"),
-        _ => None,
+/// The accuracy that an option of a command is about, where that is one alone; with the value that is, as a user writes it.
+fn about(command: &str, option: &str, value: &str) -> Option<(AccuracyKind, &'static str)> {
+    use AccuracyKind::{Absolute, Relative};
+    Some(match (command, option) {
+        (_, "prove" | "prove_time" | "no_proof" | "proof_out" | "minutes" | "noise_free")
+        | ("next", "plan") => (Relative, ""),
+        (_, "criterion") if value != Criterion::TestPose.name() => (Relative, ""),
+        (_, "level") if value == "model" => (Relative, " model"),
+        (_, "method") if value == "linear" => (Relative, " linear"),
+        ("plan" | "evaluate", "candidates") => return None,
+        (_, "candidates" | "draw" | "parameters" | "report_out" | "model_selection")
+        | (_, "against" | "uncertainties_out") => (Absolute, ""),
+        _ => return None,
+    })
+}
+
+/// What is measured for an accuracy, in words.
+const fn measured(accuracy: AccuracyKind) -> &'static str {
+    match accuracy {
+        AccuracyKind::Absolute => "absolute readings",
+        AccuracyKind::Relative => "deflections",
     }
 }
 
 impl Common {
+    /// Finds out before any work that no file would be lost, of a folder's results of these names, too, and that those that options
+    /// name can be written.
+    pub fn check_files(
+        &self,
+        scenario: &Scenario,
+        results: Option<(&Path, &[&str])>,
+    ) -> Result<(), FileError> {
+        let mut roles = Roles::default();
+        roles.reads("the scenario", &scenario.path);
+        for file in &scenario.files {
+            roles.reads("a file of the scenario", file);
+        }
+        for (_, what, path) in self.given.inputs() {
+            roles.reads(what, path);
+        }
+        if let Some((folder, names)) = results {
+            roles.writes_to(folder, names);
+        }
+        check_outputs(&mut roles, &self.given.outputs())
+    }
+
+    /// Where results come from: a scenario, and the files that were given beside it.
+    pub fn provenance(&self, scenario: &Scenario) -> Result<ProvenanceMessage, FileError> {
+        let mut inputs = self.given.inputs();
+        inputs.try_fold(
+            ProvenanceMessage::new(scenario),
+            |from, (option, _, path)| from.with_input(option, path),
+        )
+    }
+
+    /// An option of a command that is about the other accuracy alone, as a user writes it.
+    fn other(&self, command: &str, accuracy: AccuracyKind) -> Option<String> {
+        let other = |(option, value): &(String, OsString)| {
+            let (about, shown) = about(command, option, &value.to_string_lossy())?;
+            (about != accuracy).then(|| named(option) + shown)
+        };
+        self.given.0.iter().find_map(other)
+    }
+
     /// Refuses options of a command that are about the accuracy that a scenario has not.
     pub fn refuse_others(&self, command: &str, scenario: &Scenario) -> Result<(), FileError> {
-        let accuracy = scenario.task.design.accuracy;
-        let refused = self.given.find(|option, value| match accuracy {
-            AccuracyKind::Absolute => {
-                let value = of_deflections(command, option, value)?;
-                Some((
-                    value,
-                    "deflections",
-                    ", or set accuracy = \"relative\"".to_owned(),
-                ))
-            }
-            AccuracyKind::Relative => {
-                let instead = format!(": {}", instead(command, option)?);
-                Some(("", "absolute readings", instead))
-            }
-        });
-        let Some((option, (value, about, instead))) = refused else {
+        let own = scenario.task.design.accuracy;
+        let Some(option) = self.other(command, own) else {
             return Ok(());
         };
-        let accuracy = accuracy.name();
-        let problem = format!("is {accuracy:?}, and {option}{value} is for plans of {about}");
+        let (name, other) = (own.name(), own.other());
+        let problem = format!(
+            "is {name:?}, and {option} is for plans of {}",
+            measured(other)
+        );
         Err(FileError::new(&scenario.path, problem)
             .at("design.accuracy")
             .code(ErrorCode::OtherAccuracy)
-            .hint(format!("leave out {option}{value}{instead}")))
+            .hint(format!(
+                "leave out {option}, or set accuracy = {:?}",
+                other.name()
+            )))
+    }
+
+    /// Refuses options of a command that a file of measurements has no use for.
+    pub fn refuse_for(
+        &self,
+        command: &str,
+        path: &Path,
+        held: AccuracyKind,
+    ) -> Result<(), FileError> {
+        let Some(option) = self.other(command, held) else {
+            return Ok(());
+        };
+        let [own, other] = [held, held.other()].map(measured);
+        let wrong = FileError::new(path, format!("holds {own}, and {option} is for {other}"));
+        let wrong = wrong.code(ErrorCode::OtherAccuracy);
+        Err(wrong.hint(format!("leave out {option}")))
     }
 }

@@ -32,7 +32,8 @@ impl Import {
         roles.reads("the table", &self.table);
         roles.reads("the mapping", &self.mapping);
         let out = self.measurements_out.as_deref();
-        check_outputs(&mut roles, &[("--measurements-out", out)])?;
+        let written = out.map(|path| ("--measurements-out", path));
+        check_outputs(&mut roles, written.as_slice())?;
         let imported = import(&self.table, &self.mapping)?;
         let mut text = describe(&self.table, &imported);
         if let Some(path) = out {

@@ -6,16 +6,14 @@ use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, make_folder};
-use elastocal::laboratory::{
-    Campaign, CampaignError, Program, ProgramFile, hang_or_apply, program,
-};
+use elastocal::laboratory::{Campaign, CampaignError, Program, hang_or_apply, program};
 use elastocal::measurement::{
     AbsoluteReading, CONTROLLER_COMPENSATES, RowToFillIn, readings_to_fill_in, table_to_fill_in,
 };
 use elastocal::parameter::Unloaded;
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::{Feasibility, Plan, read_plan};
-use elastocal::record::{campaign::campaign_json, messages::ProvenanceMessage};
+use elastocal::record::campaign::campaign_json;
 use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Extended};
@@ -29,7 +27,7 @@ use super::dialect::dialect_if_suitable;
 use super::table::table;
 use super::views::RUN_SHEET;
 use super::written::{Written, record_text};
-use super::{Common, Report, inputs, rests, results, without_effect};
+use super::{Common, Report, results, without_effect};
 
 /// The table to fill in, and the record.
 const FILES: [&str; 2] = ["measurements.csv", "campaign.json"];
@@ -62,27 +60,25 @@ struct LaboratoryWork {
 
 impl Lab {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
-        rests(&scenario)?;
+        let scenario = self.common.open("lab")?;
         let commands = scenario.task.belief.commands();
         let (dialect, no_program) = dialect_if_suitable(self.dialect.as_deref(), &scenario)?;
         let name = &scenario.name;
         let folder = self.common.folder(&scenario).join("lab");
-        // Its names do not depend on what is in it.
-        let names = |files: &[ProgramFile]| -> Vec<String> {
-            files.iter().map(|file| file.name.clone()).collect()
-        };
+        // Their names do not depend on what is in them.
         let files = |program: &Program| match &dialect {
             Some(dialect) => program.files(dialect, &scenario.laboratory, &commands, name),
             None => Ok(Vec::new()),
         };
-        let program_names = names(&files(&Program::default())?);
-        let mut roles = inputs(&scenario);
-        roles.reads("the plan", &self.plan);
-        roles.writes_to(&folder, &FILES);
-        roles.writes_to(&folder, &[RUN_SHEET]);
-        let program_names: Vec<&str> = program_names.iter().map(String::as_str).collect();
-        roles.writes_to(&folder, &program_names).check()?;
+        let empty = files(&Program::default())?;
+        let programs = empty.iter().map(|file| &*file.name);
+        let names: Vec<&str> = FILES
+            .into_iter()
+            .chain([RUN_SHEET])
+            .chain(programs)
+            .collect();
+        self.common
+            .check_files(&scenario, Some((&folder, &names)))?;
 
         let chain = &scenario.task.belief.nominal.chain;
         let axes = match &dialect {
@@ -114,7 +110,7 @@ impl Lab {
             let path = folder.join(&file.name);
             text += &written.save(&path, &file.text);
         }
-        let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
+        let provenance = self.common.provenance(&scenario)?;
         let costs = &scenario.laboratory.costs;
         let record = campaign_json(&commands, costs, &campaign);
         let mut json = results("lab", &provenance, record);

@@ -1,16 +1,16 @@
 //! `measure`: virtual measurements of a plan.
 
 use std::fmt::Display;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use elastocal::calibration::{MeasuredRun, measure};
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, output::write_whole};
-use elastocal::measurement::{absolute_table, write_measurements_under};
+use elastocal::measurement::{absolute_table, deflection_table};
 use elastocal::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
-use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage, TruthMessage};
+use elastocal::record::messages::{MeasurementMessage, TruthMessage};
 use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::virtual_readings;
@@ -20,7 +20,7 @@ use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::table::table;
-use super::{Common, Report, check_outputs, inputs, without_effect};
+use super::{Common, Report, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["threads", "out"])))]
@@ -52,8 +52,7 @@ impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         self.common.refuse_others("measure", &scenario)?;
-        let outputs = [("--measurements-out", self.measurements_out.as_deref())];
-        check_outputs(inputs(&scenario).reads("the plan", &self.plan), &outputs)?;
+        self.common.check_files(&scenario, None)?;
         match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.absolute(&scenario),
             AccuracyKind::Relative => self.deflections(&scenario),
@@ -130,14 +129,9 @@ impl Measure {
             text += &truth_words(&task.belief, truth);
         }
         if let Some(path) = &self.measurements_out {
-            write_measurements_under(
-                &(scenario.origin())
-                    .simulated(scenario.seed, of_run.as_ref().map(|truth| truth.run)),
-                path,
-                scenario.task.belief.commands(),
-                &measurements,
-            )?;
-            text += &format!("wrote {}\n", path.display());
+            let run = of_run.as_ref().map(|truth| truth.run);
+            let table = deflection_table(path, &task.belief.commands(), &measurements)?;
+            text += &write(scenario, run, path, &table)?;
         }
         let commands = scenario.task.belief.commands();
         let messages: Vec<MeasurementMessage> = (measurements.iter())
@@ -145,7 +139,7 @@ impl Measure {
             .collect();
         Ok(Report::of(
             "measure",
-            &ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?,
+            &self.common.provenance(scenario)?,
             json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             text,
             (scenario.task.loads.outside_plan(&plan, None).into_iter())
@@ -176,20 +170,29 @@ impl Measure {
             counted(readings.len() as u64, "absolute reading")
         );
         if let Some(path) = &self.measurements_out {
-            let origin = scenario.origin().simulated(seed, Some(run));
-            let table = origin.comments() + &absolute_table(&commands, &readings);
-            write_whole(path, table.as_bytes())?;
-            text += &format!("wrote {}\n", path.display());
+            let table = absolute_table(&commands, &readings);
+            text += &write(scenario, Some(run), path, &table)?;
         }
-        let provenance = ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?;
         Ok(Report::of(
             "measure",
-            &provenance,
+            &self.common.provenance(scenario)?,
             json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
             text,
             Vec::new(),
         ))
     }
+}
+
+/// Writes the rows of a file of measurements of the virtual robot, of a run where one was sampled.
+fn write(
+    scenario: &Scenario,
+    run: Option<u64>,
+    path: &Path,
+    rows: &str,
+) -> Result<String, FileError> {
+    let origin = scenario.origin().simulated(scenario.seed, run);
+    write_whole(path, (origin.comments() + rows).as_bytes())?;
+    Ok(format!("wrote {}\n", path.display()))
 }
 
 /// What a gauge cannot show of a plan.

@@ -7,7 +7,6 @@ mod budget;
 mod check;
 mod compare;
 mod compensate;
-mod completion;
 mod conditions;
 mod dialect;
 mod evaluate;
@@ -231,11 +230,6 @@ enum Command {
         after_help = "Examples:\n  elastocal explain C0102\n  elastocal explain C02 E0301 --json"
     )]
     Explain(explain::Explain),
-    /// Print what a shell needs to complete commands and options
-    #[command(
-        after_help = "Example:\n  elastocal completion bash > ~/.local/share/bash-completion/completions/elastocal"
-    )]
-    Completion(completion::Completion),
     /// Load a model in a process of its own
     #[command(hide = true)]
     LoadModel(load_model::LoadModel),
@@ -360,7 +354,6 @@ impl Arguments {
             Command::Compare(command) => command.execute(),
             Command::Explain(command) => Ok(command.execute()),
             Command::Schema(command) => command.execute(),
-            Command::Completion(command) => command.execute(),
             // It has nothing to report.
             Command::LoadModel(_) => Ok(Report::default()),
             Command::Reproduce(command) => command.execute(),
@@ -415,6 +408,14 @@ pub fn rests(scenario: &Scenario) -> Result<(), FileError> {
 }
 
 impl Common {
+    /// The scenario of a command, whose robot rests at its test poses.
+    fn open(&self, command: &str) -> anyhow::Result<Scenario> {
+        let scenario = self.load()?;
+        rests(&scenario)?;
+        self.refuse_others(command, &scenario)?;
+        Ok(scenario)
+    }
+
     /// Loads the scenario, with the seed replaced where one is given.
     fn load(&self) -> anyhow::Result<Scenario> {
         self.load_file(self.scenario())
@@ -503,24 +504,13 @@ impl Common {
     }
 }
 
-/// What a command with a scenario reads, as far as the scenario knows it.
-fn inputs(scenario: &Scenario) -> Roles {
-    let mut roles = Roles::default();
-    roles.reads("the scenario", &scenario.path);
-    for file in &scenario.files {
-        roles.reads("a file of the scenario", file);
-    }
-    roles
-}
-
 /// Finds out before any work whether files named by options can be written, and no file would be lost.
-fn check_outputs(roles: &mut Roles, options: &[(&str, Option<&Path>)]) -> Result<(), FileError> {
-    let named = || (options.iter()).filter_map(|(option, path)| Some((*option, (*path)?)));
-    for (option, path) in named() {
-        roles.writes(option, path);
+fn check_outputs(roles: &mut Roles, options: &[(impl AsRef<str>, &Path)]) -> Result<(), FileError> {
+    for (option, path) in options {
+        roles.writes(option.as_ref(), path);
     }
     roles.check()?;
-    named().try_for_each(|(_, path)| check_writable(path))
+    (options.iter()).try_for_each(|(_, path)| check_writable(path))
 }
 
 /// Where results come from that no scenario is behind.

@@ -5,11 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use elastocal::codes::ErrorCode;
-use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
-use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, BoundKind, Candidates, Certificate, Problem, SearchError, Watch,
 };
@@ -25,7 +23,7 @@ use serde_json::json;
 
 use super::conditions::search_stopped;
 use super::interruption::{STOP, ask_search, searched};
-use super::plan_args::{PlanArgs, offered};
+use super::plan_args::{PlanArgs, of_any_plan, offered};
 use super::planned::PlannedAccuracy;
 use super::progress::{bar, search, show};
 use super::proof::ProofArgs;
@@ -33,11 +31,8 @@ use super::table::table;
 use super::written::Written;
 use super::{Common, Report, without_effect};
 
-/// So many configurations are drawn where nothing else is said.
-pub const DRAWN: u32 = 200;
-
 #[derive(Debug, Args)]
-#[command(mut_args(without_effect(&["out"])))]
+#[command(mut_arg("candidates", of_any_plan), mut_args(without_effect(&["out"])))]
 pub struct PlanCommand {
     #[command(flatten)]
     pub args: PlanArgs,
@@ -50,9 +45,6 @@ pub struct PlanCommand {
     /// At most so many minutes, by the table [laboratory] of the scenario, in place of a number of measurements.
     #[arg(long, value_name = "MIN", value_parser = |text: &str| MINUTES.parse(text), conflicts_with_all = ["experiments", "configurations", "criterion", "candidates"])]
     minutes: Option<f64>,
-    /// Begin with so many configurations at random, with design.accuracy = "absolute" and without --candidates [default: 200]
-    #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    draw: Option<u32>,
     /// What makes the plan good; any of them with --candidates, and test-pose, a, d or o1 without
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
@@ -182,14 +174,8 @@ impl PlanCommand {
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let (args, outputs) = (
-            &self.args,
-            [
-                ("--plan-out", self.plan_out.as_deref()),
-                ("--stills-out", self.stills_out.as_deref()),
-            ],
-        );
-        let mut scenario = args.load(None, &outputs)?;
+        let args = &self.args;
+        let mut scenario = args.load()?;
         if let Some(experiments) = self.experiments {
             scenario.task.design.experiments = experiments;
             scenario.task.design.configurations = None;
@@ -222,7 +208,7 @@ impl PlanCommand {
             AccuracyKind::Relative => self.deflections(&scenario, wanted, &timed, &mut written)?,
         };
         let found = (&planned, besides);
-        let mut report = args.report("plan", &scenario, None, found, &mut written)?;
+        let mut report = args.report("plan", &scenario, found, &mut written)?;
         report.text = tell(&timed) + &report.text;
         if let Some(path) = &self.plan_out {
             report.text += &written.noted(path, planned.write(&scenario.task, path));
@@ -230,7 +216,7 @@ impl PlanCommand {
         if let Some(path) = &self.stills_out {
             report.text += &written.save(path, &planned.stills(&scenario).sheet());
         }
-        args.finish(&scenario, None, (&planned, None), (report, written))
+        args.finish(&scenario, (&planned, None), (report, written))
     }
 
     /// A plan of absolute readings, of candidates or of configurations that are drawn.
@@ -240,18 +226,10 @@ impl PlanCommand {
         wanted: Wanted,
     ) -> anyhow::Result<(PlannedAccuracy<'a>, Report)> {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
-        let (groups, size) = (&args.parameters, wanted.size());
+        let size = wanted.size();
         let readings = counted(size.measurements.into(), "absolute reading");
-        let file = args.candidates.as_deref();
-        let rows = file.map(|path| read_candidates(path, task.belief.commands()));
-        let rows = rows.transpose()?;
-        let chosen = ReadingsWanted {
-            groups,
-            measured: &[],
-            candidates: rows.as_deref(),
-            path: file.unwrap_or(&scenario.path),
-            configurations: self.draw.unwrap_or(DRAWN),
-        };
+        let rows = args.readings.candidates(scenario)?;
+        let chosen = args.readings.wanted(scenario, rows.as_deref());
         let count = |rows: &Vec<_>| counted(rows.len() as u64, "candidate");
         let among = rows.as_ref().map(|rows| format!("among {}", count(rows)));
         let place = among.as_deref().unwrap_or("at sampled configurations");
@@ -261,7 +239,7 @@ impl PlanCommand {
         })
         .map_err(|error| error.in_file(chosen.path))?;
         let drawn = chosen.drawn(seed);
-        let offer = offered(drawn, file, &planning.offer);
+        let offer = offered(drawn, args.readings.candidates.as_deref(), &planning.offer);
         let [searches, agreeing] = found.searches;
         let json = json!({ "searches": searches, "searches_agreeing": agreeing });
         let told =
@@ -269,7 +247,13 @@ impl PlanCommand {
         // One that goes on from the last plan agrees with nothing but itself.
         let after = if searches > 1 { offer + &told } else { offer };
         let beside = (found.bound.as_ref(), drawn);
-        let planned = PlannedAccuracy::of_readings(task, groups, planning, found.plan, beside);
+        let planned = PlannedAccuracy::of_readings(
+            task,
+            &args.readings.parameters,
+            planning,
+            found.plan,
+            beside,
+        );
         let conditions = STOP.load(Ordering::Relaxed).then(search_stopped);
         let conditions = conditions.into_iter().collect();
         Ok((planned, Report::new(json, after, conditions)))
@@ -332,7 +316,7 @@ impl PlanCommand {
             merge(&mut json, json!({ "candidates": candidates.offer }));
         }
         if let Some(certificate) = &certificate {
-            let provenance = args.provenance(scenario, None)?;
+            let provenance = args.common.provenance(scenario)?;
             let bound = designed.wanted_bound();
             after += &args.proof.tell(bound, &provenance, written)?;
             after += &rests_on(certificate, &assessment);
@@ -355,7 +339,7 @@ impl PlanCommand {
         let designed = search(&self.args.common, says, |watch| {
             design_among(&scenario.task, candidates, scenario.seed, wanted, watch)
         });
-        designed.map_err(|error| match &self.args.candidates {
+        designed.map_err(|error| match &self.args.readings.candidates {
             Some(path) => FileError::new(path, error.to_string())
                 .code(ErrorCode::NoPlan)
                 .into(),

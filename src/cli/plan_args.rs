@@ -2,23 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Arg, Args};
 use elastocal::codes::ErrorCode;
 use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
-use elastocal::identification::ParameterGroup;
 use elastocal::plan::absolute::DrawnWanted;
 use elastocal::plan::search::{Candidates, OfferedCandidates};
 use elastocal::quantities::limits::MOST_NAMED;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::{Task, TestPose};
 use elastocal::text::wording::counted;
 
 use super::proof::ProofArgs;
+use super::readings_args::ReadingsArgs;
 use super::uncertainty_budget::BudgetArgs;
-use super::{Common, check_outputs, inputs, rests};
+use super::{Common, rests};
 
 /// What `plan` and `evaluate` take alike.
 #[derive(Debug, Args)]
@@ -27,22 +26,12 @@ pub struct PlanArgs {
     pub common: Common,
     #[command(flatten)]
     pub proof: ProofArgs,
-    /// Choose from these rows alone (CSV: joint angles, loads); that no plan of them is better than the bound is proved by
-    /// looking at all
-    #[arg(
-        long,
-        value_name = "FILE",
-        conflicts_with_all = ["prove", "prove_time", "no_proof", "proof_out"]
-    )]
-    pub candidates: Option<PathBuf>,
+    #[command(flatten)]
+    pub readings: ReadingsArgs,
     /// Be accurate at these poses, of a path or a region, in place of the scenario's (CSV: joint angles, and loads at the
     /// machining tool; without loads, that of the scenario's first test pose)
     #[arg(long, value_name = "FILE")]
     test_poses: Option<PathBuf>,
-    /// What is unknown, with design.accuracy = "absolute": frames of stations and targets always; what the scenario's
-    /// robot.parameters name if not given.
-    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
-    pub parameters: Vec<ParameterGroup>,
     #[command(flatten)]
     pub budget: BudgetArgs,
     /// Where to write a page about the plan (HTML), with design.accuracy = "absolute".
@@ -50,53 +39,33 @@ pub struct PlanArgs {
     pub report_out: Option<PathBuf>,
 }
 
+/// The option for candidates of a command that takes them of deflections, too.
+pub fn of_any_plan(candidates: Arg) -> Arg {
+    let help = "Choose from these rows alone (CSV: joint angles, loads); that no plan of them is better than the bound is proved by \
+                looking at all";
+    let bounds = ["prove", "prove_time", "no_proof", "proof_out"];
+    candidates.help(help).conflicts_with_all(bounds)
+}
+
 impl PlanArgs {
-    /// The scenario, with the test poses that are asked for; a plan may be read, and files of more options be written.
-    pub fn load(
-        &self,
-        plan: Option<&Path>,
-        outputs: &[(&str, Option<&Path>)],
-    ) -> anyhow::Result<Scenario> {
+    /// The scenario, with the test poses that are asked for.
+    pub fn load(&self) -> anyhow::Result<Scenario> {
         let mut scenario = self.common.load()?;
-        let own = [
-            ("--report-out", self.report_out.as_deref()),
-            ("--proof-out", self.proof.out()),
-            self.budget.out(),
-        ];
-        let mut roles = inputs(&scenario);
-        roles.may_read("the plan", plan);
-        roles.may_read("the test poses", self.test_poses.as_deref());
-        roles.may_read("the candidates", self.candidates.as_deref());
-        check_outputs(&mut roles, &[outputs, &own].concat())?;
+        self.common.check_files(&scenario, None)?;
         self.replace_test_poses(&mut scenario.task)?;
         rests(&scenario)?;
         Ok(scenario)
     }
 
-    /// Where a result comes from, with the plan that it is about, if it was read.
-    pub fn provenance(
-        &self,
-        scenario: &Scenario,
-        plan: Option<&Path>,
-    ) -> Result<ProvenanceMessage, FileError> {
-        ProvenanceMessage::new(scenario)
-            .with_optional("plan", plan)?
-            .with_optional("test_poses", self.test_poses.as_deref())?
-            .with_optional("candidates", self.candidates.as_deref())
-    }
-
     /// The candidates of the file that a task allows, where one was given.
     pub fn read_candidates(&self, task: &Task) -> Result<Option<Candidates>, FileError> {
-        let Some(path) = &self.candidates else {
+        let Some(path) = &self.readings.candidates else {
             return Ok(None);
         };
         let rows = read_candidates(path, task.belief.commands())?;
         let candidates = Candidates::new(task, &rows).map_err(|error| {
             let wrong = FileError::new(path, error.to_string()).code(ErrorCode::CandidateFile);
-            match error.hint() {
-                Some(hint) => wrong.hint(hint),
-                None => wrong,
-            }
+            wrong.hinted(error.hint())
         })?;
         Ok(Some(candidates))
     }
@@ -108,7 +77,7 @@ impl PlanArgs {
             counted(offer.possible as u64, "candidate"),
             left_out(
                 &offer.offered.to_string(),
-                self.candidates.as_deref(),
+                self.readings.candidates.as_deref(),
                 offer
             )
         )

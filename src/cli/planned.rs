@@ -21,7 +21,7 @@ use elastocal::study::verdict::Kept;
 use elastocal::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
 use elastocal::task::Task;
 use elastocal::text::wording::counted;
-use elastocal::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
+use elastocal::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, PlanPage, absolute_page};
 use elastocal::view::stills::Stills;
 use elastocal::workflow::study::try_plan;
 use serde_json::{Value, json};
@@ -157,11 +157,10 @@ impl PlanArgs {
         &self,
         command: &str,
         scenario: &Scenario,
-        plan: Option<&Path>,
         (planned, besides): (&PlannedAccuracy<'_>, Report),
         written: &mut Written,
     ) -> anyhow::Result<Report> {
-        let provenance = self.provenance(scenario, plan)?;
+        let provenance = self.common.provenance(scenario)?;
         let mut json = results(command, &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, besides.json);
         merge(&mut json, planned.json(scenario)?);
@@ -176,20 +175,21 @@ impl PlanArgs {
     pub fn finish(
         &self,
         scenario: &Scenario,
-        plan: Option<&Path>,
         (planned, trials): (&PlannedAccuracy<'_>, Option<&RobotTrials>),
         (mut report, mut written): (Report, Written),
     ) -> anyhow::Result<Report> {
         if let (Some(path), PlannedAccuracy::Readings(_, _, record)) = (&self.report_out, planned) {
             let page = absolute_page(&AbsolutePageRecord {
-                scenario,
+                page: PlanPage {
+                    scenario,
+                    stills: &planned.stills(scenario).figures(),
+                    conditions: &report.conditions,
+                    provenance: &self.common.provenance(scenario)?,
+                    command: &command_line(),
+                },
                 plan: record,
                 trials,
                 run: None,
-                provenance: &self.provenance(scenario, plan)?,
-                stills: &planned.stills(scenario).figures(),
-                conditions: &report.conditions,
-                command: &command_line(),
             })?;
             report.text += &written.save(path, &page);
         }
@@ -262,11 +262,7 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
     if let (Some(bound), Some(efficiency)) = (message.lower_bound_rho0_mm, message.efficiency) {
         text += &format!(
             "; no plan of as many candidates is below {bound:.5} mm (efficiency {efficiency:.4}), {}",
-            if message.drawn.is_some() {
-                "which were sampled: evidence, no proof"
-            } else {
-                "proved by looking at all"
-            }
+            bound_basis(message)
         );
     }
     text.push('\n');
@@ -298,6 +294,14 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
     });
     text += &format!("\n{}\n", table("unknown | standard error | unit", rows));
     text
+}
+
+/// What it rests on that no plan of as many candidates is better, in words that follow these.
+pub const fn bound_basis(message: &AbsolutePlanMessage) -> &'static str {
+    match message.drawn {
+        Some(_) => "which were sampled: evidence, no proof",
+        None => "proved by looking at all",
+    }
 }
 
 /// What a prediction leaves out, a line of each.

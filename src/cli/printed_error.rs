@@ -10,7 +10,6 @@ use elastocal::plan::search::SearchError;
 use elastocal::robot::EquilibriumError;
 use elastocal::study::StudyError;
 use elastocal::text::{diagnostics::say, wording::shortened};
-use elastocal::workflow::{evidence::EvidenceError, run::RunError, study::EntryError};
 
 /// More characters than this of an error nobody reads.
 const LONGEST_ERROR: usize = 4000;
@@ -60,12 +59,9 @@ fn code(error: &(dyn Error + 'static)) -> Option<ErrorCode> {
     if error.is::<EquilibriumError>() {
         return Some(ErrorCode::NoEquilibrium);
     }
-    if error.is::<SearchError>() || error.is::<EntryError>() {
+    if error.is::<SearchError>() {
         return Some(ErrorCode::NoPlan);
     }
-    let is_simulation = error.is::<CalibrationError>()
-        || error.is::<RunError>()
-        || error.is::<EvidenceError>()
-        || error.is::<StudyError>();
+    let is_simulation = error.is::<CalibrationError>() || error.is::<StudyError>();
     is_simulation.then_some(ErrorCode::Simulation)
 }

@@ -1,6 +1,6 @@
 //! How far the bound is proved, as options; and what came of it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -46,11 +46,6 @@ impl ProofArgs {
         no_proof: true,
         proof_out: None,
     };
-
-    /// Where the proof is to be written.
-    pub fn out(&self) -> Option<&Path> {
-        self.proof_out.as_deref()
-    }
 
     /// What is proved, in words; writes the proof where that is wanted.
     pub fn tell(

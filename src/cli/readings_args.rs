@@ -9,7 +9,8 @@ use elastocal::identification::ParameterGroup;
 use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::scenario::Scenario;
 
-use super::plan::DRAWN;
+/// So many configurations are drawn where nothing else is said.
+const DRAWN: u32 = 200;
 
 /// What absolute readings are planned from.
 #[derive(Debug, Args)]

@@ -4,22 +4,22 @@ use clap::Args;
 use elastocal::calibration::calibrate;
 use elastocal::files::make_folder;
 use elastocal::plan::search::random_plan;
-use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
+use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
 use elastocal::task::AccuracyKind;
-use elastocal::view::recording::{CarriedOutPlan, Recording};
+use elastocal::view::recording::{CarriedOutPlan, PlanRecord, Recording};
 use elastocal::workflow::run_absolute::replay_readings;
 use elastocal::workflow::study::refuse_others;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::interruption::proceed;
 use super::readings_args::ReadingsArgs;
 use super::study::results::noted;
 use super::table::table_of;
-use super::views::{REPLAY_ENDINGS, write_recording};
+use super::views::write_recording;
 use super::written::Written;
-use super::{Common, Report, inputs, rests, results};
+use super::{Common, Report, results};
 
 #[derive(Debug, Args)]
 pub struct Replay {
@@ -32,32 +32,15 @@ pub struct Replay {
     readings: ReadingsArgs,
 }
 
-/// A plan's run.
-struct ReplayedPlan {
-    name: String,
-    record: Value,
-    /// The distance (mm) at each test pose.
-    residuals_mm: Vec<f64>,
-    /// What is shown.
-    shown: CarriedOutPlan,
-}
-
 impl Replay {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
-        let mut scenario = common.load()?;
-        rests(&scenario)?;
-        common.refuse_others("replay", &scenario)?;
+        let mut scenario = common.open("replay")?;
         refuse_others(&scenario)?;
         let folder = common.folder(&scenario);
-        let record = format!("replay_{}.json", self.run);
-        let mut roles = inputs(&scenario);
-        roles.may_read("the candidates", self.readings.candidates.as_deref());
-        roles.writes_to(&folder, &[&record]);
-        for ending in REPLAY_ENDINGS {
-            roles.writes_to(&folder, &[&format!("replay_{}.{ending}", self.run)]);
-        }
-        roles.check()?;
+        let [record, mcap, rerun] =
+            ["json", "mcap", "rrd"].map(|ending| format!("replay_{}.{ending}", self.run));
+        common.check_files(&scenario, Some((&folder, &[&record, &mcap, &rerun])))?;
         make_folder(&folder)?;
         // The first conditions of a sweep stand for all.
         let others = scenario.study.conditions.split_off(1);
@@ -71,10 +54,17 @@ impl Replay {
             self.run,
             entries.len()
         ));
-        let plans = (entries.iter())
-            .map(|entry| self.replayed(&settings[0], &scenario, entry))
-            .collect::<anyhow::Result<Vec<_>>>()?;
-        let records: Vec<&Value> = plans.iter().map(|plan| &plan.record).collect();
+        let plan = |entry: &Entry<'_>| {
+            carried_out(&scenario, &settings[0], &*entry.name, &entry.kind, self.run)
+        };
+        let plans: Vec<CarriedOutPlan> = entries.iter().map(plan).collect::<anyhow::Result<_>>()?;
+        let of_setting = Scenario {
+            task: settings[0].task.clone(),
+            ..scenario.clone()
+        };
+        let recording = Recording::new(&of_setting, &plans)?;
+        let records = recording.calibrations.iter().map(|each| &each.record);
+        let records: Vec<&PlanRecord> = records.collect();
         let shown = settings[0].conditions;
         let accuracy = scenario.task.design.accuracy;
         let notes: Vec<String> = of_sweep(accuracy, &shown, &others).into_iter().collect();
@@ -84,59 +74,41 @@ impl Replay {
             "sigma_mm": shown.sigma_mm(accuracy),
             "load_scale": shown.load_scale,
             "notes": notes,
-            "plans": records,
+            "plans": records.iter().map(|each| each.json()).collect::<Result<Vec<_>, _>>()?,
         });
         let json = results("replay", &ProvenanceMessage::new(&scenario), keys);
-        let mut text = describe(&scenario, &plans) + &noted(&notes);
+        let mut text = describe(&scenario, &records) + &noted(&notes);
         let mut written = Written::default();
         let record = folder.join(record);
         written.save(&record, &(serde_json::to_string_pretty(&json)? + "\n"));
-        let shown: Vec<CarriedOutPlan> = plans.into_iter().map(|plan| plan.shown).collect();
-        let scenario = Scenario {
-            task: settings[0].task.clone(),
-            ..scenario.clone()
-        };
-        let recording = Recording::new(&scenario, &shown)?;
         let shown = write_recording(&recording, &record, &mut written);
         text += &format!("recorded in {}, .mcap and .json\n", shown.display());
         Ok(Report::new(json, text, written.conditions()))
     }
+}
 
-    /// What an entry gives in the run.
-    fn replayed(
-        &self,
-        setting: &Setting<'_>,
-        scenario: &Scenario,
-        entry: &Entry<'_>,
-    ) -> anyhow::Result<ReplayedPlan> {
-        let (task, seed, name) = (&setting.task, scenario.seed, entry.name.clone());
-        let plan = match &entry.kind {
-            EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
-            EntryKind::RandomEach => {
-                random_plan(task, setting.conditions.experiments, seed, self.run)?
-            }
-            EntryKind::Readings(readings) => {
-                let (run, did) =
-                    replay_readings(scenario, setting, &name, readings, seed, self.run)?;
-                return Ok(ReplayedPlan {
-                    record: run.json()?,
-                    residuals_mm: run.test_poses.iter().map(|pose| pose.residual_mm).collect(),
-                    name,
-                    shown: CarriedOutPlan::Readings(Box::new(run), did),
-                });
-            }
-        };
-        let calibration = calibrate(task, setting.truth, &plan, seed, self.run)?;
-        let record = CalibrationMessage::new(&task.belief.commands(), &name, &calibration);
-        Ok(ReplayedPlan {
-            name: name.clone(),
-            residuals_mm: (record.test_poses.iter())
-                .map(|pose| pose.residual_mm)
-                .collect(),
-            record: serde_json::to_value(record)?,
-            shown: CarriedOutPlan::Deflections(name, Box::new(calibration)),
-        })
-    }
+/// A plan of a study as it is carried out in a run, whatever is measured.
+pub fn carried_out(
+    scenario: &Scenario,
+    setting: &Setting<'_>,
+    name: &str,
+    kind: &EntryKind<'_>,
+    run: u64,
+) -> anyhow::Result<CarriedOutPlan> {
+    let (task, seed) = (&setting.task, scenario.seed);
+    let plan = match kind {
+        EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
+        EntryKind::RandomEach => random_plan(task, setting.conditions.experiments, seed, run)?,
+        EntryKind::Readings(readings) => {
+            let (record, did) = replay_readings(scenario, setting, name, readings, seed, run)?;
+            return Ok(CarriedOutPlan::Readings(Box::new(record), did));
+        }
+    };
+    let calibration = calibrate(task, setting.truth, &plan, seed, run)?;
+    Ok(CarriedOutPlan::Deflections(
+        name.to_owned(),
+        Box::new(calibration),
+    ))
 }
 
 /// Of which conditions of a sweep a run is shown, and of which it is not.
@@ -152,14 +124,15 @@ fn of_sweep(accuracy: AccuracyKind, shown: &Conditions, others: &[Conditions]) -
 }
 
 /// The distance that each plan leaves at each test pose.
-fn describe(scenario: &Scenario, plans: &[ReplayedPlan]) -> String {
+fn describe(scenario: &Scenario, plans: &[&PlanRecord]) -> String {
     let mut header = vec!["plan".to_owned()];
     header.extend((scenario.task.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
-    let row = |plan: &ReplayedPlan| {
-        let distances =
-            (plan.residuals_mm.iter()).map(|residual_mm| format!("{:.3}", residual_mm * 1e3));
-        std::iter::once(plan.name.clone())
-            .chain(distances)
+    let row = |plan: &&PlanRecord| {
+        let residuals = plan.test_poses().iter().map(|pose| pose.residual_mm);
+        let residuals = residuals.map(|residual_mm| format!("{:.3}", residual_mm * 1e3));
+        [plan.name().to_owned()]
+            .into_iter()
+            .chain(residuals)
             .collect()
     };
     table_of(&header, plans.iter().map(row))

@@ -12,7 +12,7 @@ use super::interruption::{STOP, proceed};
 use super::progress::{bar, show};
 use super::table::{number, table};
 use super::written::{Written, record_text};
-use super::{Common, Report, inputs, results};
+use super::{Common, Report, results};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", |argument| argument.default_value("scenarios/klimchik2012.toml")))]
@@ -32,8 +32,7 @@ impl Reproduce {
         let common = &self.common;
         let scenario = common.load()?;
         let folder = common.folder(&scenario);
-        let mut roles = inputs(&scenario);
-        roles.writes_to(&folder, &[FILE]).check()?;
+        common.check_files(&scenario, Some((&folder, &[FILE])))?;
         make_folder(&folder)?;
         let trials = self.trials.unwrap_or(scenario.study.trials);
         common.say("designing a plan for each number of Table 6");

@@ -1,35 +1,37 @@
 //! `run`: the whole loop, and a folder with all that came of it.
 
-mod absolute;
-
-use std::path::{Path, PathBuf};
-
 use clap::Args;
-use elastocal::calibration::Calibration;
+use elastocal::calibration::{Calibration, CompensatedPose, rms_m};
+use elastocal::codes::Condition;
 use elastocal::files::make_folder;
-use elastocal::measurement::write_measurements_under;
-use elastocal::plan::{UncertaintyBudget, search::RepeatsNeeded, take_nearest_turns, write_plan};
-use elastocal::record::messages::ProvenanceMessage;
+use elastocal::identification::ReadingWeights;
+use elastocal::measurement::{absolute_table, deflection_table};
+use elastocal::plan::search::{Bound, RepeatsNeeded, Watch};
+use elastocal::plan::{UncertaintyBudget, take_nearest_turns};
+use elastocal::record::absolute_plan::AbsolutePlanMessage;
 use elastocal::scenario::Scenario;
-use elastocal::task::{AccuracyKind, Belief};
+use elastocal::task::AccuracyKind;
 use elastocal::text::wording::{counted, shell_path};
 use elastocal::view::recording::{CarriedOutPlan, Recording};
-use elastocal::view::report::{RunRecord, run_page};
-use elastocal::view::stills::Stills;
+use elastocal::view::report::{AbsolutePageRecord, PlanPage, absolute_page, run_page};
 use elastocal::workflow::design::Wanted;
-use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
+use elastocal::workflow::run::{
+    FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run,
+};
+use elastocal::workflow::run_absolute::{AbsoluteRun, run_absolute};
+use serde_json::Value;
 
-use super::identify::deflections;
+use super::identify::{absolute, deflections};
 use super::interruption::{STOP, proceed};
 use super::plan::design;
-use super::planned::budget;
+use super::planned::{PlannedAccuracy, bound_basis, budget, left_out};
 use super::proof::ProofArgs;
 use super::readings_args::ReadingsArgs;
-use super::table::{number, table};
-use super::uncertainty_budget::BudgetArgs;
-use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
+use super::table::{in_um, number, table};
+use super::uncertainty_budget::{self, BudgetArgs};
+use super::views::{RUN_FILES, command_line, write_recording};
 use super::written::{Written, record_text, warn};
-use super::{Common, Report, check_outputs, inputs, rests};
+use super::{Common, Report, progress};
 
 #[derive(Debug, Args)]
 pub struct Run {
@@ -41,197 +43,257 @@ pub struct Run {
     budget: BudgetArgs,
     #[command(flatten)]
     readings: ReadingsArgs,
-    /// Show the recording in a rerun viewer too: start one, connect to one, or write a file.
-    #[arg(long, value_name = TARGETS)]
-    rerun: Option<ViewerTarget>,
 }
 
 /// The files of the results.
 const FILES: [&str; 3] = ["plan.csv", "measurements.csv", "results.json"];
 
-impl Run {
-    /// The folder of the results, once nothing is in the way of any file.
-    fn make_folder(&self, scenario: &Scenario) -> anyhow::Result<PathBuf> {
-        let folder = self.common.folder(scenario);
-        let file = self.rerun.as_ref().and_then(ViewerTarget::file);
-        let mut roles = inputs(scenario);
-        roles.may_read("the candidates", self.readings.candidates.as_deref());
-        roles.writes_to(&folder, &FILES);
-        roles.writes_to(&folder, RUN_FILES);
-        let outputs = [
-            ("--rerun", file.map(PathBuf::as_path)),
-            ("--proof-out", self.proof.out()),
-            self.budget.out(),
-        ];
-        check_outputs(&mut roles, &outputs)?;
-        make_folder(&folder)?;
-        Ok(folder)
-    }
+/// What a loop comes to, whatever was measured.
+struct Looped<'a> {
+    planned: PlannedAccuracy<'a>,
+    json: Value,
+    conditions: Vec<Condition>,
+    /// The rows of measurements.csv.
+    measurements: String,
+    /// The robot in each configuration (SVG).
+    sheet: String,
+    page: String,
+    shown: Vec<CarriedOutPlan>,
+    text: String,
+    /// What no plan is below, where that may be proved.
+    bound: Option<Bound>,
+}
 
+impl Run {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
-        rests(&scenario)?;
-        self.common.refuse_others("run", &scenario)?;
-        let folder = self.make_folder(&scenario)?;
-        match scenario.task.design.accuracy {
-            AccuracyKind::Absolute => self.of_readings(&scenario, &folder),
-            AccuracyKind::Relative => self.of_deflections(&scenario, &folder),
+        let common = &self.common;
+        let scenario = common.open("run")?;
+        let folder = common.folder(&scenario);
+        let names = [&FILES[..], RUN_FILES].concat();
+        common.check_files(&scenario, Some((&folder, &names)))?;
+        make_folder(&folder)?;
+        let design = &scenario.task.design;
+        let measurements = counted(design.experiments.into(), design.accuracy.noun());
+        common.say(&format!("designing a plan of {measurements}"));
+        let mut looped = match design.accuracy {
+            AccuracyKind::Absolute => self.readings(&scenario)?,
+            AccuracyKind::Relative => self.deflections(&scenario)?,
+        };
+        let mut written = Written::default();
+        let [plan, measurements, results] = FILES.map(|name| folder.join(name));
+        written.note(&plan, looped.planned.write(&scenario.task, &plan));
+        let origin = scenario.origin().simulated(scenario.seed, Some(RUN));
+        written.save(&measurements, &(origin.comments() + &looped.measurements));
+        let record = record_text(&mut looped.json, &looped.conditions)?;
+        written.save(&results, &record);
+        written.save(&folder.join("stills.svg"), &looped.sheet);
+        written.save(&folder.join("report.html"), &looped.page);
+        let recording = Recording::new(&scenario, &looped.shown)?;
+        write_recording(&recording, &folder.join("run.rrd"), &mut written);
+        let mut text = looped.text + &format!("Results are in {}\n", folder.display());
+        if let Some(bound) = &looped.bound {
+            let provenance = common.provenance(&scenario)?;
+            text += &self.proof.tell(bound, &provenance, &mut written)?;
         }
+        text += &self.budget.write(looped.planned.budget(), &mut written);
+        common.say(&format!(
+            "run sheet, robot program and table to fill in are written by `elastocal lab {} --plan {}`",
+            shell_path(&scenario.path),
+            shell_path(&plan)
+        ));
+        let mut conditions = looped.conditions;
+        conditions.extend(written.conditions());
+        Ok(Report::new(looped.json, text, conditions))
     }
 
     /// The loop with a plan of deflections.
-    fn of_deflections(&self, scenario: &Scenario, folder: &Path) -> anyhow::Result<Report> {
-        let common = &self.common;
-        let experiments = scenario.task.design.experiments;
-        common.say(&format!(
-            "designing a plan of {}",
-            counted(experiments.into(), "measurement")
-        ));
-        let wanted = Wanted::by(&scenario.task);
-        let (task, seed) = (&scenario.task, scenario.seed);
+    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Looped<'static>> {
+        let (common, task, seed) = (&self.common, &scenario.task, scenario.seed);
+        let wanted = Wanted::by(task);
         let (mut designed, approximate) = design(common, task, seed, wanted, &self.proof, &STOP)?;
-        let home = scenario.laboratory.home();
-        take_nearest_turns(task, home, &mut designed.exact.plan);
+        take_nearest_turns(task, scenario.laboratory.home(), &mut designed.exact.plan);
         proceed()?;
         let outcome = run(scenario, (&designed, &approximate), &STOP, &|stage| {
-            tell(common, folder, stage);
+            tell(common, stage, "measuring");
         });
-        let outcome = outcome.map_err(|error| match error {
-            // Its hint is told, too.
-            RunError::File(error) => error.into(),
-            other => anyhow::Error::from(other),
-        })?;
+        let outcome = outcome?;
         proceed()?;
-        let mut json = outcome.json(scenario, designed.elapsed_s)?;
+        let main = &outcome.tried[0];
+        let made = &main.calibration.1;
+        let (assessment, plan) = (Box::new(main.assessment.clone()), made.plan.clone());
+        let planned = PlannedAccuracy::Deflections(plan, assessment);
+        let stills = planned.stills(scenario);
+        let page = PlanPage {
+            scenario,
+            stills: &stills.figures(),
+            conditions: &outcome.conditions,
+            provenance: &common.provenance(scenario)?,
+            command: &command_line(),
+        };
+        let page = run_page(&page, &outcome)?;
         let shown = outcome.tried.iter().map(|each| {
             let (name, calibration) = each.calibration.clone();
             CarriedOutPlan::Deflections(name, Box::new(calibration))
         });
-        let shown: Vec<CarriedOutPlan> = shown.collect();
-        let random_rho0_m = outcome.random_rho0_m;
-        let main = &outcome.tried[0].calibration.1;
-        let stills = Stills::of_plan(scenario, &main.plan);
-        let record = RunRecord {
-            scenario,
-            outcome: &outcome,
-            command: &command_line(),
-            stills: &stills.figures(),
+        let commands = task.belief.commands();
+        Ok(Looped {
+            json: outcome.json(scenario, designed.elapsed_s)?,
+            measurements: deflection_table(&scenario.path, &commands, &made.measurements)?,
+            sheet: stills.sheet(),
+            page,
+            shown: shown.collect(),
+            text: deflections::describe(&made.identification, &task.belief)
+                + &of_deflections(&outcome),
+            bound: Some(designed.bound),
+            conditions: outcome.conditions,
+            planned,
+        })
+    }
+
+    /// The loop with a plan of absolute readings.
+    fn readings<'a>(&'a self, scenario: &'a Scenario) -> anyhow::Result<Looped<'a>> {
+        let (common, task, seed) = (&self.common, &scenario.task, scenario.seed);
+        let candidates = self.readings.candidates(scenario)?;
+        let wanted = self.readings.wanted(scenario, candidates.as_deref());
+        let provenance = common.provenance(scenario)?;
+        let bar = progress::bar(common.quiet, "searching the plan");
+        let watch = Watch {
+            stop: &STOP,
+            progress: &|done, all, _| progress::show(&bar, done, all),
         };
-        let recording = Recording::new(scenario, &shown)?;
-        let page = run_page(&record)?;
-        let mut written = Written::default();
-        let text = record_text(&mut json, &outcome.conditions)?;
-        write_all(scenario, folder, main, &text, &mut written);
-        let [svg, html, rerun] =
-            ["stills.svg", "report.html", "run.rrd"].map(|name| folder.join(name));
-        written.save(&svg, &stills.sheet());
-        written.save(&html, &page);
-        write_recording(&recording, &rerun, &mut written);
-        if let Some(target) = &self.rerun {
-            show(target, &recording, &mut written)?;
-        }
-        let mut text = summary(
-            folder,
-            (&scenario.task.belief, &outcome.tried),
-            random_rho0_m.zip(outcome.random_repeats),
-        ) + &self.proof.tell(
-            &designed.bound,
-            &ProvenanceMessage::new(scenario),
-            &mut written,
-        )?;
-        let budget = outcome.tried[0].assessment.uncertainty_budget.as_ref();
-        text += &self.budget.write(budget, &mut written);
-        say_laboratory(common, scenario, folder);
-        let mut conditions = outcome.conditions;
-        conditions.extend(written.conditions());
-        Ok(Report::new(json, text, conditions))
+        let weights = if common.noise_only {
+            ReadingWeights::Own
+        } else {
+            ReadingWeights::AsNeeded
+        };
+        let stage = |stage: &RunStage<'_>| {
+            bar.finish_and_clear();
+            tell(common, stage, "reading");
+        };
+        let ((planning, found), outcome) =
+            run_absolute(scenario, &wanted, weights, (watch, &stage))?;
+        proceed()?;
+        let groups = &*self.readings.parameters;
+        let beside = (found.bound.as_ref(), wanted.drawn(seed));
+        let planned = PlannedAccuracy::of_readings(task, groups, planning, found.plan, beside);
+        let PlannedAccuracy::Readings(_, _, plan) = &planned else {
+            anyhow::bail!("a plan of absolute readings has a record of its own");
+        };
+        let mut conditions = planned.conditions(scenario);
+        conditions.extend(outcome.conditions(scenario));
+        let stills = planned.stills(scenario);
+        let page = absolute_page(&AbsolutePageRecord {
+            page: PlanPage {
+                scenario,
+                stills: &stills.figures(),
+                conditions: &conditions,
+                provenance: &provenance,
+                command: &command_line(),
+            },
+            plan,
+            trials: None,
+            run: Some(&outcome),
+        })?;
+        let sheet = stills.sheet();
+        let record = &outcome.record;
+        Ok(Looped {
+            json: outcome.json(scenario, &provenance, plan, groups)?,
+            measurements: absolute_table(&task.belief.commands(), &record.readings),
+            sheet,
+            page,
+            text: absolute::describe(&record.identification) + &of_readings(plan, &outcome),
+            shown: vec![CarriedOutPlan::Readings(
+                Box::new(outcome.record),
+                outcome.carried_out,
+            )],
+            bound: None,
+            conditions,
+            planned,
+        })
     }
 }
 
 /// Says on stderr what is being done, and what goes wrong without an end.
-fn tell(common: &Common, folder: &Path, stage: &RunStage<'_>) {
+fn tell(common: &Common, stage: &RunStage<'_>, measuring: &str) {
     match stage {
-        RunStage::Calibrating => common.say("measuring, identifying and compensating in MuJoCo"),
-        RunStage::Failed(FailedPlan { name, problem, .. }) => {
-            warn(&format!("the plan {name:?} cannot be compared: {problem}"), None);
+        RunStage::Calibrating => {
+            common.say(&format!(
+                "{measuring}, identifying and compensating in MuJoCo"
+            ));
         }
-        RunStage::Comparing => common.say(&format!(
-            "comparing with {RANDOM_PLANS} random plans, other criteria and other numbers of measurements, writing {}",
-            folder.display()
-        )),
+        RunStage::Failed(FailedPlan { name, problem, .. }) => {
+            warn(
+                &format!("the plan {name:?} cannot be compared: {problem}"),
+                None,
+            );
+        }
+        RunStage::Comparing => common.say(&format!("comparing with {RANDOM_PLANS} random plans")),
         RunStage::NoRandomPlans(problem) => {
             warn(&format!("no random plans to compare with: {problem}"), None);
         }
     }
 }
 
-/// Says which command writes what the laboratory needs.
-fn say_laboratory(common: &Common, scenario: &Scenario, folder: &Path) {
-    common.say(&format!(
-        "run sheet, robot program and table to fill in are written by `elastocal lab {} --plan {}`",
-        shell_path(&scenario.path),
-        shell_path(&folder.join(FILES[0]))
-    ));
-}
-
-/// Writes the designed plan, its measurements, and the text of results.json.
-fn write_all(
-    scenario: &Scenario,
-    folder: &Path,
-    main: &Calibration,
-    text: &str,
-    written: &mut Written,
-) {
-    let commands = scenario.task.belief.commands();
-    let [plan, measurements, results] = FILES.map(|name| folder.join(name));
-    written.note(&plan, write_plan(&plan, commands.clone(), &main.plan));
-    let origin = scenario
-        .origin()
-        .simulated(scenario.seed, Some(main.truth.run));
-    let rows = write_measurements_under(&origin, &measurements, commands, &main.measurements);
-    written.note(&measurements, rows);
-    written.save(&results, text);
-}
-
-/// What it means, for a person.
-fn summary(
-    folder: &Path,
-    (belief, entries): (&Belief, &[TriedPlan]),
-    random: Option<(f64, RepeatsNeeded)>,
+/// What a calibration leaves in this run beside what was predicted, in words.
+fn leaves(
+    (count, noun): (u32, &str),
+    residual_m: f64,
+    budget: Option<&UncertaintyBudget>,
+    [rho0_m, quantile95_m]: [Option<f64>; 2],
 ) -> String {
-    let main = &entries[0];
-    let mut text = deflections::describe(&main.calibration.1.identification, belief);
-    text.push('\n');
-    let micro = |value: f64| number(Some(value * 1e6), 2);
-    let rows = entries.iter().map(|entry| {
-        let [_, residual_m] = entry.calibration.1.rms_m();
+    let of = UncertaintyBudget::in_words(budget, noun);
+    let tolerance = quantile95_m.map_or_else(String::new, |value_m| {
+        format!(", 95 % below {:.1} um", value_m * 1e6)
+    });
+    format!(
+        "After calibration with {}, the residual error after compensation is {:.1} um in this run; predicted {of}: {} um rms{tolerance}",
+        counted(count.into(), noun),
+        residual_m * 1e6,
+        in_um(rho0_m, 1)
+    )
+}
+
+/// What a run of deflections means, for a person.
+fn of_deflections(outcome: &RunOutcome) -> String {
+    let TriedPlan {
+        assessment,
+        calibration: (_, Calibration { poses, .. }),
+        ..
+    } = &outcome.tried[0];
+    let rows = outcome.tried.iter().map(|entry| {
+        let [_, residual_m] = rms_m(&entry.calibration.1.poses);
         vec![
             entry.calibration.0.clone(),
-            number(entry.assessment.rho0_m.map(|value| value * 1e6), 2),
+            in_um(entry.assessment.rho0_m, 2),
             number(entry.assessment.efficiency(), 4),
-            micro(residual_m),
+            in_um(Some(residual_m), 2),
             entry.assessment.violations.len().to_string(),
         ]
     });
-    text += &table(
-        "plan | predicted rms [um] | efficiency | observed in this run [um] | violations",
-        rows,
-    );
-    for entry in entries {
+    let header = "plan | predicted rms [um] | efficiency | observed in this run [um] | violations";
+    let mut text = format!("\n{}", table(header, rows));
+    if poses.len() > 1 {
+        let row = |pose: &CompensatedPose| {
+            let [without, with] = [pose.seen.uncompensated_m, pose.seen.residual_m]
+                .map(|off_m| in_um(Some(off_m.norm()), 2));
+            vec![
+                pose.name.clone(),
+                number(Some(pose.weight), 3),
+                without,
+                with,
+            ]
+        };
+        let header = "test pose | weight | uncompensated [um] | residual error in this run [um]";
+        text += &format!("\n{}", table(header, poses.iter().map(row)));
+    }
+    for entry in &outcome.tried {
         if let Some(reason) = entry.assessment.no_bound() {
             let name = &entry.calibration.0;
             text += &format!("plan {name:?} has no efficiency: {reason}\n");
         }
     }
-    text += &budget(&main.assessment);
-    let uncertain = main.assessment.uncertainty_budget.as_ref();
-    let leaves = if uncertain.is_some_and(UncertaintyBudget::has_more_than_noise) {
-        "predicted with the whole uncertainty budget:"
-    } else {
-        "predicted for the measurements' noise alone:"
-    };
-    let poses = &main.calibration.1.poses;
-    let [uncompensated, residual] = main.calibration.1.rms_m().map(|each| each * 1e6);
+    text += &budget(assessment);
+    let [uncompensated_m, residual_m] = rms_m(poses);
     let (at, rms) = match poses.as_slice() {
         [only] => (format!("the test pose {:?}", only.name), ""),
         several => (
@@ -244,52 +306,85 @@ fn summary(
         1 if poses.len() == 1 => " along its direction",
         _ => " along the directions that test poses have",
     };
-    let predicted = number(main.assessment.rho0_m.map(|value| value * 1e6), 1);
-    let tolerance = (main.assessment.quantile95_m).map_or_else(String::new, |value| {
-        format!(", 95 % below {:.1} um", value * 1e6)
-    });
     text += &format!(
-        "\nAt {at} the task load bends the robot by {uncompensated:.0} um{rms}{along}. After calibration with {}, the residual error after compensation is {residual:.1} um in this run; {leaves} {predicted} um rms{tolerance}",
-        counted(main.assessment.experiments.into(), "measurement"),
+        "\nAt {at} the task load bends the robot by {:.0} um{rms}{along}. {}",
+        uncompensated_m * 1e6,
+        leaves(
+            (assessment.experiments, AccuracyKind::Relative.noun()),
+            residual_m,
+            assessment.uncertainty_budget.as_ref(),
+            [assessment.rho0_m, assessment.quantile95_m],
+        )
     );
-    if poses.len() > 1 {
-        let rows = poses.iter().map(|pose| {
-            let [without, with] = [pose.seen.uncompensated_m, pose.seen.residual_m];
-            vec![
-                pose.name.clone(),
-                number(Some(pose.weight), 3),
-                micro(without.norm()),
-                micro(with.norm()),
-            ]
-        });
-        let each = table(
-            "test pose | weight | uncompensated [um] | residual error in this run [um]",
-            rows,
-        );
-        text = each + &text;
-    }
-    if let Some(bound) = main.assessment.bound_m() {
+    if let Some(bound_m) = assessment.bound_m() {
         text += &format!(
             "; no plan of as many measurements can do better than {:.1} um",
-            bound * 1e6
+            bound_m * 1e6
         );
     }
     text += ".\n";
-    if let Some((rho0_m, repeats)) = random {
-        text += &format!(
-            "Predicted accuracy of a random plan of as many: {:.1} um (median of {RANDOM_PLANS}): ",
-            rho0_m * 1e6
-        );
-        text += &match repeats {
+    if let Some((rho0_m, repeats)) = outcome.random_rho0_m.zip(outcome.random_repeats) {
+        let words = match repeats {
             RepeatsNeeded::Times(times) => {
-                format!("measured {times} times as a whole it has the same accuracy.\n")
+                format!("measured {times} times as a whole it has the same accuracy")
             }
             RepeatsNeeded::Never(limit_m) => format!(
-                "however often it is measured as a whole, {:.1} um remain.\n",
+                "however often it is measured as a whole, {:.1} um remain",
                 limit_m * 1e6
             ),
         };
+        text += &random("", rho0_m, &format!(": {words}"));
     }
-    text += &format!("Results are in {}\n", folder.display());
+    text
+}
+
+/// What random plans predict, for a person.
+fn random(of: &str, rho0_m: f64, words: &str) -> String {
+    format!(
+        "Predicted accuracy of a random plan of as many{of}: {:.1} um (median of {RANDOM_PLANS}){words}.\n",
+        rho0_m * 1e6
+    )
+}
+
+/// What a run of absolute readings means, for a person.
+fn of_readings(plan: &AbsolutePlanMessage, outcome: &AbsoluteRun<'_>) -> String {
+    let row = |pose: &CompensatedPose| {
+        let [before_m, after_m] = [pose.seen.uncompensated_m, pose.seen.residual_m];
+        let predicted_m = pose.predicted_m.as_ref().ok().copied();
+        let distances = [predicted_m, Some(after_m.norm()), Some(before_m.norm())];
+        let distances = distances.map(|distance_m| in_um(distance_m, 2));
+        [vec![pose.name.clone()], distances.to_vec()].concat()
+    };
+    let header =
+        "test pose | predicted rms [um] | observed in this run [um] | of the nominal robot [um]";
+    let common = plan.common_sources.as_ref();
+    let budget = uncertainty_budget::describe(
+        plan.uncertainty_budget.as_ref(),
+        common.map(|common| (&*common.names, common.rho0_mm)),
+    );
+    let mut text = format!("\n{}{budget}", table(header, outcome.poses.iter().map(row)));
+    text += &left_out(plan);
+    let [before_m, after_m] = rms_m(&outcome.poses);
+    text += &format!(
+        "\nThe loaded tool is {:.0} um rms from where the nominal robot has it, in the frames that suit the readings best. {}",
+        before_m * 1e6,
+        leaves(
+            (plan.experiments, AccuracyKind::Absolute.noun()),
+            after_m,
+            plan.uncertainty_budget.as_ref(),
+            [plan.rho0_mm, plan.quantile95_mm].map(|value| value.map(|mm| mm * 1e-3)),
+        )
+    );
+    if let Some(bound_mm) = plan.lower_bound_rho0_mm {
+        text += &format!(
+            "; no plan of as many candidates is below {:.1} um ({})",
+            bound_mm * 1e3,
+            bound_basis(plan)
+        );
+    }
+    text += ".\n";
+    if let Some(median_m) = outcome.random_rho0_m {
+        text += &random(" of the same candidates", median_m, "");
+    }
     text
 }

@@ -8,8 +8,8 @@ use elastocal::files::FileError;
 use elastocal::identification::ParameterGroup;
 use elastocal::measurement::{Origin, read_measured};
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
+use elastocal::record::json::merge;
 use elastocal::record::selection::selection_json;
-use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::study::selection::{
     CHOICES, Chosen, Selection, SelectionOfSize, SelectionWanted, choice_name, select,
 };
@@ -17,11 +17,10 @@ use elastocal::text::wording::counted;
 use elastocal::view::selection_plot::selection_plot;
 use serde_json::json;
 
-use super::identify::absolute::explained;
 use super::progress::search;
 use super::table::{number, table};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
+use super::{Common, Report, named_by_file, results, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file), mut_args(without_effect(&["out"])))]
@@ -53,9 +52,7 @@ impl Select {
         let origin = Origin::read(&self.measurements)?;
         let input = ["select", "--measurements"];
         let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
-        let mut roles = inputs(&scenario);
-        roles.reads("the measurements", &self.measurements);
-        check_outputs(&mut roles, &[("--plot-out", self.plot_out.as_deref())])?;
+        self.common.check_files(&scenario, None)?;
         let why = ", and readings are chosen of absolute ones";
         let readings = read_measured(&self.measurements, &scenario.task.belief)?
             .absolute(&self.measurements, why)?;
@@ -83,15 +80,14 @@ impl Select {
         let selection = search(&self.common, &says, |watch| {
             select(belief, &readings, &self.parameters, &wanted, watch)
         })
-        .map_err(|error| explained(&self.measurements, &error))?;
+        .map_err(|error| error.in_file(&self.measurements))?;
         let mut text = describe(&selection);
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
             text += &written.save(path, &selection_plot(title, &selection)?);
         }
-        let provenance =
-            ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?;
+        let provenance = self.common.provenance(&scenario)?;
         let mut json = results("select", &provenance, json!({ "groups": self.parameters }));
         merge(&mut json, selection_json(&selection));
         let mut conditions = Vec::new();

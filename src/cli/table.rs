@@ -61,6 +61,11 @@ pub fn or_dash<T>(of: Option<T>, shown: impl FnOnce(T) -> String) -> String {
     of.map_or_else(|| "-".to_owned(), shown)
 }
 
+/// A length (m) in micrometres with the given decimals, or a dash where there is none.
+pub fn in_um(value_m: Option<f64>, decimals: usize) -> String {
+    number(value_m.map(|value_m| value_m * 1e6), decimals)
+}
+
 /// A number with the given decimals, or a dash where there is none.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     or_dash(value, |value| format!("{value:.decimals$}"))

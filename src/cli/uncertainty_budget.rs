@@ -1,6 +1,6 @@
 //! Uncertainty budgets as tables, for all commands.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::plan::{BudgetSource, UncertaintyBudget};
@@ -19,11 +19,6 @@ pub struct BudgetArgs {
 }
 
 impl BudgetArgs {
-    /// The option with its file.
-    pub fn out(&self) -> (&'static str, Option<&Path>) {
-        ("--budget-out", self.budget_out.as_deref())
-    }
-
     /// Writes a budget where that is wanted, and tells of it; one that there is not has no rows.
     pub fn write(&self, budget: Option<&UncertaintyBudget>, written: &mut Written) -> String {
         let Some(path) = &self.budget_out else {

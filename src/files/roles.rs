@@ -31,14 +31,6 @@ impl Roles {
         self
     }
 
-    /// The same of a file that need not be given.
-    pub fn may_read(&mut self, what: &str, path: Option<&Path>) -> &mut Self {
-        match path {
-            Some(path) => self.reads(what, path),
-            None => self,
-        }
-    }
-
     /// A file that is written; `what` says as what: "--plan-out".
     pub fn writes(&mut self, what: &str, path: &Path) -> &mut Self {
         self.outputs.push((what.to_owned(), path.to_owned()));

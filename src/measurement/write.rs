@@ -9,7 +9,7 @@ use super::columns::{
     POSITION, QUATERNION, ROTATION, ROTATION_SIGMA, TEMPERATURE, TIME, UNLOADED, WORDS,
     covariance_columns, triangle,
 };
-use super::{AbsoluteReading, Measurement, Origin};
+use super::{AbsoluteReading, Measurement};
 use crate::csv::{Sheet, owned, word_field};
 use crate::experiment::{LOAD, add_approach, fields_of, reading_columns, reading_fields};
 use crate::files::{FileError, output::write_whole};
@@ -87,17 +87,6 @@ pub fn table_to_fill_in<'a>(
     }
     add_approach(&mut sheet, |row| row.approach.as_ref());
     sheet.text()
-}
-
-/// Writes measurements of an arm of n joints that were made under a scenario, which comments name.
-pub fn write_measurements_under(
-    origin: &Origin,
-    path: &Path,
-    commands: impl Into<Commands>,
-    measurements: &[Measurement],
-) -> Result<(), FileError> {
-    let text = deflection_table(path, &commands.into(), measurements)?;
-    write_whole(path, (origin.comments() + &text).as_bytes())
 }
 
 /// Writes measurements of an arm, which may be given by its number of joints.

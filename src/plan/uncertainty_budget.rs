@@ -99,6 +99,14 @@ impl UncertaintyBudget {
         // A sum of nothing is -0.
         square_um2.abs().sqrt() * 1e-6
     }
+
+    /// What a prediction of so-called measurements counts, in words that follow it.
+    pub fn in_words(budget: Option<&Self>, noun: &str) -> String {
+        match budget.filter(|budget| budget.has_more_than_noise()) {
+            Some(_) => "with the whole uncertainty budget".to_owned(),
+            None => format!("for the {noun}s' noise alone"),
+        }
+    }
 }
 
 /// A standard uncertainty in SI units, and its unit.

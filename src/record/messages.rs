@@ -90,14 +90,6 @@ impl ProvenanceMessage {
         self.inputs_sha256.insert(name.to_owned(), hash);
         Ok(self)
     }
-
-    /// The same with a file that need not be given.
-    pub fn with_optional(self, name: &str, path: Option<&Path>) -> Result<Self, FileError> {
-        match path {
-            Some(path) => self.with_input(name, path),
-            None => Ok(self),
-        }
-    }
 }
 
 /// One configuration and load of a plan.

@@ -115,6 +115,14 @@ impl AccuracyKind {
         }
     }
 
+    /// The other one.
+    pub const fn other(self) -> Self {
+        match self {
+            Self::Relative => Self::Absolute,
+            Self::Absolute => Self::Relative,
+        }
+    }
+
     /// What is measured for it.
     pub const fn noun(self) -> &'static str {
         match self {

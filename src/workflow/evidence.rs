@@ -3,8 +3,6 @@
 
 use std::sync::atomic::AtomicBool;
 
-use thiserror::Error;
-
 use crate::plan::search::{
     ApproximateDesign, Basis, Bound, BudgetPoint, PlanSize, Problem, SearchError, Watch,
     compare_criteria, exact_design,
@@ -29,17 +27,6 @@ const WIDEST: u32 = 2;
 /// As many measurements are always searched for.
 const ALWAYS: u32 = 6;
 
-/// Why there is no evidence.
-#[derive(Debug, Error)]
-pub enum EvidenceError {
-    /// No plan was found.
-    #[error(transparent)]
-    Search(#[from] SearchError),
-    /// The study cannot be made.
-    #[error(transparent)]
-    Study(#[from] StudyError),
-}
-
 /// Gathers the evidence for the first of `plans`, which all have as many measurements. `approximate` is the task's approximate
 /// design for the test poses, `bound` what follows from it.
 ///
@@ -50,7 +37,7 @@ pub fn gather(
     (approximate, bound): (&ApproximateDesign, &Bound),
     plans: &[(String, Plan)],
     watch: Watch<'_>,
-) -> Result<EvidenceMessage, EvidenceError> {
+) -> anyhow::Result<EvidenceMessage> {
     let (task, seed) = (&scenario.task, scenario.seed);
     let Some((_, designed)) = plans.first() else {
         return Err(StudyError::NoPlan.into());

@@ -3,10 +3,9 @@
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
-use thiserror::Error;
 
 use super::design::Designed;
-use super::evidence::{EvidenceError, gather};
+use super::evidence::gather;
 use crate::calibration::{Calibration, CalibrationError, calibrate, pose_conditions};
 use crate::codes::Condition;
 use crate::experiment::{Plan, read_plan};
@@ -24,6 +23,9 @@ use crate::understanding::implausible;
 
 /// So many random plans stand for what a laboratory without a plan would do.
 pub const RANDOM_PLANS: u64 = 99;
+
+/// The number of the run, as studies count them.
+pub const RUN: u64 = 0;
 
 /// A plan that took part.
 #[derive(Debug)]
@@ -59,21 +61,7 @@ pub enum RunStage<'a> {
     /// The designed plan is set beside random plans, other criteria and other numbers of measurements.
     Comparing,
     /// There are no random plans to compare with.
-    NoRandomPlans(SearchError),
-}
-
-/// Why there is no run.
-#[derive(Debug, Error)]
-pub enum RunError {
-    /// A plan of the scenario cannot be read.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The designed plan cannot be measured, identified or compensated.
-    #[error(transparent)]
-    Calibration(#[from] CalibrationError),
-    /// There is nothing to set it beside.
-    #[error(transparent)]
-    Evidence(#[from] EvidenceError),
+    NoRandomPlans(String),
 }
 
 /// What a run comes to.
@@ -102,7 +90,7 @@ pub fn run(
     (designed, approximate): (&Designed, &ApproximateDesign),
     stop: &AtomicBool,
     stage: &dyn Fn(&RunStage<'_>),
-) -> Result<RunOutcome, RunError> {
+) -> anyhow::Result<RunOutcome> {
     let (task, bound) = (&scenario.task, &designed.bound);
     let plans = plans_to_compare(scenario, designed.exact.plan.clone())?;
     stage(&RunStage::Calibrating);
@@ -116,7 +104,7 @@ pub fn run(
     }
     stage(&RunStage::Comparing);
     let random = median_random_plan(task, experiments, RANDOM_PLANS, scenario.seed)
-        .map_err(|problem| stage(&RunStage::NoRandomPlans(problem)))
+        .map_err(|problem| stage(&RunStage::NoRandomPlans(problem.to_string())))
         .ok()
         .filter(|(median, _)| median.is_finite());
     let random_repeats = (random.as_ref())
@@ -179,7 +167,7 @@ fn calibrate_all(
         // Every plan is measured with the same noise.
         match plan
             .as_ref()
-            .map(|plan| calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, 0))
+            .map(|plan| calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, RUN))
         {
             Ok(Ok(calibration)) => tried.push(TriedPlan {
                 assessment: assessment(&calibration.plan),

@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 use super::design::Wanted;
 use super::identify_absolute::{IdentifiedRobot, identify_absolute};
-use super::run::{RANDOM_PLANS, RunStage};
-use crate::calibration::{CompensatedPose, SeenPose, pose_conditions};
+use super::run::{RANDOM_PLANS, RUN, RunStage};
+use crate::calibration::{CompensatedPose, SeenPose, pose_conditions, rms_m};
 use crate::codes::{Condition, ErrorCode};
 use crate::compensation::compensate_arm;
 use crate::files::FileError;
@@ -38,9 +38,6 @@ use crate::task::{Task, TestPose};
 use crate::testbed::TrueRobots;
 use crate::understanding::implausible;
 
-/// The number of the run, as studies count them.
-pub const RUN: u64 = 0;
-
 /// What a run of absolute accuracy comes to.
 #[derive(Debug)]
 pub struct AbsoluteRun<'a> {
@@ -54,8 +51,8 @@ pub struct AbsoluteRun<'a> {
     pub poses: Vec<CompensatedPose>,
     /// What the robot did.
     pub carried_out: CarriedOut,
-    /// The median of what random plans of the same candidates predict (m); or why there is none.
-    pub random_rho0_m: Result<f64, AbsolutePlanError>,
+    /// The median of what random plans of the same candidates predict (m), if there is one.
+    pub random_rho0_m: Option<f64>,
 }
 
 /// The designed plan, with what it was chosen from.
@@ -78,10 +75,7 @@ pub fn run_absolute<'a>(
     let unread = |error: &dyn Display| {
         FileError::new(&scenario.path, error.to_string()).code(ErrorCode::Simulation)
     };
-    let unidentified = |error: AbsoluteError| {
-        let wrong = FileError::new(&scenario.path, error.to_string()).code(error.code());
-        wrong.hinted(error.hint())
-    };
+    let unidentified = |error: AbsoluteError| error.in_file(&scenario.path);
 
     // Design.
     let size = Wanted::by(task).size();
@@ -122,7 +116,8 @@ pub fn run_absolute<'a>(
 
     // Compare.
     stage(&RunStage::Comparing);
-    let random_rho0_m = planning.median_random_rho0_m(size.measurements, RANDOM_PLANS, seed);
+    let random = planning.median_random_rho0_m(size.measurements, RANDOM_PLANS, seed);
+    let none = |problem: AbsolutePlanError| stage(&RunStage::NoRandomPlans(problem.to_string()));
     let plan = planned_readings(task, &planning, &found.plan);
     let run = AbsoluteRun {
         searches: found.searches,
@@ -136,7 +131,7 @@ pub fn run_absolute<'a>(
         carried_out,
         identified,
         poses,
-        random_rho0_m,
+        random_rho0_m: random.map_err(none).ok(),
     };
     Ok(((planning, found), run))
 }
@@ -252,21 +247,6 @@ fn true_values(scenario: &Scenario, robots: &TrueRobots, fit: &AbsoluteFit) -> V
 }
 
 impl AbsoluteRun<'_> {
-    /// The rms distance (m) over the test poses without and with compensation, as the virtual robot has it.
-    pub fn observed_rms_m(&self) -> [f64; 2] {
-        let sides: [fn(&SeenPose) -> &Vector3<f64>; 2] =
-            [|seen| &seen.uncompensated_m, |seen| &seen.residual_m];
-        sides.map(|side| {
-            let square = |pose: &CompensatedPose| pose.weight * side(&pose.seen).norm_squared();
-            self.poses.iter().map(square).sum::<f64>().sqrt()
-        })
-    }
-
-    /// The median of what random plans predict (mm), if there is one.
-    pub fn random_rho0_mm(&self) -> Option<f64> {
-        self.random_rho0_m.as_ref().ok().map(|value| value * 1e3)
-    }
-
     /// What must be looked at, besides what the plan does not determine.
     pub fn conditions(&self, scenario: &Scenario) -> Vec<Condition> {
         let mut conditions = self.identified.conditions();
@@ -284,7 +264,7 @@ impl AbsoluteRun<'_> {
         groups: &[ParameterGroup],
     ) -> serde_json::Result<Value> {
         let identification = self.identified.json(scenario, provenance, groups)?;
-        let [before_mm, after_mm] = self.observed_rms_m().map(|value| value * 1e3);
+        let [before_mm, after_mm] = rms_m(&self.poses).map(|value| value * 1e3);
         let mut own = self.record.json()?;
         merge(&mut own, json!({ "assessment": plan }));
         // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the unknowns are those of the
@@ -304,7 +284,7 @@ impl AbsoluteRun<'_> {
                 "uncompensated_rms_mm": before_mm,
                 "residual_rms_mm": after_mm,
                 "random_plans": RANDOM_PLANS,
-                "random_median_rho0_mm": self.random_rho0_mm(),
+                "random_median_rho0_mm": self.random_rho0_m.map(|value| value * 1e3),
                 "plans": [own],
             }),
         );

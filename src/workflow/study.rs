@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
-use thiserror::Error;
 
 use super::design::{Designed, Wanted};
 use crate::codes::{Condition, ErrorCode};
@@ -25,25 +24,6 @@ use crate::study::{
     StudySource, repeated,
 };
 use crate::task::{AccuracyKind, Task};
-
-/// Why a plan of a study is none.
-#[derive(Debug, Error)]
-pub enum EntryError {
-    /// No plan was found.
-    #[error(transparent)]
-    Search(#[from] SearchError),
-    /// Whole repetitions do not make up the measurements.
-    #[error("{found} measurements do not make up {wanted} by whole repetitions")]
-    Repetitions {
-        /// The plan's number of measurements.
-        found: u32,
-        /// The study's.
-        wanted: u32,
-    },
-    /// A plan of absolute readings.
-    #[error(transparent)]
-    Readings(#[from] FileError),
-}
 
 /// Designs the plan of a name for a task.
 pub type Designer<'a> = &'a dyn Fn(&Task, &str, Wanted) -> Result<Designed, SearchError>;
@@ -100,7 +80,7 @@ pub fn entries<'a>(
     settings: &'a [Setting<'_>],
     wanted: &ReadingsWanted<'a>,
     (design, watch): (Designer<'_>, Watcher<'_>),
-) -> Result<Vec<Entry<'a>>, EntryError> {
+) -> anyhow::Result<Vec<Entry<'a>>> {
     let mut entries: Vec<Entry<'_>> = Vec::new();
     for (index, setting) in settings.iter().enumerate() {
         for plan in &scenario.study.plans {
@@ -121,7 +101,7 @@ pub fn entries<'a>(
                     });
                     match known {
                         Some(entry) => entry.kind.clone(),
-                        None => entry_kind(scenario.seed, setting, plan, design)?,
+                        None => entry_kind(scenario, setting, plan, design)?,
                     }
                 }
                 AccuracyKind::Absolute => {
@@ -213,16 +193,19 @@ fn readings_repeated(mut plan: CandidatePlan, readings: u32) -> CandidatePlan {
 
 /// Reads, designs or draws a plan, and repeats it as a whole.
 fn entry_kind(
-    seed: u64,
+    scenario: &Scenario,
     setting: &Setting<'_>,
     plan: &StudyPlan,
     design: Designer<'_>,
-) -> Result<EntryKind<'static>, EntryError> {
+) -> anyhow::Result<EntryKind<'static>> {
     let (task, conditions) = (&setting.task, &setting.conditions);
     let wanted = conditions.experiments;
     let whole = |plan: &Plan| {
         let found = plan.measurements();
-        repeated(plan, wanted).ok_or(EntryError::Repetitions { found, wanted })
+        let problem =
+            || format!("{found} measurements do not make up {wanted} by whole repetitions");
+        let none = || FileError::new(&scenario.path, problem()).code(ErrorCode::NoPlan);
+        repeated(plan, wanted).ok_or_else(none)
     };
     Ok(match &plan.source {
         StudySource::File { plan, .. } => {
@@ -249,7 +232,7 @@ fn entry_kind(
             }
             EntryKind::Fixed(whole(&design(&task, &plan.name, wanted)?.exact.plan)?)
         }
-        StudySource::Random => EntryKind::Random(random_plan(task, wanted, seed, 0)?),
+        StudySource::Random => EntryKind::Random(random_plan(task, wanted, scenario.seed, 0)?),
         StudySource::RandomEach => EntryKind::RandomEach,
     })
 }

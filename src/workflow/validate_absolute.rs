@@ -149,17 +149,21 @@ fn known_frames(case: &mut AbsoluteCase<'_>, stored: &StoredRobot, is_turned: bo
     known
 }
 
-/// Predicts readings with a robot that was identified; where a station or a target is a new one, its frame alone is fitted.
+/// What is wrong with the readings of a file.
+fn in_file<E: Into<AbsoluteError>>(file: &Path) -> impl Fn(E) -> FileError {
+    move |error| error.into().in_file(file)
+}
+
+/// Predicts the readings of a file with a robot that was identified, from its file; where a station or a target is a new one, its frame alone is fitted.
 ///
 /// # Errors
 /// The file does not fit the robot, or a new frame is not determined.
 pub fn validate_absolute(
     belief: &Belief,
-    path: &Path,
-    stored: &StoredRobot,
-    readings: &[AbsoluteReading],
-) -> Result<AbsoluteValidation, AbsoluteValidationError> {
-    let mut case = AbsoluteCase::placed(belief, readings)?;
+    (path, stored): (&Path, &StoredRobot),
+    (file, readings): (&Path, &[AbsoluteReading]),
+) -> Result<AbsoluteValidation, FileError> {
+    let mut case = AbsoluteCase::placed(belief, readings).map_err(in_file(file))?;
     let reads = case.observations.iter().zip(&case.covariances);
     let readings_m2 = reads.map(|(each, covariance)| {
         let rows = each.reading.kind().rows().min(3);
@@ -183,39 +187,38 @@ pub fn validate_absolute(
     case = case.counting_sources();
     case.arm = identified;
     let anew = (known.anew.iter()).map(|kind| (*kind, None));
-    let anew = ParameterSet::new(&case.arm, anew).map_err(AbsoluteError::from)?;
+    let anew = ParameterSet::new(&case.arm, anew).map_err(in_file(file))?;
     if !anew.is_empty() {
-        let fit =
-            fit_parameters(&case.arm, &anew, &case.observations).map_err(AbsoluteError::from)?;
+        let fit = fit_parameters(&case.arm, &anew, &case.observations).map_err(in_file(file))?;
         if !Estimable::is_complete(&fit.posterior.estimable) {
             let sentences = (fit.freedoms.named.into_iter())
                 .map(|each| each.sentence)
                 .collect();
             let what = known.names.join(", ");
-            return Err(AbsoluteError::Frames { what, sentences }.into());
+            return Err(AbsoluteError::Frames { what, sentences }.in_file(file));
         }
         case.arm = fit.belief;
     }
-    let left = case.left(&case.arm).map_err(AbsoluteError::from)?;
+    let left = case.left(&case.arm).map_err(in_file(file))?;
     let arm = case.arm.clone();
     let kinds = stored.kinds(&nominal, &known.stations, &known.targets);
     let (places, kinds): (Vec<usize>, Vec<ParameterKind>) = (kinds.into_iter().enumerate())
         .filter_map(|(place, kind)| Some((place, kind?)))
         .unzip();
     let set = kinds.iter().map(|kind| (*kind, None));
-    let set = ParameterSet::new(&arm, set).map_err(AbsoluteError::from)?;
+    let set = ParameterSet::new(&arm, set).map_err(in_file(file))?;
     let discrepancy = stored.discrepancy_model(path, &arm)?;
     let places = &places;
     let prognoses =
-        (case.prognoses(&arm, &set, places, &discrepancy, &anew)).map_err(AbsoluteError::from)?;
+        (case.prognoses(&arm, &set, places, &discrepancy, &anew)).map_err(in_file(file))?;
     let probability =
-        (case.probability(&arm, &set, places, &discrepancy, &anew)).map_err(AbsoluteError::from)?;
+        (case.probability(&arm, &set, places, &discrepancy, &anew)).map_err(in_file(file))?;
     let mut moved = Vec::new();
     let is_known = |station: &usize| known.stations.contains(&Some(*station));
     for station in (0..case.stations.len()).filter(is_known) {
         let found = case
             .moved_station(&arm, &set, places, &discrepancy, station)
-            .map_err(AbsoluteError::from)?;
+            .map_err(in_file(file))?;
         let name = (case.stations[station].as_ref()).map_or_else(
             || "the station".to_owned(),
             |name| format!("station {name}"),
@@ -250,15 +253,4 @@ pub fn validate_absolute(
 fn before(belief: &Belief, readings: &[AbsoluteReading]) -> Option<Vec<ReadingResidual>> {
     let case = AbsoluteCase::new(belief, readings).ok()?;
     case.left_in_best_frames().ok()
-}
-
-/// Why readings cannot be held beside a robot.
-#[derive(Debug, thiserror::Error)]
-pub enum AbsoluteValidationError {
-    /// The identification's file.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The readings.
-    #[error(transparent)]
-    Readings(#[from] AbsoluteError),
 }

@@ -343,7 +343,7 @@ fn what_does_not_fit_is_refused() {
         ),
         (
             "study r.toml --parameters zeros",
-            "robot.parameters says what is unknown",
+            "--parameters is for plans of absolute readings",
         ),
         (
             "plan r.toml --report-out a.html",

@@ -330,20 +330,6 @@ fn every_help_has_examples_of_what_is_there() {
 }
 
 #[test]
-fn shells_complete_commands_and_options() {
-    let place = Workplace::new();
-    for shell in ["bash", "zsh", "fish"] {
-        let script = place
-            .run(&format!("completion {shell}"))
-            .ends_with(0)
-            .stdout;
-        for word in ["identify", "sigma-from-residuals", "accuracy-um"] {
-            assert!(script.contains(word), "{shell}: {word}");
-        }
-    }
-}
-
-#[test]
 fn every_command_and_option_that_a_page_names_is_there() {
     let place = Workplace::new();
     let mut helps = std::collections::BTreeMap::<String, String>::new();

@@ -520,7 +520,7 @@ fn options_that_do_not_fit_are_refused() {
     let place = workplace(&plain(10, false));
     identify(&place, "--method linear")
         .ends_with(1)
-        .says("which no linear fit takes");
+        .says("--method linear is for deflections");
     place.write("m.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm\n1,2,3,4,5,6,0,0,-98,0,0,0,0,0,-1\n");
     identify(&place, "--parameters frames")
         .ends_with(1)

@@ -246,7 +246,7 @@ fn no_output_overwrites_an_input() {
         ),
         (
             "study p.toml --resume t --tally-out t",
-            "is the file for --tally-out and for --resume",
+            "is the file for --resume and for --tally-out",
         ),
         ("study p.toml --resume p.toml", "is the scenario"),
         (

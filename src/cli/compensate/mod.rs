@@ -14,7 +14,7 @@ use elastocal::laboratory::{
     CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to,
 };
 use elastocal::measurement::SimulatedRun;
-use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
+use elastocal::record::messages::TestPoseMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::{Method, Task};
 use elastocal::testbed::TrueRobots;
@@ -25,8 +25,8 @@ use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::static_compliance::add_static_compliance;
 use super::table::{number, table_of};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
-use targets::{TargetFrame, Workpiece};
+use super::{Common, Report, named_by_file, without_effect};
+use targets::TargetFrame;
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -58,16 +58,12 @@ pub struct Compensate {
     /// The tool that must be there, by its site; the machining tool if not given.
     #[arg(long, value_name = "SITE", requires = "targets")]
     tool: Option<String>,
-    /// Frame of the targets, or of the workpiece; the instrument's if absolute readings were identified from, else
-    /// the base's.
+    /// Frame of the targets; the instrument's if absolute readings were identified from, else the base's.
     #[arg(long, value_enum, requires = "targets")]
     frame: Option<TargetFrame>,
     /// Which of several stations is meant.
     #[arg(long, value_name = "NAME", requires = "targets")]
     station: Option<String>,
-    /// The targets are in the frame of a workpiece: its name, and where it is (mm, deg).
-    #[arg(long, value_name = "NAME=X,Y,Z,ROLL,PITCH,YAW", requires = "targets", value_parser = Workpiece::of_word)]
-    workpiece: Option<Workpiece>,
 }
 
 impl Compensate {
@@ -134,8 +130,7 @@ impl Compensate {
         if simulated.is_none() {
             forget_observed(&mut keys);
         }
-        let provenance =
-            ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
+        let provenance = self.common.provenance(&scenario)?;
         let mut report = Report::of("compensate", &provenance, keys, text, conditions);
         if self.static_compliance {
             let Task {
@@ -149,15 +144,12 @@ impl Compensate {
     }
 
     fn check(&self, scenario: &Scenario, dialect: Option<&Dialect>) -> Result<(), FileError> {
-        let mut roles = inputs(scenario);
-        roles.reads("what was identified", &self.identified);
-        roles.may_read("the targets", self.targets.as_deref());
-        if let (Some(folder), Some(dialect)) = (&self.program_out, dialect) {
-            let files = self.files(&Program::default(), scenario, dialect)?;
-            let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();
-            roles.writes_to(folder, &names);
-        }
-        check_outputs(&mut roles, &[("--angles-out", self.angles_out.as_deref())])
+        let (Some(folder), Some(dialect)) = (&self.program_out, dialect) else {
+            return self.common.check_files(scenario, None);
+        };
+        let files = self.files(&Program::default(), scenario, dialect)?;
+        let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();
+        (self.common).check_files(scenario, Some((folder, &names)))
     }
 
     /// The program through the compensated test poses.

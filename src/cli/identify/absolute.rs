@@ -8,8 +8,8 @@ use elastocal::measurement::{AbsoluteReading, read_measured};
 use elastocal::quantities::units::shown_unit;
 use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
 use elastocal::record::json::merge;
+use elastocal::record::model_selection::model_selection_json;
 use elastocal::record::uncertainties::uncertainty_tables;
-use elastocal::record::{messages::ProvenanceMessage, model_selection::model_selection_json};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
@@ -32,9 +32,6 @@ impl Identify {
         scenario: &Scenario,
         readings: &[AbsoluteReading],
     ) -> anyhow::Result<Report> {
-        self.refuse("absolute readings", |option, value| {
-            (option == "method" && value == "linear").then_some("which no linear fit takes")
-        })?;
         self.common.say(&format!(
             "fitting the robot to {}",
             counted(readings.len() as u64, "absolute reading")
@@ -45,23 +42,23 @@ impl Identify {
             (false, false) => ReadingWeights::AsNeeded,
         };
         let (belief, file) = (&scenario.task.belief, &self.measurements);
-        let (how, wrong) = ((weights, self.keep_all), |error| explained(file, &error));
+        let (how, wrong) = ((weights, self.keep_all), |error: AbsoluteError| {
+            error.in_file(file)
+        });
         let model_selection = (self.model_selection)
             .then(|| model_selection(belief, readings, how).map_err(wrong))
             .transpose()?;
         let model_selection = model_selection.as_ref();
         let groups = model_selection.map_or(&*self.parameters, ModelSelection::groups);
         let mut identified = identify_absolute(belief, readings, groups, how).map_err(wrong)?;
-        let mut provenance = ProvenanceMessage::new(scenario).with_input("measurements", file)?;
         if let Some(other) = &self.against {
             let why = ", and absolute readings are held against it";
             let readings = read_measured(other, belief)?.absolute(other, why)?;
             let between = [file, other].map(|path| format!("in {}", path.display()));
             (identified.compare(belief, &readings, (groups, weights), between))
-                .map_err(|error| explained(other, &error))?;
-            provenance = provenance.with_input("against", other)?;
+                .map_err(|error| error.in_file(other))?;
         }
-        let mut json = identified.json(scenario, &provenance, groups)?;
+        let mut json = identified.json(scenario, &self.common.provenance(scenario)?, groups)?;
         let mut written = Written::default();
         let mut text = String::new();
         if let Some(found) = model_selection {
@@ -139,15 +136,6 @@ fn compared(beside: &Inconsistencies) -> String {
         text += &format!("    not comparable, from the same prior in both: {names}\n");
     }
     text
-}
-
-/// Why there is no fit, with what to do about it.
-pub fn explained(file: &Path, error: &AbsoluteError) -> FileError {
-    let wrong = FileError::new(file, error.to_string()).code(error.code());
-    wrong.hinted(match error {
-        AbsoluteError::Mistaken { likely, .. } => Some(likely.as_str()),
-        _ => error.hint(),
-    })
 }
 
 /// What was identified, for a person.

@@ -8,7 +8,7 @@ use elastocal::identification::{
     Identification, IdentificationError, Robustness, UncertainEstimate,
 };
 use elastocal::measurement::{Measurement, Origin};
-use elastocal::record::{json::merge, messages::ProvenanceMessage};
+use elastocal::record::json::merge;
 use elastocal::robot::ReadsAlong;
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
@@ -30,7 +30,6 @@ impl Identify {
         origin: Option<&Origin>,
         measurements: &[Measurement],
     ) -> anyhow::Result<Report> {
-        self.refuse("deflections", |option, _| of_readings(option))?;
         let loads = measurements.iter().map(|each| &each.load);
         let loads_outside = scenario.task.loads.outside_all("measurement", loads);
         let method = self.method.unwrap_or(scenario.task.belief.method);
@@ -61,8 +60,7 @@ impl Identify {
         };
         let identified = identify_measurements(belief, measurements, how)
             .map_err(|problem| explained(&self.measurements, &problem))?;
-        let provenance =
-            ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;
+        let provenance = self.common.provenance(scenario)?;
         // Another state of the scenario has another virtual robot.
         let simulated = origin
             .filter(|origin| origin.scenario_sha256 == scenario.sha256)
@@ -96,17 +94,6 @@ impl Identify {
                 .chain(identified.conditions())
                 .collect(),
         ))
-    }
-}
-
-/// Why there is nothing for deflections in an option of absolute readings.
-fn of_readings(option: &str) -> Option<&'static str> {
-    match option {
-        "model_selection" => Some("for which there is no model selection"),
-        "against" => Some("which are compared with no other series"),
-        "parameters" => Some("of which robot.parameters of the scenario says what to identify"),
-        "uncertainties_out" => Some("of which no joint error functions are estimated"),
-        _ => None,
     }
 }
 

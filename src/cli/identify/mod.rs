@@ -6,17 +6,17 @@ pub mod deflections;
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::codes::{ConditionCode, ErrorCode};
-use elastocal::files::{FileError, output::write_whole};
+use elastocal::codes::ConditionCode;
+use elastocal::files::output::write_whole;
 use elastocal::identification::{ParameterGroup, patterns::Patterns};
 use elastocal::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
 use elastocal::scenario::Scenario;
-use elastocal::task::Method;
+use elastocal::task::{AccuracyKind, Method};
 use elastocal::view::discrepancy_plots::patterns_plot;
 use serde_json::{Value, json};
 
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
+use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -67,15 +67,12 @@ impl Identify {
         let input = ["identify", "--measurements"];
         let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
         let measured = read_measured(&self.measurements, &scenario.task.belief)?;
-        let outputs = [
-            ("--identified-out", self.identified_out.as_deref()),
-            ("--plot-out", self.plot_out.as_deref()),
-            ("--uncertainties-out", self.uncertainties_out.as_deref()),
-        ];
-        let mut roles = inputs(&scenario);
-        roles.reads("the measurements", &self.measurements);
-        roles.may_read("the other measurements", self.against.as_deref());
-        check_outputs(&mut roles, &outputs)?;
+        self.common.check_files(&scenario, None)?;
+        let held = match &measured {
+            MeasuredFile::Deflections(_) => AccuracyKind::Relative,
+            MeasuredFile::Absolute(_) => AccuracyKind::Absolute,
+        };
+        (self.common).refuse_for("identify", &self.measurements, held)?;
         let mut report = match measured {
             MeasuredFile::Deflections(measurements) => {
                 self.of_deflections(&scenario, origin.as_ref(), &measurements)?
@@ -97,20 +94,6 @@ impl Identify {
             report.text += &format!("wrote {}\n", path.display());
         }
         Ok(report)
-    }
-
-    /// Refuses options that the file's readings have no use for: those of which it is said why, by their names and values.
-    fn refuse(
-        &self,
-        held: &str,
-        why: impl Fn(&str, &str) -> Option<&'static str>,
-    ) -> Result<(), FileError> {
-        let Some((option, why)) = self.common.given.find(why) else {
-            return Ok(());
-        };
-        let wrong = FileError::new(&self.measurements, format!("holds {held}, {why}"));
-        let wrong = wrong.code(ErrorCode::OtherAccuracy);
-        Err(wrong.hint(format!("leave out {option}")))
     }
 
     /// Draws the patterns, where that is wanted.

@@ -19,7 +19,7 @@ use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::{diagnostics::say, wording::counted};
 use elastocal::view::study_recording::next_snapshot;
 use elastocal::workflow::design::Wanted;
-use elastocal::workflow::study::{self, EntryError, Timing, foreign_loads};
+use elastocal::workflow::study::{self, Timing, foreign_loads};
 use indicatif::ProgressStyle;
 use serde_json::json;
 
@@ -31,7 +31,7 @@ use super::proof::ProofArgs;
 use super::readings_args::ReadingsArgs;
 use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, rests};
+use super::{Common, Report};
 
 #[derive(Debug, Args)]
 pub struct StudyCommand {
@@ -52,7 +52,7 @@ pub struct StudyCommand {
     /// Keep the tally in this file while running, and go on from it if it is there.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
-    /// Show the study in a rerun viewer while it runs: start one, connect to one, or write a file.
+    /// Show the study in a rerun viewer while it runs, or write a file of what that would show.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
     #[command(flatten)]
@@ -67,7 +67,7 @@ impl ReadingsArgs {
         scenario: &'a Scenario,
         settings: &'a [Setting<'_>],
         candidates: Option<&'a [Candidate]>,
-    ) -> Result<Vec<Entry<'a>>, EntryError> {
+    ) -> anyhow::Result<Vec<Entry<'a>>> {
         let say = |name: &str, of: String| {
             common.say(&format!("designing the plan {name:?} of {of}"));
         };
@@ -118,9 +118,7 @@ const ROUND_S: f64 = 0.5;
 
 impl StudyCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
-        rests(&scenario)?;
-        self.common.refuse_others("study", &scenario)?;
+        let scenario = self.common.open("study")?;
         study::refuse_others(&scenario)?;
         self.check_files(&scenario)?;
         keeps(self.kept(None));
@@ -151,25 +149,18 @@ impl StudyCommand {
 
     /// Nothing is in the way of any file.
     fn check_files(&self, scenario: &Scenario) -> Result<(), FileError> {
+        if self.shard.is_some() {
+            return self.common.check_files(scenario, None);
+        }
         let folder = self.common.folder(scenario);
-        let file = self.rerun.as_ref().and_then(ViewerTarget::file);
-        let outputs = [
-            ("--tally-out", self.tally_out.as_deref()),
-            ("--resume", self.resume.as_deref()),
-            ("--rerun", file.map(PathBuf::as_path)),
-        ];
-        let mut roles = inputs(scenario);
-        if self.shard.is_none() {
-            roles.writes_to(&folder, &results::FILES);
-            roles.writes_to(&folder, &[views::STUDY_PAGE]);
-            roles.writes_to(&folder, views::STUDY_FILES);
-        }
-        roles.may_read("the candidates", self.readings.candidates.as_deref());
-        check_outputs(&mut roles, &outputs)?;
-        match self.shard {
-            None => make_folder(&folder),
-            Some(_) => Ok(()),
-        }
+        let names = [
+            &results::FILES[..],
+            &[views::STUDY_PAGE],
+            views::STUDY_FILES,
+        ]
+        .concat();
+        (self.common).check_files(scenario, Some((&folder, &names)))?;
+        make_folder(&folder)
     }
 
     /// The numbers of runs and of shards.

@@ -2,21 +2,19 @@
 
 use std::path::Path;
 
-use elastocal::calibration::calibrate;
-use elastocal::plan::search::random_plan;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
-use elastocal::study::{Entry, EntryKind, Setting, tally::Tally};
+use elastocal::study::{Entry, Setting, tally::Tally};
 use elastocal::view::mcap_file::study::write_study_mcap;
-use elastocal::view::recording::{CarriedOutPlan, Recording};
+use elastocal::view::recording::Recording;
 use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
 use elastocal::view::rerun_file::viewer::Viewer;
 use elastocal::view::study_recording::{Snapshot, StudyRecording};
-use elastocal::workflow::run_absolute::replay_readings;
 use elastocal::workflow::study::plan_messages;
 
 use super::target::ViewerTarget;
+use crate::cli::replay::carried_out;
 use crate::cli::written::{Written, warn};
 
 /// What is recorded of a study, and the viewer that it is streamed to.
@@ -37,31 +35,10 @@ impl StudyObserver {
     ) -> anyhow::Result<Self> {
         let mut shown = Vec::new();
         for (entry, label) in entries.iter().zip(header.labels()) {
-            let Setting {
-                conditions,
-                task,
-                truth,
-            } = &settings[entry.setting];
-            let plan = match &entry.kind {
-                EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
-                // The plan of run 0 stands for all.
-                EntryKind::RandomEach => {
-                    random_plan(task, conditions.experiments, scenario.seed, 0)?
-                }
-                EntryKind::Readings(readings) => {
-                    let setting = &settings[entry.setting];
-                    if let Ok((run, did)) =
-                        replay_readings(scenario, setting, &label, readings, scenario.seed, 0)
-                    {
-                        shown.push(CarriedOutPlan::Readings(Box::new(run), did));
-                    }
-                    continue;
-                }
-            };
-            // A plan that fails on the virtual robot is not shown, and may do by the linear model.
-            if let Ok(calibration) = calibrate(task, truth, &plan, scenario.seed, 0) {
-                shown.push(CarriedOutPlan::Deflections(label, Box::new(calibration)));
-            }
+            let setting = &settings[entry.setting];
+            // A plan that fails on the virtual robot is not shown, and may do by the linear model; that of run 0 stands for all where
+            // every run has its own.
+            shown.extend(carried_out(scenario, setting, &label, &entry.kind, 0));
         }
         let study = StudyRecording {
             header: header.clone(),

@@ -1,5 +1,7 @@
 //! Why absolute readings give nothing.
 
+use std::path::Path;
+
 use thiserror::Error;
 
 use super::super::IdentificationError;
@@ -129,9 +131,16 @@ impl AbsoluteError {
         }
     }
 
+    /// The same of a file that holds the readings, or says what they are of.
+    pub fn in_file(&self, path: &Path) -> FileError {
+        let wrong = FileError::new(path, self.to_string()).code(self.code());
+        wrong.hinted(self.hint())
+    }
+
     /// What to do about it.
-    pub const fn hint(&self) -> Option<&'static str> {
+    pub fn hint(&self) -> Option<&str> {
         match self {
+            Self::Mistaken { likely, .. } => Some(likely),
             Self::Units { .. } => Some(
                 "metres in a column of millimetres, or radians in one of degrees? `elastocal import` converts",
             ),

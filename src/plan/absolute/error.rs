@@ -79,10 +79,7 @@ impl AbsolutePlanError {
     /// The same about a file.
     pub fn in_file(&self, path: &Path) -> FileError {
         let wrong = FileError::new(path, self.to_string()).code(ErrorCode::AbsolutePlan);
-        match self.hint() {
-            Some(hint) => wrong.hint(hint),
-            None => wrong,
-        }
+        wrong.hinted(self.hint())
     }
 
     /// What to do about it.

@@ -1,6 +1,7 @@
 //! What was planned, read and identified, as recordings show it.
 
 use nalgebra::Vector3;
+use serde_json::Value;
 
 use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::record::messages::{CalibrationMessage, TestPoseMessage};
@@ -33,6 +34,17 @@ impl PlanRecord {
         match self {
             Self::Deflections(record) => &record.name,
             Self::Readings(record) => &record.name,
+        }
+    }
+
+    /// The record as JSON.
+    ///
+    /// # Errors
+    /// None that records of numbers and texts have.
+    pub fn json(&self) -> serde_json::Result<Value> {
+        match self {
+            Self::Deflections(record) => serde_json::to_value(record),
+            Self::Readings(record) => record.json(),
         }
     }
 

@@ -3,54 +3,51 @@
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::test_poses::test_poses;
 use super::{
-    absolute_run, bound_card, conditions_card, each_once, plan_row, plan_table, provenance,
+    PlanPage, bound_card, checks_card, each_once, plan_row, plan_table, provenance, random_card,
     sources, verdict_card,
 };
-use crate::codes::Condition;
+use crate::calibration::rms_m;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
-use crate::record::{messages::ProvenanceMessage, robot_trials::RobotTrials};
-use crate::scenario::Scenario;
+use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
 use crate::text::wording::{counted, dash, micrometres, percent};
 use crate::view::charts::PlotError;
 use crate::view::markup::{card, heading, micro_sign, page, paragraph, section, table};
+use crate::view::tables;
+use crate::workflow::run::RUN;
 use crate::workflow::run_absolute::AbsoluteRun;
 
 /// What the page of a plan of absolute readings is made of.
 #[derive(Debug, Clone, Copy)]
 pub struct AbsolutePageRecord<'a> {
-    /// The scenario.
-    pub scenario: &'a Scenario,
+    /// What every page has.
+    pub page: PlanPage<'a>,
     /// The predicted accuracy of the plan.
     pub plan: &'a AbsolutePlanMessage,
     /// What virtual robots made of it, where some were drawn.
     pub trials: Option<&'a RobotTrials>,
     /// What came of one run, where it was carried out.
     pub run: Option<&'a AbsoluteRun<'a>>,
-    /// Where it comes from.
-    pub provenance: &'a ProvenanceMessage,
-    /// The robot in each configuration (HTML).
-    pub stills: &'a str,
-    /// What must be looked at.
-    pub conditions: &'a [Condition],
-    /// The command that made the page.
-    pub command: &'a str,
 }
+
+/// A smaller discrepancy (mm) is not said.
+const LEAST_MM: f64 = 5e-6;
 
 /// Which accuracy a page of absolute readings is about.
 pub const ABSOLUTE_ACCURACY: &str = "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.";
 
 /// The page of a plan of absolute readings as HTML.
 pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError> {
-    let (plan, name) = (shown.plan, &shown.scenario.name);
+    let (plan, scenario) = (shown.plan, shown.page.scenario);
+    let name = &scenario.name;
     let [title, tab] = match shown.run {
         Some(_) => ["Calibration for absolute accuracy", "calibration report"],
         None => ["Plan of absolute readings", "plan of absolute readings"],
     };
     let title = format!("{title}: {name}");
-    let mut body = heading(&title, &shown.scenario.description, &cards(shown));
+    let mut body = heading(&title, &scenario.description, &cards(shown));
     if let Some(trials) = shown.trials {
         body += &section("trials", "Do virtual robots keep it?", &of_trials(trials)?);
     }
@@ -63,16 +60,16 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
         let observed = (shown.run).map(|run| (&*run.record.test_poses, "of the nominal robot"));
         body += &test_poses(&predicted.collect::<Vec<_>>(), plan.rho0_mm, observed)?;
     }
-    body += &shown.run.map_or_else(String::new, absolute_run::identified);
+    body += &shown.run.map_or_else(String::new, identified);
     body += &section("readings", "What to read", &readings(shown));
     body += &section("unknowns", "What is found", &unknowns(plan));
-    body += &provenance(shown.provenance, shown.command);
+    body += &provenance(shown.page.provenance, shown.page.command);
     Ok(page(&format!("{name}: {tab}"), &body))
 }
 
 fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &best_card(shown.plan);
-    cards += &(shown.run).map_or_else(String::new, |run| absolute_run::cards(shown.plan, run));
+    cards += &(shown.run).map_or_else(String::new, |run| run_cards(shown.plan, run));
     if let Some(trials) = shown.trials {
         let is_kept = trials.prediction == Kept::Holds;
         let about = format!(
@@ -93,7 +90,7 @@ fn cards(shown: &AbsolutePageRecord<'_>) -> String {
             &about,
         );
     }
-    cards + &conditions_card(shown.conditions)
+    cards + &checks_card(shown.page.conditions, "")
 }
 
 fn plan_card(plan: &AbsolutePlanMessage) -> String {
@@ -140,11 +137,8 @@ fn accuracy_card(plan: &AbsolutePlanMessage) -> String {
             micrometres(Some(plan.task_force_mm))
         );
     }
-    let is_certain = |budget: &UncertaintyBudget| !budget.has_more_than_noise();
-    if plan.uncertainty_budget.as_ref().is_some_and(is_certain) {
-        about +=
-            " It is the noise of the readings alone: the scenario lists nothing else as uncertain.";
-    }
+    let counts = UncertaintyBudget::in_words(plan.uncertainty_budget.as_ref(), "reading");
+    about += &format!(" It is predicted {counts}.");
     let answer = micrometres(plan.rho0_mm) + " rms";
     card("", "Absolute accuracy", &answer, &about)
 }
@@ -211,7 +205,7 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
 
 /// The stills, and the plan as a table.
 fn readings(shown: &AbsolutePageRecord<'_>) -> String {
-    let own = &shown.scenario.task.belief.calibration_tool.name;
+    let own = &shown.page.scenario.task.belief.calibration_tool.name;
     let lengths = (shown.plan.plan.iter()).any(|reading| reading.distance_mm.is_some());
     let rows = (shown.plan.plan.iter().enumerate()).map(|(index, reading)| {
         let mut row = plan_row(index, &reading.q_deg, reading.wrench.as_ref());
@@ -232,7 +226,7 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
          tool, in the world frame, z up. {} the same numbers.",
         shown.run.map_or("--plan-out writes", |_| "plan.csv has")
     );
-    plan_table(shown.scenario, (shown.stills, &about), own, rows)
+    plan_table(&shown.page, &about, own, rows)
 }
 
 /// All unknowns, with how well each is known afterwards.
@@ -265,4 +259,53 @@ fn unknowns(plan: &AbsolutePlanMessage) -> String {
     )) + &format!(
         "<details><summary>How well each is known afterwards</summary>\n{numbers}</details>\n"
     )
+}
+
+/// What was observed beside what was predicted, and random plans.
+fn run_cards(plan: &AbsolutePlanMessage, run: &AbsoluteRun<'_>) -> String {
+    let [before, after] = rms_m(&run.poses).map(|value| micrometres(Some(value * 1e3)));
+    let about = format!(
+        "Residual error in run {} on the virtual robot: the distance of the loaded tool from where the identified robot predicts it, \
+         rms over the test poses; predicted {} rms. Of the nominal robot, in the frames that suit the same readings best: {before}.",
+        RUN,
+        micrometres(plan.rho0_mm)
+    );
+    let observed = card("", "Observed in this run", &after, &about);
+    let of = format!(
+        " of {} of the same candidates",
+        counted(plan.experiments.into(), "reading")
+    );
+    let own_m = plan.rho0_mm.map(|value| value * 1e-3);
+    observed + &random_card(run.random_rho0_m, own_m, &of, "")
+}
+
+/// What was identified, beside the simulated truth.
+fn identified(run: &AbsoluteRun<'_>) -> String {
+    let found = &run.record.identification;
+    let mut about = format!(
+        "From {} of the virtual robot of run {}, beside the simulated truth of that run. Frames are found besides.",
+        counted(found.readings as u64, "reading"),
+        RUN
+    );
+    if !found.left_out.is_empty() {
+        let names: Vec<&str> = found.left_out.iter().map(|each| &*each.name).collect();
+        about += &format!(
+            " Redundant, not fitted: {}. Frames take their part; where links do, too, no truth stands beside geometry.",
+            names.join(", ")
+        );
+    }
+    let distances = &found.distance_mm;
+    about += &format!(
+        " Read less predicted: {} rms, at most {}.",
+        micrometres(Some(distances.rms)),
+        micrometres(Some(distances.largest))
+    );
+    if let Some(discrepancy_mm) = found.discrepancy_mm.filter(|mm| *mm > LEAST_MM) {
+        about += &format!(
+            " Standard errors count a model discrepancy of {} in each coordinate.",
+            micrometres(Some(discrepancy_mm))
+        );
+    }
+    let body = paragraph(&about) + &tables::unknowns(&run.record).html();
+    section("identified", "What was identified", &body)
 }

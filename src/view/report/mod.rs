@@ -7,7 +7,6 @@
 //! The numbers are those of the JSON records.
 
 mod absolute;
-mod absolute_run;
 mod distances;
 mod figures;
 mod overview;
@@ -18,13 +17,14 @@ mod test_poses;
 use super::charts::PlotError;
 use super::markup::{card, cell, escaped, figure, page, paragraph, section, table, table_of_cells};
 use super::tables;
+use crate::calibration::rms_m;
 use crate::codes::Condition;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::task::{Belief, Instrument};
-use crate::text::wording::{dash, listed, micrometres, number, percent};
-use crate::workflow::run::{RunOutcome, TriedPlan};
+use crate::text::wording::{counted, dash, listed, micrometres, number, percent};
+use crate::workflow::run::{RANDOM_PLANS, RunOutcome, TriedPlan};
 use distances::{Line, Role, distances_figure, distances_table};
 use figures::{
     RelativeEstimate, accuracy_figure, compliances_figure, criteria_names, residuals_figure,
@@ -34,17 +34,27 @@ use test_poses::test_poses;
 pub use absolute::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
 pub use study::{StudyPageRecord, study_page};
 
-/// What the report of a run is made of.
+/// What a page about a plan has, whatever is measured.
 #[derive(Debug, Clone, Copy)]
-pub struct RunRecord<'a> {
+pub struct PlanPage<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
-    /// What it comes to.
-    pub outcome: &'a RunOutcome,
-    /// The command that made the report.
-    pub command: &'a str,
     /// The robot in each configuration (HTML).
     pub stills: &'a str,
+    /// What must be looked at.
+    pub conditions: &'a [Condition],
+    /// Where it comes from.
+    pub provenance: &'a ProvenanceMessage,
+    /// The command that made the page.
+    pub command: &'a str,
+}
+
+/// What the report of a run is made of.
+#[derive(Debug, Clone, Copy)]
+struct RunRecord<'a> {
+    scenario: &'a Scenario,
+    /// What it comes to.
+    outcome: &'a RunOutcome,
 }
 
 /// What a budget's contributions are.
@@ -52,13 +62,17 @@ const CONTRIBUTIONS: &str = "Contributions are what the noise and each error sou
                              squares add up.";
 
 /// The report of a run as HTML.
-pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
-    let Some(own) = run.outcome.tried.first() else {
+pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, PlotError> {
+    let run = &RunRecord {
+        scenario: shown.scenario,
+        outcome,
+    };
+    let Some(own) = outcome.tried.first() else {
         return Ok(page("elastocal", ""));
     };
     let (calibration, assessment) = (&own.record, &own.assessment);
     let evidence = &run.outcome.evidence;
-    let mut body = overview::overview(run, own);
+    let mut body = overview::overview(run, own, shown.conditions);
     body += &distances(evidence, &calibration.name)?;
     body += &sources::budget_section(assessment.uncertainty_budget.as_ref(), CONTRIBUTIONS);
     let poses = &calibration.test_poses;
@@ -103,9 +117,9 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     body += &section(
         "configurations",
         "What to measure",
-        &configurations(run, calibration),
+        &configurations(shown, calibration),
     );
-    body += &provenance(&ProvenanceMessage::new(run.scenario), run.command);
+    body += &provenance(shown.provenance, shown.command);
     Ok(page(
         &format!("{}: calibration report", run.scenario.name),
         &body,
@@ -206,8 +220,8 @@ const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summ
     <p>Variances are those of relative errors of the compliances.</p></details>\n";
 
 /// What is measured: the stills, and the plan as a table.
-fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> String {
-    let reads_along = run.scenario.task.reads_along();
+fn configurations(shown: &PlanPage<'_>, calibration: &CalibrationMessage) -> String {
+    let reads_along = shown.scenario.task.reads_along();
     let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
         let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
         if reads_along {
@@ -223,13 +237,15 @@ fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Stri
         "experiment | times"
     };
     let about = "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up.";
-    plan_table(run.scenario, (run.stills, about), own, rows)
+    plan_table(shown, about, own, rows)
 }
 
 /// Stills, what is to be known of them, and the rows of a plan; `own` names the rows and the columns that follow angles and load.
 fn plan_table(
-    scenario: &Scenario,
-    (stills, about): (&str, &str),
+    PlanPage {
+        scenario, stills, ..
+    }: &PlanPage<'_>,
+    about: &str,
     own: &str,
     rows: impl Iterator<Item = Vec<String>>,
 ) -> String {
@@ -316,15 +332,13 @@ fn residuals(
 fn plans(run: &RunRecord<'_>) -> String {
     let row = |plan: &TriedPlan| {
         let (calibration, assessment) = (&plan.record, &plan.assessment);
-        let poses = calibration.test_poses.iter();
-        let square = poses.map(|pose| pose.weight * pose.residual_mm.powi(2));
-        let residual_um = square.sum::<f64>().sqrt() * 1e3;
+        let [_, residual_m] = rms_m(&plan.calibration.1.poses);
         vec![
             calibration.name.clone(),
             assessment.experiments.to_string(),
             number(assessment.rho0_m.map(|value| value * 1e6), 2),
             percent(assessment.efficiency(), 1),
-            number(Some(residual_um), 2),
+            number(Some(residual_m * 1e6), 2),
             assessment.violations.len().to_string(),
         ]
     };
@@ -351,13 +365,30 @@ fn verdict_card(is_kept: bool, verdict: &str, about: &str) -> String {
     card(tone, "Does the prediction hold?", verdict, about)
 }
 
-/// A card of what must be looked at; nothing where there is nothing.
-fn conditions_card(conditions: &[Condition]) -> String {
-    if conditions.is_empty() {
-        return String::new();
-    }
+/// A card of what must be looked at; where there is nothing, of what holds, if anything is said of that.
+fn checks_card(conditions: &[Condition], holds: &str) -> String {
     let all: Vec<String> = conditions.iter().map(ToString::to_string).collect();
-    card("bad", "Conditions", "not all hold", &(all.join("; ") + "."))
+    match (all.len(), holds) {
+        (0, "") => String::new(),
+        (0, _) => card("good", "Checks", "all hold", holds),
+        (count, _) => {
+            let count = counted(count as u64, "condition") + " to look at";
+            card("bad", "Checks", &count, &(all.join("; ") + "."))
+        }
+    }
+}
+
+/// A card of what random plans predict (m) in the median, beside the plan's own; nothing where there are none.
+fn random_card(median_m: Option<f64>, own_m: Option<f64>, of: &str, repeats: &str) -> String {
+    let Some((median_m, own_m)) = median_m.zip(own_m) else {
+        return String::new();
+    };
+    let about = format!(
+        "Median predicted accuracy of {RANDOM_PLANS} random plans{of}: {}.{repeats}",
+        micrometres(Some(median_m * 1e3))
+    );
+    let answer = format!("{} times as accurate", number(Some(median_m / own_m), 1));
+    card("", "Against a random plan", &answer, &about)
 }
 
 /// Where a page comes from.

@@ -1,12 +1,13 @@
 //! What a run's report answers first: which plan, how accurate, proved by what; and what to do.
 
-use super::{RunRecord, bound_card};
+use super::{RunRecord, bound_card, checks_card, random_card};
+use crate::codes::{Condition, ConditionCode};
 use crate::plan::search::{BoundKind, RepeatsNeeded};
 use crate::plan::{Assessment, UncertaintyBudget};
 use crate::robot::ReadsAlong;
-use crate::text::wording::{counted, micrometres, number, shell_path};
+use crate::text::wording::{counted, micrometres, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};
-use crate::workflow::run::{RANDOM_PLANS, TriedPlan};
+use crate::workflow::run::TriedPlan;
 
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
@@ -16,14 +17,23 @@ fn length(value_m: Option<f64>) -> String {
     micrometres(value_m.map(|value_m| value_m * 1e3))
 }
 
+/// What holds where there is nothing to look at.
+const ALL_HOLD: &str = "On the virtual robot: every compliance that was asked for is determined, the residuals fit the instrument, and \
+                        the plan keeps all bounds of the scenario.";
+
 /// Title and cards.
-pub fn overview(run: &RunRecord<'_>, own: &TriedPlan) -> String {
+pub fn overview(run: &RunRecord<'_>, own: &TriedPlan, conditions: &[Condition]) -> String {
+    let (outcome, assessment) = (run.outcome, &own.assessment);
+    let count = assessment.violations.len() as u64;
+    let words = format!("the plan has {}", counted(count, "violation"));
+    let violated = (count > 0).then(|| ConditionCode::Violation.with(words));
+    let conditions: Vec<Condition> = conditions.iter().cloned().chain(violated).collect();
     let cards = [
         plan_card(run, own),
         accuracy_card(own),
         proof_card(run, &own.assessment),
-        random_card(run, &own.assessment),
-        check_card(run, &own.assessment),
+        random_card(outcome.random_rho0_m, assessment.rho0_m, "", &repeats(run)),
+        checks_card(&conditions, ALL_HOLD),
     ];
     let title = format!("Calibration plan: {}", run.scenario.name);
     heading(&title, &run.scenario.description, &cards.concat())
@@ -51,13 +61,7 @@ fn accuracy_card(own: &TriedPlan) -> String {
     };
     let about = format!(
         "\u{3c1}\u{2080}, the rms distance between the loaded tool and its place, predicted {}{}: a relative accuracy, of what the load bends. Uncompensated, {}.",
-        if (assessment.uncertainty_budget.as_ref())
-            .is_some_and(UncertaintyBudget::has_more_than_noise)
-        {
-            "with the whole uncertainty budget"
-        } else {
-            "for the measurements' noise alone"
-        },
+        UncertaintyBudget::in_words(assessment.uncertainty_budget.as_ref(), "measurement"),
         (assessment.quantile95_m).map_or_else(String::new, |value_m| format!(
             "; 95 % stay below {}",
             length(Some(value_m))
@@ -126,13 +130,9 @@ fn proved_of_it(assessment: &Assessment) -> String {
     )
 }
 
-fn random_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
-    let median_mm = run.outcome.random_rho0_m.map(|value| value * 1e3);
-    let times = assessment
-        .rho0_m
-        .zip(median_mm)
-        .map(|(rho0_m, median_mm)| median_mm / (rho0_m * 1e3));
-    let repeats = match run.outcome.random_repeats {
+/// How often a random plan is to be repeated for the accuracy of the designed one.
+fn repeats(run: &RunRecord<'_>) -> String {
+    match run.outcome.random_repeats {
         Some(RepeatsNeeded::Times(times)) => {
             format!(" That plan gets as far if it is measured {times} times as a whole.")
         }
@@ -141,32 +141,7 @@ fn random_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
             length(Some(limit_m))
         ),
         None => String::new(),
-    };
-    card(
-        "",
-        "Against a random plan",
-        &format!("{} times as accurate", number(times, 1)),
-        &format!(
-            "Median predicted accuracy of {RANDOM_PLANS} random plans: {}.{repeats}",
-            micrometres(median_mm),
-        ),
-    )
-}
-
-fn check_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
-    let violations = assessment.violations.len() as u64;
-    let conditions = run.outcome.conditions.iter();
-    let mut problems: Vec<String> = conditions.map(ToString::to_string).collect();
-    if violations > 0 {
-        problems.push(format!("the plan has {}", counted(violations, "violation")));
     }
-    if problems.is_empty() {
-        let about = "On the virtual robot: every compliance that was asked for is determined, the residuals fit the \
-                     instrument, and the plan keeps all bounds of the scenario.";
-        return card("good", "Checks", "all hold", about);
-    }
-    let count = counted(problems.len() as u64, "problem");
-    card("bad", "Checks", &count, &(problems.join("; ") + "."))
 }
 
 /// What to do with the plan in the laboratory.

@@ -4,7 +4,7 @@ use super::absolute::ABSOLUTE_ACCURACY;
 use super::distances::{
     Line, Role, distances_figure, distances_table, means_figure, shares_figure,
 };
-use super::{conditions_card, provenance, sources, verdict_card};
+use super::{checks_card, provenance, sources, verdict_card};
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
 use crate::task::AccuracyKind;
@@ -128,5 +128,5 @@ fn cards(study: &StudyPageRecord<'_>) -> String {
         &format!("off by {largest:.1} sigma at most"),
         about,
     );
-    cards + &conditions_card(study.conditions)
+    cards + &checks_card(study.conditions, "")
 }

@@ -1,22 +1,26 @@
 //! `next`: what to measure next, after some of a plan is measured.
 
-mod readings;
-
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::experiment::Experiment;
+use elastocal::experiment::{Experiment, write_candidates};
 use elastocal::files::FileError;
+use elastocal::identification::AbsoluteCase;
 use elastocal::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
-use elastocal::measurement::{Origin, read_measurements_so_far};
+use elastocal::measurement::{Origin, read_measured_so_far, read_measurements_so_far};
+use elastocal::plan::absolute::{
+    AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
+};
 use elastocal::plan::{
     Feasibility, Plan, Violation, posterior, read_plan, rho0_m, take_nearest_turns, write_plan,
 };
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
+use elastocal::record::absolute_plan::planned_readings;
 use elastocal::record::json::merge;
-use elastocal::record::messages::{ProvenanceMessage, plan_messages};
+use elastocal::record::messages::plan_messages;
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
@@ -26,10 +30,12 @@ use serde_json::json;
 use super::conditions::search_stopped;
 use super::identify::deflections::{self, explained};
 use super::interruption::STOP;
+use super::plan_args::offered;
 use super::progress::search;
 use super::readings_args::ReadingsArgs;
+use super::table::table;
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
+use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -92,11 +98,7 @@ impl Next {
         let input = ["next", "--measurements"];
         let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
         self.common.refuse_others("next", &scenario)?;
-        let mut roles = inputs(&scenario);
-        roles.reads("the measurements", &self.measurements);
-        roles.may_read("the plan", self.plan.as_deref());
-        roles.may_read("the candidates", self.readings.candidates.as_deref());
-        check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])?;
+        self.common.check_files(&scenario, None)?;
         match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.absolute(&scenario),
             AccuracyKind::Relative => self.deflections(&scenario),
@@ -154,7 +156,9 @@ impl Next {
             };
             None
         } else {
-            let mut found = self.search(&left, goal, scenario.seed, &mut conditions)?;
+            let mut found = search(&self.common, PLANNING, |watch| {
+                rest(&left, goal, scenario.seed, watch)
+            })?;
             take_nearest_turns(&scenario.task, scenario.laboratory.home(), &mut found.plan);
             Some(found)
         };
@@ -186,6 +190,81 @@ impl Next {
         self.report(scenario, &plan, &write, Report::new(json, text, conditions))
     }
 
+    /// Of absolute readings: beside those that are taken, as the scenario has the robot.
+    fn absolute(&self, scenario: &Scenario) -> anyhow::Result<Report> {
+        let task = &scenario.task;
+        let why = "; the scenario asks for an absolute accuracy";
+        let taken = read_measured_so_far(&self.measurements, &task.belief)?
+            .absolute(&self.measurements, why)?;
+        AbsoluteCase::placed(&task.belief, &taken).map_err(|error| {
+            FileError::new(&self.measurements, error.to_string()).code(ErrorCode::Measurements)
+        })?;
+        let measured = u32::try_from(taken.len()).unwrap_or(u32::MAX);
+        let (candidates, seed) = (self.readings.candidates(scenario)?, scenario.seed);
+        let wanted = ReadingsWanted {
+            measured: &taken,
+            ..self.readings.wanted(scenario, candidates.as_deref())
+        };
+        let drawn = wanted.drawn(seed);
+        let wrong = |error: AbsolutePlanError| error.in_file(wanted.path);
+        let mut planning = wanted.planning(task, seed).map_err(wrong)?;
+        let so_far = planning.prediction(&[]);
+        let wanted_m = self.accuracy_um.map(|accuracy| accuracy * 1e-6);
+        let is_reached =
+            (so_far.rho0_m().zip(wanted_m)).is_some_and(|(rho0, wanted)| rho0 <= wanted);
+        let left = |total: u32| total.saturating_sub(measured);
+        let counts = match (wanted_m, self.experiments) {
+            _ if is_reached => RangeInclusive::new(1, 0),
+            (Some(_), most) => 1..=most.map_or(MORE, left),
+            (None, total) => {
+                let more = left(total.unwrap_or(task.design.experiments));
+                more.max(1)..=more
+            }
+        };
+        let mut text = format!(
+            "{} so far: {}\n{}",
+            counted(measured.into(), "absolute reading"),
+            described(&planning, &so_far),
+            offered(drawn, self.readings.candidates.as_deref(), &planning.offer)
+        );
+        let mut conditions = Vec::new();
+        let found = if counts.is_empty() {
+            text += "Nothing more needs to be measured.\n";
+            None
+        } else {
+            let found = search(&self.common, PLANNING, |watch| {
+                wanted.of_sizes(&mut planning, counts, wanted_m, seed, watch)
+            });
+            found.map_err(wrong)?.pop()
+        };
+        let (plan, bound) = found.map_or_else(Default::default, |found| (found.plan, found.bound));
+        let bound_m = bound.map(|bound| bound.best);
+        let prediction = planning.prediction(&plan);
+        let reached_m = prediction.rho0_m();
+        let is_reached =
+            wanted_m.is_none_or(|wanted_m| reached_m.is_some_and(|rho0| rho0 <= wanted_m));
+        if !plan.is_empty() {
+            text += &tell_readings(&planning, (&plan, bound_m), &prediction);
+        }
+        conditions.extend(self.unreached(measured + prediction.readings, is_reached));
+        let json = json!({
+            "accuracy": "absolute",
+            "plan": planned_readings(task, &planning, &plan),
+            "candidates": planning.offer,
+            "drawn": drawn,
+        });
+        let next = NextPlan {
+            measured,
+            measured_m: so_far.rho0_m(),
+            is_reached,
+            rho0_m: reached_m,
+            bound_m,
+        };
+        let rows = planning.rows(&plan);
+        let write = |path: &Path| write_candidates(path, task.belief.commands(), &rows);
+        self.report(scenario, &next, &write, Report::new(json, text, conditions))
+    }
+
     /// Writes what is to be measured, and reports it with what is of deflections or of absolute readings alone.
     fn report(
         &self,
@@ -202,11 +281,9 @@ impl Next {
         if let Some(path) = &self.plan_out {
             text += &written.noted(path, write(path));
         }
+        conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
         conditions.extend(written.conditions());
-        let provenance = ProvenanceMessage::new(scenario)
-            .with_input("measurements", &self.measurements)?
-            .with_optional("plan", self.plan.as_deref())?
-            .with_optional("candidates", self.readings.candidates.as_deref())?;
+        let provenance = self.common.provenance(scenario)?;
         let millimetres = |value_m: Option<f64>| value_m.map(|value_m| value_m * 1e3);
         let mut keys = json!({
             "measured": next.measured,
@@ -228,21 +305,6 @@ impl Next {
         let old = not_measured(&Plan { experiments }, measured);
         let is_as_large = old.measurements() == next.measurements();
         rho0_m(left, &posterior(&left.belief, &old)).filter(|_| is_as_large)
-    }
-
-    /// Searches the rest of the campaign.
-    fn search(
-        &self,
-        left: &Remaining,
-        goal: Goal,
-        seed: u64,
-        conditions: &mut Vec<Condition>,
-    ) -> anyhow::Result<Rest> {
-        let found = search(&self.common, PLANNING, |watch| {
-            rest(left, goal, seed, watch)
-        })?;
-        conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
-        Ok(found)
     }
 
     /// That the goal is not reached, where it is not.
@@ -307,5 +369,52 @@ fn describe(rho0_m: Option<f64>) -> String {
     rho0_m.map_or_else(
         || "a test pose depends on compliances that are not determined yet".to_owned(),
         |rho0_m| format!("rho0 = {:.3} um at the test pose", rho0_m * 1e6),
+    )
+}
+
+/// A prediction for a person.
+fn described(planning: &AbsolutePlanning<'_>, prediction: &PredictedAccuracy) -> String {
+    let station = planning.stations().get(prediction.station);
+    match (&prediction.left, station.and_then(Option::as_ref)) {
+        (Ok(rho0_m), Some(station)) => {
+            format!(
+                "rho0 = {:.5} mm in the frame of station {station:?}",
+                rho0_m * 1e3
+            )
+        }
+        (Ok(rho0_m), None) => format!("rho0 = {:.5} mm", rho0_m * 1e3),
+        (Err(_), _) => "they do not determine the tool's place at the test poses yet".to_owned(),
+    }
+}
+
+/// The rest for a person.
+fn tell_readings(
+    planning: &AbsolutePlanning<'_>,
+    (plan, bound_m): (&[(usize, u32)], Option<f64>),
+    prediction: &PredictedAccuracy,
+) -> String {
+    let mut text = format!(
+        "{} more: {}",
+        counted(prediction.readings.into(), "absolute reading"),
+        described(planning, prediction)
+    );
+    if let Some(bound_m) = bound_m {
+        text += &format!(
+            "; no other rest of these candidates is below {:.5} mm",
+            bound_m * 1e3
+        );
+    }
+    let rows = planning.readings(plan).into_iter().zip(plan);
+    let rows = rows.map(|((row, times), &(place, _))| {
+        vec![
+            row.line.to_string(),
+            planning.target(place).to_owned(),
+            row.station.clone().unwrap_or_default(),
+            times.to_string(),
+        ]
+    });
+    format!(
+        "{text}\n\n{}",
+        table("line | target | station | times", rows)
     )
 }

@@ -1,0 +1,318 @@
+//! `validate`: whether the robot errs as its identification predicts.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use elastocal::codes::{Condition, ErrorCode};
+use elastocal::files::FileError;
+use elastocal::identification::{
+    DistanceStatistics, Predicted, ReadingResidual, StoredIdentification,
+};
+use elastocal::laboratory::validation::{Validation, validate, validation_plan};
+use elastocal::measurement::{read_measured, read_measurements};
+use elastocal::plan::write_plan;
+use elastocal::record::messages::plan_messages;
+use elastocal::scenario::Scenario;
+use elastocal::text::wording::counted;
+use elastocal::workflow::stored_robot::StoredRobot;
+use elastocal::workflow::validate_absolute::{
+    AbsoluteValidation, prediction_failed, validate_absolute,
+};
+use nalgebra::{Matrix3, Vector3};
+use serde_json::{Value, json};
+
+use super::identified::{IdentifiedCompliances, read_identified, trust};
+use super::table::{DISTANCES, distances, in_um, or_dash, table, table_of};
+use super::tolerance::{ToleranceArgs, report_judged};
+use super::written::Written;
+use super::{Common, Report, named_by_file, without_effect};
+
+#[derive(Debug, Args)]
+#[command(mut_arg("scenario", named_by_file))]
+#[command(mut_args(without_effect(&["threads", "out"])))]
+pub struct Validate {
+    #[command(flatten)]
+    pub common: Common,
+    /// What `identify --identified-out` wrote.
+    #[arg(long, value_name = "FILE")]
+    identified: PathBuf,
+    /// Measurements that were not identified from: without them, a plan for such is made.
+    #[arg(long, value_name = "FILE")]
+    measurements: Option<PathBuf>,
+    #[command(flatten)]
+    tolerance: ToleranceArgs,
+    /// The number of measurements to plan.
+    #[arg(long, value_name = "M", default_value_t = 3, conflicts_with = "measurements", value_parser = clap::value_parser!(u32).range(1..=100))]
+    experiments: u32,
+    /// Where to write the plan.
+    #[arg(long, value_name = "FILE", conflicts_with = "measurements")]
+    plan_out: Option<PathBuf>,
+}
+
+/// What measurements show of a prediction.
+struct Validated {
+    keys: Value,
+    text: String,
+    conditions: Vec<Condition>,
+    /// Measured less predicted (m), and the covariance of the reading alone (m^2).
+    differences: Vec<(Vector3<f64>, Matrix3<f64>)>,
+}
+
+impl Validate {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let (input, path) = (["validate", "--identified"], &*self.identified);
+        let robot = StoredRobot::read(path)?;
+        let origin = match &robot {
+            Some(robot) => robot.origin.clone(),
+            None => StoredIdentification::origin(path)?,
+        };
+        let scenario = self.common.load_for(input, path, origin.as_ref())?;
+        self.common.check_files(&scenario, None)?;
+        let validated = match (&robot, &self.measurements) {
+            (Some(robot), Some(file)) => self.of_absolute(&scenario, robot, file)?,
+            (Some(robot), None) => {
+                trust(path, &scenario, Some(&robot.identified_with))?;
+                let problem = "was identified from absolute readings, for which no plan is made";
+                let hint = "give other absolute readings with --measurements";
+                let wrong = FileError::new(path, problem).hint(hint);
+                return Err(wrong.code(ErrorCode::OtherAccuracy).into());
+            }
+            (None, Some(file)) => {
+                of_deflections(&scenario, read_identified(path, &scenario)?, file)?
+            }
+            (None, None) => self.plan(&scenario, read_identified(path, &scenario)?)?,
+        };
+        let mut report = Report::of(
+            "validate",
+            &self.common.provenance(&scenario)?,
+            validated.keys,
+            validated.text,
+            validated.conditions,
+        );
+        if let Some(tolerance) = self.tolerance.tolerance() {
+            report_judged(&mut report, tolerance, validated.differences.into_iter());
+        }
+        Ok(report)
+    }
+
+    /// A plan for measurements where the identified robot is known least.
+    fn plan(
+        &self,
+        scenario: &Scenario,
+        mut identified: IdentifiedCompliances,
+    ) -> anyhow::Result<Validated> {
+        let (task, commands) = (&scenario.task, scenario.task.belief.commands());
+        let plan = validation_plan(task, &identified.posterior, self.experiments, scenario.seed)?;
+        if plan.experiments.is_empty() {
+            let problem = "every experiment depends on compliances that were not determined: nothing is predicted";
+            return Err(FileError::new(&self.identified, problem).into());
+        }
+        let count = counted(plan.measurements().into(), "measurement");
+        let mut text = format!("{count} where the identified robot is known least\n");
+        let mut written = Written::default();
+        if let Some(path) = &self.plan_out {
+            text += &written.noted(path, write_plan(path, commands.clone(), &plan));
+        }
+        identified.conditions.extend(written.conditions());
+        Ok(Validated {
+            keys: json!({ "plan": plan_messages(&commands, &plan) }),
+            text,
+            conditions: identified.conditions,
+            differences: Vec::new(),
+        })
+    }
+
+    /// Holds other readings beside a robot that was identified.
+    fn of_absolute(
+        &self,
+        scenario: &Scenario,
+        robot: &StoredRobot,
+        file: &Path,
+    ) -> anyhow::Result<Validated> {
+        let (identified, belief) = (&*self.identified, &scenario.task.belief);
+        // Readings show what masses and compliances that differ cost.
+        trust(identified, scenario, Some(&robot.identified_with))?;
+        let (robot, mut conditions) = robot.with_possible_compliances(&belief.arm());
+        let why = ", and what was identified rests on absolute readings";
+        let readings = read_measured(file, belief)?.absolute(file, why)?;
+        let validation = validate_absolute(belief, (identified, &robot), (file, &readings))?;
+        conditions.extend(validation.conditions());
+        let left = validation.left.iter().map(|each| each.position_m);
+        Ok(Validated {
+            keys: readings_record(&validation),
+            text: describe_readings(&validation),
+            conditions,
+            differences: left.zip(validation.readings_m2.iter().copied()).collect(),
+        })
+    }
+}
+
+/// Holds other deflections beside compliances that were identified.
+fn of_deflections(
+    scenario: &Scenario,
+    identified: IdentifiedCompliances,
+    file: &Path,
+) -> anyhow::Result<Validated> {
+    let belief = &scenario.task.belief;
+    let measured = read_measurements(file, belief)?;
+    let beside = |measurements: &[_]| {
+        validate(belief, &identified.posterior, measurements)
+            .map_err(|error| FileError::new(file, error.to_string()))
+    };
+    // What the model left unexplained is in other measurements, too.
+    let sigma_m = belief.instrument.sigma_m;
+    let validation = beside(&identified.discrepancy.weighed(&measured, sigma_m))?;
+    // The model discrepancy is the robot's, and no uncertainty of the measurement.
+    let bare = beside(&measured)?.each;
+    let mut conditions = identified.conditions;
+    conditions.extend(prediction_failed(validation.probability));
+    Ok(Validated {
+        keys: record(&validation),
+        text: describe(&validation),
+        conditions,
+        differences: (bare.iter())
+            .map(|each| (each.difference_m, each.reading_m2))
+            .collect(),
+    })
+}
+
+/// The predicted standard deviation of a difference's length, and what of it the robot makes (m).
+fn predicted_m(each: &Predicted) -> [f64; 2] {
+    let known_m2 = each.known_m2.trace();
+    [known_m2 + each.reading_m2.trace(), known_m2].map(f64::sqrt)
+}
+
+fn record(validation: &Validation) -> Value {
+    let milli = |vector: Vector3<f64>| -> Vec<f64> { (vector * 1e3).iter().copied().collect() };
+    let each: Vec<Value> = (validation.each.iter().enumerate())
+        .map(|(index, each)| {
+            let [predicted_m, left_m] = predicted_m(each);
+            let mut record = json!({
+                "measurement": index + 1,
+                "difference_mm": milli(each.difference_m),
+                "predicted_rms_mm": predicted_m * 1e3,
+                "residual_rms_mm": left_m * 1e3,
+            });
+            if let Some(difference_rad) = each.rotation_difference_rad {
+                record["rotation_difference_mrad"] = milli(difference_rad).into();
+            }
+            record
+        })
+        .collect();
+    json!({ "probability": validation.probability, "measurements": each })
+}
+
+fn describe(validation: &Validation) -> String {
+    let has_rotation = (validation.each.iter()).any(|each| each.rotation_difference_rad.is_some());
+    let rows = (validation.each.iter().enumerate()).map(|(index, each)| {
+        let micro = |value_m: f64| in_um(Some(value_m), 1);
+        let [predicted_m, left_m] = predicted_m(each);
+        let mut row = vec![
+            (index + 1).to_string(),
+            micro(each.difference_m.norm()),
+            micro(predicted_m),
+            micro(left_m),
+        ];
+        if has_rotation {
+            let rotation_rad = each.rotation_difference_rad;
+            row.push(or_dash(rotation_rad, |each| micro(each.norm())));
+        }
+        row
+    });
+    let mut header = vec![
+        "measurement",
+        "measured less predicted [um]",
+        "predicted rms [um]",
+        "contribution of the robot [um]",
+    ];
+    if has_rotation {
+        header.push("rotation, measured less predicted [urad]");
+    }
+    format!(
+        "{}\nPredicted and observed differences: p = {:.2}.\n",
+        table_of(&header, rows),
+        validation.probability
+    )
+}
+
+fn readings_record(validation: &AbsoluteValidation) -> Value {
+    let both = |left: &[ReadingResidual]| {
+        let [distance_mm, angle_mrad] = DistanceStatistics::in_mm_and_mrad(left);
+        json!({ "distance_mm": distance_mm, "angle_mrad": angle_mrad })
+    };
+    let with_joints: Vec<ReadingResidual> =
+        validation.prognoses.iter().map(|each| each.left).collect();
+    let residuals = |left: &[ReadingResidual]| -> Vec<[f64; 3]> {
+        let position = |each: &ReadingResidual| (each.position_m * 1e3).into();
+        left.iter().map(position).collect()
+    };
+    let moved: Vec<Value> = (validation.moved.iter())
+        .map(|(name, moved)| {
+            json!({
+                "station": name,
+                "position_mm": <[f64; 3]>::from(moved.position_m * 1e3),
+                "rotation_mrad": <[f64; 3]>::from(moved.rotation_rad * 1e3),
+                "probability": moved.probability,
+            })
+        })
+        .collect();
+    let [distance_mm, angle_mrad] = DistanceStatistics::in_mm_and_mrad(&validation.left);
+    json!({
+        "kind": "absolute",
+        "probability": validation.probability,
+        "distance_mm": distance_mm,
+        "angle_mrad": angle_mrad,
+        "before": validation.before.as_deref().map(both),
+        "with_joint_errors": both(&with_joints),
+        "coverage95": {
+            validation.names[0]: validation.coverage(0),
+            validation.names[1]: validation.coverage(1),
+        },
+        "frames_anew": validation.frames_anew,
+        "stations_moved": moved,
+        "residuals_mm": residuals(&validation.left),
+        "residuals_with_joint_errors_mm": residuals(&with_joints),
+    })
+}
+
+fn describe_readings(validation: &AbsoluteValidation) -> String {
+    let with_joints: Vec<ReadingResidual> =
+        validation.prognoses.iter().map(|each| each.left).collect();
+    let mut rows = Vec::new();
+    let mut add = |name: &str, left: &[ReadingResidual]| {
+        for (what, lengths) in ["distance [mm]", "angle [mrad]"]
+            .into_iter()
+            .zip(DistanceStatistics::in_mm_and_mrad(left))
+        {
+            rows.extend(lengths.map(|each| distances(&format!("{name}: {what}"), &each)));
+        }
+    };
+    if let Some(before) = &validation.before {
+        add("nominal, best frames", before);
+    }
+    add("identified", &validation.left);
+    if with_joints != validation.left {
+        add("with joint errors", &with_joints);
+    }
+    let mut text = format!(
+        "{} that were not fitted\n{}",
+        counted(validation.left.len() as u64, "reading"),
+        table(DISTANCES, rows)
+    );
+    let share = |part: usize| {
+        let (share, name) = (validation.coverage(part)?, validation.names[part]);
+        Some(format!("{:.1} % of the {name}", share * 100.0))
+    };
+    let shares: Vec<String> = (0..2).filter_map(share).collect();
+    text += &format!("  In their regions of 95 % lie {}.\n", shares.join(" and "));
+    if let Some(probability) = validation.probability {
+        text += &format!("  predicted and observed differences: p = {probability:.2}\n");
+    }
+    if !validation.frames_anew.is_empty() {
+        text += &format!(
+            "  fitted to these readings: the frames of {}\n",
+            validation.frames_anew.join(", ")
+        );
+    }
+    text
+}
