@@ -65,6 +65,7 @@ class CompensateGiven(Common, total=False):
     static_compliance: bool | None
     station: str | None
     tool: str | None
+    workpiece: str | None
 
 
 class CompensateOptions(CompensateGiven, total=False):

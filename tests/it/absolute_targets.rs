@@ -54,7 +54,10 @@ fn identified() -> Workplace {
 }
 
 /// Poses along a path, from what the true robot does at configurations, with a load.
-fn path(place: &Workplace) -> (String, Vec<(Isometry3<f64>, Load)>) {
+fn path(
+    place: &Workplace,
+    base_from_frame: &Isometry3<f64>,
+) -> (String, Vec<(Isometry3<f64>, Load)>) {
     let model = Model::load(&place.path("true.xml")).expect("a model");
     let chain = SerialChain::from_model(&model).expect("an arm");
     let tool = SerialChain::tool(&model, "machining_tcp").expect("a site");
@@ -85,8 +88,9 @@ fn path(place: &Workplace) -> (String, Vec<(Isometry3<f64>, Load)>) {
         let state = solver.state();
         let turned = UnitQuaternion::from_matrix(&state.tool_rotation);
         let pose = Isometry3::from_parts(state.tool_position.into(), turned);
-        let at = pose.translation.vector * 1e3;
-        let Quaternion { coords } = *turned.quaternion();
+        let given = base_from_frame.inverse() * pose;
+        let at = given.translation.vector * 1e3;
+        let Quaternion { coords } = *given.rotation.quaternion();
         let force = load.force_n;
         let _ = writeln!(
             text,
@@ -111,31 +115,44 @@ fn the_virtual_robot_stands_where_it_should_under_its_load() {
     );
     let scenario = Scenario::load(&place.path("t.toml")).expect("a scenario");
     let mut robot = VirtualRobot::new(&scenario.truth.robot, "machining_tcp").expect("a robot");
-    let (text, wanted) = path(&place);
-    place.write("targets.csv", text);
-    let outcome = place.run("compensate k.toml --identified i.json --targets targets.csv --angles-out angles.csv --json --quiet");
-    let json = outcome.json();
-    assert_eq!(place.read("angles.csv").lines().count(), 2 + wanted.len());
-    let said = json["frame"].as_str().expect("a text");
-    assert!(said.contains("base"), "{said}");
-    assert!(
-        place
-            .read("angles.csv")
-            .starts_with("# targets of the tool \"machining_tcp\" in the frame of")
+    let workpiece = elastocal::mujoco::frame(
+        Vector3::new(0.5, -0.2, 0.1),
+        [0.1, 0.2, 0.3].map(f64::to_radians),
     );
-    for ((pose, load), target) in wanted
-        .iter()
-        .zip(json["targets"].as_array().expect("a list"))
-    {
-        let commanded: Vec<f64> = numbers(&target["q_commanded_deg"])
+    for (options, frame) in [
+        ("", Isometry3::identity()),
+        ("--workpiece table=500,-200,100,0.1,0.2,0.3", workpiece),
+    ] {
+        let (text, wanted) = path(&place, &frame);
+        place.write("targets.csv", text);
+        let outcome = place.run(&format!("compensate k.toml --identified i.json --targets targets.csv --angles-out angles.csv --json --quiet {options}"));
+        let json = outcome.json();
+        assert_eq!(place.read("angles.csv").lines().count(), 2 + wanted.len());
+        let said = json["frame"].as_str().expect("a text");
+        assert_eq!(
+            said.contains("the workpiece \"table\""),
+            !options.is_empty(),
+            "{said}"
+        );
+        assert!(
+            place
+                .read("angles.csv")
+                .starts_with("# targets of the tool \"machining_tcp\" in the frame of")
+        );
+        for ((pose, load), target) in wanted
             .iter()
-            .map(|deg| deg.to_radians())
-            .collect();
-        let commanded = DVector::from_vec(commanded);
-        let (position, axes, _) = robot.rest(&commanded, load).expect("it rests");
-        let off_m = (position - pose.translation.vector).norm();
-        let turned = UnitQuaternion::from_matrix(&axes).angle_to(&pose.rotation);
-        assert!(off_m < 1e-8 && turned < 1e-8, "{off_m:e} m, {turned:e} rad");
+            .zip(json["targets"].as_array().expect("a list"))
+        {
+            let commanded: Vec<f64> = numbers(&target["q_commanded_deg"])
+                .iter()
+                .map(|deg| deg.to_radians())
+                .collect();
+            let commanded = DVector::from_vec(commanded);
+            let (position, axes, _) = robot.rest(&commanded, load).expect("it rests");
+            let off_m = (position - pose.translation.vector).norm();
+            let turned = UnitQuaternion::from_matrix(&axes).angle_to(&pose.rotation);
+            assert!(off_m < 1e-8 && turned < 1e-8, "{off_m:e} m, {turned:e} rad");
+        }
     }
 }
 

@@ -235,16 +235,28 @@ fn test_poses_are_compensated_with_the_robot_of_absolute_readings() {
 fn absolute_targets_are_reached_in_the_instrument_s_frame() {
     let (place, truth) = laboratory(2);
     let mut random = generator(34, 0);
-    for (options, station, said) in [
+    let workpiece = Isometry3::from_parts(
+        Vector3::new(0.5, -0.2, 0.1).into(),
+        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 30_f64.to_radians()),
+    );
+    for (options, station, frame, said) in [
         (
             "--station S0",
             0,
+            Isometry3::identity(),
             "the instrument's frame at station \"S0\"",
         ),
         (
             "--station S1",
             1,
+            Isometry3::identity(),
             "the instrument's frame at station \"S1\"",
+        ),
+        (
+            "--station S1 --workpiece table=500,-200,100,0,0,30",
+            1,
+            workpiece,
+            "the workpiece \"table\", which stands at (500, -200, 100) mm and (0, 0, 30) deg in the instrument's frame at station \"S1\"",
         ),
     ] {
         let mut table = "x_mm,y_mm,z_mm,qw,qx,qy,qz,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm\n".to_owned();
@@ -252,7 +264,8 @@ fn absolute_targets_are_reached_in_the_instrument_s_frame() {
         for _ in 0..6 {
             let (q, load) = (configuration(&mut random, 6), load(&mut random));
             let pose = seen(&truth, &q, &load, station);
-            let (at, turned) = (pose.translation.vector * 1e3, pose.rotation.coords);
+            let given = frame.inverse() * pose;
+            let (at, turned) = (given.translation.vector * 1e3, given.rotation.coords);
             let force = load.force_n;
             let _ = writeln!(
                 table,
@@ -314,6 +327,10 @@ fn what_absolute_targets_need_is_said() {
             .ends_with(1)
             .says(words);
     }
+    place
+        .run(&format!("{command} --workpiece table=1,2"))
+        .ends_with(2)
+        .says("table=500,0,200,0,0,90");
     for (text, words) in [
         ("x_mm,y_mm\n1,2\n", "z_mm"),
         ("x_mm,y_mm,z_mm\n1,2,cat\n", "line 2"),

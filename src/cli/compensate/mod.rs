@@ -26,7 +26,7 @@ use super::static_compliance::add_static_compliance;
 use super::table::{number, table_of};
 use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};
-use targets::TargetFrame;
+use targets::{TargetFrame, Workpiece};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -58,12 +58,16 @@ pub struct Compensate {
     /// The tool that must be there, by its site; the machining tool if not given.
     #[arg(long, value_name = "SITE", requires = "targets")]
     tool: Option<String>,
-    /// Frame of the targets; the instrument's if absolute readings were identified from, else the base's.
+    /// Frame of the targets, or of the workpiece; the instrument's if absolute readings were identified from, else
+    /// the base's.
     #[arg(long, value_enum, requires = "targets")]
     frame: Option<TargetFrame>,
     /// Which of several stations is meant.
     #[arg(long, value_name = "NAME", requires = "targets")]
     station: Option<String>,
+    /// The targets are in the frame of a workpiece: its name, and where it is (mm, deg).
+    #[arg(long, value_name = "NAME=X,Y,Z,ROLL,PITCH,YAW", requires = "targets", value_parser = Workpiece::of_word)]
+    workpiece: Option<Workpiece>,
 }
 
 impl Compensate {

@@ -9,10 +9,11 @@ use elastocal::compensation::{
 };
 use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::JointError;
+use elastocal::mujoco::frame;
 use elastocal::parameter::ElasticArm;
 use elastocal::scenario::Scenario;
 use elastocal::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
-use nalgebra::{DVector, Isometry3};
+use nalgebra::{DVector, Isometry3, Vector3};
 use serde_json::{Value, json};
 
 use super::Compensate;
@@ -20,13 +21,45 @@ use crate::cli::Report;
 use crate::cli::identified::taken_as_believed;
 use crate::cli::table::table;
 
-/// In which frame targets are.
+/// In which frame targets are, or in which a workpiece stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum TargetFrame {
     /// The robot's base: the model's world.
     Base,
     /// That in which the instrument gave its readings.
     Instrument,
+}
+
+/// Where a workpiece stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Workpiece {
+    name: String,
+    /// As it was given (mm, deg).
+    numbers: [f64; 6],
+}
+
+impl Workpiece {
+    /// NAME=X,Y,Z,ROLL,PITCH,YAW (mm, deg).
+    pub fn of_word(word: &str) -> Result<Self, String> {
+        let wrong = || {
+            "NAME=X,Y,Z,ROLL,PITCH,YAW is allowed, in mm and deg, as in table=500,0,200,0,0,90"
+                .to_owned()
+        };
+        let (name, numbers) = word.split_once('=').ok_or_else(wrong)?;
+        let numbers: Vec<f64> = (numbers.split(','))
+            .map(|word| word.trim().parse().map_err(|_| wrong()))
+            .collect::<Result<_, _>>()?;
+        let numbers = <[f64; 6]>::try_from(numbers).map_err(|_| wrong())?;
+        let is_right = !name.is_empty() && numbers.iter().all(|number| number.is_finite());
+        let name = name.to_owned();
+        is_right.then_some(Self { name, numbers }).ok_or_else(wrong)
+    }
+
+    fn place(&self) -> Isometry3<f64> {
+        let [x, y, z, roll, pitch, yaw] = self.numbers;
+        let turned = [roll, pitch, yaw].map(f64::to_radians);
+        frame(Vector3::new(x, y, z) * 1e-3, turned)
+    }
 }
 
 impl Compensate {
@@ -140,7 +173,7 @@ impl Compensate {
         } else {
             TargetFrame::Base
         });
-        match frame {
+        let (own, said) = match frame {
             TargetFrame::Base => {
                 if self.station.is_some() {
                     let problem =
@@ -148,7 +181,7 @@ impl Compensate {
                     return Err(FileError::new(targets, problem).code(ErrorCode::Targets));
                 }
                 let said = "the frame of the robot's base";
-                Ok((Isometry3::identity(), said.to_owned()))
+                (Isometry3::identity(), said.to_owned())
             }
             TargetFrame::Instrument => {
                 let station = self.station_of(robot)?;
@@ -156,9 +189,20 @@ impl Compensate {
                     None => "the instrument's frame".to_owned(),
                     Some(name) => format!("the instrument's frame at station {name:?}"),
                 };
-                Ok((station.instrument_from_base.inverse(), said))
+                (station.instrument_from_base.inverse(), said)
             }
-        }
+        };
+        Ok(match &self.workpiece {
+            None => (own, said),
+            Some(workpiece) => {
+                let [x, y, z, roll, pitch, yaw] = workpiece.numbers;
+                let said = format!(
+                    "the frame of the workpiece {:?}, which stands at ({x}, {y}, {z}) mm and ({roll}, {pitch}, {yaw}) deg in {said}",
+                    workpiece.name
+                );
+                (own * workpiece.place(), said)
+            }
+        })
     }
 
     /// The station in whose frame targets are.
