@@ -233,6 +233,7 @@ class RunGiven(Common, total=False):
     proof_out: FilePath | None
     prove: float | str | None
     prove_time: float | str | None
+    rerun: str | None
 
 
 class RunOptions(RunGiven, total=False):

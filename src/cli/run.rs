@@ -29,7 +29,7 @@ use super::proof::ProofArgs;
 use super::readings_args::ReadingsArgs;
 use super::table::{in_um, number, table};
 use super::uncertainty_budget::{self, BudgetArgs};
-use super::views::{RUN_FILES, command_line, write_recording};
+use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
 use super::written::{Written, record_text, warn};
 use super::{Common, Report, progress};
 
@@ -43,6 +43,9 @@ pub struct Run {
     budget: BudgetArgs,
     #[command(flatten)]
     readings: ReadingsArgs,
+    /// Show the recording in a rerun viewer too: start one, connect to one, or write a file.
+    #[arg(long, value_name = TARGETS)]
+    rerun: Option<ViewerTarget>,
 }
 
 /// The files of the results.
@@ -90,6 +93,9 @@ impl Run {
         written.save(&folder.join("report.html"), &looped.page);
         let recording = Recording::new(&scenario, &looped.shown)?;
         write_recording(&recording, &folder.join("run.rrd"), &mut written);
+        if let Some(target) = &self.rerun {
+            show(target, &recording, &mut written)?;
+        }
         let mut text = looped.text + &format!("Results are in {}\n", folder.display());
         if let Some(bound) = &looped.bound {
             let provenance = common.provenance(&scenario)?;

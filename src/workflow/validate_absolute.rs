@@ -160,8 +160,10 @@ fn in_file<E: Into<AbsoluteError>>(file: &Path) -> impl Fn(E) -> FileError {
 /// The file does not fit the robot, or a new frame is not determined.
 pub fn validate_absolute(
     belief: &Belief,
-    (path, stored): (&Path, &StoredRobot),
-    (file, readings): (&Path, &[AbsoluteReading]),
+    path: &Path,
+    stored: &StoredRobot,
+    file: &Path,
+    readings: &[AbsoluteReading],
 ) -> Result<AbsoluteValidation, FileError> {
     let mut case = AbsoluteCase::placed(belief, readings).map_err(in_file(file))?;
     let reads = case.observations.iter().zip(&case.covariances);

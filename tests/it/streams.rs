@@ -225,6 +225,10 @@ fn a_viewer_that_is_not_there_or_goes_away_costs_no_result() {
         assert_eq!(results(&workplace, "live"), expected);
         std::fs::remove_dir_all(workplace.path("live")).expect("it was written");
     }
+    let study = "study s.toml --quiet --out live --rerun spawn";
+    let outcome = with(&workplace, study, &[("ELASTOCAL_RERUN", "nowhere/rerun")]).ends_with(0);
+    assert!(outcome.stderr.contains("hint: ELASTOCAL_RERUN must name"));
+    assert_eq!(results(&workplace, "live"), expected);
 }
 
 /// A rerun program that writes what it receives to a file; it ends with the test.
@@ -297,4 +301,51 @@ fn a_viewer_receives_all_while_the_study_runs() {
     eventually("all snapshots arrive", || {
         rows_so_far(&file, "/text/table") == 10 && rows_so_far(&file, "/world/force") == 38
     });
+}
+
+#[test]
+fn a_viewer_receives_a_run() {
+    let workplace = Workplace::new();
+    let file = workplace.path("received.rrd");
+    let receiver = Receiver::start(&file);
+    let scenario = project("scenarios/planar_3r.toml");
+    let run = format!("run {} --quiet {}", scenario.display(), receiver.option());
+    let outcome = workplace.run(&run).ends_with(0);
+    assert_eq!(outcome.stderr, "");
+    let written = rows_so_far(&workplace.path("out/planar_3r/run.rrd"), "/world/force");
+    assert!(written > 0);
+    eventually("all steps arrive", || {
+        rows_so_far(&file, "/world/force") == written
+    });
+}
+
+/// A program that lies in the folder where somebody stands is not run, by whatever name.
+#[test]
+fn the_folder_s_programs_are_not_run() {
+    let place = small();
+    place.write("viewer", "#!/bin/sh\necho \"$@\" >opened\n");
+    let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(place.path("viewer"), executable).expect("it is ours");
+    std::fs::create_dir(place.path(".rerun")).expect("possible");
+    for name in ["rerun", ".rerun/rerun", "elastocal"] {
+        std::fs::copy(place.path("viewer"), place.path(name)).expect("possible");
+    }
+    // The program itself, where no viewer was installed beside it.
+    let program = place.path("elastocal");
+    std::fs::copy(env!("CARGO_BIN_EXE_elastocal"), &program).expect("possible");
+    for path in ["/nowhere", "", ".", ".rerun"] {
+        let output = Command::new(&program)
+            .args(["study", "s.toml", "--trials", "10", "--rerun", "spawn"])
+            .current_dir(place.path(""))
+            .env_remove("ELASTOCAL_RERUN")
+            .env("PATH", path)
+            .output()
+            .expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            said.contains("not installed") && said.contains("pip install rerun-sdk"),
+            "{said}"
+        );
+        assert!(!place.path("opened").exists());
+    }
 }

@@ -52,7 +52,7 @@ pub struct StudyCommand {
     /// Keep the tally in this file while running, and go on from it if it is there.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
-    /// Show the study in a rerun viewer while it runs, or write a file of what that would show.
+    /// Show the study in a rerun viewer while it runs: start one, connect to one, or write a file.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
     #[command(flatten)]

@@ -6,22 +6,40 @@ mod target;
 use std::path::{Path, PathBuf};
 
 use elastocal::text::wording::shell_word;
-use elastocal::view::rerun_file::write_rerun;
+use elastocal::view::rerun_file::{log_recording, write_rerun};
 use elastocal::view::{mcap_file::write_mcap, recording::Recording};
 
-use crate::cli::written::Written;
+use crate::cli::written::{Written, warn};
 
 pub use study::StudyObserver;
 pub use target::ViewerTarget;
 
 /// The names of the targets of `--rerun`, for the help.
-pub const TARGETS: &str = "connect[=URL]|save=FILE";
+pub const TARGETS: &str = "spawn|connect[=URL]|save=FILE";
 /// What `run` writes beside its results.
 pub const RUN_FILES: &[&str] = &["run.mcap", "run.rrd", "stills.svg", "report.html"];
 /// The page of a study.
 pub const STUDY_PAGE: &str = "study.html";
 /// The recordings of a study.
 pub const STUDY_FILES: &[&str] = &["study.mcap", "study.rrd"];
+
+/// Shows what run.rrd holds.
+pub fn show(
+    target: &ViewerTarget,
+    recording: &Recording,
+    written: &mut Written,
+) -> anyhow::Result<()> {
+    if let Some(path) = target.file() {
+        written.note(path, write_rerun(path, recording));
+    }
+    if let Some(viewer) = target.open() {
+        log_recording(viewer.stream(), recording)?;
+        if let Some(problem) = viewer.finish() {
+            warn(&problem, None);
+        }
+    }
+    Ok(())
+}
 
 /// Writes a recording to files that differ from a record's in their ending; returns the one to look at.
 pub fn write_recording(recording: &Recording, record: &Path, written: &mut Written) -> PathBuf {

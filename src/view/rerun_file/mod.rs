@@ -116,8 +116,8 @@ fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
     .into()
 }
 
-/// Logs a recording with its layout.
-fn log_recording(stream: &RecordingStream, recording: &Recording) -> Logged {
+/// Logs a recording with its layout, for a file or a viewer.
+pub fn log_recording(stream: &RecordingStream, recording: &Recording) -> Logged {
     let clock = Clock {
         timeline: STEP,
         // The legend has its place behind the last step.

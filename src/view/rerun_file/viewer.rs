@@ -17,6 +17,8 @@ use super::new_stream;
 
 /// Where a viewer on this machine listens.
 pub const DEFAULT_URL: &str = re_sdk::DEFAULT_CONNECT_URL;
+/// The port of [`DEFAULT_URL`].
+pub const DEFAULT_PORT: u16 = re_sdk::DEFAULT_SERVER_PORT;
 
 /// How long a viewer may take to answer.
 const ANSWER: Duration = Duration::from_secs(15);

@@ -1,0 +1,58 @@
+//! Pages, pictures and recordings as files.
+
+use std::path::{Path, PathBuf};
+
+use elastocal::text::wording::shell_word;
+use elastocal::view::rerun_file::{log_recording, write_rerun};
+use elastocal::view::{mcap_file::write_mcap, recording::Recording};
+
+use crate::cli::written::{Written, warn};
+
+pub use super::study::StudyObserver;
+pub use super::target::ViewerTarget;
+
+/// What `run` writes beside its results.
+pub const RUN_FILES: &[&str] = &["run.mcap", "run.rrd", "stills.svg", "report.html"];
+/// The page of a study.
+pub const STUDY_PAGE: &str = "study.html";
+/// The recordings of a study.
+pub const STUDY_FILES: &[&str] = &["study.mcap", "study.rrd"];
+
+/// Shows what run.rrd holds.
+pub fn show(
+    target: &ViewerTarget,
+    recording: &Recording,
+    written: &mut Written,
+) -> anyhow::Result<()> {
+    if let Some(path) = target.file() {
+        written.note(path, write_rerun(path, recording));
+    }
+    if let Some(viewer) = target.open() {
+        log_recording(viewer.stream(), recording)?;
+        if let Some(problem) = viewer.finish() {
+            warn(&problem, None);
+        }
+    }
+    Ok(())
+}
+
+/// Writes a recording to files that differ from a record's in their ending; returns the one to look at.
+pub fn write_recording(recording: &Recording, record: &Path, written: &mut Written) -> PathBuf {
+    let [mcap, rerun] = ["mcap", "rrd"].map(|ending| record.with_extension(ending));
+    written.note(&mcap, write_mcap(&mcap, recording));
+    written.note(&rerun, write_rerun(&rerun, recording));
+    rerun
+}
+
+/// The sheet of a campaign.
+pub const RUN_SHEET: &str = "run_sheet.html";
+
+/// The command that was given, as a shell takes it.
+pub fn command_line() -> String {
+    let given = std::env::args_os().skip(1);
+    let words = given.map(|each| shell_word(&each.to_string_lossy()));
+    let words: Vec<String> = std::iter::once("elastocal".to_owned())
+        .chain(words)
+        .collect();
+    words.join(" ")
+}
