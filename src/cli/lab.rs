@@ -88,8 +88,8 @@ impl Lab {
                 .collect(),
         };
         let work = match scenario.task.design.accuracy {
-            AccuracyKind::Relative => self.deflections(&scenario, &axes)?,
-            AccuracyKind::Absolute => self.readings(&scenario, &axes)?,
+            AccuracyKind::Relative => self.deflections(&scenario, &axes, dialect.is_some())?,
+            AccuracyKind::Absolute => self.readings(&scenario, &axes, dialect.is_some())?,
         };
         let LaboratoryWork {
             plan,
@@ -135,7 +135,12 @@ impl Lab {
     }
 
     /// A plan of deflections.
-    fn deflections(&self, scenario: &Scenario, axes: &[&str]) -> anyhow::Result<LaboratoryWork> {
+    fn deflections(
+        &self,
+        scenario: &Scenario,
+        axes: &[&str],
+        has_program: bool,
+    ) -> anyhow::Result<LaboratoryWork> {
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
         let plan = read_plan(&self.plan, task.belief.commands())?;
         self.say_looking(plan.experiments.len(), "experiment");
@@ -149,7 +154,7 @@ impl Lab {
         });
         let stills = Stills::of_plan(scenario, &plan);
         Ok(LaboratoryWork {
-            sheet: run_sheet(scenario, stills, &plan, &campaign, axes),
+            sheet: run_sheet(scenario, stills, &plan, &campaign, axes, has_program),
             table: to_fill_in(scenario, &plan, &campaign),
             conditions: conditions.into_iter().collect(),
             plan,
@@ -158,7 +163,12 @@ impl Lab {
     }
 
     /// A plan of absolute readings.
-    fn readings(&self, scenario: &Scenario, axes: &[&str]) -> anyhow::Result<LaboratoryWork> {
+    fn readings(
+        &self,
+        scenario: &Scenario,
+        axes: &[&str],
+        has_program: bool,
+    ) -> anyhow::Result<LaboratoryWork> {
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
         let rows = read_candidates(&self.plan, task.belief.commands())?;
         let planning = AbsolutePlanning::of_plan(task, &[], &rows)
@@ -175,7 +185,7 @@ impl Lab {
         };
         let stills = Stills::of_readings(scenario, &rows);
         Ok(LaboratoryWork {
-            sheet: run_sheet(scenario, stills, &plan, &campaign, axes),
+            sheet: run_sheet(scenario, stills, &plan, &campaign, axes, has_program),
             table: readings_table(scenario, &planning, &campaign),
             conditions: Vec::new(),
             plan,

@@ -29,7 +29,8 @@ pub use clearance::PathJudge;
 pub use dialect::{Dialect, DialectError};
 pub use groups::Stop;
 pub use program::{
-    Program, ProgramFile, ProgramStep, hang_or_apply, hung_kg, program, set_gauge, set_up, take_off,
+    Program, ProgramFile, ProgramStep, change_load, hang_or_apply, hung_kg, program, set_gauge,
+    set_up, take_off,
 };
 pub use settings::{Costs, Laboratory, Loading};
 pub use side::Side;

@@ -73,6 +73,30 @@ pub fn hung_kg(load: &Load, gravity_m_s2: &Vector3<f64>) -> Option<f64> {
     (hangs && load.torque_nm.norm() == 0.0).then(|| pull / gravity)
 }
 
+/// How a load takes the place of that of the stop before, if one is there, under gravity (m/s^2).
+pub fn change_load(before: Option<&Load>, load: &Load, gravity_m_s2: &Vector3<f64>) -> String {
+    // Thousandths are as much as anybody sets.
+    let rounded = |load: &Load| {
+        let three = |vector: Vector3<f64>| vector.map(|value| (value * 1e3).round() * 1e-3);
+        in_words(&Load {
+            force_n: three(load.force_n),
+            torque_nm: three(load.torque_nm),
+        })
+    };
+    let hangs = hang_or_apply(load, gravity_m_s2);
+    let first = before.map_or_else(String::new, |before| {
+        format!("take the load {} off, then ", rounded(before))
+    });
+    format!("{first}{hangs} the load {}", rounded(load))
+}
+
+/// A sentence with its first letter as sentences have it.
+fn capitalised(sentence: &str) -> String {
+    let mut letters = sentence.chars();
+    let first = letters.next().map(|letter| letter.to_ascii_uppercase());
+    first.into_iter().chain(letters).collect()
+}
+
 /// What is done with a load under gravity (m/s^2): a weight is hung.
 pub fn hang_or_apply(load: &Load, gravity_m_s2: &Vector3<f64>) -> &'static str {
     match hung_kg(load, gravity_m_s2) {
@@ -105,14 +129,10 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
             if stop.approach.is_none() {
                 steps.push(ProgramStep::Move(stop.configuration.clone()));
             }
-            let verb = match hang_or_apply(load, gravity_m_s2) {
-                "hang" => "Hang",
-                _ => "Apply",
-            };
-            steps.push(ProgramStep::Halt(format!(
-                "{verb} the load {}",
-                in_words(load)
-            )));
+            let before = index.checked_sub(1);
+            let before = before.and_then(|before| campaign.stops[before].load.as_ref());
+            let change = change_load(before, load, gravity_m_s2);
+            steps.push(ProgramStep::Halt(capitalised(&change)));
         }
         let hung = (stop.load.as_ref()).and_then(|load| hung_kg(load, gravity_m_s2));
         if hung != payload {

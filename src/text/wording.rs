@@ -20,7 +20,15 @@ pub fn micrometres(value_mm: Option<f64>) -> String {
 /// A number with the given decimals, or a dash.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(dash, |value| {
-        format!("{value:.decimals$}").replace('-', "\u{2212}")
+        let text = format!("{value:.decimals$}");
+        // What rounds to zero has no sign.
+        let is_zero = !text.contains(|letter: char| ('1'..='9').contains(&letter));
+        let text = if is_zero {
+            text.trim_start_matches('-')
+        } else {
+            &text
+        };
+        text.replace('-', "\u{2212}")
     })
 }
 

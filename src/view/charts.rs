@@ -487,6 +487,8 @@ impl Chart {
         let needed = width_of(&x.names) * pixels(x.names.len());
         let lines = needed.div_ceil(room).clamp(1, 4);
         let ticks = x.ticks.clone();
+        // Half of the last name stands beyond the axis.
+        let beside = beside.max(width_of(x.names.last().map_or(&[], std::slice::from_ref)) / 2);
         let below = match lines {
             1 => Vec::new(),
             _ => std::mem::replace(&mut x.names, vec![String::new(); ticks.len()]),

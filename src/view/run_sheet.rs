@@ -6,8 +6,8 @@ use nalgebra::DVector;
 
 use super::markup::{escaped, page, paragraph, section, table_of};
 use super::stills::{Pictures, Stills};
-use crate::experiment::{Plan, in_words};
-use crate::laboratory::{Campaign, Stop, hang_or_apply, hung_kg, set_gauge, set_up, take_off};
+use crate::experiment::Plan;
+use crate::laboratory::{Campaign, Stop, change_load, hung_kg, set_gauge, set_up, take_off};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::{Commands, Load, ReadsAlong};
 use crate::scenario::Scenario;
@@ -31,23 +31,28 @@ const FIELDS: [&str; 10] = [
     "air temperature, end [\u{b0}C]",
 ];
 
-/// The sheet as a page for print, which loads nothing; `axes` are the names of the commanded joints' axes.
+/// The sheet as a page for print, which loads nothing; `axes` are the names of the commanded joints' axes. Without a program a person moves
+/// the robot.
 pub fn run_sheet(
     scenario: &Scenario,
     stills: Stills<'_>,
     plan: &Plan,
     campaign: &Campaign,
     axes: &[&str],
+    has_program: bool,
 ) -> String {
     let pictures = stills.pictures();
     let places = places(campaign);
     let title = format!("{}: run sheet", scenario.name);
-    let fields = FIELDS.map(|field| format!("<p class=\"blank\">{}</p>\n", escaped(field)));
+    let has_reflector = scenario.task.belief.instrument.reads_positions();
+    let fields = (FIELDS.into_iter())
+        .filter(|field| has_reflector || !field.starts_with("reflector"))
+        .map(|field| format!("<p class=\"blank\">{}</p>\n", escaped(field)));
     let body = format!(
         "<style>\n{STYLE}</style>\n<h1>{}</h1>\n{}<div class=\"fields\">\n{}</div>\n{}{}{}{}",
         escaped(&title),
-        overview(scenario, plan, campaign),
-        fields.concat(),
+        overview(scenario, plan, campaign, has_program),
+        fields.collect::<String>(),
         section(
             "before",
             "Before the first stop",
@@ -100,7 +105,7 @@ fn columns(task: &Task) -> Vec<&'static str> {
     columns
 }
 
-fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
+fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign, has_program: bool) -> String {
     let is_absolute = scenario.task.design.accuracy == AccuracyKind::Absolute;
     let counts = [
         counted(campaign.stops.len() as u64, "stop"),
@@ -124,24 +129,39 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
     };
     let of_gauge = "For each measurement in turn, without moving the robot in between: set the gauge against the tool along the \
          direction that is given (world frame) and to zero, hang the load, and write down what the gauge shows, positive \
-         along its direction (mm). Then take the load off and the gauge away, and let the program go on.";
+         along its direction (mm). Then take the load off and the gauge away before the robot moves.";
+    let comes = if has_program {
+        "The robot halts at each stop"
+    } else {
+        "Move the robot to each stop over the points and from the side that are given"
+    };
     let is_sided = (campaign.stops.iter()).all(|stop| stop.side.as_approach().is_some());
     let sides = if is_sided {
-        "Every configuration is approached from the same side both times."
+        "Every configuration is approached from the same side both times: + and - say in which sense each joint, in their order, turns last."
     } else {
         "A configuration is approached from the same side both times where a side is given."
     };
     let of_positions = format!(
         "Without a load first, then under each load in turn: what is identified from is the difference of the \
-         two positions at the same commanded angles. {sides} The robot halts at each stop: wait until it has come to rest, read the instrument, write \
-         the position of the reflector down (world frame, mm), tick the stop, and let the program go on."
+         two positions at the same commanded angles. {sides} {comes}: wait until it has come to rest, read the instrument, write \
+         the position of the reflector down (world frame, mm), and tick the stop."
     );
     let how = if is_absolute {
-        "The robot halts at each stop: wait until it has come to rest, read each target of the stop, write down what the \
-         instrument shows in a frame of its own, tick the stop, and let the program go on. A configuration that comes again is \
-         another visit of the robot, from the same side where one is given. The instrument stays where it is until the sheet asks for \
-         another station."
-            .to_owned()
+        let instrument = &scenario.task.belief.instrument;
+        let positions = "write down what the instrument shows in a frame of its own";
+        let distances = "write down the distance that is shown: what spans it is put in for the reading, and taken out before the robot moves";
+        let shows: Vec<&str> = (instrument
+            .reads_positions()
+            .then_some(positions)
+            .into_iter())
+        .chain(instrument.distance.map(|_| distances))
+        .collect();
+        format!(
+            "{comes}: wait until it has come to rest, read each target of the stop, {}, and tick the stop. A configuration that comes again is \
+             another visit of the robot, from the same side where one is given. The instrument stays where it is until the sheet asks \
+             for another station.",
+            shows.join("; of a distance ")
+        )
     } else {
         match scenario.task.belief.instrument.reads_along() {
             ReadsAlong::Always => of_gauge.to_owned(),
@@ -163,7 +183,10 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
     }
     if !campaign.is_checked {
         text += "<p class=\"alarm\">Moves were not looked at for collisions: the scenario names no \
-                 region.collision_clearance_mm. Run the program slowly and with care.</p>\n";
+                 region.collision_clearance_mm. Move slowly and with care.</p>\n";
+    }
+    if !has_program {
+        text += "<p class=\"alarm\">There is no program of this campaign: no dialect suits the robot's joints.</p>\n";
     }
     text
 }
@@ -173,12 +196,14 @@ fn before(scenario: &Scenario, campaign: &Campaign) -> String {
     let laboratory = &scenario.laboratory;
     let home = match &campaign.home {
         Some(home) => format!(
-            "Home, where the program starts and ends: {}.",
+            "Home, where the campaign starts and ends: {}.",
             angles(&scenario.task.belief.commands(), home)
         ),
-        None => "Bring the robot by hand to where the first stop's approach begins: the program starts with a straight \
-                 joint move there."
-            .to_owned(),
+        None => {
+            "Bring the robot by hand to where the first stop's approach begins: all joints move \
+                 together from there on."
+                .to_owned()
+        }
     };
     let instruments: &[&str] = if scenario.task.design.accuracy == AccuracyKind::Absolute {
         &[
@@ -202,7 +227,8 @@ fn before(scenario: &Scenario, campaign: &Campaign) -> String {
             "Tool {} and base {} of the controller are right, with the load data of the tool alone; speed {} %.",
             laboratory.tool_number, laboratory.base_number, laboratory.speed_percent
         ),
-        "The controller's own compensation of deflections (KUKA: $ABS_ACCUR) is off.".to_owned(),
+        "The controller's own compensation of deflections, such as KUKA's $ABS_ACCUR, is off."
+            .to_owned(),
         home,
     ];
     let lines = first.map(str::to_owned).chain(further);
@@ -253,9 +279,10 @@ fn configurations(
             &format!("stop [{unit}]"),
         ];
         format!(
-            "<article class=\"place\"><h3>Configuration {}: stops {}</h3>\n{}\
-             <p>Approached {}.</p>\n{}</article>\n",
+            "<article class=\"place\"><h3>Configuration {}: {} {}</h3>\n{}\
+             <p title=\"the sense in which each joint turns last, in their order\">Approached {}.</p>\n{}</article>\n",
             index + 1,
+            if numbers.len() == 1 { "stop" } else { "stops" },
             numbers.join(", "),
             picture,
             escaped(&stop.side.words()),
@@ -279,8 +306,8 @@ fn stops(
         .iter()
         .map(|column| format!("<th style=\"width: {width}%\">{column}</th>"));
     let experiment = match scenario.task.design.accuracy {
-        AccuracyKind::Absolute => "<th>reading</th><th>target</th>",
-        AccuracyKind::Relative => "<th>experiment</th><th>reading</th>",
+        AccuracyKind::Absolute => "<th>plan row</th><th>target</th>",
+        AccuracyKind::Relative => "<th>experiment</th><th>repeat</th>",
     };
     let head = format!(
         "<thead><tr><th></th><th>stop</th><th>configuration</th>{experiment}{}</tr></thead>",
@@ -296,7 +323,9 @@ fn stops(
         }
         if let (Some(load), true) = (&first.load, first.changes_load) {
             let picture = &pictures[first.experiments[0]].load;
-            text += &hang(scenario, index + 1, load, picture);
+            let before = index.checked_sub(1);
+            let before = before.and_then(|before| campaign.stops[before].load.as_ref());
+            text += &hang(scenario, index + 1, before, load, picture);
         }
         let _ = writeln!(text, "<div class=\"wide\"><table class=\"stops\">\n{head}");
         for stop in group {
@@ -319,7 +348,7 @@ fn station_words(task: &Task, stop: usize, name: &str) -> String {
         format!(" It is near ({x:.0}, {y:.0}, {z:.0}) mm in the world frame.")
     });
     format!(
-        "<p class=\"station\"><strong>The robot halts before stop {stop}: {}.</strong>{near}</p>\n",
+        "<p class=\"station\"><strong>Before stop {stop}: {}.</strong>{near}</p>\n",
         escaped(&lowered(&set_up(name)))
     )
 }
@@ -332,7 +361,13 @@ fn lowered(sentence: &str) -> String {
 }
 
 /// Which load is hung where, and what the controller is told.
-fn hang(scenario: &Scenario, stop: usize, load: &Load, picture: &str) -> String {
+fn hang(
+    scenario: &Scenario,
+    stop: usize,
+    before: Option<&Load>,
+    load: &Load,
+    picture: &str,
+) -> String {
     let belief = &scenario.task.belief;
     let tool = &belief.calibration_tool;
     let gravity = &belief.nominal.chain.gravity_m_s2;
@@ -342,11 +377,13 @@ fn hang(scenario: &Scenario, stop: usize, load: &Load, picture: &str) -> String 
         .and_then(|last| belief.nominal.chain.joints.get(last))
         .map_or_else(String::new, |joint| format!(" behind {}", joint.name));
     let mut text = format!(
-        "<p><strong>The robot halts before stop {stop}: {} the load {}{}.</strong></p>\n\
+        "<p><strong>Before stop {stop}: {}, {}.</strong></p>\n\
          <p>It acts at {}: ({x:.1}, {y:.1}, {z:.1}) mm in the frame of the link{}. Its direction is that in the world frame.</p>\n",
-        hang_or_apply(load, gravity),
-        escaped(&in_words(load)),
-        mass.map_or_else(String::new, |mass| format!(", {} kg", significant(mass, 5))),
+        escaped(&change_load(before, load, gravity)),
+        mass.map_or_else(
+            || format!("{} N together", significant(load.force_n.norm(), 5)),
+            |mass| format!("{} kg", significant(mass, 5))
+        ),
         escaped(&tool.name),
         escaped(&link)
     );
@@ -375,13 +412,13 @@ fn of_stop(
     let line = |text: &str| format!("<tr><td></td><td colspan=\"{columns}\">{text}</td></tr>\n");
     let mut over = String::new();
     if last.is_some_and(|last| last.load.is_some()) && stop.load.is_none() {
-        over += &line(take_off(stop));
+        over += &line(&format!("{} before the robot moves.", take_off(stop)));
     }
     for via in &stop.way.via {
         over += &line(&format!("over {}", angles(commands, via)));
     }
     if let (Some(direction), None) = (&stop.direction, &stop.load) {
-        over += &line(&set_gauge(direction));
+        over += &line(&format!("At the stop, {}.", set_gauge(direction)));
     }
     // What each line is: of absolute readings each its own, of deflections the readings of all experiments here.
     let lines: Vec<[String; 2]> = if stop.targets.is_empty() {
@@ -402,7 +439,13 @@ fn of_stop(
             .map(Into::into)
             .collect()
     };
-    let blank = "<td class=\"fill\"></td>".repeat(fields);
+    // Where a gauge is set to zero nothing is written down.
+    let is_zeroing = stop.direction.is_some() && stop.load.is_none();
+    let blank = if is_zeroing {
+        format!("<td colspan=\"{fields}\">to zero</td>")
+    } else {
+        "<td class=\"fill\"></td>".repeat(fields)
+    };
     let tick = format!(
         "<td><span class=\"tick\" title=\"done\"></span></td><td><strong>{index}</strong></td><td>{place}</td>"
     );

@@ -93,10 +93,15 @@ impl<'a> Stills<'a> {
         for (index, experiment, scene) in self.shown() {
             let [angles, loads] = self.words(index, experiment);
             let number = index + 1;
+            let class = if experiment.load == Load::NONE {
+                ""
+            } else {
+                "load"
+            };
             let drawing = self.framed(scene, None, &format!("Experiment {number}"));
             let _ = writeln!(
                 figures,
-                "<figure class=\"still\"><figcaption><b>{number}</b> {angles}; <b>{} x</b><br><span class=\"load\">{loads}</span>\
+                "<figure class=\"still\"><figcaption><b>{number}</b> {angles}; <b>{} x</b><br><span class=\"{class}\">{loads}</span>\
                  </figcaption>{}</figure>",
                 experiment.repeats,
                 with_shared(drawing, index, &self.camera)

@@ -1,6 +1,7 @@
 //! The page of a plan of absolute readings: what is predicted, of what it is made, what to read, and what virtual robots make of it.
 
 use super::distances::{Line, Role, distances_figure, distances_table};
+use super::overview::next_steps;
 use super::test_poses::test_poses;
 use super::{
     PlanPage, bound_card, checks_card, each_once, plan_row, plan_table, provenance, random_card,
@@ -61,6 +62,7 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
         body += &test_poses(&predicted.collect::<Vec<_>>(), plan.rho0_mm, observed)?;
     }
     body += &shown.run.map_or_else(String::new, identified);
+    body += &next_steps(&scenario.path, None);
     body += &section("readings", "What to read", &readings(shown));
     body += &section("unknowns", "What is found", &unknowns(plan));
     body += &provenance(shown.page.provenance, shown.page.command);

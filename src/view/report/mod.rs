@@ -113,7 +113,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
             &figure(&accuracy, &accuracy_caption(assessment.experiments)),
         ),
     ]);
-    body += &overview::next_steps(run, assessment);
+    body += &overview::next_steps(&run.scenario.path, overview::more_accurate(run, assessment));
     body += &section(
         "configurations",
         "What to measure",

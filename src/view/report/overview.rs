@@ -1,10 +1,11 @@
 //! What a run's report answers first: which plan, how accurate, proved by what; and what to do.
 
+use std::path::Path;
+
 use super::{RunRecord, bound_card, checks_card, random_card};
 use crate::codes::{Condition, ConditionCode};
 use crate::plan::search::{BoundKind, RepeatsNeeded};
 use crate::plan::{Assessment, UncertaintyBudget};
-use crate::robot::ReadsAlong;
 use crate::text::wording::{counted, micrometres, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};
 use crate::workflow::run::TriedPlan;
@@ -144,51 +145,46 @@ fn repeats(run: &RunRecord<'_>) -> String {
     }
 }
 
-/// What to do with the plan in the laboratory.
-pub fn next_steps(run: &RunRecord<'_>, assessment: &Assessment) -> String {
-    let scenario = shell_path(&run.scenario.path);
-    let step = |text: &str, command: &str| {
-        let command = if command.is_empty() {
-            String::new()
-        } else {
-            format!("<code>{}</code>", escaped(command))
-        };
-        format!("<li>{}{command}</li>\n", escaped(text))
+/// What to do with a plan of a scenario in the laboratory, and how to get a better one.
+pub fn next_steps(scenario: &Path, more: Option<(String, String)>) -> String {
+    let path = shell_path(scenario);
+    let step = |(text, command): (String, String)| {
+        let command = escaped(&format!("elastocal {command}"));
+        format!("<li>{}<code>{command}</code></li>\n", escaped(&text))
     };
-    let mut steps = step(
-        &format!(
-            "Take the {} of plan.csv, shown below. Write {} \
-             into a CSV file like measurements.csv.",
-            counted(assessment.experiments.into(), "measurement"),
-            match run.scenario.task.belief.instrument.reads_along() {
-                ReadsAlong::Always => "what the gauge showed under the load",
-                ReadsAlong::Sometimes =>
-                    "what the tracker saw, loaded less unloaded, or the gauge showed under the load",
-                ReadsAlong::Never => "what the tracker saw, loaded less unloaded,",
-            }
+    let steps = [
+        (
+            "Make the run sheet, the robot's program and the table to fill in:",
+            format!("lab {path} --plan plan.csv"),
         ),
-        "",
-    );
-    steps += &step(
-        "Identify the compliances, with their uncertainty and a check of the residuals:",
-        &format!(
-            "elastocal identify {scenario} --measurements measurements.csv --identified-out identified.json"
+        (
+            "Identify the robot from the table, with uncertainty and a check of the residuals:",
+            format!(
+                "identify {path} --measurements measurements.csv --identified-out identified.json"
+            ),
         ),
-    );
-    steps += &step(
-        "Compute the joint angles to command at the test pose:",
-        &format!("elastocal compensate {scenario} --identified identified.json"),
-    );
-    if let Some(more) = more_accurate(run, assessment) {
-        steps += &step(&more.0, &format!("elastocal plan {scenario} {}", more.1));
-    }
+        (
+            "Validate it by measurements that were not fitted:",
+            format!("validate {path} --identified identified.json --measurements others.csv"),
+        ),
+        (
+            "Compute the joint angles to command at the test poses:",
+            format!("compensate {path} --identified identified.json"),
+        ),
+    ];
+    let steps = steps.map(|(text, command)| (text.to_owned(), command));
+    let more = more.map(|(text, options)| (text, format!("plan {path} {options}")));
     let lead = paragraph("Instead of the virtual robot, on yours:");
-    let steps = format!("{lead}<ol class=\"next\">\n{steps}</ol>\n");
-    section("next", "What to do next", &steps)
+    let steps: String = steps.into_iter().chain(more).map(step).collect();
+    section(
+        "next",
+        "What to do next",
+        &format!("{lead}<ol class=\"next\">\n{steps}</ol>\n"),
+    )
 }
 
 /// The next larger plan that was searched.
-fn more_accurate(run: &RunRecord<'_>, assessment: &Assessment) -> Option<(String, String)> {
+pub fn more_accurate(run: &RunRecord<'_>, assessment: &Assessment) -> Option<(String, String)> {
     let larger = (run.outcome.evidence.accuracy.iter())
         .find(|point| point.experiments > assessment.experiments)?;
     let m = larger.experiments;

@@ -110,6 +110,7 @@ addEventListener("DOMContentLoaded", () => {
 
   const draw = () => {
     waits = false;
+    if (canvas.clientWidth === 0) return; // Not there, as in print.
     canvas.width = Math.round(Math.min(canvas.clientWidth, 1200) * FINENESS);
     canvas.height = Math.round(canvas.width * 0.5);
     const see = camera();
