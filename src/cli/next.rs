@@ -15,7 +15,8 @@ use elastocal::plan::absolute::{
     AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
 };
 use elastocal::plan::{
-    Feasibility, Plan, Violation, posterior, read_plan, rho0_m, take_nearest_turns, write_plan,
+    Assessment, Feasibility, Plan, Violation, posterior, read_plan, rho0_m, take_nearest_turns,
+    write_plan,
 };
 use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use elastocal::record::absolute_plan::planned_readings;
@@ -173,6 +174,9 @@ impl Next {
             let of_experiments = violations.iter().filter(|each| each.experiment.is_some());
             let violation = |each: &Violation| ConditionCode::Violation.with(each.to_string());
             conditions.extend(of_experiments.map(violation));
+            let of_plan = Assessment::new(&left.task, &found.plan, None).conditions;
+            let is_near = |each: &Condition| each.code == ConditionCode::NearConfigurations;
+            conditions.extend(of_plan.into_iter().filter(is_near));
         }
         let found = found.as_ref();
         let json = json!({

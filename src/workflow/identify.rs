@@ -1,5 +1,6 @@
 //! Compliances from measurements, with residuals and likely input errors.
 
+use nalgebra::DVector;
 use serde_json::{Value, json};
 
 use crate::codes::Condition;
@@ -12,6 +13,7 @@ use crate::identification::{
     Robustness, Sigma, Told, joint_space_blocks, left_out, residuals, with_rejected,
 };
 use crate::measurement::Measurement;
+use crate::plan::CommonSources;
 use crate::record::json::{merge, results};
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
@@ -60,6 +62,8 @@ pub struct Identified {
     pub patterns: Patterns,
     /// What repeated measurements show, where there are some.
     pub repeats: Option<Repeats>,
+    /// What standard errors do not count of the campaign behind `robot.prior`.
+    common_with_prior: Option<String>,
 }
 
 /// Why nothing was identified.
@@ -118,6 +122,7 @@ pub fn identify_measurements(
     let all: Vec<usize> = (0..measurements.len()).collect();
     let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
     Ok(Identified {
+        common_with_prior: common_with_prior(belief, identification),
         repeats,
         patterns: looked.patterns(&robust.rejected),
         identification: robust.identification,
@@ -126,6 +131,27 @@ pub fn identify_measurements(
         of_table,
         input_errors,
     })
+}
+
+/// Which error sources standard errors take as independent of those of the campaign of `robot.prior`, and what they would be with the
+/// same values in both: by [`CommonSources`] of each compliance by itself.
+fn common_with_prior(belief: &Belief, identification: &Identification) -> Option<String> {
+    let covariance = &identification.posterior.covariance;
+    let of_joint = |place: usize| {
+        let own = covariance[(place, place)].sqrt();
+        let column = |other: usize| Some(DVector::from_element(1, covariance[(place, other)]));
+        let common = CommonSources::new(belief, own, &column)?;
+        let times = common.rho0_m / own;
+        times.is_finite().then_some((times, place, common.names))
+    };
+    let each = (0..identification.parameters.len()).filter_map(of_joint);
+    let (times, place, names) = each.max_by(|one, other| one.0.total_cmp(&other.0))?;
+    Some(format!(
+        "standard errors take {} as independent of the campaign of robot.prior: with the same values in both, that of {} is {times:.2} \
+         times as large",
+        names.join(", "),
+        identification.parameters[place].name
+    ))
 }
 
 impl Identified {
@@ -146,6 +172,7 @@ impl Identified {
     pub fn notes(&self) -> Vec<String> {
         let mut notes = self.identification.notes();
         notes.extend(self.left_out().and_then(Result::err));
+        notes.extend(self.common_with_prior.clone());
         notes
     }
 
