@@ -9,7 +9,7 @@ use elastocal::scenario::Scenario;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
 use elastocal::task::AccuracyKind;
 use elastocal::view::recording::{CarriedOutPlan, PlanRecord, Recording};
-use elastocal::workflow::run_absolute::replay_readings;
+use elastocal::workflow::run::replay_readings;
 use elastocal::workflow::study::refuse_others;
 use serde_json::json;
 

@@ -16,9 +16,8 @@ use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::report::{AbsolutePageRecord, PlanPage, absolute_page, run_page};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{
-    FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run,
+    AbsoluteRun, FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run, run_absolute,
 };
-use elastocal::workflow::run_absolute::{AbsoluteRun, run_absolute};
 use serde_json::Value;
 
 use super::identify::{absolute, deflections};

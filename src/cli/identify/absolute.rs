@@ -14,7 +14,7 @@ use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use elastocal::view::discrepancy_plots::model_selection_plot;
-use elastocal::workflow::identify_absolute::{
+use elastocal::workflow::identify::{
     IdentifiedRobot, identify_absolute, model_selection, uncounted,
 };
 use serde_json::json;
