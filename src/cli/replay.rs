@@ -14,7 +14,7 @@ use elastocal::workflow::study::refuse_others;
 use serde_json::json;
 
 use super::interruption::proceed;
-use super::readings_args::ReadingsArgs;
+use super::plan_args::ReadingsArgs;
 use super::study::results::noted;
 use super::table::table_of;
 use super::views::write_recording;
