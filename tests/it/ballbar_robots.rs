@@ -242,7 +242,7 @@ fn validated(
     place.write("robot.json", json.expect("a record").to_string());
     let path = place.path("robot.json");
     let robot = StoredRobot::read(&path).expect("read").expect("a robot");
-    validate_absolute(belief, &path, &robot, &half(moved_m, 1)).expect("a prediction")
+    validate_absolute(belief, (&path, &robot), (&path, &half(moved_m, 1))).expect("a prediction")
 }
 
 /// Distances that were not fitted lie in their regions of 95 % as often, and their probabilities are uniform; a cup that was moved is seen
