@@ -49,7 +49,7 @@ pub struct Measure {
 }
 
 /// What was measured.
-struct MeasuredRows {
+struct VirtualMeasurements {
     /// The run whose robot it was of, where one was sampled.
     run: Option<u64>,
     /// The rows of a file of measurements.
@@ -64,7 +64,7 @@ impl Measure {
         let scenario = self.common.load()?;
         self.common.refuse_others("measure", &scenario)?;
         self.common.check_files(&scenario, None)?;
-        let MeasuredRows {
+        let VirtualMeasurements {
             run,
             rows,
             keys,
@@ -88,7 +88,7 @@ impl Measure {
     }
 
     /// A plan of deflections.
-    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<MeasuredRows> {
+    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<VirtualMeasurements> {
         let commands = scenario.task.belief.commands();
         let plan = read_plan(&self.plan, commands.clone())?;
         self.common.say(&format!(
@@ -148,7 +148,7 @@ impl Measure {
         let messages: Vec<MeasurementMessage> = (measurements.iter())
             .map(|each| MeasurementMessage::new(&commands, each))
             .collect();
-        Ok(MeasuredRows {
+        Ok(VirtualMeasurements {
             run: of_run.as_ref().map(|truth| truth.run),
             rows: deflection_table(&self.plan, &commands, &measurements)?,
             keys: json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
@@ -160,7 +160,7 @@ impl Measure {
     }
 
     /// A plan of absolute readings, each by itself.
-    fn absolute(&self, scenario: &Scenario) -> anyhow::Result<MeasuredRows> {
+    fn absolute(&self, scenario: &Scenario) -> anyhow::Result<VirtualMeasurements> {
         let (task, seed, run) = (&scenario.task, scenario.seed, self.run.unwrap_or(0));
         let commands = task.belief.commands();
         let rows = read_candidates(&self.plan, commands.clone())?;
@@ -174,7 +174,7 @@ impl Measure {
             [self.campaign, self.series],
         )
         .map_err(|error| self.wrong(&error))?;
-        Ok(MeasuredRows {
+        Ok(VirtualMeasurements {
             run: Some(run),
             rows: absolute_table(&commands, &readings),
             keys: json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
