@@ -19,10 +19,9 @@ use elastocal::view::plots::budget_plot;
 use serde_json::{Value, json};
 
 use super::interruption::STOP;
-use super::plan_args::offered;
+use super::plan_args::{ReadingsArgs, offered};
 use super::progress::search;
 use super::proof::{ProofArgs, proof_json};
-use super::readings_args::ReadingsArgs;
 use super::table::{number, table_of};
 use super::uncertainty_budget::common_sources;
 use super::written::Written;

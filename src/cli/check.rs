@@ -95,8 +95,7 @@ impl Check {
         } else {
             describe(&understanding) + &verdict
         };
-        let violated =
-            (!violations.is_empty()).then(|| super::conditions::violated(violations.len()));
+        let violated = (!violations.is_empty()).then(|| super::planned::violated(violations.len()));
         let found = impossible.iter().map(|each| each.text.clone());
         let problems: Vec<String> = violations.into_iter().chain(found).collect();
         let conditions = violated.into_iter().chain(impossible).collect();

@@ -102,8 +102,11 @@ fn about(command: &str, option: &str, value: &str) -> Option<(AccuracyKind, &'st
         (_, "level") if value == "model" => (Relative, " model"),
         (_, "method") if value == "linear" => (Relative, " linear"),
         ("plan" | "evaluate", "candidates") => return None,
-        (_, "candidates" | "draw" | "parameters" | "report_out" | "model_selection")
-        | (_, "against" | "uncertainties_out") => (Absolute, ""),
+        (
+            _,
+            "candidates" | "draw" | "parameters" | "report_out" | "model_selection" | "against"
+            | "uncertainties_out",
+        ) => (Absolute, ""),
         _ => return None,
     })
 }

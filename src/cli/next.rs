@@ -28,12 +28,11 @@ use elastocal::text::wording::counted;
 use elastocal::workflow::identify::{HowIdentified, identify_measurements};
 use serde_json::json;
 
-use super::conditions::search_stopped;
 use super::identify::deflections::{self, explained};
 use super::interruption::STOP;
-use super::plan_args::offered;
+use super::plan_args::{ReadingsArgs, offered};
+use super::planned::search_stopped;
 use super::progress::search;
-use super::readings_args::ReadingsArgs;
 use super::table::table;
 use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};

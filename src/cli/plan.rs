@@ -21,10 +21,9 @@ use elastocal::text::wording::counted;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
 use serde_json::json;
 
-use super::conditions::search_stopped;
 use super::interruption::{STOP, ask_search, searched};
 use super::plan_args::{PlanArgs, of_any_plan, offered};
-use super::planned::PlannedAccuracy;
+use super::planned::{PlannedAccuracy, search_stopped};
 use super::progress::{bar, search, show};
 use super::proof::ProofArgs;
 use super::table::table;

@@ -16,17 +16,16 @@ use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::report::{AbsolutePageRecord, PlanPage, absolute_page, run_page};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{
-    FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run,
+    AbsoluteRun, FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run, run_absolute,
 };
-use elastocal::workflow::run_absolute::{AbsoluteRun, run_absolute};
 use serde_json::Value;
 
 use super::identify::{absolute, deflections};
 use super::interruption::{STOP, proceed};
 use super::plan::design;
+use super::plan_args::ReadingsArgs;
 use super::planned::{PlannedAccuracy, bound_basis, budget, left_out};
 use super::proof::ProofArgs;
-use super::readings_args::ReadingsArgs;
 use super::table::{in_um, number, table};
 use super::uncertainty_budget::{self, BudgetArgs};
 use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};

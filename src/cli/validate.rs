@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::codes::{Condition, ErrorCode};
 use elastocal::files::FileError;
-use elastocal::identification::{
-    DistanceStatistics, Predicted, ReadingResidual, StoredIdentification,
-};
+use elastocal::identification::{DistanceStatistics, Predicted, ReadingResidual};
 use elastocal::laboratory::validation::{Validation, validate, validation_plan};
 use elastocal::measurement::{read_measured, read_measurements};
 use elastocal::plan::write_plan;
@@ -21,7 +19,7 @@ use elastocal::workflow::validate_absolute::{
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
-use super::identified::{IdentifiedCompliances, read_identified, trust};
+use super::identified::{IdentifiedCompliances, read_identified, read_stored, trust};
 use super::table::{DISTANCES, distances, in_um, or_dash, table, table_of};
 use super::tolerance::{ToleranceArgs, report_judged};
 use super::written::Written;
@@ -60,13 +58,8 @@ struct Validated {
 
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let (input, path) = (["validate", "--identified"], &*self.identified);
-        let robot = StoredRobot::read(path)?;
-        let origin = match &robot {
-            Some(robot) => robot.origin.clone(),
-            None => StoredIdentification::origin(path)?,
-        };
-        let scenario = self.common.load_for(input, path, origin.as_ref())?;
+        let path = &*self.identified;
+        let (scenario, robot, _) = read_stored(&self.common, "validate", path)?;
         self.common.check_files(&scenario, None)?;
         let validated = match (&robot, &self.measurements) {
             (Some(robot), Some(file)) => self.of_absolute(&scenario, robot, file)?,

@@ -14,7 +14,7 @@ use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use elastocal::view::discrepancy_plots::model_selection_plot;
-use elastocal::workflow::identify_absolute::{
+use elastocal::workflow::identify::{
     IdentifiedRobot, identify_absolute, model_selection, uncounted,
 };
 use serde_json::json;
@@ -23,7 +23,7 @@ use super::Identify;
 use crate::cli::study::results::noted;
 use crate::cli::table::{DISTANCES, distances, or_dash, table};
 use crate::cli::written::Written;
-use crate::cli::{Report, patterns, repeats};
+use crate::cli::{Report, residuals};
 
 impl Identify {
     /// A robot.
@@ -83,9 +83,9 @@ impl Identify {
                 uncounted.join(", ")
             );
         }
-        text += &patterns::describe(&identified.patterns);
-        text += &repeats::describe(identified.repeats.as_ref(), "positions");
-        text += &repeats::components(identified.repeat_components.as_ref());
+        text += &residuals::patterns(&identified.patterns);
+        text += &residuals::repeats(identified.repeats.as_ref(), "positions");
+        text += &residuals::components(identified.repeat_components.as_ref());
         for each in &identified.inconsistencies {
             text += &compared(each);
         }

@@ -20,7 +20,7 @@ use super::Identify;
 use crate::cli::study::results::noted;
 use crate::cli::table::{number, or_dash, table};
 use crate::cli::written::Written;
-use crate::cli::{Report, patterns, repeats, residuals};
+use crate::cli::{Report, residuals};
 
 impl Identify {
     /// Compliances.
@@ -75,15 +75,15 @@ impl Identify {
         }
         text += &format!(
             "\n{}",
-            residuals::describe(
+            residuals::residuals(
                 identification,
                 measurements,
                 residuals,
                 &identified.rejected
             )
         );
-        text += &patterns::describe(&identified.patterns);
-        text += &repeats::describe(identified.repeats.as_ref(), "deflections");
+        text += &residuals::patterns(&identified.patterns);
+        text += &residuals::repeats(identified.repeats.as_ref(), "deflections");
         text += &noted(&identified.notes());
         let mut written = Written::default();
         text += &self.draw_patterns(scenario, &identified.patterns, &mut written)?;

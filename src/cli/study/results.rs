@@ -8,7 +8,7 @@ use elastocal::record::tally_file::{Header, PlanHeader};
 use elastocal::study::tally::Tally;
 use elastocal::task::AccuracyKind;
 use elastocal::text::wording::{inverse_interval, significant};
-use elastocal::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
+use elastocal::view::report::{ABSOLUTE_ACCURACY, study_page};
 use elastocal::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
 
@@ -92,12 +92,12 @@ impl Results {
         if (plans.iter()).any(|plan| plan.conditions != first.conditions) {
             return Ok(None);
         }
-        let page = study_page(&StudyPageRecord {
-            header: &self.header,
-            plans: &self.messages,
-            conditions: &self.conditions(),
-            command: &command_line(),
-        })?;
+        let page = study_page(
+            &self.header,
+            &self.messages,
+            &self.conditions(),
+            &command_line(),
+        )?;
         Ok(Some(page))
     }
 }

@@ -11,7 +11,7 @@ use elastocal::view::{mcap_file::write_mcap, recording::Recording};
 
 use crate::cli::written::{Written, warn};
 
-pub use study::StudyObserver;
+pub use study::{StudyObserver, carried_out};
 pub use target::ViewerTarget;
 
 /// The names of the targets of `--rerun`, for the help.

@@ -17,8 +17,7 @@ use crate::text::wording::{counted, dash, micrometres, percent};
 use crate::view::charts::PlotError;
 use crate::view::markup::{card, heading, micro_sign, page, paragraph, section, table};
 use crate::view::tables;
-use crate::workflow::run::RUN;
-use crate::workflow::run_absolute::AbsoluteRun;
+use crate::workflow::run::{AbsoluteRun, RUN};
 
 /// What the page of a plan of absolute readings is made of.
 #[derive(Debug, Clone, Copy)]
