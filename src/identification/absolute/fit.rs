@@ -1,5 +1,7 @@
 //! The fit of absolute readings, its residuals and its conditions.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -113,8 +115,12 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
     ) -> Result<AbsoluteFit, AbsoluteError> {
         self.check_frames()?;
-        let ToldApart { mut set, left_out } = self.unknowns(groups)?;
-        let start = self.far_from_frames();
+        let ToldApart {
+            set: free,
+            left_out,
+        } = self.unknowns(groups)?;
+        let (mut set, mut start) = (free.clone(), self.far_from_frames());
+        let mut tried: BTreeSet<usize> = start.iter().map(|each| each.reading).collect();
         loop {
             let mut case = self.without(&start);
             let mut found = KeptFit {
@@ -137,10 +143,17 @@ impl<'a> AbsoluteCase<'a> {
                 other = (discrepancy_model.as_ref())
                     .and_then(|model| nominal(&model.covariance, UNKNOWN_TOGETHER));
             }
-            match other {
-                Some(other) => set = other,
-                None => return self.told(found, (set, left_out), discrepancy_model),
+            if let Some(other) = other {
+                set = other;
+                continue;
             }
+            let before = tried.len();
+            tried.extend(found.rejected.iter().map(|each| each.reading));
+            if set.nominal() == free.nominal() || tried.len() == before {
+                return self.told(found, (set, left_out), discrepancy_model);
+            }
+            // Compliances that stay nominal beside gross errors may be determined without.
+            (set, start) = (free.clone(), found.rejected);
         }
     }
 
