@@ -58,4 +58,4 @@ pub use repeats::{PlaceDrift, RepeatedPose, Repeats};
 pub use residuals::{MeasurementResidual, residuals, with_rejected};
 pub use robust::{RobustIdentification, Robustness};
 pub use spread::{MOST_SPREAD, SPREAD_ORDERS};
-pub use stored::{OtherUnknowns, StoredIdentification, nominal_instead, shift_with};
+pub use stored::{OtherUnknowns, StoredIdentification, hold_impossible, nominal_instead};

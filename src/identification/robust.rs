@@ -4,8 +4,6 @@
 //! [`Discrepancy`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
 //! it, R - A cov A^T, and one that was left out by R + A cov A^T.
 
-use std::collections::BTreeSet;
-
 use nalgebra::Matrix6;
 
 use super::case::{Case, Sigma};
@@ -60,8 +58,8 @@ struct SomeFitted<'a> {
 }
 
 impl<'a> Case<'a> {
-    /// Identifies what is unknown from the measurements that do not lie far out. Which compliances stay nominal beside a gross error is
-    /// decided anew without it.
+    /// Identifies what is unknown from the measurements that do not lie far out. Which compliances stay nominal beside gross errors is
+    /// decided again without them.
     ///
     /// # Errors
     /// As [`identify`](Self::identify).
@@ -69,27 +67,27 @@ impl<'a> Case<'a> {
         &self,
         robustness: Robustness,
     ) -> Result<RobustIdentification, IdentificationError> {
-        let (mut suspected, mut tried) = (Vec::new(), BTreeSet::new());
-        loop {
-            let found = self.held_and_robust(robustness, &suspected)?;
-            let before = tried.len();
-            tried.extend(found.rejected.iter().map(|each| each.reading));
-            if found.held.len() == self.held.len() || tried.len() == before {
-                return Ok(found);
-            }
-            suspected = found.rejected;
-        }
+        let found = self.held_and_robust(robustness, None)?;
+        let has_both = found.held.len() > self.held.len() && !found.rejected.is_empty();
+        let without = has_both.then(|| self.held_and_robust(robustness, Some(&found.rejected)));
+        let without = without.and_then(Result::ok);
+        Ok(
+            match without.filter(|other| other.held.len() < found.held.len()) {
+                Some(other) => other,
+                None => found,
+            },
+        )
     }
 
-    /// The same with more and more compliances nominal, begun without measurements that are suspected.
+    /// The same with more and more compliances nominal; the gross errors may be given.
     fn held_and_robust(
         &self,
         robustness: Robustness,
-        suspected: &[RejectedReading],
+        gross: Option<&[RejectedReading]>,
     ) -> Result<RobustIdentification, IdentificationError> {
         let mut held = self.held.to_vec();
         let mut stays_nominal = Vec::new();
-        let mut found = self.robustly(robustness, suspected);
+        let mut found = self.robustly(robustness, gross);
         if !robustness.holds_nominal {
             return found;
         }
@@ -118,7 +116,7 @@ impl<'a> Case<'a> {
                 held: &held,
                 ..*self
             };
-            match (with_held.robustly(robustness, suspected), &mut found) {
+            match (with_held.robustly(robustness, gross), &mut found) {
                 (Ok(mut other), before) => {
                     other
                         .identification
@@ -155,15 +153,21 @@ impl<'a> Case<'a> {
     fn robustly(
         &self,
         robustness: Robustness,
-        suspected: &[RejectedReading],
+        gross: Option<&[RejectedReading]>,
     ) -> Result<RobustIdentification, IdentificationError> {
         let known = Case {
             sigma: Sigma::Known(self.sigma.weight_m()),
             ..*self
         };
         let own = self.covariances();
-        let (of_all, mut fitted) = match self.identify() {
-            Ok(of_all) => {
+        let (of_all, mut fitted) = match (gross, self.identify()) {
+            (Some(gross), of_all) => {
+                let of_all = of_all.or_else(|_| self.linearised().identify())?;
+                let near = &of_all.posterior.mean;
+                let fitted = known.fitted(self.measurements, gross, near, &own)?;
+                (of_all, fitted)
+            }
+            (None, Ok(of_all)) => {
                 let near = of_all.posterior.mean.clone();
                 let fitted = match self.sigma {
                     Sigma::Known(_) => {
@@ -171,11 +175,12 @@ impl<'a> Case<'a> {
                     }
                     Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], &near, &own)?,
                 };
-                let others = (!robustness.keeps_all).then(|| known.without(&fitted, suspected));
+                let others = (!robustness.keeps_all)
+                    .then(|| known.without(&fitted, fitted.over.suspects()?));
                 (of_all, others.flatten().unwrap_or(fitted))
             }
-            Err(error) if robustness.keeps_all => return Err(error),
-            Err(error) => known.begun_linearly(&own, suspected).ok_or(error)?,
+            (None, Err(error)) if robustness.keeps_all => return Err(error),
+            (None, Err(error)) => known.begun_linearly(&own).ok_or(error)?,
         };
         let mut weighed = self.measurements.to_vec();
         let is_implausible = |found: &Identification| {
@@ -225,11 +230,7 @@ impl<'a> Case<'a> {
     }
 
     /// Where there is no fit of all: what all say to first order, and a fit without the measurements that lie far out of that.
-    fn begun_linearly<'b>(
-        self,
-        own: &'b [Matrix6<f64>],
-        suspected: &[RejectedReading],
-    ) -> Option<(Identification, SomeFitted<'b>)>
+    fn begun_linearly<'b>(self, own: &'b [Matrix6<f64>]) -> Option<(Identification, SomeFitted<'b>)>
     where
         'a: 'b,
     {
@@ -237,8 +238,9 @@ impl<'a> Case<'a> {
         let of_all = linear.identify().ok()?;
         let first = linear.looked_at_all(of_all.clone(), self.measurements, &[], own);
         let first = first.ok()?;
-        let first = linear.without(&first, suspected)?;
-        Some((of_all, self.without(&first, &first.over.rejected)?))
+        let first = linear.without(&first, first.over.suspects()?)?;
+        let rejected = first.over.rejected.clone();
+        Some((of_all, self.without(&first, rejected)?))
     }
 
     /// Fits those of `weighed` that are not rejected, and looks at what that leaves of all.
@@ -322,12 +324,12 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// Fits without measurements that are suspected, or else without those that lie far out of a first fit, until the same do. None where none
+    /// Fits without the measurements that lie far out of a first fit, or without some in place of these, until the same do. None where none
     /// does, where too many do, or where the others tell less than all.
     fn without<'b>(
         self,
         first: &SomeFitted<'b>,
-        suspected: &[RejectedReading],
+        rejected: Vec<RejectedReading>,
     ) -> Option<SomeFitted<'b>>
     where
         'a: 'b,
@@ -336,21 +338,17 @@ impl<'a> Case<'a> {
             identification,
             over,
         } = first;
-        let without = |rejected: Vec<RejectedReading>| {
-            outliers::until_the_same(
-                rejected,
-                |fitted: &SomeFitted<'_>| fitted.over.far_out(),
-                |rejected| {
-                    let near = &identification.posterior.mean;
-                    let fitted = self
-                        .fitted(self.measurements, rejected, near, over.own)
-                        .ok()?;
-                    (fitted.identification.rank >= identification.rank).then_some(fitted)
-                },
-            )
-        };
-        let (rejected, mut fitted) =
-            without(suspected.to_vec()).or_else(|| without(over.suspects()?))?;
+        let (rejected, mut fitted) = outliers::until_the_same(
+            rejected,
+            |fitted: &SomeFitted<'_>| fitted.over.far_out(),
+            |rejected| {
+                let near = &identification.posterior.mean;
+                let fitted = self
+                    .fitted(self.measurements, rejected, near, over.own)
+                    .ok()?;
+                (fitted.identification.rank >= identification.rank).then_some(fitted)
+            },
+        )?;
         fitted.over.rejected = rejected;
         Some(fitted)
     }

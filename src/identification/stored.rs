@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use serde::Deserialize;
 
 use super::agreement::{SaidEstimate, agree};
@@ -143,16 +143,25 @@ impl StoredIdentification {
         let mut posterior = posterior(path, &stored)?;
         let mut others = others(path, &stored)?;
         check_agreement(path, &stored)?;
-        let nominal = |place: usize| robot.compliance_rad_per_nm[joints[place]];
-        for place in hold_impossible(&mut posterior, others.as_mut(), nominal) {
+        let mut values = posterior.mean.clone();
+        values.extend(others.iter().flat_map(|each| &each.values));
+        let held = hold_impossible(
+            &mut values,
+            others
+                .as_ref()
+                .map_or(&posterior.covariance, |each| &each.covariance),
+            |place| robot.compliance_rad_per_nm[joints[place]],
+            |place| place < joints.len() && posterior.standard_error(place).is_some(),
+        );
+        for (place, value) in held {
             let unit = robot.chain.joints[joints[place]].drive.compliance_unit();
-            stored.conditions.push(nominal_instead(
-                &stored.parameters[place],
-                (
-                    stored.compliance_rad_per_nm[place].unwrap_or_default(),
-                    unit,
-                ),
-            ));
+            let name = &stored.parameters[place];
+            stored.conditions.push(nominal_instead(name, (value, unit)));
+        }
+        let rest = values.split_off(joints.len());
+        posterior.mean = values;
+        if let Some(others) = &mut others {
+            others.values = rest;
         }
         let discrepancy = Discrepancy {
             position_m: size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
@@ -186,46 +195,31 @@ pub fn nominal_instead(joint: &str, (value, unit): (f64, &str)) -> Condition {
     ))
 }
 
-/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places.
-fn hold_impossible(
-    posterior: &mut Posterior,
-    mut others: Option<&mut OtherUnknowns>,
+/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places, and what was there.
+pub fn hold_impossible(
+    values: &mut [f64],
+    covariance: &DMatrix<f64>,
     nominal: impl Fn(usize) -> f64,
-) -> Vec<usize> {
-    let count = posterior.mean.len();
-    let mut held = Vec::new();
-    let is_impossible = |posterior: &Posterior, place: usize| {
-        let is_known = posterior.standard_error(place).is_some();
-        is_known && !ELASTIC_COMPLIANCE.allows(posterior.mean[place])
-    };
-    while let Some(place) =
-        (0..count).find(|place| !held.contains(place) && is_impossible(posterior, *place))
-    {
-        held.push(place);
-        let off = nominal(place) - posterior.mean[place];
-        let covariance = (others.as_ref()).map_or(&posterior.covariance, |each| &each.covariance);
-        let shift = shift_with(covariance, place, off);
-        let rest = others.iter_mut().flat_map(|each| each.values.iter_mut());
-        for (value, shift) in posterior.mean.iter_mut().chain(rest).zip(&shift) {
-            *value += shift;
+    is_compliance: impl Fn(usize) -> bool,
+) -> Vec<(usize, f64)> {
+    let mut held: Vec<(usize, f64)> = Vec::new();
+    // One that moves along may become impossible in its turn.
+    while let Some(place) = (0..values.len()).find(|&place| {
+        let is_held = held.iter().any(|each| each.0 == place);
+        !is_held && is_compliance(place) && !ELASTIC_COMPLIANCE.allows(values[place])
+    }) {
+        held.push((place, values[place]));
+        let (off, own) = (nominal(place) - values[place], covariance[(place, place)]);
+        if own > 0.0 {
+            for (value, with) in values.iter_mut().zip(&covariance.column(place)) {
+                *value += with * (off / own);
+            }
         }
     }
-    for &place in &held {
-        posterior.mean[place] = nominal(place);
+    for &(place, _) in &held {
+        values[place] = nominal(place);
     }
     held
-}
-
-/// By how much all unknowns are off, on average, where one is off by so much.
-pub fn shift_with(covariance: &DMatrix<f64>, place: usize, off: f64) -> DVector<f64> {
-    let own = covariance[(place, place)];
-    let mut shift = if own > 0.0 {
-        covariance.column(place) * (off / own)
-    } else {
-        DVector::zeros(covariance.nrows())
-    };
-    shift[place] = off;
-    shift
 }
 
 /// Zero where the file has none.

@@ -1,7 +1,5 @@
 //! The fit of absolute readings, its residuals and its conditions.
 
-use std::collections::BTreeSet;
-
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -107,6 +105,13 @@ pub(super) struct KeptFit<'a> {
     weighed: WeighedFit,
 }
 
+/// A fit of which it is decided which readings are gross errors and which compliances stay nominal.
+struct SettledFit<'a> {
+    found: KeptFit<'a>,
+    set: ParameterSet,
+    unexplained: Option<Unexplained>,
+}
+
 impl<'a> AbsoluteCase<'a> {
     /// Fits what the belief leaves open, or what `groups` name, together with all frames.
     pub fn fit(
@@ -115,21 +120,38 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
     ) -> Result<AbsoluteFit, AbsoluteError> {
         self.check_frames()?;
-        let ToldApart {
-            set: free,
-            left_out,
-        } = self.unknowns(groups)?;
-        let (mut set, mut start) = (free.clone(), self.far_from_frames());
-        let mut tried: BTreeSet<usize> = start.iter().map(|each| each.reading).collect();
+        let ToldApart { set, left_out } = self.unknowns(groups)?;
+        let start = self.far_from_frames();
+        let mut settled = self.settled(&set, weights, &start, self.keeps_all)?;
+        let (nominal, rejected) = (settled.set.nominal().len(), &settled.found.rejected);
+        if nominal > set.nominal().len() && rejected.len() > start.len() {
+            // Compliances that stay nominal beside gross errors may be determined without.
+            let without = self.settled(&set, weights, rejected, true).ok();
+            if let Some(without) = without.filter(|each| each.set.nominal().len() < nominal) {
+                settled = without;
+            }
+        }
+        self.told(settled, left_out)
+    }
+
+    /// A fit without the readings that lie far out, or without given ones alone, in which compliances stay nominal that it does not tell.
+    fn settled(
+        &self,
+        free: &ParameterSet,
+        weights: ReadingWeights,
+        start: &[RejectedReading],
+        are_given: bool,
+    ) -> Result<SettledFit<'a>, AbsoluteError> {
+        let mut set = free.clone();
         loop {
-            let mut case = self.without(&start);
+            let mut case = self.without(start);
             let mut found = KeptFit {
                 weighed: case.weighed_fit(&set, weights, None)?,
-                rejected: start.clone(),
+                rejected: start.to_vec(),
                 case,
             };
-            if !self.keeps_all
-                && let Some(others) = self.without_far_out(&set, weights, &found.weighed, &start)
+            if !are_given
+                && let Some(others) = self.without_far_out(&set, weights, &found.weighed, start)
             {
                 found = others;
             }
@@ -137,23 +159,20 @@ impl<'a> AbsoluteCase<'a> {
             let nominal =
                 |covariance: &DMatrix<f64>, unknown| with_nominal(&set, &mean, covariance, unknown);
             let mut other = nominal(&found.weighed.fit.posterior.covariance, UNKNOWN);
-            let mut discrepancy_model = None;
+            let mut unexplained = None;
             if other.is_none() {
-                discrepancy_model = self.unexplained(&set, &mut found);
-                other = (discrepancy_model.as_ref())
+                unexplained = self.unexplained(&set, &mut found);
+                other = (unexplained.as_ref())
                     .and_then(|model| nominal(&model.covariance, UNKNOWN_TOGETHER));
             }
-            if let Some(other) = other {
-                set = other;
-                continue;
-            }
-            let before = tried.len();
-            tried.extend(found.rejected.iter().map(|each| each.reading));
-            if set.nominal() == free.nominal() || tried.len() == before {
-                return self.told(found, (set, left_out), discrepancy_model);
-            }
-            // Compliances that stay nominal beside gross errors may be determined without.
-            (set, start) = (free.clone(), found.rejected);
+            let Some(other) = other else {
+                return Ok(SettledFit {
+                    found,
+                    set,
+                    unexplained,
+                });
+            };
+            set = other;
         }
     }
 
@@ -195,10 +214,14 @@ impl<'a> AbsoluteCase<'a> {
     /// All that is told of a fit to those readings that were kept.
     fn told(
         &mut self,
-        found: KeptFit<'a>,
-        (set, left_out): (ParameterSet, Vec<LeftOut>),
-        discrepancy_model: Option<Unexplained>,
+        settled: SettledFit<'a>,
+        left_out: Vec<LeftOut>,
     ) -> Result<AbsoluteFit, AbsoluteError> {
+        let SettledFit {
+            found,
+            set,
+            unexplained: discrepancy_model,
+        } = settled;
         let WeighedFit {
             mut fit,
             discrepancy,

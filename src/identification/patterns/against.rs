@@ -72,9 +72,8 @@ impl LookedAt {
         let mut all: Vec<Against> = turning
             .flat_map(|joint| (1..=waves).map(move |waves| Against::Angle { joint, waves }))
             .collect();
-        for joint in joints.clone() {
-            all.extend([Against::Torque { joint }, Against::Approach { joint }]);
-        }
+        all.extend(joints.clone().map(|joint| Against::Torque { joint }));
+        all.extend(joints.clone().map(|joint| Against::Approach { joint }));
         for course in [Course::Order, Course::Time, Course::Temperature] {
             let size = (!self.is_of_deflections).then_some(Drifting::Size);
             let drifting = [Drifting::Base].into_iter().chain(size);

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector6};
 
+use crate::numeric::factorisation::gram;
 use crate::robot::{Drive, SerialChain};
 
 /// Directions of parameters that readings see with less than this share of the best seen one are none.
@@ -40,7 +41,7 @@ pub struct ReadingRows {
 }
 
 /// What a column is a multiple of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Base {
     Moved(usize),
     Bent(usize),
@@ -103,8 +104,7 @@ impl Projected {
             fitted.rows_mut(6 * index, 6).copy_from(&each.fitted);
             left.rows_mut(6 * index, 6).copy_from(&each.residual);
         }
-        let products = fitted.tr_mul(&fitted);
-        let combinations = orthonormal(&products, &products, |largest| UNSEEN * largest);
+        let combinations = orthonormal(&fitted, &squares(&fitted), |largest| UNSEEN * largest);
         let mut projected = Self {
             directions: DMatrix::zeros(0, 6 * readings.len()),
             left,
@@ -116,17 +116,10 @@ impl Projected {
         projected
     }
 
-    /// What the directions and what is left see of a base in each reading (r + 1 x N).
-    pub fn seen(&self, looked: &LookedAt, base: Base) -> DMatrix<f64> {
-        let (readings, count) = (&looked.readings, self.directions.nrows());
-        let mut seen = DMatrix::zeros(count + 1, readings.len());
-        for (index, (each, mut seen)) in readings.iter().zip(seen.column_iter_mut()).enumerate() {
-            let (own, rows) = (base.of(each), each.count);
-            let among = self.directions.columns(6 * index, rows);
-            (seen.rows_mut(0, count)).gemv(1.0, &among, &own.rows(0, rows), 0.0);
-            seen[count] = own.dot(&self.left.fixed_rows::<6>(6 * index));
-        }
-        seen
+    /// What the directions leave of columns (6 N x k).
+    pub fn beside(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
+        let taken = &self.directions * &columns;
+        columns - self.directions.transpose() * taken
     }
 
     /// Takes orthonormal directions (6 N x d) out of what is left.
@@ -140,33 +133,42 @@ impl Projected {
     }
 }
 
-/// Combinations of columns that are orthonormal, from the products of the columns (p x p) that are as long as the diagonal of `whole`
-/// says: those that are longer than `least` makes of the longest. None where there is none.
+/// Combinations (p x q) that make columns orthonormal, of which those longer than `least` makes of the longest are kept: lengths are shares
+/// of the columns' own (p), squared. None where there is none.
 pub(super) fn orthonormal(
-    products: &DMatrix<f64>,
-    whole: &DMatrix<f64>,
+    columns: &DMatrix<f64>,
+    squares: &DVector<f64>,
     least: impl Fn(f64) -> f64,
 ) -> Option<DMatrix<f64>> {
-    let scale = whole.diagonal().map(|square| {
+    let size = |square: f64| {
         if square > 0.0 {
             square.sqrt().recip()
         } else {
             0.0
         }
-    });
-    let scaled = products.component_mul(&(&scale * scale.transpose()));
+    };
+    let scale = squares.map(size);
+    let scaled = gram(columns).component_mul(&(&scale * scale.transpose()));
     if scaled.is_empty() || !scaled.iter().all(|value| value.is_finite()) {
         return None;
     }
     let eigen = SymmetricEigen::new(scaled);
     let least = least(eigen.eigenvalues.max());
-    let kept = eigen
+    let all = eigen
         .eigenvalues
         .iter()
         .zip(eigen.eigenvectors.column_iter());
-    let columns: Vec<DVector<f64>> = kept
-        .filter(|(value, _)| **value > least)
+    let kept = all.filter(|(value, _)| **value > least);
+    let combinations: Vec<DVector<f64>> = kept
         .map(|(value, vector)| vector.component_mul(&scale) / value.sqrt())
         .collect();
-    (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
+    (!combinations.is_empty()).then(|| DMatrix::from_columns(&combinations))
+}
+
+/// The squares of columns' lengths.
+pub(super) fn squares(columns: &DMatrix<f64>) -> DVector<f64> {
+    DVector::from_iterator(
+        columns.ncols(),
+        columns.column_iter().map(|column| column.norm_squared()),
+    )
 }
