@@ -1,5 +1,6 @@
-//! The measurements as whitened equations in the unknown compliances.
+//! The measurements as equations in the unknown compliances.
 
+use std::convert::Infallible;
 use std::ops::Range;
 
 use nalgebra::allocator::Allocator;
@@ -12,18 +13,11 @@ use super::discrepancy::six_rows;
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::numeric::estimable::Estimable;
-use crate::observation::RestTorques;
+use crate::observation::{ObservationModel, RestTorques};
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
 };
 use crate::task::Extended;
-
-/// Whitened equations: `matrix` times (the unknowns minus the linearisation point) = `right_hand_side`.
-#[derive(Debug)]
-pub(super) struct Equations {
-    pub matrix: DMatrix<f64>,
-    pub right_hand_side: DVector<f64>,
-}
 
 impl Case<'_> {
     pub(super) fn rows(&self) -> usize {
@@ -85,39 +79,6 @@ impl Case<'_> {
         compliance
     }
 
-    /// Eq. 3 or 7 for each measurement, at the commanded configuration, and below them what is known before. The parts of the joints
-    /// that are not identified go to the right-hand side, and the equations are for k itself. Where springs brace the arm, they hold
-    /// near the nominal compliances. Where more is uncertain, they
-    /// are for the change of the unknowns from their nominal values.
-    pub(super) fn linear(&self) -> Equations {
-        let nominal = self.nominal_values();
-        let mut equations = self.equations(self.predicted_linearly(), &nominal);
-        if self.uncertain.is_none() {
-            equations.right_hand_side += &equations.matrix * DVector::from_vec(nominal);
-        }
-        equations
-    }
-
-    /// The displacement between the nominal model's two static equilibria, linearised at values of the unknowns
-    /// (p); the equations are for their change.
-    pub(super) fn nonlinear(&self, values: &[f64]) -> Result<Equations, IdentificationError> {
-        Ok(self.equations(self.predicted(values, &mut Vec::new())?, values))
-    }
-
-    /// Whitened equations of predictions at values of the unknowns (p).
-    fn equations(&self, mut predicted: PredictedRows, values: &[f64]) -> Equations {
-        let whitening = self.whitening();
-        let mut left = self.read() - predicted.values;
-        whitening.whiten(&mut left);
-        whitening.whiten(&mut predicted.derivatives);
-        let prior = self.prior();
-        let before = &prior.rows * (prior.mean - DVector::from_column_slice(values));
-        Equations {
-            matrix: stacked(&predicted.derivatives, &prior.rows),
-            right_hand_side: stacked(&left, &before),
-        }
-    }
-
     /// What is read, one measurement below the other: the deflection or what is along a direction (m), and the rotation (rad) where
     /// there is one.
     pub(super) fn read(&self) -> DVector<f64> {
@@ -134,10 +95,15 @@ impl Case<'_> {
         DVector::from_iterator(self.rows(), each)
     }
 
-    /// What is read as the model has it at nominal values of the unknowns, to first order in compliance.
+    /// What is read as the model has it at nominal values of the unknowns, to first order in compliance: eq. 3 or 7 at the commanded
+    /// configurations. Where springs brace the arm, it holds near the nominal compliances.
     pub(super) fn predicted_linearly(&self) -> PredictedRows {
         if let Some(extended) = self.uncertain {
-            return self.extended_linearly(extended);
+            let planned = |model: &mut ObservationModel<'_>, _, setup: &_, kind, rows: &mut _| {
+                Ok::<_, Infallible>(model.predict_as_planned(setup, kind, rows))
+            };
+            let Ok(rows) = self.extended_rows(extended, &self.nominal_values(), planned);
+            return rows;
         }
         let (chain, compliance) = (&self.nominal.chain, &self.nominal.compliance_rad_per_nm);
         let mut arm = chain.at(self.tool);
@@ -167,7 +133,12 @@ impl Case<'_> {
     ) -> Result<PredictedRows, IdentificationError> {
         torques.resize_with(self.measurements.len(), RestTorques::default);
         if let Some(extended) = self.uncertain {
-            return self.extended_at_rest(extended, values, torques);
+            let at_rest =
+                |model: &mut ObservationModel<'_>, index, setup: &_, kind, rows: &mut _| {
+                    (model.predict_near(&mut torques[index], setup, kind, rows))
+                        .map_err(|error| IdentificationError::from((index, error)))
+                };
+            return self.extended_rows(extended, values, at_rest);
         }
         let compliance = &self.compliance(values);
         let chain = &self.nominal.chain;

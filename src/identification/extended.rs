@@ -5,45 +5,38 @@ use nalgebra::{Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::case::Case;
 use super::equations::PredictedRows;
-use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::observation::{
-    DeflectionPrecision, ObservationModel, PlannedReadings, Prediction, ReadingKind, RestTorques,
-    Setup,
+    DeflectionPrecision, ObservationModel, PlannedReadings, Prediction, ReadingKind, Setup,
 };
 use crate::robot::rotation_vector;
 use crate::task::Extended;
 
 impl Case<'_> {
-    /// To first order in compliance as planned, at nominal values of the unknowns.
-    pub(super) fn extended_linearly(&self, extended: &Extended) -> PredictedRows {
-        let mut model =
-            ObservationModel::new(extended.set(), extended.arm(), &self.nominal_values());
-        let mut derivatives = Matrix6xX::zeros(extended.set().len());
-        let mut predicted = PredictedRows::new(self.rows(), extended.set().len());
-        for each in self.measurements {
-            let (setup, kind) = setup_of(each);
-            let found = model.predict_as_planned(&setup, kind, &mut derivatives);
-            predicted.push_prediction(each, &found, &derivatives);
-        }
-        predicted
-    }
-
-    /// Through the static equilibrium at values of the unknowns.
-    pub(super) fn extended_at_rest(
+    /// Predictions of all measurements, by their places, at values of the unknowns.
+    pub(super) fn extended_rows<E>(
         &self,
         extended: &Extended,
         values: &[f64],
-        torques: &mut [RestTorques],
-    ) -> Result<PredictedRows, IdentificationError> {
+        mut predict: impl FnMut(
+            &mut ObservationModel<'_>,
+            usize,
+            &Setup,
+            ReadingKind,
+            &mut Matrix6xX<f64>,
+        ) -> Result<Prediction, E>,
+    ) -> Result<PredictedRows, E> {
         let mut model = ObservationModel::new(extended.set(), extended.arm(), values);
         let mut derivatives = Matrix6xX::zeros(values.len());
         let mut predicted = PredictedRows::new(self.rows(), values.len());
-        for (index, (each, torques)) in self.measurements.iter().zip(torques).enumerate() {
+        for (index, each) in self.measurements.iter().enumerate() {
             let (setup, kind) = setup_of(each);
-            let found = model.predict_near(torques, &setup, kind, &mut derivatives);
-            let found = found.map_err(|error| IdentificationError::from((index, error)))?;
-            predicted.push_prediction(each, &found, &derivatives);
+            let found = predict(&mut model, index, &setup, kind, &mut derivatives)?;
+            predicted.push_deflection(each, &derivatives.fixed_rows::<3>(0), found.position_m);
+            if each.rotation.is_some() {
+                let turned = rotation_vector(&found.rotation);
+                predicted.push(&derivatives.fixed_rows::<3>(3), turned);
+            }
         }
         Ok(predicted)
     }
@@ -70,22 +63,6 @@ impl Case<'_> {
         let p = self.sigma_of(one).component_mul(&self.sigma_of(other));
         let r = rotation(one).component_mul(&rotation(other));
         Matrix6::from_diagonal(&Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z))
-    }
-}
-
-impl PredictedRows {
-    /// Adds a reading's.
-    fn push_prediction(
-        &mut self,
-        of: &Measurement,
-        found: &Prediction,
-        derivatives: &Matrix6xX<f64>,
-    ) {
-        self.push_deflection(of, &derivatives.fixed_rows::<3>(0), found.position_m);
-        if of.rotation.is_some() {
-            let turned = rotation_vector(&found.rotation);
-            self.push(&derivatives.fixed_rows::<3>(3), turned);
-        }
     }
 }
 

@@ -2,20 +2,19 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
 use super::case::Sigma;
-use super::equations::{Equations, rows_of};
+use super::equations::{rows_of, stacked};
 use super::error::IdentificationError;
 use super::estimate::Identification;
 use super::outliers::RejectedReading;
 use super::prediction::MeasuredRows;
 use crate::numeric::least_squares::LeastSquares;
 use crate::quantities::written::from_one;
-use crate::task::Method;
 
 /// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes
 /// through that measurement (leverage one), and rounding is what is left.
@@ -53,26 +52,21 @@ pub fn residuals(
     case: &Case<'_>,
     identification: &Identification,
 ) -> Result<Vec<MeasurementResidual>, IdentificationError> {
-    let Equations {
-        matrix,
-        right_hand_side,
-    } = match case.method {
-        Method::Linear => case.linear(),
-        Method::Nonlinear => case.nonlinear(&identification.posterior.mean)?,
-    };
-    let estimable = &identification.posterior.estimable;
-    let fit = LeastSquares::solve(&matrix, &right_hand_side, estimable);
-    // What a combination of compliances does that are not determined one by one is fitted, too.
-    let left = right_hand_side - &matrix * &fit.solution;
-    let others = (
-        left.norm_squared(),
-        left.len().saturating_sub(estimable.rank()),
+    let posterior = &identification.posterior;
+    let mut rows = case.against(&posterior.mean)?;
+    let prior = case.prior();
+    let before = &prior.rows * (prior.mean - DVector::from_column_slice(&posterior.mean));
+    let (matrix, left) = (
+        stacked(&rows.matrix, &prior.rows),
+        stacked(&rows.left, &before),
     );
-    let rows = Equations {
-        matrix,
-        right_hand_side: left,
-    };
-    let rows = MeasuredRows::new(case, &rows);
+    let fit = LeastSquares::solve(&matrix, &left, &posterior.estimable);
+    // What a combination of compliances does that are not determined one by one is fitted, too.
+    let left = left - matrix * &fit.solution;
+    rows.left -= &rows.matrix * &fit.solution;
+    rows.own_left -= &rows.own_matrix * &fit.solution;
+    let spare = left.len().saturating_sub(posterior.estimable.rank());
+    let others = (left.norm_squared(), spare);
     let mut judge = Judge::new(case, rows, (&fit.covariance, -1.0));
     judge.others = matches!(case.sigma, Sigma::FromResiduals(_)).then_some(others);
     let residual = |(measurement, rows)| MeasurementResidual {

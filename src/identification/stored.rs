@@ -369,36 +369,39 @@ fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknow
 
 /// What is known of the parameters.
 fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, FileError> {
-    let names = &stored.parameters;
-    let size = names.len();
-    let check = |key: &str, found: usize| {
-        let problem = format!("found {found} values; there are {size} parameters");
-        let wrong = || FileError::new(path, problem).at(key);
-        (found == size).then_some(()).ok_or_else(wrong)
-    };
-    let estimates = &stored.compliance_rad_per_nm;
-    check("compliance_rad_per_nm", estimates.len())?;
+    let wrong = |key: &str, problem: String| FileError::new(path, problem).at(key);
+    let (names, estimates) = (&stored.parameters, &stored.compliance_rad_per_nm);
+    let (applied, typical) = (
+        &stored.compliance_applied_rad_per_nm,
+        &stored.compliance_typical_rad_per_nm,
+    );
+    let (rows, size) = (&stored.covariance_rad2_per_n2m2, names.len());
+    for (key, found) in [
+        ("compliance_rad_per_nm", estimates.len()),
+        ("covariance_rad2_per_n2m2", rows.len()),
+        ("compliance_applied_rad_per_nm", applied.len()),
+        ("compliance_typical_rad_per_nm", typical.len()),
+    ] {
+        if found != size {
+            let problem = format!("found {found} values; there are {size} parameters");
+            return Err(wrong(key, problem));
+        }
+    }
     for (index, value) in estimates.iter().enumerate() {
         // What scatters below zero is dealt with later.
         let size = value.unwrap_or_default().abs().max(LEAST_SIZE);
         ELASTIC_COMPLIANCE.check(size).map_err(|problem| {
-            FileError::new(path, format!("{}: {problem}", names[index]))
-                .at(format!("compliance_rad_per_nm[{index}]"))
-                .hint("measure again with loads that bend this joint, or take it out of robot.parameters")
+            let key = format!("compliance_rad_per_nm[{index}]");
+            wrong(&key, format!("{}: {problem}", names[index])).hint(
+                "measure again with loads that bend this joint, or take it out of robot.parameters",
+            )
         })?;
     }
-    let rows = &stored.covariance_rad2_per_n2m2;
-    check("covariance_rad2_per_n2m2", rows.len())?;
-    let covariance = covariance_of(rows).map_err(|(place, problem)| {
-        FileError::new(path, problem).at(format!("covariance_rad2_per_n2m2{place}"))
-    })?;
-    let applied = &stored.compliance_applied_rad_per_nm;
-    check("compliance_applied_rad_per_nm", applied.len())?;
-    let typical = &stored.compliance_typical_rad_per_nm;
-    check("compliance_typical_rad_per_nm", typical.len())?;
+    let covariance = covariance_of(rows)
+        .map_err(|(place, problem)| wrong(&format!("covariance_rad2_per_n2m2{place}"), problem))?;
     if let Some(found) = (typical.iter()).find(|value| value.is_nan() || **value <= 0.0) {
         let problem = format!("found {found}; positive numbers are allowed");
-        return Err(FileError::new(path, problem).at("compliance_typical_rad_per_nm"));
+        return Err(wrong("compliance_typical_rad_per_nm", problem));
     }
     let (key, directions) = ("undetermined_directions", &stored.undetermined_directions);
     let hidden = orthonormal(path, key, directions, size)?;
@@ -415,8 +418,8 @@ fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, File
     if let Some(index) = (0..size).find(|&index| estimates[index].is_some() != is_known(index)) {
         let problem = "is a number where undetermined_directions say that there is none, or the other \
                        way round: the file is damaged";
-        let place = format!("compliance_rad_per_nm[{index}]");
-        return Err(FileError::new(path, problem).at(place));
+        let key = format!("compliance_rad_per_nm[{index}]");
+        return Err(wrong(&key, problem.to_owned()));
     }
     Ok(posterior)
 }

@@ -94,7 +94,7 @@ pub fn fit_parameters(
         observations,
         shared: None,
     };
-    readings.fit_from_frames(Haste::None)
+    readings.fit_anew(Haste::None)
 }
 
 /// Observations to which parameters are fitted; some may share an error.
@@ -123,9 +123,9 @@ pub(super) enum Haste {
 }
 
 impl FittedReadings<'_> {
-    /// A fit that begins where the frames follow from the readings.
-    pub fn fit_from_frames(&self, haste: Haste) -> Result<ParameterFit, IdentificationError> {
-        self.fit_from(&self.frames(), haste)
+    /// A fit that begins at the prior's mean.
+    pub fn fit_anew(&self, haste: Haste) -> Result<ParameterFit, IdentificationError> {
+        self.fit_from(&self.set.prior().mean, haste)
     }
 
     /// A fit that begins at values (p).
@@ -201,60 +201,21 @@ impl FittedReadings<'_> {
         let estimable = freedoms.estimable(self.set);
         (freedoms, estimable)
     }
-
-    /// The prior's mean (p) with frames of the base and of the tools, which may be anywhere, that fit best when all else is
-    /// as it is believed to be.
-    fn frames(&self) -> DVector<f64> {
-        let mut start = self.set.prior().mean.clone();
-        let is_frame: Vec<usize> = (0..self.set.len())
-            .filter(|&index| self.set.parameters()[index].kind.is_mounted())
-            .collect();
-        let is_none = is_frame.is_empty() || self.observations.is_empty();
-        if is_none || is_frame.len() == self.set.len() {
-            return start;
-        }
-        let others_nominal = self.set.apply(self.nominal, start.as_slice());
-        let frames = self.set.subset(&is_frame);
-        // Their nominal values are applied already; the subset's values count from the nominal belief.
-        let mut belief = others_nominal;
-        belief.tools.clone_from(&self.nominal.tools);
-        (belief.instrument_from_base).clone_from(&self.nominal.instrument_from_base);
-        let readings = FittedReadings {
-            nominal: &belief,
-            set: &frames,
-            observations: self.observations,
-            shared: None,
-        };
-        let (_, estimable) = readings.determined();
-        if estimable.rank() > 0 {
-            let problem = FitProblem {
-                readings,
-                prior: relative_precision(&frames),
-                basis: estimable.basis(),
-                haste: Haste::None,
-            };
-            // Where they cannot be found alone, all parameters may still be.
-            if let Ok((values, _, _)) = problem.solve(&frames.prior().mean) {
-                for (&index, value) in is_frame.iter().zip(&values) {
-                    start[index] = *value;
-                }
-            }
-        }
-        start
-    }
 }
 
 /// The last step was so many standard errors.
-pub(super) const fn not_converged(step: f64) -> IdentificationError {
+const fn not_converged(step: f64) -> IdentificationError {
     let unit = "standard errors";
     IdentificationError::NotConverged { step, unit }
 }
 
-struct FitProblem<'a> {
-    readings: FittedReadings<'a>,
-    prior: nalgebra::DMatrix<f64>,
-    basis: &'a nalgebra::DMatrix<f64>,
-    haste: Haste,
+/// Readings whose parameters change along some directions alone.
+pub(super) struct FitProblem<'a> {
+    pub readings: FittedReadings<'a>,
+    /// The prior's precision (p x p), and the directions (p x r), in typical sizes.
+    pub prior: DMatrix<f64>,
+    pub basis: &'a DMatrix<f64>,
+    pub haste: Haste,
 }
 
 /// Where a step began.
@@ -268,15 +229,15 @@ struct StepBefore {
 }
 
 /// The problem at one vector of values, with the next step in coordinates of the basis.
-struct Solved {
+pub(super) struct Solved {
     equations: NormalEquations,
     /// The sum of squares with the prior's.
     cost: f64,
-    information: nalgebra::DMatrix<f64>,
+    information: DMatrix<f64>,
     gradient: DVector<f64>,
     factor: Cholesky<f64, Dyn>,
     /// The undamped step's length in standard errors.
-    steps: f64,
+    pub steps: f64,
 }
 
 impl Solved {
@@ -323,7 +284,12 @@ impl FitProblem<'_> {
             }
             curvature = None;
             loop {
-                let next = self.step(&now, damping).map(|step| &values + step);
+                let step = if damping > 0.0 {
+                    self.damped_step(&now, damping)
+                } else {
+                    Some(self.step(&now))
+                };
+                let next = step.map(|step| &values + step);
                 let found = next.map(|next| (self.at(&next), next));
                 if let Some((Ok(found), next)) = found
                     && (found.cost <= now.cost || now.steps <= SHORT)
@@ -345,8 +311,17 @@ impl FitProblem<'_> {
         Err(not_converged(now.steps))
     }
 
-    fn at(&self, values: &DVector<f64>) -> Result<Solved, IdentificationError> {
-        let equations = self.readings.equations(values)?;
+    /// The problem at values (p).
+    pub fn at(&self, values: &DVector<f64>) -> Result<Solved, IdentificationError> {
+        self.solved(values, self.readings.equations(values)?)
+    }
+
+    /// The same by what the readings say there.
+    pub fn solved(
+        &self,
+        values: &DVector<f64>,
+        equations: NormalEquations,
+    ) -> Result<Solved, IdentificationError> {
         let off =
             (values - &self.readings.set.prior().mean).component_div(&self.readings.set.scales());
         let pull = &self.prior * &off;
@@ -440,17 +415,17 @@ impl FitProblem<'_> {
     }
 
     /// The step in the parameters' units, no longer than what the model can follow.
-    fn step(&self, now: &Solved, damping: f64) -> Option<DVector<f64>> {
-        let within = if damping > 0.0 {
-            let mut damped = now.information.clone();
-            for index in 0..damped.nrows() {
-                damped[(index, index)] *= 1.0 + damping;
-            }
-            Cholesky::new(damped)?.solve(&now.gradient)
-        } else {
-            now.factor.solve(&now.gradient)
-        };
-        Some(self.limited(&within))
+    pub fn step(&self, now: &Solved) -> DVector<f64> {
+        self.limited(&now.factor.solve(&now.gradient))
+    }
+
+    /// The same, damped.
+    fn damped_step(&self, now: &Solved, damping: f64) -> Option<DVector<f64>> {
+        let mut damped = now.information.clone();
+        for index in 0..damped.nrows() {
+            damped[(index, index)] *= 1.0 + damping;
+        }
+        Some(self.limited(&Cholesky::new(damped)?.solve(&now.gradient)))
     }
 
     /// A step that is told in coordinates of the basis, in the parameters' units and no longer than what the model can follow.

@@ -150,7 +150,7 @@ fn fit_if_plausible(
     set: &ParameterSet,
     observations: &[Observation],
 ) -> Result<ParameterFit, IdentificationError> {
-    readings(nominal, set, observations).fit_from_frames(Haste::Plausibility)
+    readings(nominal, set, observations).fit_anew(Haste::Plausibility)
 }
 
 /// 4 for each joint and 6 more can be told apart with poses, whether axes are parallel or not; with

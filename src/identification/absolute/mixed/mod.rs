@@ -234,19 +234,10 @@ impl MixedModel {
 
     /// The same of some of the visits.
     fn of_visits(&self, is_in: impl Fn(usize) -> bool) -> Self {
-        let visits = self.visits.iter().enumerate();
-        let visits = visits.filter(|(number, _)| is_in(*number));
-        Self {
-            visits: visits.map(|(_, visit)| visit.clone()).collect(),
-            prior: self.prior.clone(),
-            pull: self.pull.clone(),
-            priors: self.priors.clone(),
-            pulls: self.pulls.clone(),
-            joints: self.joints.clone(),
-            units: self.units.clone(),
-            waving: self.waving.clone(),
-            ..*self
-        }
+        let mut model = self.clone();
+        let mut numbers = 0..self.visits.len();
+        model.visits.retain(|_| numbers.next().is_some_and(&is_in));
+        model
     }
 
     /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.

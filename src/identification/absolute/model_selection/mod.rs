@@ -15,7 +15,7 @@ use super::super::error::IdentificationError;
 use super::super::gauss_newton::{ParameterFit, fit_parameters};
 use super::super::nominal::{UNKNOWN, with_nominal};
 use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
-use super::fit::WeighedFit;
+use super::fit::KeptFit;
 use super::unknowns::ToldApart;
 use super::{
     AbsoluteCase, AbsoluteError, DistanceStatistics, ParameterGroup, ReadingResidual,
@@ -117,12 +117,14 @@ impl AbsoluteCase<'_> {
         let mut case = self.without(&start);
         let (mut steps, mut skipped) = case.climb(weights)?;
         let far_out = (steps.last()).filter(|_| !self.keeps_all).and_then(|top| {
-            let first = WeighedFit {
+            let first = KeptFit {
+                case: case.clone(),
+                rejected: start.clone(),
                 discrepancy: case.discrepancy(&top.fit).ok(),
                 fit: top.fit.clone(),
                 consistency: None,
             };
-            self.without_far_out(&top.set, weights, &first, &start)
+            self.without_far_out(&top.set, weights, &first)
         });
         let mut rejected = start;
         if let Some(found) = far_out {
