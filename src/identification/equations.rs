@@ -24,7 +24,6 @@ impl Case<'_> {
         self.measurements.iter().map(rows_of).sum()
     }
 
-    /// The nominal values of the unknowns (p).
     pub(super) fn nominal_values(&self) -> Vec<f64> {
         match self.uncertain {
             Some(extended) => extended.set().prior().mean.as_slice().to_vec(),
@@ -34,7 +33,6 @@ impl Case<'_> {
         }
     }
 
-    /// The typical sizes of the unknowns (p).
     pub(super) fn sizes(&self) -> Vec<f64> {
         let mut sizes = self.nominal.typical_rad_per_nm(self.parameters);
         if let Some(extended) = self.uncertain {
@@ -55,7 +53,6 @@ impl Case<'_> {
         Estimable::of_equations(&others, &self.sizes())
     }
 
-    /// The names of the unknowns: joints for compliances.
     pub(super) fn names(&self) -> Vec<String> {
         let joints = &self.nominal.chain.joints;
         let own = self
@@ -204,7 +201,6 @@ impl Case<'_> {
         (squares / (3 * self.measurements.len()) as f64).sqrt()
     }
 
-    /// The rows of each measurement.
     pub(super) fn rows_of_each(&self) -> impl Iterator<Item = Range<usize>> {
         self.measurements.iter().scan(0, |row, each| {
             let first = *row;
@@ -290,7 +286,6 @@ impl PredictedRows {
     }
 }
 
-/// One matrix above the other.
 pub(super) fn stacked<C: Dim>(
     above: &OMatrix<f64, Dyn, C>,
     below: &OMatrix<f64, Dyn, C>,

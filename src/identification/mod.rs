@@ -55,7 +55,7 @@ pub use gauss_newton::{ParameterFit, fit_parameters};
 pub use outliers::{IMPLAUSIBLE, RejectedReading};
 pub use prediction::{Predicted, PredictionError, Predictions};
 pub use repeats::{PlaceDrift, RepeatedPose, Repeats};
-pub use residuals::{MeasurementResidual, residuals, with_rejected};
+pub use residuals::{MeasurementResidual, residuals};
 pub use robust::{RobustIdentification, Robustness};
 pub use spread::{MOST_SPREAD, SPREAD_ORDERS};
 pub use stored::{OtherUnknowns, StoredIdentification, hold_impossible, nominal_instead};

@@ -367,7 +367,6 @@ fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknow
     }))
 }
 
-/// What is known of the parameters.
 fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, FileError> {
     let wrong = |key: &str, problem: String| FileError::new(path, problem).at(key);
     let (names, estimates) = (&stored.parameters, &stored.compliance_rad_per_nm);

@@ -9,7 +9,7 @@ use crate::identification::input_errors::{
 use crate::identification::patterns::{BLOCKS, Patterns, looked_at};
 use crate::identification::{
     Case, Identification, IdentificationError, MeasurementResidual, RejectedReading, Repeats,
-    Robustness, Sigma, Told, joint_space_blocks, left_out, residuals, with_rejected,
+    Robustness, Sigma, Told, joint_space_blocks, left_out, residuals,
 };
 use crate::measurement::Measurement;
 use crate::record::json::{merge, results};
@@ -104,10 +104,7 @@ pub fn identify_measurements(
         ..all
     };
     let weighed = case.with(&robust.weighed);
-    let kept = robust.of_kept(&robust.weighed);
-    let residuals = residuals(&case.with(&kept), identification)
-        .and_then(|of_kept| with_rejected(of_kept, &weighed, identification, &robust.rejected))
-        .map_err(failed)?;
+    let residuals = residuals(&weighed, identification, &robust.rejected).map_err(failed)?;
     let of_table = conditions_of_table(&all);
     let input_errors = suspected_input_errors(&all, Some(&robust.of_all));
     let kept = robust.of_kept(measurements);

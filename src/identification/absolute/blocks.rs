@@ -82,7 +82,6 @@ impl AbsoluteCase<'_> {
         [all, others]
     }
 
-    /// The commanded angles of each reading.
     fn configurations(&self) -> Vec<&DVector<f64>> {
         // A visit's first reading stands for all of it, whatever angles the others say.
         let mut configurations: Vec<&DVector<f64>> = (self.observations.iter())
@@ -113,7 +112,6 @@ pub(super) struct Without {
     pub left: Vec<ReadingResidual>,
 }
 
-/// The blocks of a case.
 pub(super) struct Blocks<'a> {
     case: &'a AbsoluteCase<'a>,
     /// Each reading's block.

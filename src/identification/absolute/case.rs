@@ -257,7 +257,6 @@ impl<'a> AbsoluteCase<'a> {
         })))
     }
 
-    /// Where the targets are on their links.
     pub(in crate::identification) fn link_from_tools(&self) -> Vec<Isometry3<f64>> {
         let tools = self.arm.tools.iter();
         tools.map(|tool| tool.link_from_tool).collect()
@@ -308,7 +307,6 @@ impl<'a> AbsoluteCase<'a> {
             .collect()
     }
 
-    /// Readings that are equal to the last digit.
     fn copied(&self) -> CopiedReadings {
         let shows = self.belief.instrument.distance.as_ref();
         let resolution_m = shows.map_or(0.0, |shows| shows.resolution_m);
@@ -367,7 +365,6 @@ impl<'a> AbsoluteCase<'a> {
     }
 }
 
-/// The axes of a pose.
 pub(super) const fn rotation_of(reading: &Reading) -> Option<Matrix3<f64>> {
     match reading {
         Reading::Pose { rotation, .. } => Some(*rotation),

@@ -10,10 +10,9 @@ use super::super::frames::reach;
 use super::super::gauss_newton::{Haste, ParameterFit};
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
-use super::unknowns::{LeftOut, ToldApart};
 use super::{
-    AbsoluteCase, AbsoluteError, CopiedReadings, JointError, ParameterGroup, ReadingResidual,
-    RejectedReading, Unexplained,
+    AbsoluteCase, AbsoluteError, CopiedReadings, JointError, LeftOut, ParameterGroup,
+    ReadingResidual, RejectedReading, Unexplained,
 };
 use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
@@ -115,7 +114,7 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
     ) -> Result<AbsoluteFit, AbsoluteError> {
         self.check_frames()?;
-        let ToldApart { set, left_out } = self.unknowns(groups)?;
+        let (set, left_out) = self.told_apart(groups, &[])?;
         let start = self.far_from_frames();
         let mut settled = self.settled(&set, weights, &start, self.keeps_all)?;
         let (nominal, rejected) = (settled.set.nominal().len(), &settled.found.rejected);
@@ -264,9 +263,9 @@ impl<'a> AbsoluteCase<'a> {
         let readings = case.fitted_readings(set);
         let own = match weights {
             ReadingWeights::WithDiscrepancy => None,
-            ReadingWeights::Own => Some(readings.fit_anew(Haste::Residuals)?),
+            ReadingWeights::Own => Some(readings.fit_from_frames(Haste::Residuals)?),
             ReadingWeights::AsNeeded => {
-                match readings.fit_anew(Haste::Plausibility) {
+                match readings.fit_from_frames(Haste::Plausibility) {
                     Ok(fit) => Some(fit),
                     // Readings that the model cannot explain may drive its parameters anywhere.
                     Err(IdentificationError::NotConverged { .. }) => None,

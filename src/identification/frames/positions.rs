@@ -66,7 +66,6 @@ fn settle(frames: &mut MountedFrames, sights: &[Sight], tools: &[Isometry3<f64>]
 /// Where a target is in the robot's base and where it was read (m), and how much that counts.
 type WeighedPair = (Vector3<f64>, Vector3<f64>, f64);
 
-/// The stations that fit best where the targets are.
 fn place_stations(frames: &mut MountedFrames, sights: &[Sight]) {
     for (station, base) in frames.instrument_from_base.iter_mut().enumerate() {
         let pairs: Vec<WeighedPair> = (sights.iter())

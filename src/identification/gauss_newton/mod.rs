@@ -17,8 +17,8 @@ use crate::numeric::estimable::Estimable;
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{
-    NormalEquations, Observation, PlannedReading, SharedErrors, normal_equations,
-    planned_information, shared_equations,
+    NormalEquations, Observation, SharedErrors, normal_equations, planned_information,
+    shared_equations,
 };
 use crate::parameter::{ElasticArm, Freedoms, ParameterSet, relative_precision};
 
@@ -94,7 +94,7 @@ pub fn fit_parameters(
         observations,
         shared: None,
     };
-    readings.fit_anew(Haste::None)
+    readings.fit_from_frames(Haste::None)
 }
 
 /// Observations to which parameters are fitted; some may share an error.
@@ -123,9 +123,9 @@ pub(super) enum Haste {
 }
 
 impl FittedReadings<'_> {
-    /// A fit that begins at the prior's mean.
-    pub fn fit_anew(&self, haste: Haste) -> Result<ParameterFit, IdentificationError> {
-        self.fit_from(&self.set.prior().mean, haste)
+    /// A fit that begins where the frames follow from the readings.
+    pub fn fit_from_frames(&self, haste: Haste) -> Result<ParameterFit, IdentificationError> {
+        self.fit_from(&self.frames(), haste)
     }
 
     /// A fit that begins at values (p).
@@ -193,13 +193,53 @@ impl FittedReadings<'_> {
 
     /// What the observations and the set's prior determine.
     fn determined(&self) -> (Freedoms, Estimable) {
-        let planned: Vec<PlannedReading> =
-            self.observations.iter().map(Observation::planned).collect();
-        let information =
-            planned_information(self.set, self.nominal, &self.set.prior().mean, &planned);
-        let freedoms = Freedoms::new(self.nominal, self.set, &information);
+        let (set, nominal) = (self.set, self.nominal);
+        let planned: Vec<_> = self.observations.iter().map(Observation::planned).collect();
+        let information = planned_information(set, nominal, &set.prior().mean, &planned);
+        let freedoms = Freedoms::new(nominal, set, &information);
         let estimable = freedoms.estimable(self.set);
         (freedoms, estimable)
+    }
+
+    /// The prior's mean (p) with frames of the base and of the tools, which may be anywhere, that fit best when all else is
+    /// as it is believed to be.
+    fn frames(&self) -> DVector<f64> {
+        let mut start = self.set.prior().mean.clone();
+        let is_frame: Vec<usize> = (0..self.set.len())
+            .filter(|&index| self.set.parameters()[index].kind.is_mounted())
+            .collect();
+        let is_none = is_frame.is_empty() || self.observations.is_empty();
+        if is_none || is_frame.len() == self.set.len() {
+            return start;
+        }
+        let others_nominal = self.set.apply(self.nominal, start.as_slice());
+        let frames = self.set.subset(&is_frame);
+        // Their nominal values are applied already; the subset's values count from the nominal belief.
+        let mut belief = others_nominal;
+        belief.tools.clone_from(&self.nominal.tools);
+        (belief.instrument_from_base).clone_from(&self.nominal.instrument_from_base);
+        let readings = FittedReadings {
+            nominal: &belief,
+            set: &frames,
+            observations: self.observations,
+            shared: None,
+        };
+        let (_, estimable) = readings.determined();
+        if estimable.rank() > 0 {
+            let problem = FitProblem {
+                readings,
+                prior: relative_precision(&frames),
+                basis: estimable.basis(),
+                haste: Haste::None,
+            };
+            // Where they cannot be found alone, all parameters may still be.
+            if let Ok((values, _, _)) = problem.solve(&frames.prior().mean) {
+                for (&index, value) in is_frame.iter().zip(&values) {
+                    start[index] = *value;
+                }
+            }
+        }
+        start
     }
 }
 
@@ -218,7 +258,6 @@ pub(super) struct FitProblem<'a> {
     pub haste: Haste,
 }
 
-/// Where a step began.
 struct StepBefore {
     values: DVector<f64>,
     gradient: DVector<f64>,
@@ -419,7 +458,6 @@ impl FitProblem<'_> {
         self.limited(&now.factor.solve(&now.gradient))
     }
 
-    /// The same, damped.
     fn damped_step(&self, now: &Solved, damping: f64) -> Option<DVector<f64>> {
         let mut damped = now.information.clone();
         for index in 0..damped.nrows() {

@@ -5,7 +5,9 @@ use nalgebra::{DVector, Matrix6xX, Vector3};
 use rayon::prelude::*;
 
 use super::*;
-use crate::observation::{Form, ObservationModel, Reading, ReadingKind, Setup, Whitener};
+use crate::observation::{
+    Form, ObservationModel, PlannedReading, Reading, ReadingKind, Setup, Whitener,
+};
 use crate::parameter::arms::{Numbers, geometry, heavy, random, ur10};
 use crate::parameter::{Axis, ParameterKind, Payload};
 use crate::robot::Load;
@@ -150,7 +152,7 @@ fn fit_if_plausible(
     set: &ParameterSet,
     observations: &[Observation],
 ) -> Result<ParameterFit, IdentificationError> {
-    readings(nominal, set, observations).fit_anew(Haste::Plausibility)
+    readings(nominal, set, observations).fit_from_frames(Haste::Plausibility)
 }
 
 /// 4 for each joint and 6 more can be told apart with poses, whether axes are parallel or not; with

@@ -109,7 +109,6 @@ pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Ve
     Some(compliance)
 }
 
-/// The sum of the logarithms of all standard deviations.
 fn log_sigma(case: &Case<'_>, measurements: &[Measurement]) -> f64 {
     let default = Vector3::repeat(case.sigma.weight_m());
     let logarithms = |sigma: Vector3<f64>| sigma.map(f64::ln).sum();

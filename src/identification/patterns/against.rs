@@ -102,7 +102,6 @@ impl LookedAt {
         DMatrix::from_iterator(6 * self.readings.len(), columns.len(), rows)
     }
 
-    /// A candidate's columns.
     pub(super) fn columns(&self, against: Against) -> Vec<PatternColumn> {
         let of = |base: Base, factor: &dyn Fn(&ReadingRows) -> f64| -> PatternColumn {
             (base, self.readings.iter().map(factor).collect())

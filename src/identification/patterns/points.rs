@@ -24,7 +24,6 @@ pub struct PatternPoint {
     pub pattern: f64,
 }
 
-/// What one reading shows.
 struct Seen {
     at: f64,
     value: f64,

@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector6};
 
-use crate::numeric::factorisation::gram;
 use crate::robot::{Drive, SerialChain};
 
 /// Directions of parameters that readings see with less than this share of the best seen one are none.
@@ -104,7 +103,8 @@ impl Projected {
             fitted.rows_mut(6 * index, 6).copy_from(&each.fitted);
             left.rows_mut(6 * index, 6).copy_from(&each.residual);
         }
-        let combinations = orthonormal(&fitted, &squares(&fitted), |largest| UNSEEN * largest);
+        let products = fitted.tr_mul(&fitted);
+        let combinations = orthonormal(&products, &products, |largest| UNSEEN * largest);
         let mut projected = Self {
             directions: DMatrix::zeros(0, 6 * readings.len()),
             left,
@@ -114,12 +114,6 @@ impl Projected {
             projected.add(&(fitted * combinations));
         }
         projected
-    }
-
-    /// What the directions leave of columns (6 N x k).
-    pub fn beside(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
-        let taken = &self.directions * &columns;
-        columns - self.directions.transpose() * taken
     }
 
     /// Takes orthonormal directions (6 N x d) out of what is left.
@@ -133,42 +127,33 @@ impl Projected {
     }
 }
 
-/// Combinations (p x q) that make columns orthonormal, of which those longer than `least` makes of the longest are kept: lengths are shares
-/// of the columns' own (p), squared. None where there is none.
+/// Combinations of columns that are orthonormal, from the products of the columns (p x p) that are as long as the diagonal of `whole`
+/// says: those that are longer than `least` makes of the longest. None where there is none.
 pub(super) fn orthonormal(
-    columns: &DMatrix<f64>,
-    squares: &DVector<f64>,
+    products: &DMatrix<f64>,
+    whole: &DMatrix<f64>,
     least: impl Fn(f64) -> f64,
 ) -> Option<DMatrix<f64>> {
-    let size = |square: f64| {
+    let scale = whole.diagonal().map(|square| {
         if square > 0.0 {
             square.sqrt().recip()
         } else {
             0.0
         }
-    };
-    let scale = squares.map(size);
-    let scaled = gram(columns).component_mul(&(&scale * scale.transpose()));
+    });
+    let scaled = products.component_mul(&(&scale * scale.transpose()));
     if scaled.is_empty() || !scaled.iter().all(|value| value.is_finite()) {
         return None;
     }
     let eigen = SymmetricEigen::new(scaled);
     let least = least(eigen.eigenvalues.max());
-    let all = eigen
+    let kept = eigen
         .eigenvalues
         .iter()
         .zip(eigen.eigenvectors.column_iter());
-    let kept = all.filter(|(value, _)| **value > least);
-    let combinations: Vec<DVector<f64>> = kept
+    let columns: Vec<DVector<f64>> = kept
+        .filter(|(value, _)| **value > least)
         .map(|(value, vector)| vector.component_mul(&scale) / value.sqrt())
         .collect();
-    (!combinations.is_empty()).then(|| DMatrix::from_columns(&combinations))
-}
-
-/// The squares of columns' lengths.
-pub(super) fn squares(columns: &DMatrix<f64>) -> DVector<f64> {
-    DVector::from_iterator(
-        columns.ncols(),
-        columns.column_iter().map(|column| column.norm_squared()),
-    )
+    (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
 }

@@ -26,7 +26,7 @@ use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::against::Against;
-use super::rows::{LookedAt, Projected, orthonormal, squares};
+use super::rows::{LookedAt, Projected, orthonormal};
 use crate::experiment::numbered;
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
@@ -52,16 +52,23 @@ pub(super) struct Test {
     pub design_effect: f64,
 }
 
-/// A candidate with its orthonormal directions (6 N x q), which combine what the fit's directions leave of its columns.
+/// A candidate with its rows (6 N x q), what the fit's directions take of them (r x q), and orthonormal combinations of what is left.
 struct TestedPattern {
     against: Against,
+    rows: DMatrix<f64>,
+    taken: DMatrix<f64>,
     combinations: DMatrix<f64>,
-    directions: DMatrix<f64>,
-    /// Coordinates of the residuals along them.
+    /// Coordinates of the residuals along the combinations.
     shares: DVector<f64>,
 }
 
 impl TestedPattern {
+    /// Its orthonormal directions (6 N x q).
+    fn directions(&self, projected: &Projected) -> DMatrix<f64> {
+        let taken = &self.taken * &self.combinations;
+        &self.rows * &self.combinations - projected.directions.tr_mul(&taken)
+    }
+
     /// The F test, with the degrees of freedom of the denominator where they are fewer than those that are left.
     fn test(&self, projected: &Projected, design_effect: f64, known: f64) -> Option<Test> {
         let degrees = self.shares.len();
@@ -107,19 +114,20 @@ fn tested(
         .iter()
         .map(|&each| looked.rows_of(each))
         .collect();
-    let columns: Vec<_> = rows.iter().flat_map(|rows| rows.column_iter()).collect();
-    let left = projected.beside(DMatrix::from_columns(&columns));
+    let columns: Vec<_> = rows.iter().flat_map(DMatrix::column_iter).collect();
+    let taken = &projected.directions * DMatrix::from_columns(&columns);
     let mut at = 0;
     let candidate = move |(&against, rows): (&Against, DMatrix<f64>)| {
-        let own = left.columns(at, rows.ncols()).into_owned();
+        let taken = taken.columns(at, rows.ncols()).into_owned();
         at += rows.ncols();
-        let combinations = orthonormal(&own, &squares(&rows), |_| TOLD_APART)?;
-        let directions = own * &combinations;
+        let whole = rows.tr_mul(&rows);
+        let combinations = orthonormal(&(&whole - taken.tr_mul(&taken)), &whole, |_| TOLD_APART)?;
         Some(TestedPattern {
             against,
-            shares: directions.tr_mul(&projected.left),
+            shares: combinations.tr_mul(&rows.tr_mul(&projected.left)),
+            rows,
+            taken,
             combinations,
-            directions,
         })
     };
     candidates.iter().zip(rows).filter_map(candidate)
@@ -132,8 +140,9 @@ pub(super) fn judged(
     against: Against,
 ) -> Option<(Test, DMatrix<f64>)> {
     let candidate = tested(looked, projected, &[against]).next()?;
+    let directions = candidate.directions(projected);
     let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
-    let effect_of = |groups: &[usize]| design_effect(groups, projected, &candidate.directions);
+    let effect_of = |groups: &[usize]| design_effect(groups, projected, &directions);
     let q = |reading: usize| &looked.readings[reading].angles;
     let visits = numbered(blocks.len(), q, |one, other| q(one) == q(other));
     let by_visits = effect_of(&visits)?;
@@ -145,7 +154,7 @@ pub(super) fn judged(
             (one.probability.total_cmp(&other.probability))
                 .then(one.design_effect.total_cmp(&other.design_effect))
         })?;
-    Some((test, candidate.directions))
+    Some((test, directions))
 }
 
 /// How many times more a candidate's scores vary from group to group than independent errors that are alike would let them, and

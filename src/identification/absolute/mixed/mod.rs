@@ -126,7 +126,6 @@ pub(super) struct MixedModel {
     waving: Vec<usize>,
 }
 
-/// Variances after one more improvement.
 struct ImprovedVariances {
     next: MixedVariances,
     /// How many numbers told each of those before.
@@ -139,7 +138,6 @@ struct MixedSolution {
     covariance: DMatrix<f64>,
 }
 
-/// What a mixed model gives.
 pub(super) struct MixedFit {
     pub model: DiscrepancyModel,
     /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by a fit to the others.
