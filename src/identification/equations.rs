@@ -5,15 +5,14 @@ use std::ops::Range;
 
 use nalgebra::allocator::Allocator;
 use nalgebra::{
-    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix6, OMatrix, Storage, U3, Vector3,
+    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix6xX, OMatrix, Storage, U3, Vector3,
 };
 
 use super::case::Case;
-use super::discrepancy::six_rows;
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::numeric::estimable::Estimable;
-use crate::observation::{ObservationModel, RestTorques};
+use crate::observation::{ObservationModel, Prediction, ReadingKind, RestTorques, Setup};
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
 };
@@ -171,6 +170,34 @@ impl Case<'_> {
         Ok(predicted)
     }
 
+    /// Predictions of all measurements, by their places, at values of the unknowns.
+    fn extended_rows<E>(
+        &self,
+        extended: &Extended,
+        values: &[f64],
+        mut predict: impl FnMut(
+            &mut ObservationModel<'_>,
+            usize,
+            &Setup,
+            ReadingKind,
+            &mut Matrix6xX<f64>,
+        ) -> Result<Prediction, E>,
+    ) -> Result<PredictedRows, E> {
+        let mut model = ObservationModel::new(extended.set(), extended.arm(), values);
+        let mut derivatives = Matrix6xX::zeros(values.len());
+        let mut predicted = PredictedRows::new(self.rows(), values.len());
+        for (index, each) in self.measurements.iter().enumerate() {
+            let (setup, kind) = setup_of(each);
+            let found = predict(&mut model, index, &setup, kind, &mut derivatives)?;
+            predicted.push_deflection(each, &derivatives.fixed_rows::<3>(0), found.position_m);
+            if each.rotation.is_some() {
+                let turned = rotation_vector(&found.rotation);
+                predicted.push(&derivatives.fixed_rows::<3>(3), turned);
+            }
+        }
+        Ok(predicted)
+    }
+
     /// What is known of the unknowns before.
     pub(super) fn prior(&self) -> PriorRows {
         match (self.uncertain, self.prior) {
@@ -209,14 +236,6 @@ impl Case<'_> {
         })
     }
 
-    /// The covariance of each measured deflection with its rotation (m^2, m rad, rad^2), whatever repeats it; of what is along a
-    /// direction the first element.
-    pub(super) fn covariances(&self) -> Vec<Matrix6<f64>> {
-        let mut model = (self.uncertain).map(|extended| self.readings(extended));
-        let alone = |index| six_rows(&self.covariance_together(model.as_mut(), &[index]));
-        (0..self.measurements.len()).map(alone).collect()
-    }
-
     pub(super) fn sigma_of(&self, measurement: &Measurement) -> Vector3<f64> {
         measurement
             .sigma_m
@@ -231,6 +250,23 @@ pub(super) const fn rows_of(measurement: &Measurement) -> usize {
         (None, Some(_)) => 6,
         (None, None) => 3,
     }
+}
+
+/// How a measurement was set up, and what was read.
+fn setup_of(measurement: &Measurement) -> (Setup, ReadingKind) {
+    let setup = Setup {
+        commanded_rad: measurement.configuration_rad.clone(),
+        load: measurement.load,
+        hangs_on: None,
+        target: 0,
+        station: 0,
+        approach: measurement.approach.clone(),
+    };
+    let kind = match measurement.rotation {
+        Some(_) => ReadingKind::DeflectionAndRotation,
+        None => ReadingKind::Deflection,
+    };
+    (setup, kind)
 }
 
 /// What is known of the unknowns before, as whitened equations (r x p): `rows` times the unknowns = `rows` times the mean (p).

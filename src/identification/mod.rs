@@ -13,7 +13,6 @@ mod discrepancy;
 mod equations;
 mod error;
 mod estimate;
-mod extended;
 mod fit;
 mod frames;
 mod gauss_newton;

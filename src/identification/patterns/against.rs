@@ -15,6 +15,17 @@ pub enum Course {
     Temperature,
 }
 
+impl Course {
+    /// A word, what it is, and its unit.
+    const fn words(self) -> [&'static str; 3] {
+        match self {
+            Self::Order => ["order", "the order of the readings", "reading"],
+            Self::Time => ["time", "time", "s"],
+            Self::Temperature => ["temperature", "temperature", "deg C"],
+        }
+    }
+}
+
 /// What drifts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Drifting {
@@ -191,13 +202,7 @@ impl LookedAt {
         size: f64,
     ) -> (String, &'static str, [&'static str; 2]) {
         let is_softer = self.is_of_deflections;
-        let either = |of_deflections, of_readings| {
-            if is_softer {
-                of_deflections
-            } else {
-                of_readings
-            }
-        };
+        let either = |softer, turned| if is_softer { softer } else { turned };
         let name = against.joint().map_or("", |joint| &self.joints[joint].0);
         let in_mm = format!("{:.4} mm", size * 1e3);
         let turn = if is_softer {
@@ -251,11 +256,7 @@ impl LookedAt {
                 (words, "play, friction or hysteresis", [rad, "sign"])
             }
             Against::Course(course, drifting) => {
-                let (with, at) = match course {
-                    Course::Order => ("the order of the readings", "reading"),
-                    Course::Time => ("time", "s"),
-                    Course::Temperature => ("temperature", "deg C"),
-                };
+                let [_, with, at] = course.words();
                 let (does, cause, unit) = match drifting {
                     Drifting::Base => (
                         format!(
@@ -298,9 +299,7 @@ impl Against {
             Self::Angle { .. } => "joint angle",
             Self::Torque { .. } => "joint torque",
             Self::Approach { .. } => "approach",
-            Self::Course(Course::Order, _) => "order",
-            Self::Course(Course::Time, _) => "time",
-            Self::Course(Course::Temperature, _) => "temperature",
+            Self::Course(course, _) => course.words()[0],
             Self::Range => "range",
         }
     }
