@@ -12,7 +12,7 @@ use crate::identification::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, Case, FEWEST_BLOCKS, Identification,
     IdentificationError, Inconsistencies, MeasurementResidual, ModelSelection, ParameterGroup,
     ReadingWeights, RejectedReading, RepeatComponents, Repeats, Robustness, Sigma, Told,
-    joint_space_blocks, left_out, residuals, with_rejected,
+    joint_space_blocks, left_out, residuals,
 };
 use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
@@ -112,10 +112,7 @@ pub fn identify_measurements(
         ..all
     };
     let weighed = case.with(&robust.weighed);
-    let kept = robust.of_kept(&robust.weighed);
-    let residuals = residuals(&case.with(&kept), identification)
-        .and_then(|of_kept| with_rejected(of_kept, &weighed, identification, &robust.rejected))
-        .map_err(failed)?;
+    let residuals = residuals(&weighed, identification, &robust.rejected).map_err(failed)?;
     let of_table = conditions_of_table(&all);
     let input_errors = suspected_input_errors(&all, Some(&robust.of_all));
     let kept = robust.of_kept(measurements);
