@@ -134,6 +134,9 @@ pub fn identify_measurements(
     })
 }
 
+/// Standard errors that are larger by less than this share are not said.
+const LITTLE: f64 = 0.01;
+
 /// Which error sources standard errors take as independent of those of the campaign of `robot.prior`, and what they would be with the
 /// same values in both: by [`CommonSources`] of each compliance by itself.
 fn common_with_prior(belief: &Belief, identification: &Identification) -> Option<String> {
@@ -146,7 +149,8 @@ fn common_with_prior(belief: &Belief, identification: &Identification) -> Option
         times.is_finite().then_some((times, place, common.names))
     };
     let each = (0..identification.parameters.len()).filter_map(of_joint);
-    let (times, place, names) = each.max_by(|one, other| one.0.total_cmp(&other.0))?;
+    let (times, place, names) = (each.max_by(|one, other| one.0.total_cmp(&other.0)))
+        .filter(|(times, ..)| *times > 1.0 + LITTLE)?;
     Some(format!(
         "standard errors take {} as independent of the campaign of robot.prior: with the same values in both, that of {} is {times:.2} \
          times as large",
