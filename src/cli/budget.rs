@@ -3,19 +3,19 @@
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
+use crate::codes::{Condition, ConditionCode};
+use crate::laboratory::Campaign;
+use crate::laboratory::time::{least_minutes, quickest};
+use crate::plan::absolute::AbsolutePlanError;
+use crate::plan::search::{BudgetPoint, budget, cheapest, repeated_configurations};
+use crate::quantities::plausible::ACCURACY;
+use crate::record::json::merge;
+use crate::record::messages::{CommonSourcesMessage, ProvenanceMessage};
+use crate::scenario::Scenario;
+use crate::task::AccuracyKind;
+use crate::text::wording::counted;
+use crate::view::plots::budget_plot;
 use clap::Args;
-use elastocal::codes::{Condition, ConditionCode};
-use elastocal::laboratory::Campaign;
-use elastocal::laboratory::time::{least_minutes, quickest};
-use elastocal::plan::absolute::AbsolutePlanError;
-use elastocal::plan::search::{BudgetPoint, budget, cheapest, repeated_configurations};
-use elastocal::quantities::plausible::ACCURACY;
-use elastocal::record::json::merge;
-use elastocal::record::messages::{CommonSourcesMessage, ProvenanceMessage};
-use elastocal::scenario::Scenario;
-use elastocal::task::AccuracyKind;
-use elastocal::text::wording::counted;
-use elastocal::view::plots::budget_plot;
 use serde_json::{Value, json};
 
 use super::interruption::STOP;

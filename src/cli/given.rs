@@ -3,14 +3,14 @@
 use std::ffi::OsString;
 use std::path::Path;
 
+use crate::codes::ErrorCode;
+use crate::files::{FileError, roles::Roles};
+use crate::plan::Criterion;
+use crate::record::messages::ProvenanceMessage;
+use crate::scenario::Scenario;
+use crate::task::AccuracyKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches, Id};
-use elastocal::codes::ErrorCode;
-use elastocal::files::{FileError, roles::Roles};
-use elastocal::plan::Criterion;
-use elastocal::record::messages::ProvenanceMessage;
-use elastocal::scenario::Scenario;
-use elastocal::task::AccuracyKind;
 
 use super::{Common, check_outputs};
 

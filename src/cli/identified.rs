@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::files::FileError;
-use elastocal::identification::{
+use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::files::FileError;
+use crate::identification::{
     Discrepancy, OtherUnknowns, StoredIdentification, impossible_compliance,
 };
-use elastocal::measurement::{Origin, SimulatedRun};
-use elastocal::numeric::{estimable::Estimable, posterior::Posterior};
-use elastocal::scenario::Scenario;
-use elastocal::task::Fingerprint;
-use elastocal::text::wording::shell_path;
-use elastocal::workflow::{calibrated::CalibratedRobot, stored_robot::StoredRobot};
+use crate::measurement::{Origin, SimulatedRun};
+use crate::numeric::{estimable::Estimable, posterior::Posterior};
+use crate::scenario::Scenario;
+use crate::task::Fingerprint;
+use crate::text::wording::shell_path;
+use crate::workflow::{calibrated::CalibratedRobot, stored_robot::StoredRobot};
 
 use super::Common;
 

@@ -3,20 +3,20 @@
 use std::fmt::Display;
 use std::path::PathBuf;
 
+use crate::calibration::{MeasuredRun, measure};
+use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::experiment::read_candidates;
+use crate::files::{FileError, output::write_whole};
+use crate::measurement::{absolute_table, deflection_table};
+use crate::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
+use crate::record::messages::{MeasurementMessage, TruthMessage};
+use crate::robot::ReadsAlong;
+use crate::scenario::Scenario;
+use crate::study::virtual_readings::virtual_readings;
+use crate::task::{AccuracyKind, Belief, Task};
+use crate::testbed::{TrueRobots, VirtualRobot};
+use crate::text::wording::counted;
 use clap::Args;
-use elastocal::calibration::{MeasuredRun, measure};
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::experiment::read_candidates;
-use elastocal::files::{FileError, output::write_whole};
-use elastocal::measurement::{absolute_table, deflection_table};
-use elastocal::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
-use elastocal::record::messages::{MeasurementMessage, TruthMessage};
-use elastocal::robot::ReadsAlong;
-use elastocal::scenario::Scenario;
-use elastocal::study::virtual_readings::virtual_readings;
-use elastocal::task::{AccuracyKind, Belief, Task};
-use elastocal::testbed::{TrueRobots, VirtualRobot};
-use elastocal::text::wording::counted;
 use serde_json::{Value, json};
 
 use super::table::table;

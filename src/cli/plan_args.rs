@@ -2,18 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::codes::ErrorCode;
+use crate::experiment::{Candidate, read_candidates};
+use crate::files::FileError;
+use crate::identification::ParameterGroup;
+use crate::plan::absolute::{DrawnWanted, ReadingsWanted};
+use crate::plan::search::{Candidates, OfferedCandidates};
+use crate::quantities::limits::MOST_NAMED;
+use crate::robot::Load;
+use crate::scenario::Scenario;
+use crate::task::{Task, TestPose};
+use crate::text::wording::counted;
 use clap::{Arg, Args};
-use elastocal::codes::ErrorCode;
-use elastocal::experiment::{Candidate, read_candidates};
-use elastocal::files::FileError;
-use elastocal::identification::ParameterGroup;
-use elastocal::plan::absolute::{DrawnWanted, ReadingsWanted};
-use elastocal::plan::search::{Candidates, OfferedCandidates};
-use elastocal::quantities::limits::MOST_NAMED;
-use elastocal::robot::Load;
-use elastocal::scenario::Scenario;
-use elastocal::task::{Task, TestPose};
-use elastocal::text::wording::counted;
 
 use super::proof::ProofArgs;
 use super::uncertainty_budget::BudgetArgs;

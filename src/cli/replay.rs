@@ -1,13 +1,13 @@
 //! `replay`: one run of the study on the virtual robot, recorded.
 
+use crate::files::make_folder;
+use crate::record::messages::ProvenanceMessage;
+use crate::scenario::Scenario;
+use crate::study::{Conditions, Entry};
+use crate::task::AccuracyKind;
+use crate::view::recording::{CarriedOutPlan, PlanRecord, Recording};
+use crate::workflow::study::refuse_others;
 use clap::Args;
-use elastocal::files::make_folder;
-use elastocal::record::messages::ProvenanceMessage;
-use elastocal::scenario::Scenario;
-use elastocal::study::{Conditions, Entry};
-use elastocal::task::AccuracyKind;
-use elastocal::view::recording::{CarriedOutPlan, PlanRecord, Recording};
-use elastocal::workflow::study::refuse_others;
 use serde_json::json;
 
 use super::interruption::proceed;
@@ -52,7 +52,7 @@ impl Replay {
             entries.len()
         ));
         let plan = |entry: &Entry<'_>| {
-            carried_out(&scenario, &settings[0], &*entry.name, &entry.kind, self.run)
+            carried_out(&scenario, &settings[0], &entry.name, &entry.kind, self.run)
         };
         let plans: Vec<CarriedOutPlan> = entries.iter().map(plan).collect::<anyhow::Result<_>>()?;
         let of_setting = Scenario {

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use elastocal::identification::patterns::Patterns;
-use elastocal::identification::{
+use crate::identification::patterns::Patterns;
+use crate::identification::{
     Identification, MeasurementResidual, RejectedReading, RepeatComponents, RepeatedPose, Repeats,
 };
-use elastocal::measurement::Measurement;
-use elastocal::text::wording::{counted, percent};
+use crate::measurement::Measurement;
+use crate::text::wording::{counted, percent};
 use nalgebra::Vector3;
 
 use super::table::{number, or_dash, table};

@@ -2,20 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use elastocal::codes::{Condition, ErrorCode};
-use elastocal::files::FileError;
-use elastocal::identification::{DistanceStatistics, Predicted, ReadingResidual};
-use elastocal::laboratory::validation::{Validation, validate, validation_plan};
-use elastocal::measurement::{read_measured, read_measurements};
-use elastocal::plan::write_plan;
-use elastocal::record::messages::plan_messages;
-use elastocal::scenario::Scenario;
-use elastocal::text::wording::counted;
-use elastocal::workflow::stored_robot::StoredRobot;
-use elastocal::workflow::validate_absolute::{
+use crate::codes::{Condition, ErrorCode};
+use crate::files::FileError;
+use crate::identification::{DistanceStatistics, Predicted, ReadingResidual};
+use crate::laboratory::validation::{Validation, validate, validation_plan};
+use crate::measurement::{read_measured, read_measurements};
+use crate::plan::write_plan;
+use crate::record::messages::plan_messages;
+use crate::scenario::Scenario;
+use crate::text::wording::counted;
+use crate::workflow::stored_robot::StoredRobot;
+use crate::workflow::validate_absolute::{
     AbsoluteValidation, prediction_failed, validate_absolute,
 };
+use clap::Args;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 

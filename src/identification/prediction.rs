@@ -118,12 +118,12 @@ impl Case<'_> {
     }
 
     /// The same to first order in compliance.
-    pub(super) fn to_first_order(&self, values: &[f64]) -> MeasuredRows {
+    pub(super) fn to_first_order(self, values: &[f64]) -> MeasuredRows {
         let mut predicted = self.predicted_linearly();
         let nominal = DVector::from_vec(self.nominal_values());
         let change = DVector::from_column_slice(values) - nominal;
         predicted.values += &predicted.derivatives * change;
-        MeasuredRows::new(self, predicted)
+        MeasuredRows::new(&self, predicted)
     }
 }
 

@@ -2,21 +2,19 @@
 
 use std::path::Path;
 
-use elastocal::files::{FileError, output::write_whole};
-use elastocal::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
-use elastocal::measurement::{AbsoluteReading, read_measured};
-use elastocal::quantities::units::shown_unit;
-use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
-use elastocal::record::json::merge;
-use elastocal::record::model_selection::model_selection_json;
-use elastocal::record::uncertainties::uncertainty_tables;
-use elastocal::robot::Load;
-use elastocal::scenario::Scenario;
-use elastocal::text::wording::counted;
-use elastocal::view::discrepancy_plots::model_selection_plot;
-use elastocal::workflow::identify::{
-    IdentifiedRobot, identify_absolute, model_selection, uncounted,
-};
+use crate::files::{FileError, output::write_whole};
+use crate::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
+use crate::measurement::{AbsoluteReading, read_measured};
+use crate::quantities::units::shown_unit;
+use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
+use crate::record::json::merge;
+use crate::record::model_selection::model_selection_json;
+use crate::record::uncertainties::uncertainty_tables;
+use crate::robot::Load;
+use crate::scenario::Scenario;
+use crate::text::wording::counted;
+use crate::view::discrepancy_plots::model_selection_plot;
+use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
 use serde_json::json;
 
 use super::Identify;

@@ -2,18 +2,16 @@
 
 use std::path::Path;
 
-use elastocal::codes::ErrorCode;
-use elastocal::files::FileError;
-use elastocal::identification::{
-    Identification, IdentificationError, Robustness, UncertainEstimate,
-};
-use elastocal::measurement::{Measurement, Origin};
-use elastocal::record::json::merge;
-use elastocal::robot::ReadsAlong;
-use elastocal::scenario::Scenario;
-use elastocal::task::Belief;
-use elastocal::text::wording::counted;
-use elastocal::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
+use crate::codes::ErrorCode;
+use crate::files::FileError;
+use crate::identification::{Identification, IdentificationError, Robustness, UncertainEstimate};
+use crate::measurement::{Measurement, Origin};
+use crate::record::json::merge;
+use crate::robot::ReadsAlong;
+use crate::scenario::Scenario;
+use crate::task::Belief;
+use crate::text::wording::counted;
+use crate::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
 use serde_json::json;
 
 use super::Identify;

@@ -5,9 +5,9 @@ mod target;
 
 use std::path::{Path, PathBuf};
 
-use elastocal::text::wording::shell_word;
-use elastocal::view::rerun_file::{log_recording, write_rerun};
-use elastocal::view::{mcap_file::write_mcap, recording::Recording};
+use crate::text::wording::shell_word;
+use crate::view::rerun_file::{log_recording, write_rerun};
+use crate::view::{mcap_file::write_mcap, recording::Recording};
 
 use crate::cli::written::{Written, warn};
 

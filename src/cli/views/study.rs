@@ -2,19 +2,19 @@
 
 use std::path::Path;
 
-use elastocal::calibration::calibrate;
-use elastocal::plan::search::random_plan;
-use elastocal::record::tally_file::Header;
-use elastocal::scenario::Scenario;
-use elastocal::study::runner::Runner;
-use elastocal::study::{Entry, EntryKind, Setting, tally::Tally};
-use elastocal::view::mcap_file::study::write_study_mcap;
-use elastocal::view::recording::{CarriedOutPlan, Recording};
-use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
-use elastocal::view::rerun_file::viewer::Viewer;
-use elastocal::view::study_recording::{Snapshot, StudyRecording};
-use elastocal::workflow::run::replay_readings;
-use elastocal::workflow::study::plan_messages;
+use crate::calibration::calibrate;
+use crate::plan::search::random_plan;
+use crate::record::tally_file::Header;
+use crate::scenario::Scenario;
+use crate::study::runner::Runner;
+use crate::study::{Entry, EntryKind, Setting, tally::Tally};
+use crate::view::mcap_file::study::write_study_mcap;
+use crate::view::recording::{CarriedOutPlan, Recording};
+use crate::view::rerun_file::study::{StudyStream, write_study_rerun};
+use crate::view::rerun_file::viewer::Viewer;
+use crate::view::study_recording::{Snapshot, StudyRecording};
+use crate::workflow::run::replay_readings;
+use crate::workflow::study::plan_messages;
 
 use super::target::ViewerTarget;
 use crate::cli::written::{Written, warn};
