@@ -218,7 +218,7 @@ impl PlanArgs {
         let bar = bar(self.common.quiet, "robots");
         bar.set_length(robots);
         let progress = |done| bar.inc(done);
-        let trials = try_plan(&setting, scenario.seed, kind, robots, (&STOP, &progress));
+        let trials = try_plan(&setting, scenario.seed, kind, robots, &STOP, &progress);
         bar.finish_and_clear();
         searched();
         let trials = match trials {

@@ -175,8 +175,7 @@ impl Run {
             bar.finish_and_clear();
             tell(common, stage, "reading");
         };
-        let ((planning, found), outcome) =
-            run_absolute(scenario, &wanted, weights, (watch, &stage))?;
+        let ((planning, found), outcome) = run_absolute(scenario, &wanted, weights, watch, &stage)?;
         proceed()?;
         let groups = &*self.readings.parameters;
         let beside = (found.bound.as_ref(), wanted.drawn(seed));

@@ -156,7 +156,7 @@ impl StoredIdentification {
         for (place, value) in held {
             let unit = robot.chain.joints[joints[place]].drive.compliance_unit();
             let name = &stored.parameters[place];
-            stored.conditions.push(nominal_instead(name, (value, unit)));
+            stored.conditions.push(nominal_instead(name, value, unit));
         }
         let rest = values.split_off(joints.len());
         posterior.mean = values;
@@ -188,7 +188,7 @@ impl StoredIdentification {
 }
 
 /// That an identified compliance in its unit is none.
-pub fn nominal_instead(joint: &str, (value, unit): (f64, &str)) -> Condition {
+pub fn nominal_instead(joint: &str, value: f64, unit: &str) -> Condition {
     ConditionCode::ImpossibleCompliance.with(format!(
         "the identified compliance of {joint} is {value:.3e} {unit}, which no joint has: replaced by the nominal value, the \
          other parameters conditioned on it"

@@ -360,7 +360,7 @@ impl<'a> IdentifiedRobot<'a> {
         other.keeps_all = self.case.keeps_all;
         let fit = other.fit(groups, weights)?;
         let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));
-        let Some([own, second]) = kept.estimates_beside(&self.fit, (&mut other, &fit))? else {
+        let Some([own, second]) = kept.estimates_beside(&self.fit, &mut other, &fit)? else {
             let different = kept.different().min(other.different());
             let needed = 2 * FEWEST_BLOCKS;
             return Err(AbsoluteError::TooFewConfigurations { different, needed });

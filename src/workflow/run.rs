@@ -301,7 +301,8 @@ pub fn run_absolute<'a>(
     scenario: &'a Scenario,
     wanted: &ReadingsWanted<'_>,
     weights: ReadingWeights,
-    (watch, stage): (Watch<'_>, &dyn Fn(&RunStage<'_>)),
+    watch: Watch<'_>,
+    stage: &dyn Fn(&RunStage<'_>),
 ) -> Result<(DesignedReadings<'a>, AbsoluteRun<'a>), FileError> {
     let (task, seed, groups) = (&scenario.task, scenario.seed, wanted.groups);
     let belief = &task.belief;

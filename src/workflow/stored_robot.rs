@@ -201,7 +201,7 @@ impl StoredRobot {
         });
         let done = held.unwrap_or_default().into_iter().map(|(place, value)| {
             let unknown = &unknowns[place];
-            nominal_instead(&unknown.name, (value, &unknown.unit))
+            nominal_instead(&unknown.name, value, &unknown.unit)
         });
         let done: Vec<Condition> = done.collect();
         let shift: Vec<f64> = values

@@ -174,14 +174,15 @@ impl<'a> Blocks<'a> {
                     gradient: &gradient - &own.gradient,
                     square: 0.0,
                 };
-                self.without_block((set, fit), block, own, others)
+                self.without_block(set, fit, block, own, others)
             })
             .collect()
     }
 
     fn without_block(
         &self,
-        (set, fit): (&ParameterSet, &ParameterFit),
+        set: &ParameterSet,
+        fit: &ParameterFit,
         block: usize,
         own: &NormalEquations,
         others: NormalEquations,

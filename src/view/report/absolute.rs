@@ -159,7 +159,7 @@ fn best_card(plan: &AbsolutePlanMessage) -> String {
         None => format!("Proved by looking at all {possible}, of which it speaks alone."),
     };
     let tone = if plan.drawn.is_some() { "" } else { "good" };
-    bound_card(tone, (bound, efficiency), "candidates", &basis)
+    bound_card(tone, bound, efficiency, "candidates", &basis)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
