@@ -112,18 +112,18 @@ impl Case<'_> {
     /// The rows of the measurements alone at values of the unknowns (p).
     pub(super) fn against(&self, values: &[f64]) -> Result<MeasuredRows, IdentificationError> {
         Ok(match self.method {
-            Method::Linear => self.to_first_order(values),
+            Method::Linear => self.first_order(values),
             Method::Nonlinear => MeasuredRows::new(self, self.predicted(values, &mut Vec::new())?),
         })
     }
 
     /// The same to first order in compliance.
-    pub(super) fn to_first_order(self, values: &[f64]) -> MeasuredRows {
+    pub(super) fn first_order(&self, values: &[f64]) -> MeasuredRows {
         let mut predicted = self.predicted_linearly();
         let nominal = DVector::from_vec(self.nominal_values());
         let change = DVector::from_column_slice(values) - nominal;
         predicted.values += &predicted.derivatives * change;
-        MeasuredRows::new(&self, predicted)
+        MeasuredRows::new(self, predicted)
     }
 }
 

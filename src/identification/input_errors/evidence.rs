@@ -86,7 +86,7 @@ fn relative_rows(case: &Case<'_>, measurements: &[Measurement]) -> (DMatrix<f64>
         ..case.with(measurements)
     };
     let nominal = case.nominal.typical_rad_per_nm(case.parameters);
-    let mut rows = case.to_first_order(&nominal);
+    let mut rows = case.first_order(&nominal);
     for (mut column, nominal) in rows.matrix.column_iter_mut().zip(&nominal) {
         column *= *nominal;
     }
