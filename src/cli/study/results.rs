@@ -8,7 +8,7 @@ use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
 use crate::task::AccuracyKind;
 use crate::text::wording::{inverse_interval, significant};
-use crate::view::report::{ABSOLUTE_ACCURACY, study_page};
+use crate::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
 use crate::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
 
@@ -92,12 +92,12 @@ impl Results {
         if (plans.iter()).any(|plan| plan.conditions != first.conditions) {
             return Ok(None);
         }
-        let page = study_page(
-            &self.header,
-            &self.messages,
-            &self.conditions(),
-            &command_line(),
-        )?;
+        let page = study_page(&StudyPageRecord {
+            header: &self.header,
+            plans: &self.messages,
+            conditions: &self.conditions(),
+            command: &command_line(),
+        })?;
         Ok(Some(page))
     }
 }

@@ -2,13 +2,18 @@
 
 use plotters::style::RGBColor;
 
+use crate::numeric::tolerance::ends;
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::micrometres;
-use crate::view::charts::{COLOURS, ChartAxis, INK, Mark, PlotError, Rows, Series, WHOLE};
+use crate::view::charts::{COLOURS, Chart, ChartAxis, INK, Mark, PlotError, Rows, Series, WHOLE};
 use crate::view::{markup::figure, tables};
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;
+/// The room beside the intervals of means (decades).
+const MARGIN: f64 = 0.08;
+/// What figures are over.
+const ERRORS: &str = "residual error at the test pose [\u{b5}m], logarithmic";
 /// The vermilion of random plans.
 const RANDOM: RGBColor = RGBColor(213, 94, 0);
 
@@ -48,9 +53,14 @@ impl<'a> Line<'a> {
     }
 }
 
+/// Lines that have runs.
+fn with_runs<'l, 'a>(lines: &'l [Line<'a>]) -> Vec<&'l Line<'a>> {
+    (lines.iter()).filter(|line| line.runs.runs > 0).collect()
+}
+
 /// The figure: a row for each plan with the distribution of its distances and its mean.
 pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, PlotError> {
-    let lines: Vec<&Line<'_>> = (lines.iter()).filter(|line| line.runs.runs > 0).collect();
+    let lines = with_runs(lines);
     if lines.is_empty() {
         return Ok(String::new());
     }
@@ -60,7 +70,7 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
         notes: lines.iter().map(note).collect(),
         width: WHOLE,
         axis: ChartAxis::logarithmic(range(&lines)),
-        title: "residual error at the test pose [\u{b5}m], logarithmic",
+        title: ERRORS,
     };
     let highest = (lines.iter())
         .flat_map(|line| shares(line.runs).map(|(_, share)| share))
@@ -70,6 +80,88 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
     let title = "Distribution of the residual error of each plan";
     let svg = rows.figure(title, &hills.collect::<Vec<_>>())?;
     Ok(figure(&svg, caption))
+}
+
+/// The mean of each plan with its 95 % interval.
+pub fn means_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
+    let means: Vec<(&Line<'_>, [f64; 3])> = (lines.iter())
+        .filter_map(|line| {
+            let [low, high] = line.runs.mean_ci95_mm?;
+            Some((line, [low, line.runs.mean_mm?, high].map(logarithm)))
+        })
+        .collect();
+    let [low, high] = ends(means.iter().flat_map(|(_, ends)| *ends));
+    if means.is_empty() {
+        return Ok(String::new());
+    }
+    let note = |(_, ends): &(&Line<'_>, [f64; 3])| {
+        let [low, mean, high] = ends.map(|logarithm| format!("{:.2}", 10_f64.powf(logarithm)));
+        format!("{mean} ({low} to {high})")
+    };
+    let rows = Rows {
+        names: means
+            .iter()
+            .map(|(line, _)| line.runs.name.clone())
+            .collect(),
+        notes: means.iter().map(note).collect(),
+        width: WHOLE,
+        axis: ChartAxis::logarithmic(low - MARGIN..high + MARGIN),
+        title: "mean residual error [\u{b5}m], logarithmic",
+    };
+    let intervals = (means.iter().enumerate()).flat_map(|(row, (line, ends))| {
+        Series::interval(*ends, rows.middle(row), line.role.colour())
+    });
+    let title = "Mean residual error of each plan with its 95 % interval";
+    let svg = rows.figure(title, &intervals.collect::<Vec<_>>())?;
+    Ok(figure(
+        &svg,
+        "Mean of each plan's runs with its 95 % interval, in \u{b5}m.",
+    ))
+}
+
+/// The share of each plan's runs that stay below an error.
+pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
+    let lines = with_runs(lines);
+    if lines.is_empty() {
+        return Ok(String::new());
+    }
+    let is_free = |colour: &RGBColor| ![Role::Own.colour(), RANDOM].contains(colour);
+    let others: Vec<RGBColor> = COLOURS.into_iter().filter(is_free).collect();
+    let inside = range(&lines);
+    let series = |(index, line): (usize, &&Line<'_>)| {
+        let colour = match line.role {
+            Role::Other => others[index % others.len()],
+            role => role.colour(),
+        };
+        let mark = if index < others.len() {
+            Mark::Line
+        } else {
+            Mark::Dashed
+        };
+        let points = below(line.runs).filter(|(x, _)| inside.contains(x));
+        Series::new(&line.runs.name, colour, mark, points.collect())
+    };
+    let chart = Chart {
+        series: lines.iter().enumerate().map(series).collect(),
+        axes: [
+            ChartAxis::logarithmic(inside.clone()),
+            ChartAxis::linear(0.0..100.0, 5),
+        ],
+        names: [ERRORS, "runs below it [%]"].map(str::to_owned),
+    };
+    let title = "Cumulative distribution of the residual error";
+    let caption = "Empirical cumulative distribution of each plan's runs.";
+    Ok(figure(&chart.figure((WHOLE, 620), title)?, caption))
+}
+
+/// The upper end of each bin (logarithm of um) and the share of the runs below it (%).
+fn below(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
+    let ends = runs.histogram.edges_mm.iter().skip(1);
+    let counts = runs.histogram.counts.iter();
+    counts.zip(ends).scan(0, |below, (count, end)| {
+        *below += count;
+        Some((logarithm(*end), 100.0 * *below as f64 / runs.runs as f64))
+    })
 }
 
 /// A plan's hill in a row, with its mean; `highest` is the highest share of any plan.

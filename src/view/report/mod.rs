@@ -32,7 +32,7 @@ use figures::{
 use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
-pub use study::study_page;
+pub use study::{StudyPageRecord, study_page};
 
 /// What a page about a plan has, whatever is measured.
 #[derive(Debug, Clone, Copy)]

@@ -1,7 +1,9 @@
 //! The page of a Monte Carlo study.
 
 use super::absolute::ABSOLUTE_ACCURACY;
-use super::distances::{Line, Role, distances_figure, distances_table};
+use super::distances::{
+    Line, Role, distances_figure, distances_table, means_figure, shares_figure,
+};
 use super::{checks_card, provenance, sources, verdict_card};
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
@@ -9,6 +11,19 @@ use crate::task::AccuracyKind;
 use crate::text::wording::{counted, micrometres, number};
 use crate::view::charts::PlotError;
 use crate::view::markup::{card, heading, page, section};
+
+/// What the page of a study is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct StudyPageRecord<'a> {
+    /// The study, under one set of conditions.
+    pub header: &'a Header,
+    /// What the runs say.
+    pub plans: &'a [StudyPlanMessage],
+    /// What must be looked at.
+    pub conditions: &'a [Condition],
+    /// The command that made the page.
+    pub command: &'a str,
+}
 
 /// The smallest mean is what a page of several plans is about.
 fn best<'a>(
@@ -21,18 +36,14 @@ fn best<'a>(
     best.map(|(plan, _)| plan)
 }
 
-/// The page of a study under one set of conditions as HTML: what its runs say, what must be looked at, and which command made it.
-pub fn study_page(
-    header: &Header,
-    messages: &[StudyPlanMessage],
-    conditions: &[Condition],
-    command: &str,
-) -> Result<String, PlotError> {
-    let (plans, reference) = (&header.plans, header.reference());
+/// The page of a study as HTML.
+pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
+    let (header, plans) = (study.header, &study.header.plans);
+    let reference = header.reference();
     let is_absolute = header.accuracy() == AccuracyKind::Absolute;
-    let best = best(messages, reference);
+    let best = best(study.plans, reference);
     let line = |runs| Line::new(runs, role(runs, best, reference));
-    let lines: Vec<Line<'_>> = messages.iter().map(line).collect();
+    let lines: Vec<Line<'_>> = study.plans.iter().map(line).collect();
     let caption = format!(
         "{} runs of each plan {}, {} each, all with the same noise. Each area is the distribution of the residual error; the vertical line is the mean.",
         header.trials,
@@ -43,15 +54,18 @@ pub fn study_page(
         )
     );
     let title = format!("Plans compared: {}", header.provenance.scenario);
-    let cards = accuracy_card(is_absolute) + &cards(messages, best) + &checks_card(conditions, "");
+    let cards = accuracy_card(is_absolute) + &cards(study);
     let mut body = heading(&title, &caption, &cards);
     body += &section(
         "distances",
         "How far off the tool is after compensation",
-        &(distances_figure(&lines, &caption)? + &distances_table(&lines)),
+        &(means_figure(&lines)?
+            + &distances_figure(&lines, &caption)?
+            + &shares_figure(&lines)?
+            + &distances_table(&lines)),
     );
-    body += &sources::of_study(messages);
-    body += &provenance(&header.provenance, command);
+    body += &sources::of_study(study.plans);
+    body += &provenance(&header.provenance, study.command);
     Ok(page(
         &format!("{}: study", header.provenance.scenario),
         &body,
@@ -82,9 +96,9 @@ fn accuracy_card(is_absolute: bool) -> String {
 }
 
 /// The best plan, how much better than random it is, and whether the prediction holds.
-fn cards(plans: &[StudyPlanMessage], best: Option<&StudyPlanMessage>) -> String {
+fn cards(study: &StudyPageRecord<'_>) -> String {
     let mut cards = String::new();
-    if let Some(best) = best {
+    if let Some(best) = best(study.plans, study.header.reference()) {
         let interval = best.mean_ci95_mm.map_or_else(String::new, |ends| {
             let [low, high] = ends.map(|end| micrometres(Some(end)));
             format!("95 % interval of the mean: {low} to {high}.")
@@ -103,7 +117,7 @@ fn cards(plans: &[StudyPlanMessage], best: Option<&StudyPlanMessage>) -> String 
             cards += &verdict_card(verdict.starts_with("holds"), verdict, about);
         }
     }
-    let z = (plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
+    let z = (study.plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
     let largest = z.fold(0.0, f64::max);
     let about = "The largest difference between the observed and the predicted mean square, in standard deviations; \
                  among a few plans it rarely exceeds 3.";
@@ -114,5 +128,5 @@ fn cards(plans: &[StudyPlanMessage], best: Option<&StudyPlanMessage>) -> String 
         &format!("off by {largest:.1} sigma at most"),
         about,
     );
-    cards
+    cards + &checks_card(study.conditions, "")
 }
