@@ -15,17 +15,6 @@ pub enum Course {
     Temperature,
 }
 
-impl Course {
-    /// A word, what it is, and its unit.
-    const fn words(self) -> [&'static str; 3] {
-        match self {
-            Self::Order => ["order", "the order of the readings", "reading"],
-            Self::Time => ["time", "time", "s"],
-            Self::Temperature => ["temperature", "temperature", "deg C"],
-        }
-    }
-}
-
 /// What drifts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Drifting {
@@ -83,8 +72,9 @@ impl LookedAt {
         let mut all: Vec<Against> = turning
             .flat_map(|joint| (1..=waves).map(move |waves| Against::Angle { joint, waves }))
             .collect();
-        all.extend(joints.clone().map(|joint| Against::Torque { joint }));
-        all.extend(joints.clone().map(|joint| Against::Approach { joint }));
+        for joint in joints.clone() {
+            all.extend([Against::Torque { joint }, Against::Approach { joint }]);
+        }
         for course in [Course::Order, Course::Time, Course::Temperature] {
             let size = (!self.is_of_deflections).then_some(Drifting::Size);
             let drifting = [Drifting::Base].into_iter().chain(size);
@@ -113,6 +103,7 @@ impl LookedAt {
         DMatrix::from_iterator(6 * self.readings.len(), columns.len(), rows)
     }
 
+    /// A candidate's columns.
     pub(super) fn columns(&self, against: Against) -> Vec<PatternColumn> {
         let of = |base: Base, factor: &dyn Fn(&ReadingRows) -> f64| -> PatternColumn {
             (base, self.readings.iter().map(factor).collect())
@@ -202,7 +193,13 @@ impl LookedAt {
         size: f64,
     ) -> (String, &'static str, [&'static str; 2]) {
         let is_softer = self.is_of_deflections;
-        let either = |softer, turned| if is_softer { softer } else { turned };
+        let either = |of_deflections, of_readings| {
+            if is_softer {
+                of_deflections
+            } else {
+                of_readings
+            }
+        };
         let name = against.joint().map_or("", |joint| &self.joints[joint].0);
         let in_mm = format!("{:.4} mm", size * 1e3);
         let turn = if is_softer {
@@ -256,7 +253,11 @@ impl LookedAt {
                 (words, "play, friction or hysteresis", [rad, "sign"])
             }
             Against::Course(course, drifting) => {
-                let [_, with, at] = course.words();
+                let (with, at) = match course {
+                    Course::Order => ("the order of the readings", "reading"),
+                    Course::Time => ("time", "s"),
+                    Course::Temperature => ("temperature", "deg C"),
+                };
                 let (does, cause, unit) = match drifting {
                     Drifting::Base => (
                         format!(
@@ -299,7 +300,9 @@ impl Against {
             Self::Angle { .. } => "joint angle",
             Self::Torque { .. } => "joint torque",
             Self::Approach { .. } => "approach",
-            Self::Course(course, _) => course.words()[0],
+            Self::Course(Course::Order, _) => "order",
+            Self::Course(Course::Time, _) => "time",
+            Self::Course(Course::Temperature, _) => "temperature",
             Self::Range => "range",
         }
     }

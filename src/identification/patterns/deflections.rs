@@ -1,10 +1,11 @@
 //! Residuals of deflections in the form in which patterns are looked for.
 
-use nalgebra::{Matrix3, Matrix3xX, Matrix6xX, Vector3};
+use nalgebra::{Matrix6xX, Vector3};
 
 use super::super::{Case, Identification};
 use super::{LookedAt, ReadingRows};
-use crate::robot::ObservationMatrix;
+use crate::observation::{ObservationModel, ReadingKind, Setup};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
 /// The positions' residuals of what was identified (m), each over its own standard deviation. `blocks` are the measurements'
 /// blocks of joint space.
@@ -15,35 +16,66 @@ pub fn looked_at(
     blocks: &[usize],
 ) -> LookedAt {
     let chain = &case.nominal.chain;
-    let joints: Vec<usize> = (0..chain.len()).collect();
+    let mut compliances = case.nominal.compliance_rad_per_nm.clone();
+    for (&joint, parameter) in case.parameters.iter().zip(&identification.parameters) {
+        if let Some(estimate) = parameter.estimate {
+            compliances[joint] = estimate.value;
+        }
+    }
+    let arm = ElasticArm::new(chain.clone(), compliances, vec![case.tool.clone()]);
+    let joints = chain.len();
+    let compliances = (0..joints).map(|joint| ParameterKind::JointCompliance { joint });
+    let zeros = (0..joints).map(|joint| ParameterKind::JointZero { joint });
+    let all = compliances.chain(zeros).map(|kind| (kind, None));
+    let set = ParameterSet::new(&arm, all).unwrap_or_else(|_| ParameterSet::empty());
+    let mut model = ObservationModel::new(&set, &arm, set.prior().mean.as_slice());
+    let mut rows = Matrix6xX::zeros(set.len());
     let readings = case.measurements.iter().enumerate().map(|(index, each)| {
-        let mut state = chain.at(case.tool).state(each.configuration_rad.as_slice());
-        let torque = |&joint: &usize| state.load_torque(joint, &each.load);
-        let torques = joints.iter().map(torque).collect();
-        state.brace_under(&identification.compliance_rad_per_nm, &each.load);
-        let sigma = (each.sigma_m).unwrap_or_else(|| Vector3::repeat(identification.sigma_m));
-        // What is read: all coordinates, or one along a direction.
-        let axes = each.direction.map_or_else(Matrix3::identity, |direction| {
-            Vector3::x() * direction.transpose()
+        let setup = Setup {
+            commanded_rad: each.configuration_rad.clone(),
+            load: each.load,
+            hangs_on: None,
+            target: 0,
+            station: 0,
+            approach: None,
+        };
+        model.predict_as_planned(&setup, ReadingKind::Deflection, &mut rows);
+        let moved = rows.columns(0, joints).into_owned();
+        model.predict_as_planned(&setup, ReadingKind::Pose, &mut rows);
+        let sigma = each
+            .sigma_m
+            .unwrap_or_else(|| Vector3::repeat(identification.sigma_m));
+        let mut whitened = Matrix6xX::zeros(moved.ncols());
+        let mut placed = Matrix6xX::zeros(5);
+        let mut residual = nalgebra::Vector6::zeros();
+        let axes = (each.direction).map_or_else(
+            || [0, 1, 2].map(|axis| Vector3::ith(axis, 1.0)).to_vec(),
+            |direction| vec![direction],
+        );
+        for (row, axis) in axes.iter().enumerate() {
+            let along = moved.fixed_rows::<3>(0).tr_mul(axis).transpose();
+            whitened.set_row(row, &(along / sigma[row]));
+            (placed.fixed_view_mut::<1, 3>(row, 0)).copy_from(&(axis.transpose() / sigma[row]));
+            residual[row] = axis.dot(&Vector3::from(left_m[index])) / sigma[row];
+        }
+        let jacobian = rows.columns(joints, joints);
+        let torques = jacobian.column_iter().map(|column| {
+            let (moves, turns) = (column.fixed_rows::<3>(0), column.fixed_rows::<3>(3));
+            moves.dot(&each.load.force_n) + turns.dot(&each.load.torque_nm)
         });
-        let shown = Matrix3::from_diagonal(&sigma.map(f64::recip)) * axes;
-        let rows = |of: Matrix3xX<f64>| -> Matrix6xX<f64> { of.insert_fixed_rows::<3>(3, 0.0) };
-        let bent = rows(shown * ObservationMatrix::new(&state, &each.load, &joints).position);
         ReadingRows {
-            residual: rows(shown * Matrix3xX::from_columns(&[left_m[index].into()]))
-                .column(0)
-                .into(),
-            fitted: bent.select_columns(case.parameters),
-            moved: bent.clone(),
-            bent,
-            placed: rows(shown * Matrix3xX::identity(5)),
+            residual,
+            fitted: whitened.select_columns(case.parameters),
+            bent: whitened.clone(),
+            moved: whitened,
+            placed,
             angles: each.configuration_rad.clone(),
-            torques,
+            torques: torques.collect(),
             approach: None,
             range_m: None,
             time_s: None,
             temperature_c: None,
-            count: each.direction.map_or(3, |_| 1),
+            count: axes.len(),
             block: blocks[index],
         }
     });

@@ -24,6 +24,7 @@ pub struct PatternPoint {
     pub pattern: f64,
 }
 
+/// What one reading shows.
 struct Seen {
     at: f64,
     value: f64,
@@ -39,18 +40,20 @@ impl LookedAt {
             let factors = columns[0].1.iter();
             return factors.map(|factor| factor * coefficients.norm()).collect();
         }
-        let effect = |index: usize| {
-            let parts = columns.iter().zip(coefficients.iter());
-            let parts = parts.map(|((base, factors), coefficient)| {
-                // A compliance turns the joint by so much for each N m.
-                let turned = match base {
-                    Base::Bent(joint) => self.readings[index].torques[*joint],
-                    _ => 1.0,
-                };
-                coefficient * factors[index] * turned
-            });
-            parts.sum()
-        };
+        let effect =
+            |index: usize| {
+                let parts = columns.iter().zip(coefficients.iter()).map(
+                    |((base, factors), coefficient)| {
+                        // A compliance turns the joint by so much for each N m.
+                        let turned = match base {
+                            Base::Bent(joint) => self.readings[index].torques[*joint],
+                            _ => 1.0,
+                        };
+                        coefficient * factors[index] * turned
+                    },
+                );
+                parts.sum()
+            };
         (0..self.readings.len()).map(effect).collect()
     }
 
@@ -82,27 +85,34 @@ impl LookedAt {
                 .take(1)
                 .collect()
         };
-        let readings = self
+        let mut seen: Vec<Seen> = Vec::new();
+        for (index, (reading, effect)) in self
             .readings
             .iter()
-            .zip(self.effects(against, coefficients));
-        let seen = readings
+            .zip(self.effects(against, coefficients))
             .enumerate()
-            .filter_map(|(index, (reading, effect))| {
-                let base = parts.iter().map(|(base, share)| base.of(reading) * *share);
-                let base: Vector6<f64> = base.sum();
-                let weight = base.norm_squared();
+        {
+            let base: Vector6<f64> = parts
+                .iter()
+                .map(|(base, share)| base.of(reading) * *share)
+                .sum();
+            let weight = base.norm_squared();
+            if let Some(at) = self.at(against, index).filter(|_| weight > 0.0) {
                 let value = effect + base.dot(&left.fixed_rows::<6>(6 * index)) / weight;
-                Some(Seen {
-                    at: self.at(against, index).filter(|_| weight > 0.0)?,
+                seen.push(Seen {
+                    at,
                     value,
                     effect,
                     weight,
-                })
-            });
-        let is_angle = matches!(against, Against::Angle { .. });
-        let shown = if is_angle { 1.0_f64.to_degrees() } else { 1.0 };
-        binned(&seen.collect::<Vec<Seen>>(), shown)
+                });
+            }
+        }
+        let shown = if let Against::Angle { .. } = against {
+            1.0_f64.to_degrees()
+        } else {
+            1.0
+        };
+        binned(&seen, shown)
     }
 }
 

@@ -25,8 +25,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::against::Against;
-use super::rows::{LookedAt, Projected, orthonormal};
+use super::against::{Against, PatternColumn};
+use super::rows::{Base, LookedAt, Projected, orthonormal};
 use crate::experiment::numbered;
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
@@ -52,10 +52,9 @@ pub(super) struct Test {
     pub design_effect: f64,
 }
 
-/// A candidate with its rows (6 N x q), what the fit's directions take of them (r x q), and orthonormal combinations of what is left.
+/// A candidate with what the fit's directions take of its columns (r x q), and orthonormal combinations of what is left of them.
 struct TestedPattern {
     against: Against,
-    rows: DMatrix<f64>,
     taken: DMatrix<f64>,
     combinations: DMatrix<f64>,
     /// Coordinates of the residuals along the combinations.
@@ -64,9 +63,9 @@ struct TestedPattern {
 
 impl TestedPattern {
     /// Its orthonormal directions (6 N x q).
-    fn directions(&self, projected: &Projected) -> DMatrix<f64> {
+    fn directions(&self, looked: &LookedAt, projected: &Projected) -> DMatrix<f64> {
         let taken = &self.taken * &self.combinations;
-        &self.rows * &self.combinations - projected.directions.tr_mul(&taken)
+        looked.rows_of(self.against) * &self.combinations - projected.directions.tr_mul(&taken)
     }
 
     /// The F test, with the degrees of freedom of the denominator where they are fewer than those that are left.
@@ -96,41 +95,69 @@ pub(super) fn screened(
     projected: &Projected,
     candidates: &[Against],
 ) -> Vec<Test> {
-    let tests = candidates.par_chunks(BATCH).map(|batch| {
-        let tested = tested(looked, projected, batch);
-        let tests = tested.map(|each| each.test(projected, 1.0, f64::INFINITY));
+    // Those of one joint are beside each other then.
+    let mut candidates = candidates.to_vec();
+    candidates.sort_unstable();
+    let tests = candidates.par_chunks(BATCH).map(|candidates| {
+        let columns = candidates.iter().map(|&each| (each, looked.columns(each)));
+        let columns: Vec<(Against, Vec<PatternColumn>)> = columns.collect();
+        let groups = columns.chunk_by(|one, other| bases(one).eq(bases(other)));
+        let all = groups.flat_map(|group| tested(looked, projected, group));
+        let tests = all.map(|each| each.test(projected, 1.0, f64::INFINITY));
         tests.flatten().collect::<Vec<_>>()
     });
     tests.collect::<Vec<_>>().concat()
 }
 
-/// Candidates, those left out that cannot be told from the fit's directions. All columns side by side: large products are quicker.
+fn bases((_, columns): &(Against, Vec<PatternColumn>)) -> impl Iterator<Item = Base> {
+    columns.iter().map(|(base, _)| *base)
+}
+
+/// Candidates whose columns have the same bases; those that cannot be told from the fit's directions are left out. A column is a base b of
+/// each reading i times a factor f, so that products are sums of `b_i`'s with the factors.
 fn tested(
     looked: &LookedAt,
     projected: &Projected,
-    candidates: &[Against],
-) -> impl Iterator<Item = TestedPattern> {
-    let rows: Vec<DMatrix<f64>> = candidates
+    group: &[(Against, Vec<PatternColumn>)],
+) -> Vec<TestedPattern> {
+    let bases: Vec<Base> = group.first().into_iter().flat_map(bases).collect();
+    // What the fit's directions and what is left see of each column, side by side (r + 1 x candidates).
+    let seen = bases.iter().enumerate().map(|(place, &base)| {
+        let factors = group.iter().flat_map(|(_, columns)| &columns[place].1);
+        let (rows, count) = (looked.readings.len(), group.len());
+        projected.seen(looked, base) * DMatrix::from_iterator(rows, count, factors.copied())
+    });
+    let seen: Vec<DMatrix<f64>> = seen.collect();
+    let pairs = bases
         .iter()
-        .map(|&each| looked.rows_of(each))
-        .collect();
-    let columns: Vec<_> = rows.iter().flat_map(DMatrix::column_iter).collect();
-    let taken = &projected.directions * DMatrix::from_columns(&columns);
-    let mut at = 0;
-    let candidate = move |(&against, rows): (&Against, DMatrix<f64>)| {
-        let taken = taken.columns(at, rows.ncols()).into_owned();
-        at += rows.ncols();
-        let whole = rows.tr_mul(&rows);
+        .flat_map(|one| bases.iter().map(move |other| (one, other)));
+    let product = |(one, other): (&Base, &Base)| -> Vec<f64> {
+        let readings = looked.readings.iter();
+        readings
+            .map(|each| one.of(each).dot(&other.of(each)))
+            .collect()
+    };
+    let products: Vec<Vec<f64>> = pairs.map(product).collect();
+    let candidate = |(number, (against, columns)): (usize, &(Against, Vec<PatternColumn>))| {
+        let whole = DMatrix::from_fn(columns.len(), columns.len(), |one, other| {
+            let factors = columns[one].1.iter().zip(&columns[other].1);
+            let terms = factors.zip(&products[bases.len() * one + other]);
+            terms
+                .map(|((one, other), product)| one * other * product)
+                .sum()
+        });
+        let own: Vec<_> = seen.iter().map(|seen| seen.column(number)).collect();
+        let own = DMatrix::from_columns(&own);
+        let (taken, left) = own.rows_range_pair(..own.nrows() - 1, own.nrows() - 1..);
         let combinations = orthonormal(&(&whole - taken.tr_mul(&taken)), &whole, |_| TOLD_APART)?;
         Some(TestedPattern {
-            against,
-            shares: combinations.tr_mul(&rows.tr_mul(&projected.left)),
-            rows,
-            taken,
+            against: *against,
+            taken: taken.into_owned(),
+            shares: (left * &combinations).row(0).transpose(),
             combinations,
         })
     };
-    candidates.iter().zip(rows).filter_map(candidate)
+    group.iter().enumerate().filter_map(candidate).collect()
 }
 
 /// A candidate again, with its design effect, and its orthonormal directions (6 N x q).
@@ -139,8 +166,8 @@ pub(super) fn judged(
     projected: &Projected,
     against: Against,
 ) -> Option<(Test, DMatrix<f64>)> {
-    let candidate = tested(looked, projected, &[against]).next()?;
-    let directions = candidate.directions(projected);
+    let candidate = tested(looked, projected, &[(against, looked.columns(against))]).pop()?;
+    let directions = candidate.directions(looked, projected);
     let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
     let effect_of = |groups: &[usize]| design_effect(groups, projected, &directions);
     let q = |reading: usize| &looked.readings[reading].angles;
