@@ -111,7 +111,7 @@ pub fn calibrate(
         truth,
     } = measure(&mut robots, task, truth, plan, seed, run, true)?;
     let identification = identify_as_planned(&task.belief, &measurements)?;
-    let residuals = residuals(&case_of(&task.belief, &measurements), &identification)?;
+    let residuals = residuals(&case_of(&task.belief, &measurements), &identification, &[])?;
     let poses = compensate_poses(
         task,
         &mut robots,

@@ -64,6 +64,7 @@
 //! - [`comparison`]: two results files against the gate.
 //! - [`view`]: recordings, pages and pictures of records; computes nothing. It is there with the feature
 //!   `view`, which is on by default.
+//! - [`cli`]: the command line, which the program and the Python package run.
 //!
 //! # Invariants
 //!
@@ -121,6 +122,7 @@
 #![expect(clippy::doc_markdown, reason = "the paper's symbols")]
 
 pub mod calibration;
+pub mod cli;
 pub mod codes;
 pub mod comparison;
 pub mod compensation;

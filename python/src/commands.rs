@@ -14,10 +14,10 @@ use elastocal::files::shipped;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
-use crate::cli::interruption::STOP;
-use crate::cli::printed_error::PrintedError;
-use crate::cli::progress::LATEST;
-use crate::cli::{Arguments, Report, process, useful};
+use elastocal::cli::interruption::STOP;
+use elastocal::cli::printed_error::PrintedError;
+use elastocal::cli::progress::LATEST;
+use elastocal::cli::{Arguments, Report, process, useful};
 
 /// How often Python is asked whether somebody pressed ctrl-C.
 const PATIENCE: Duration = Duration::from_millis(50);

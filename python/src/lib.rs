@@ -1,10 +1,8 @@
 //! elastocal for Python: the program's commands, and the planning problem's matrices.
 //!
-//! Commands are those of the command line, compiled in: the same code, the same records, the same messages.
+//! Commands are those of the command line, of the same library: the same code, the same records, the same messages.
 //! What they come to passes as JSON; the package `elastocal` around this module makes arrays of it.
 
-#[path = "../../src/cli/mod.rs"]
-mod cli;
 mod commands;
 mod problem;
 mod tables;

@@ -3,17 +3,17 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use elastocal::experiment::read_candidates;
-use elastocal::plan::absolute::AbsolutePlanning;
-use elastocal::plan::{Feasibility, read_plan};
-use elastocal::record::json::merge;
-use elastocal::record::messages::SchemaMessage;
-use elastocal::record::understanding::{understanding_json, unknowns_json};
-use elastocal::task::{AccuracyKind, Task};
-use elastocal::understanding::{
+use crate::experiment::read_candidates;
+use crate::plan::absolute::AbsolutePlanning;
+use crate::plan::{Feasibility, read_plan};
+use crate::record::json::merge;
+use crate::record::messages::SchemaMessage;
+use crate::record::understanding::{understanding_json, unknowns_json};
+use crate::task::{AccuracyKind, Task};
+use crate::understanding::{
     Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, Unknowns, impossible, unknowns,
 };
+use clap::Args;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
@@ -95,8 +95,7 @@ impl Check {
         } else {
             describe(&understanding) + &verdict
         };
-        let violated =
-            (!violations.is_empty()).then(|| super::conditions::violated(violations.len()));
+        let violated = (!violations.is_empty()).then(|| super::planned::violated(violations.len()));
         let found = impossible.iter().map(|each| each.text.clone());
         let problems: Vec<String> = violations.into_iter().chain(found).collect();
         let conditions = violated.into_iter().chain(impossible).collect();

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
+use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
+use crate::comparison::{Aspect, Comparison, compare, results::ResultsFile};
+use crate::files::{output::write_whole, roles::Roles};
+use crate::gate::Decision;
 use clap::Args;
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
-use elastocal::comparison::{Aspect, Comparison, compare, results::ResultsFile};
-use elastocal::files::{output::write_whole, roles::Roles};
-use elastocal::gate::Decision;
 
 use super::table::table_of;
 use super::{Accepted, Report, Said, check_outputs};

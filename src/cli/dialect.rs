@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::files::{FileError, read_text};
-use elastocal::laboratory::{Dialect, DialectError};
-use elastocal::scenario::Scenario;
+use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::files::{FileError, read_text};
+use crate::laboratory::{Dialect, DialectError};
+use crate::scenario::Scenario;
 
 /// The dialect of an option's name or file, or else the scenario's, for the scenario's robot.
 pub fn dialect(option: Option<&str>, scenario: &Scenario) -> Result<Dialect, FileError> {

@@ -2,18 +2,18 @@
 
 use std::path::PathBuf;
 
+use crate::codes::ErrorCode;
+use crate::experiment::{Candidate, read_candidates};
+use crate::files::FileError;
+use crate::plan::absolute::AbsolutePlanning;
+use crate::plan::search::Bound;
+use crate::plan::{Assessment, Criterion, read_plan};
+use crate::record::json::merge;
+use crate::record::robot_trials::RobotTrials;
+use crate::robot::{Approach, Load};
+use crate::scenario::Scenario;
+use crate::task::AccuracyKind;
 use clap::Args;
-use elastocal::codes::ErrorCode;
-use elastocal::experiment::{Candidate, read_candidates};
-use elastocal::files::FileError;
-use elastocal::plan::absolute::AbsolutePlanning;
-use elastocal::plan::search::Bound;
-use elastocal::plan::{Assessment, Criterion, read_plan};
-use elastocal::record::json::merge;
-use elastocal::record::robot_trials::RobotTrials;
-use elastocal::robot::{Approach, Load};
-use elastocal::scenario::Scenario;
-use elastocal::task::AccuracyKind;
 use serde_json::json;
 
 use super::interruption::{STOP, proceed};

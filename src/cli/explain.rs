@@ -1,8 +1,8 @@
 //! `explain`: what a code of a condition or an error means.
 
+use crate::codes::{Meaning, meanings, meanings_of};
+use crate::record::messages::SchemaMessage;
 use clap::Args;
-use elastocal::codes::{Meaning, meanings, meanings_of};
-use elastocal::record::messages::SchemaMessage;
 use serde_json::json;
 
 use super::Report;

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::files::output::write_whole;
+use crate::workflow::export::{ExportedModel, export};
 use clap::Args;
-use elastocal::files::output::write_whole;
-use elastocal::workflow::export::{ExportedModel, export};
 use serde_json::json;
 
 use super::identified::{ScenarioRobot, read_robot};

@@ -3,14 +3,14 @@
 use std::ffi::OsString;
 use std::path::Path;
 
+use crate::codes::ErrorCode;
+use crate::files::{FileError, roles::Roles};
+use crate::plan::Criterion;
+use crate::record::messages::ProvenanceMessage;
+use crate::scenario::Scenario;
+use crate::task::AccuracyKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches, Id};
-use elastocal::codes::ErrorCode;
-use elastocal::files::{FileError, roles::Roles};
-use elastocal::plan::Criterion;
-use elastocal::record::messages::ProvenanceMessage;
-use elastocal::scenario::Scenario;
-use elastocal::task::AccuracyKind;
 
 use super::{Common, check_outputs};
 
@@ -102,8 +102,11 @@ fn about(command: &str, option: &str, value: &str) -> Option<(AccuracyKind, &'st
         (_, "level") if value == "model" => (Relative, " model"),
         (_, "method") if value == "linear" => (Relative, " linear"),
         ("plan" | "evaluate", "candidates") => return None,
-        (_, "candidates" | "draw" | "parameters" | "report_out" | "model_selection")
-        | (_, "against" | "uncertainties_out") => (Absolute, ""),
+        (
+            _,
+            "candidates" | "draw" | "parameters" | "report_out" | "model_selection" | "against"
+            | "uncertainties_out",
+        ) => (Absolute, ""),
         _ => return None,
     })
 }

@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::files::FileError;
-use elastocal::identification::{
+use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::files::FileError;
+use crate::identification::{
     Discrepancy, OtherUnknowns, StoredIdentification, impossible_compliance,
 };
-use elastocal::measurement::SimulatedRun;
-use elastocal::numeric::{estimable::Estimable, posterior::Posterior};
-use elastocal::scenario::Scenario;
-use elastocal::task::Fingerprint;
-use elastocal::text::wording::shell_path;
-use elastocal::workflow::{calibrated::CalibratedRobot, stored_robot::StoredRobot};
+use crate::measurement::{Origin, SimulatedRun};
+use crate::numeric::{estimable::Estimable, posterior::Posterior};
+use crate::scenario::Scenario;
+use crate::task::Fingerprint;
+use crate::text::wording::shell_path;
+use crate::workflow::{calibrated::CalibratedRobot, stored_robot::StoredRobot};
 
 use super::Common;
 
@@ -40,11 +40,25 @@ pub struct ScenarioRobot {
     pub conditions: Vec<Condition>,
 }
 
+/// The scenario that an identification belongs to; the robot, where it is of absolute readings; and under which scenario it was made.
+pub fn read_stored(
+    common: &Common,
+    command: &str,
+    path: &Path,
+) -> anyhow::Result<(Scenario, Option<StoredRobot>, Option<Origin>)> {
+    let robot = StoredRobot::read(path)?;
+    let origin = match &robot {
+        Some(robot) => robot.origin.clone(),
+        None => StoredIdentification::origin(path)?,
+    };
+    let scenario = common.load_for([command, "--identified"], path, origin.as_ref())?;
+    Ok((scenario, robot, origin))
+}
+
 /// Reads what `identify --identified-out` wrote of whatever readings, for a command that takes it.
 pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result<ScenarioRobot> {
-    let input = [command, "--identified"];
-    if let Some(stored) = StoredRobot::read(path)? {
-        let scenario = common.load_for(input, path, stored.origin.as_ref())?;
+    let (scenario, robot, origin) = read_stored(common, command, path)?;
+    if let Some(stored) = robot {
         let trust = trust(path, &scenario, Some(&stored.identified_with))?;
         let mut conditions: Vec<Condition> = trust.into_iter().collect();
         conditions.extend(doubts(path, &stored.message.conditions));
@@ -58,8 +72,6 @@ pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result
             conditions,
         });
     }
-    let origin = StoredIdentification::origin(path)?;
-    let scenario = common.load_for(input, path, origin.as_ref())?;
     let identified = read_identified(path, &scenario)?;
     let (posterior, compliance) = (identified.posterior, identified.compliance_rad_per_nm);
     let simulated = origin

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::files::{output::write_whole, roles::Roles};
+use crate::measurement::foreign::{ImportedTable, import};
+use crate::record::messages::SchemaMessage;
+use crate::text::wording::counted;
 use clap::Args;
-use elastocal::files::{output::write_whole, roles::Roles};
-use elastocal::measurement::foreign::{ImportedTable, import};
-use elastocal::record::messages::SchemaMessage;
-use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::table::table;

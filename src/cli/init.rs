@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::codes::ErrorCode;
+use crate::files::FileError;
+use crate::files::output::{check_writable, write_whole};
+use crate::record::{json::merge, messages::SchemaMessage, understanding::understanding_json};
+use crate::scenario::scenario_schema;
+use crate::text::wording::shell_path;
+use crate::workflow::init::{SCHEMA_FILE, draft};
 use clap::Args;
-use elastocal::codes::ErrorCode;
-use elastocal::files::FileError;
-use elastocal::files::output::{check_writable, write_whole};
-use elastocal::record::{json::merge, messages::SchemaMessage, understanding::understanding_json};
-use elastocal::scenario::scenario_schema;
-use elastocal::text::wording::shell_path;
-use elastocal::workflow::init::{SCHEMA_FILE, draft};
 use serde_json::json;
 
 use super::{Report, Said, program};
@@ -53,7 +53,7 @@ impl Init {
         let draft = draft(&self.model, &path, self.tip.as_deref())?;
         if !self.said.quiet {
             for warning in &draft.understanding.warnings {
-                elastocal::text::diagnostics::say(&format!("warning: {warning}"));
+                crate::text::diagnostics::say(&format!("warning: {warning}"));
             }
         }
         write_whole(&path, draft.text.as_bytes())?;

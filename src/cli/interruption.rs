@@ -11,8 +11,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use elastocal::files::output::abandon_unfinished;
-use elastocal::text::diagnostics::say;
+use crate::files::output::abandon_unfinished;
+use crate::text::diagnostics::say;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level;

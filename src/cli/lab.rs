@@ -2,24 +2,24 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::experiment::read_candidates;
-use elastocal::files::{FileError, make_folder};
-use elastocal::laboratory::{Campaign, CampaignError, Program, hang_or_apply, program};
-use elastocal::measurement::{
+use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::experiment::read_candidates;
+use crate::files::{FileError, make_folder};
+use crate::laboratory::{Campaign, CampaignError, Program, hang_or_apply, program};
+use crate::measurement::{
     AbsoluteReading, CONTROLLER_COMPENSATES, RowToFillIn, readings_to_fill_in, table_to_fill_in,
 };
-use elastocal::parameter::Unloaded;
-use elastocal::plan::absolute::AbsolutePlanning;
-use elastocal::plan::{Feasibility, Plan, read_plan};
-use elastocal::record::campaign::campaign_json;
-use elastocal::robot::ReadsAlong;
-use elastocal::scenario::Scenario;
-use elastocal::task::{AccuracyKind, Extended};
-use elastocal::text::wording::{counted, duration};
-use elastocal::view::run_sheet::run_sheet;
-use elastocal::view::stills::Stills;
+use crate::parameter::Unloaded;
+use crate::plan::absolute::AbsolutePlanning;
+use crate::plan::{Feasibility, Plan, read_plan};
+use crate::record::campaign::campaign_json;
+use crate::robot::ReadsAlong;
+use crate::scenario::Scenario;
+use crate::task::{AccuracyKind, Extended};
+use crate::text::wording::{counted, duration};
+use crate::view::run_sheet::run_sheet;
+use crate::view::stills::Stills;
+use clap::Args;
 
 use nalgebra::Vector3;
 
@@ -286,7 +286,7 @@ fn describe(plan: &Plan, campaign: &Campaign, gravity_m_s2: &Vector3<f64>) -> St
             (None, _) => "none".to_owned(),
             (Some(load), true) => {
                 let verb = hang_or_apply(load, gravity_m_s2);
-                format!("{verb} {}", elastocal::experiment::in_words(load))
+                format!("{verb} {}", crate::experiment::in_words(load))
             }
             (Some(_), false) => "the same".to_owned(),
         };

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::mujoco::{Model, State, limit_process, rehearse_with};
 use clap::Args;
-use elastocal::mujoco::{Model, State, limit_process, rehearse_with};
 
 /// Its name on the command line.
 const NAME: &str = "load-model";
@@ -14,7 +14,7 @@ pub struct LoadModel {
 }
 
 impl LoadModel {
-    pub fn execute(&self) -> anyhow::Result<Vec<elastocal::codes::Condition>> {
+    pub fn execute(&self) -> anyhow::Result<Vec<crate::codes::Condition>> {
         limit_process();
         let model = Model::load(&self.model)?;
         let mut state = State::new(&model);

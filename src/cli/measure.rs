@@ -1,23 +1,23 @@
 //! `measure`: virtual measurements of a plan.
 
 use std::fmt::Display;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use crate::calibration::{MeasuredRun, measure};
+use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::experiment::read_candidates;
+use crate::files::{FileError, output::write_whole};
+use crate::measurement::{absolute_table, deflection_table};
+use crate::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
+use crate::record::messages::{MeasurementMessage, TruthMessage};
+use crate::robot::ReadsAlong;
+use crate::scenario::Scenario;
+use crate::study::virtual_readings::virtual_readings;
+use crate::task::{AccuracyKind, Belief, Task};
+use crate::testbed::{TrueRobots, VirtualRobot};
+use crate::text::wording::counted;
 use clap::Args;
-use elastocal::calibration::{MeasuredRun, measure};
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::experiment::read_candidates;
-use elastocal::files::{FileError, output::write_whole};
-use elastocal::measurement::{absolute_table, deflection_table};
-use elastocal::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
-use elastocal::record::messages::{MeasurementMessage, TruthMessage};
-use elastocal::robot::ReadsAlong;
-use elastocal::scenario::Scenario;
-use elastocal::study::virtual_readings::virtual_readings;
-use elastocal::task::{AccuracyKind, Belief, Task};
-use elastocal::testbed::{TrueRobots, VirtualRobot};
-use elastocal::text::wording::counted;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::table::table;
 use super::{Common, Report, without_effect};
@@ -48,15 +48,39 @@ pub struct Measure {
     measurements_out: Option<PathBuf>,
 }
 
+/// What was measured.
+struct VirtualMeasurements {
+    /// The run whose robot it was of, where one was sampled.
+    run: Option<u64>,
+    /// The rows of a file of measurements.
+    rows: String,
+    keys: Value,
+    text: String,
+    conditions: Vec<Condition>,
+}
+
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         self.common.refuse_others("measure", &scenario)?;
         self.common.check_files(&scenario, None)?;
-        match scenario.task.design.accuracy {
-            AccuracyKind::Absolute => self.absolute(&scenario),
-            AccuracyKind::Relative => self.deflections(&scenario),
+        let VirtualMeasurements {
+            run,
+            rows,
+            keys,
+            mut text,
+            conditions,
+        } = match scenario.task.design.accuracy {
+            AccuracyKind::Absolute => self.absolute(&scenario)?,
+            AccuracyKind::Relative => self.deflections(&scenario)?,
+        };
+        if let Some(path) = &self.measurements_out {
+            let origin = scenario.origin().simulated(scenario.seed, run);
+            write_whole(path, (origin.comments() + &rows).as_bytes())?;
+            text += &format!("wrote {}\n", path.display());
         }
+        let provenance = self.common.provenance(&scenario)?;
+        Ok(Report::of("measure", &provenance, keys, text, conditions))
     }
 
     fn wrong(&self, error: &dyn Display) -> FileError {
@@ -64,8 +88,9 @@ impl Measure {
     }
 
     /// A plan of deflections.
-    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Report> {
-        let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
+    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<VirtualMeasurements> {
+        let commands = scenario.task.belief.commands();
+        let plan = read_plan(&self.plan, commands.clone())?;
         self.common.say(&format!(
             "measuring {} on the virtual robot {}",
             counted(plan.measurements().into(), "experiment"),
@@ -128,28 +153,22 @@ impl Measure {
         if let Some(truth) = of_run.as_ref().filter(|_| self.noise_free) {
             text += &truth_words(&task.belief, truth);
         }
-        if let Some(path) = &self.measurements_out {
-            let run = of_run.as_ref().map(|truth| truth.run);
-            let table = deflection_table(path, &task.belief.commands(), &measurements)?;
-            text += &write(scenario, run, path, &table)?;
-        }
-        let commands = scenario.task.belief.commands();
         let messages: Vec<MeasurementMessage> = (measurements.iter())
             .map(|each| MeasurementMessage::new(&commands, each))
             .collect();
-        Ok(Report::of(
-            "measure",
-            &self.common.provenance(scenario)?,
-            json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
+        Ok(VirtualMeasurements {
+            run: of_run.as_ref().map(|truth| truth.run),
+            rows: deflection_table(&self.plan, &commands, &measurements)?,
+            keys: json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             text,
-            (scenario.task.loads.outside_plan(&plan, None).into_iter())
+            conditions: (task.loads.outside_plan(&plan, None).into_iter())
                 .chain(beyond_gauge(task, &plan))
                 .collect(),
-        ))
+        })
     }
 
     /// A plan of absolute readings, each by itself.
-    fn absolute(&self, scenario: &Scenario) -> anyhow::Result<Report> {
+    fn absolute(&self, scenario: &Scenario) -> anyhow::Result<VirtualMeasurements> {
         let (task, seed, run) = (&scenario.task, scenario.seed, self.run.unwrap_or(0));
         let commands = task.belief.commands();
         let rows = read_candidates(&self.plan, commands.clone())?;
@@ -165,34 +184,17 @@ impl Measure {
             self.series,
         )
         .map_err(|error| self.wrong(&error))?;
-        let mut text = format!(
-            "{} of the virtual robot of run {run}\n",
-            counted(readings.len() as u64, "absolute reading")
-        );
-        if let Some(path) = &self.measurements_out {
-            let table = absolute_table(&commands, &readings);
-            text += &write(scenario, Some(run), path, &table)?;
-        }
-        Ok(Report::of(
-            "measure",
-            &self.common.provenance(scenario)?,
-            json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
-            text,
-            Vec::new(),
-        ))
+        Ok(VirtualMeasurements {
+            run: Some(run),
+            rows: absolute_table(&commands, &readings),
+            keys: json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
+            text: format!(
+                "{} of the virtual robot of run {run}\n",
+                counted(readings.len() as u64, "absolute reading")
+            ),
+            conditions: Vec::new(),
+        })
     }
-}
-
-/// Writes the rows of a file of measurements of the virtual robot, of a run where one was sampled.
-fn write(
-    scenario: &Scenario,
-    run: Option<u64>,
-    path: &Path,
-    rows: &str,
-) -> Result<String, FileError> {
-    let origin = scenario.origin().simulated(scenario.seed, run);
-    write_whole(path, (origin.comments() + rows).as_bytes())?;
-    Ok(format!("wrote {}\n", path.display()))
 }
 
 /// What a gauge cannot show of a plan.

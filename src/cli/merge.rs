@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::files::{make_folder, roles::Roles};
+use crate::record::tally_file::join;
 use clap::Args;
-use elastocal::files::{make_folder, roles::Roles};
-use elastocal::record::tally_file::join;
 
 use super::study::results::{FILES, Results, write};
 use super::views::STUDY_PAGE;

@@ -7,7 +7,6 @@ mod budget;
 mod check;
 mod compare;
 mod compensate;
-mod conditions;
 mod dialect;
 mod evaluate;
 mod explain;
@@ -25,7 +24,6 @@ mod measure;
 mod merge;
 mod model_selection;
 mod next;
-mod patterns;
 mod plan;
 mod plan_args;
 mod planned;
@@ -33,8 +31,6 @@ pub mod printed_error;
 pub mod process;
 pub mod progress;
 mod proof;
-mod readings_args;
-mod repeats;
 mod replay;
 mod reproduce;
 mod residuals;
@@ -54,15 +50,15 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use self::given::GivenOptions;
+use crate::codes::{Condition, ConditionCode, ErrorCode, condition_code};
+use crate::files::{FileError, output::check_writable, roles::Roles, shipped};
+use crate::measurement::Origin;
+use crate::record::{json::results, messages::ProvenanceMessage, platform::platform};
+use crate::scenario::Scenario;
+use crate::text::{diagnostics::say, plain, wording::shell_path};
+use crate::understanding::collapse;
 use anyhow::Context;
 use clap::{Arg, Args, Parser, Subcommand};
-use elastocal::codes::{Condition, ConditionCode, ErrorCode, condition_code};
-use elastocal::files::{FileError, output::check_writable, roles::Roles, shipped};
-use elastocal::measurement::Origin;
-use elastocal::record::{json::results, messages::ProvenanceMessage, platform::platform};
-use elastocal::scenario::Scenario;
-use elastocal::text::{diagnostics::say, plain, wording::shell_path};
-use elastocal::understanding::collapse;
 use serde_json::{Value, json};
 
 /// A virtual calibration testbed for the joint stiffness of industrial robots.
@@ -310,7 +306,7 @@ impl Arguments {
             (Command::Explain(command), None) => (command.json, false, None),
             (_, None) => (false, false, None),
         };
-        elastocal::mujoco::print_warnings(!quiet);
+        crate::mujoco::print_warnings(!quiet);
         if let Some(threads) = threads {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(useful(threads.into()))
@@ -515,7 +511,7 @@ fn check_outputs(roles: &mut Roles, options: &[(impl AsRef<str>, &Path)]) -> Res
 
 /// Where results come from that no scenario is behind.
 fn program() -> Value {
-    json!({ "version": elastocal::VERSION, "commit": elastocal::COMMIT, "platform": platform() })
+    json!({ "version": crate::VERSION, "commit": crate::COMMIT, "platform": platform() })
 }
 
 /// More threads than this for each core only cost time and memory.

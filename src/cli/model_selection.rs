@@ -1,6 +1,6 @@
 //! A selection of models, for a person.
 
-use elastocal::identification::{DistanceStatistics, ModelSelection};
+use crate::identification::{DistanceStatistics, ModelSelection};
 
 use super::table::{number, or_dash, table};
 

@@ -4,35 +4,35 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-use clap::Args;
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::experiment::{Experiment, write_candidates};
-use elastocal::files::FileError;
-use elastocal::identification::AbsoluteCase;
-use elastocal::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
-use elastocal::measurement::{Origin, read_measured_so_far, read_measurements_so_far};
-use elastocal::plan::absolute::{
+use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::experiment::{Experiment, write_candidates};
+use crate::files::FileError;
+use crate::identification::AbsoluteCase;
+use crate::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
+use crate::measurement::{Origin, read_measured_so_far, read_measurements_so_far};
+use crate::plan::absolute::{
     AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
 };
-use elastocal::plan::{
-    Feasibility, Plan, Violation, posterior, read_plan, rho0_m, take_nearest_turns, write_plan,
+use crate::plan::{
+    Assessment, Feasibility, Plan, Violation, posterior, read_plan, rho0_m, take_nearest_turns,
+    write_plan,
 };
-use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
-use elastocal::record::absolute_plan::planned_readings;
-use elastocal::record::json::merge;
-use elastocal::record::messages::plan_messages;
-use elastocal::scenario::Scenario;
-use elastocal::task::{AccuracyKind, Task};
-use elastocal::text::wording::counted;
-use elastocal::workflow::identify::{HowIdentified, identify_measurements};
+use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
+use crate::record::absolute_plan::planned_readings;
+use crate::record::json::merge;
+use crate::record::messages::plan_messages;
+use crate::scenario::Scenario;
+use crate::task::{AccuracyKind, Task};
+use crate::text::wording::counted;
+use crate::workflow::identify::{HowIdentified, identify_measurements};
+use clap::Args;
 use serde_json::json;
 
-use super::conditions::search_stopped;
 use super::identify::deflections::{self, explained};
 use super::interruption::STOP;
-use super::plan_args::offered;
+use super::plan_args::{ReadingsArgs, offered};
+use super::planned::search_stopped;
 use super::progress::search;
-use super::readings_args::ReadingsArgs;
 use super::table::table;
 use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};
@@ -173,6 +173,9 @@ impl Next {
             let of_experiments = violations.iter().filter(|each| each.experiment.is_some());
             let violation = |each: &Violation| ConditionCode::Violation.with(each.to_string());
             conditions.extend(of_experiments.map(violation));
+            let of_plan = Assessment::new(&left.task, &found.plan, None).conditions;
+            let is_near = |each: &Condition| each.code == ConditionCode::NearConfigurations;
+            conditions.extend(of_plan.into_iter().filter(is_near));
         }
         let found = found.as_ref();
         let json = json!({

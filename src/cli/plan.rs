@@ -3,28 +3,27 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::Args;
-use elastocal::codes::ErrorCode;
-use elastocal::files::FileError;
-use elastocal::laboratory::Campaign;
-use elastocal::laboratory::time::{TimedPlan, plans_within};
-use elastocal::plan::search::{
+use crate::codes::ErrorCode;
+use crate::files::FileError;
+use crate::laboratory::Campaign;
+use crate::laboratory::time::{TimedPlan, plans_within};
+use crate::plan::search::{
     ApproximateDesign, Bound, BoundKind, Candidates, Certificate, Problem, SearchError, Watch,
 };
-use elastocal::plan::{Assessment, Criterion, Plan, take_nearest_turns};
-use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
-use elastocal::record::json::merge;
-use elastocal::record::messages::plan_messages;
-use elastocal::scenario::Scenario;
-use elastocal::task::{AccuracyKind, Task};
-use elastocal::text::wording::counted;
-use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
+use crate::plan::{Assessment, Criterion, Plan, take_nearest_turns};
+use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
+use crate::record::json::merge;
+use crate::record::messages::plan_messages;
+use crate::scenario::Scenario;
+use crate::task::{AccuracyKind, Task};
+use crate::text::wording::counted;
+use crate::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
+use clap::Args;
 use serde_json::json;
 
-use super::conditions::search_stopped;
 use super::interruption::{STOP, ask_search, searched};
 use super::plan_args::{PlanArgs, of_any_plan, offered};
-use super::planned::PlannedAccuracy;
+use super::planned::{PlannedAccuracy, search_stopped};
 use super::progress::{bar, search, show};
 use super::proof::ProofArgs;
 use super::table::table;

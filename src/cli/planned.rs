@@ -3,30 +3,30 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use elastocal::codes::{Condition, ConditionCode};
-use elastocal::compensation::KnownArm;
-use elastocal::experiment::write_candidates;
-use elastocal::files::FileError;
-use elastocal::identification::ParameterGroup;
-use elastocal::parameter::ParameterKind;
-use elastocal::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
-use elastocal::plan::search::PlanBound;
-use elastocal::plan::{Assessment, FurtherError, Plan, UncertaintyBudget, posterior, write_plan};
-use elastocal::record::absolute_plan::AbsolutePlanMessage;
-use elastocal::record::json::{merge, results};
-use elastocal::record::messages::assessment_json;
-use elastocal::record::robot_trials::RobotTrials;
-use elastocal::scenario::Scenario;
-use elastocal::study::verdict::Kept;
-use elastocal::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
-use elastocal::task::Task;
-use elastocal::text::wording::counted;
-use elastocal::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, PlanPage, absolute_page};
-use elastocal::view::stills::Stills;
-use elastocal::workflow::study::try_plan;
+use crate::codes::{Condition, ConditionCode};
+use crate::compensation::KnownArm;
+use crate::experiment::write_candidates;
+use crate::files::FileError;
+use crate::identification::ParameterGroup;
+use crate::parameter::ParameterKind;
+use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
+use crate::plan::search::PlanBound;
+use crate::plan::{Assessment, FurtherError, Plan, UncertaintyBudget, posterior, write_plan};
+use crate::record::absolute_plan::AbsolutePlanMessage;
+use crate::record::json::{merge, results};
+use crate::record::messages::assessment_json;
+use crate::record::robot_trials::RobotTrials;
+use crate::scenario::Scenario;
+use crate::study::verdict::Kept;
+use crate::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
+use crate::task::Task;
+use crate::text::wording::counted;
+use crate::understanding::implausible;
+use crate::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, PlanPage, absolute_page};
+use crate::view::stills::Stills;
+use crate::workflow::study::try_plan;
 use serde_json::{Value, json};
 
-use super::conditions::{below_bound, conditions, undetermined_by_plan};
 use super::interruption::{Interrupted, STOP, searched};
 use super::plan_args::PlanArgs;
 use super::progress::bar;
@@ -218,7 +218,7 @@ impl PlanArgs {
         let bar = bar(self.common.quiet, "robots");
         bar.set_length(robots);
         let progress = |done| bar.inc(done);
-        let trials = try_plan(&setting, scenario.seed, kind, robots, (&STOP, &progress));
+        let trials = try_plan(&setting, scenario.seed, kind, robots, &STOP, &progress);
         bar.finish_and_clear();
         searched();
         let trials = match trials {
@@ -465,4 +465,51 @@ fn further(assessment: &Assessment) -> String {
     };
     let rows = assessment.further.iter().map(row);
     table("also to be found | standard error | unit", rows) + "\n"
+}
+
+/// Efficiencies are rounded by less.
+const BEYOND_ROUNDING: f64 = 1e-6;
+
+/// What must be looked at of a plan.
+pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<Condition> {
+    let undetermined = assessment.undetermined(&scenario.task.belief);
+    let mut conditions: Vec<Condition> = (undetermined.iter())
+        .map(|words| undetermined_by_plan(words))
+        .collect();
+    if assessment.violations.is_empty() {
+        conditions.extend(below_bound(assessment.criterion_efficiency()));
+    } else {
+        // The bound is of plans without any.
+        conditions.push(violated(assessment.violations.len()));
+    }
+    conditions.extend(assessment.conditions.iter().cloned());
+    conditions.extend(implausible(scenario));
+    conditions
+}
+
+/// That a plan has violations.
+pub fn violated(count: usize) -> Condition {
+    let violations = counted(count as u64, "violation");
+    ConditionCode::Violation.with(format!("the plan has {violations}"))
+}
+
+/// That a plan does not determine something, in words.
+pub fn undetermined_by_plan(words: &str) -> Condition {
+    ConditionCode::PlanUnidentifiable.with(format!("the plan does not determine {words}"))
+}
+
+/// That a plan of an efficiency is better than the bound beside it, by more than rounding.
+pub fn below_bound(efficiency: Option<f64>) -> Option<Condition> {
+    let beyond = efficiency? - 1.0;
+    (beyond > BEYOND_ROUNDING).then(|| {
+        ConditionCode::BelowBound.with(format!(
+            "the plan is better than the bound beside it by {:.2e} %",
+            1e2 * beyond
+        ))
+    })
+}
+
+/// That a search was stopped.
+pub fn search_stopped() -> Condition {
+    ConditionCode::SearchStopped.with("the search was stopped: a better plan may exist")
 }

@@ -2,22 +2,25 @@
 
 use std::error::Error;
 
-use elastocal::calibration::CalibrationError;
-use elastocal::codes::ErrorCode;
-use elastocal::files::FileError;
-use elastocal::identification::IdentificationError;
-use elastocal::plan::search::SearchError;
-use elastocal::robot::EquilibriumError;
-use elastocal::study::StudyError;
-use elastocal::text::{diagnostics::say, wording::shortened};
+use crate::calibration::CalibrationError;
+use crate::codes::ErrorCode;
+use crate::files::FileError;
+use crate::identification::IdentificationError;
+use crate::plan::search::SearchError;
+use crate::robot::EquilibriumError;
+use crate::study::StudyError;
+use crate::text::{diagnostics::say, wording::shortened};
 
 /// More characters than this of an error nobody reads.
 const LONGEST_ERROR: usize = 4000;
 
 /// An error for people.
 pub struct PrintedError {
+    /// Its stable code.
     pub code: ErrorCode,
+    /// What is wrong.
     pub text: String,
+    /// What to do about it.
     pub hint: Option<String>,
 }
 

@@ -3,9 +3,9 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use crate::codes::ErrorCode;
+use crate::text::diagnostics::say;
 use clap::FromArgMatches;
-use elastocal::codes::ErrorCode;
-use elastocal::text::diagnostics::say;
 
 use super::interruption::{self, Interrupted};
 use super::printed_error::PrintedError;

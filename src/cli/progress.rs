@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use elastocal::plan::search::Watch;
+use crate::plan::search::Watch;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::Common;

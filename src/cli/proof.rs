@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::codes::ErrorCode;
+use crate::files::{FileError, output::write_whole};
+use crate::plan::proof::{NoProof, ProofLimits};
+use crate::plan::search::{Bound, ProofFile, TIGHT};
+use crate::record::messages::ProvenanceMessage;
 use clap::Args;
-use elastocal::codes::ErrorCode;
-use elastocal::files::{FileError, output::write_whole};
-use elastocal::plan::proof::{NoProof, ProofLimits};
-use elastocal::plan::search::{Bound, ProofFile, TIGHT};
-use elastocal::record::messages::ProvenanceMessage;
 use indicatif::ProgressStyle;
 use serde::Serialize;
 use serde_json::{Value, json};

@@ -1,23 +1,20 @@
 //! `replay`: one run of the study on the virtual robot, recorded.
 
+use crate::files::make_folder;
+use crate::record::messages::ProvenanceMessage;
+use crate::scenario::Scenario;
+use crate::study::{Conditions, Entry};
+use crate::task::AccuracyKind;
+use crate::view::recording::{CarriedOutPlan, PlanRecord, Recording};
+use crate::workflow::study::refuse_others;
 use clap::Args;
-use elastocal::calibration::calibrate;
-use elastocal::files::make_folder;
-use elastocal::plan::search::random_plan;
-use elastocal::record::messages::ProvenanceMessage;
-use elastocal::scenario::Scenario;
-use elastocal::study::{Conditions, Entry, EntryKind, Setting};
-use elastocal::task::AccuracyKind;
-use elastocal::view::recording::{CarriedOutPlan, PlanRecord, Recording};
-use elastocal::workflow::run_absolute::replay_readings;
-use elastocal::workflow::study::refuse_others;
 use serde_json::json;
 
 use super::interruption::proceed;
-use super::readings_args::ReadingsArgs;
+use super::plan_args::ReadingsArgs;
 use super::study::results::noted;
 use super::table::table_of;
-use super::views::write_recording;
+use super::views::{carried_out, write_recording};
 use super::written::Written;
 use super::{Common, Report, results};
 
@@ -55,7 +52,7 @@ impl Replay {
             entries.len()
         ));
         let plan = |entry: &Entry<'_>| {
-            carried_out(&scenario, &settings[0], &*entry.name, &entry.kind, self.run)
+            carried_out(&scenario, &settings[0], &entry.name, &entry.kind, self.run)
         };
         let plans: Vec<CarriedOutPlan> = entries.iter().map(plan).collect::<anyhow::Result<_>>()?;
         let of_setting = Scenario {
@@ -85,30 +82,6 @@ impl Replay {
         text += &format!("recorded in {}, .mcap and .json\n", shown.display());
         Ok(Report::new(json, text, written.conditions()))
     }
-}
-
-/// A plan of a study as it is carried out in a run, whatever is measured.
-pub fn carried_out(
-    scenario: &Scenario,
-    setting: &Setting<'_>,
-    name: &str,
-    kind: &EntryKind<'_>,
-    run: u64,
-) -> anyhow::Result<CarriedOutPlan> {
-    let (task, seed) = (&setting.task, scenario.seed);
-    let plan = match kind {
-        EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
-        EntryKind::RandomEach => random_plan(task, setting.conditions.experiments, seed, run)?,
-        EntryKind::Readings(readings) => {
-            let (record, did) = replay_readings(scenario, setting, name, readings, seed, run)?;
-            return Ok(CarriedOutPlan::Readings(Box::new(record), did));
-        }
-    };
-    let calibration = calibrate(task, setting.truth, &plan, seed, run)?;
-    Ok(CarriedOutPlan::Deflections(
-        name.to_owned(),
-        Box::new(calibration),
-    ))
 }
 
 /// Of which conditions of a sweep a run is shown, and of which it is not.

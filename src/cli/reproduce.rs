@@ -1,11 +1,11 @@
 //! `reproduce`: the paper's numbers beside this program's.
 
+use crate::codes::{Condition, ConditionCode};
+use crate::files::make_folder;
+use crate::paper::{Reproduction, reproduce};
+use crate::plan::search::Watch;
+use crate::record::{json::merge, messages::ProvenanceMessage};
 use clap::Args;
-use elastocal::codes::{Condition, ConditionCode};
-use elastocal::files::make_folder;
-use elastocal::paper::{Reproduction, reproduce};
-use elastocal::plan::search::Watch;
-use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use serde_json::json;
 
 use super::interruption::{STOP, proceed};

@@ -1,32 +1,31 @@
 //! `run`: the whole loop, and a folder with all that came of it.
 
-use clap::Args;
-use elastocal::calibration::{Calibration, CompensatedPose, rms_m};
-use elastocal::codes::Condition;
-use elastocal::files::make_folder;
-use elastocal::identification::ReadingWeights;
-use elastocal::measurement::{absolute_table, deflection_table};
-use elastocal::plan::search::{Bound, RepeatsNeeded, Watch};
-use elastocal::plan::{UncertaintyBudget, take_nearest_turns};
-use elastocal::record::absolute_plan::AbsolutePlanMessage;
-use elastocal::scenario::Scenario;
-use elastocal::task::AccuracyKind;
-use elastocal::text::wording::{counted, shell_path};
-use elastocal::view::recording::{CarriedOutPlan, Recording};
-use elastocal::view::report::{AbsolutePageRecord, PlanPage, absolute_page, run_page};
-use elastocal::workflow::design::Wanted;
-use elastocal::workflow::run::{
-    FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run,
+use crate::calibration::{Calibration, CompensatedPose, rms_m};
+use crate::codes::Condition;
+use crate::files::make_folder;
+use crate::identification::ReadingWeights;
+use crate::measurement::{absolute_table, deflection_table};
+use crate::plan::search::{Bound, RepeatsNeeded, Watch};
+use crate::plan::{UncertaintyBudget, take_nearest_turns};
+use crate::record::absolute_plan::AbsolutePlanMessage;
+use crate::scenario::Scenario;
+use crate::task::AccuracyKind;
+use crate::text::wording::{counted, shell_path};
+use crate::view::recording::{CarriedOutPlan, Recording};
+use crate::view::report::{AbsolutePageRecord, PlanPage, absolute_page, run_page};
+use crate::workflow::design::Wanted;
+use crate::workflow::run::{
+    AbsoluteRun, FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run, run_absolute,
 };
-use elastocal::workflow::run_absolute::{AbsoluteRun, run_absolute};
+use clap::Args;
 use serde_json::Value;
 
 use super::identify::{absolute, deflections};
 use super::interruption::{STOP, proceed};
 use super::plan::design;
+use super::plan_args::ReadingsArgs;
 use super::planned::{PlannedAccuracy, bound_basis, budget, left_out};
 use super::proof::ProofArgs;
-use super::readings_args::ReadingsArgs;
 use super::table::{in_um, number, table};
 use super::uncertainty_budget::{self, BudgetArgs};
 use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
@@ -176,8 +175,7 @@ impl Run {
             bar.finish_and_clear();
             tell(common, stage, "reading");
         };
-        let ((planning, found), outcome) =
-            run_absolute(scenario, &wanted, weights, (watch, &stage))?;
+        let ((planning, found), outcome) = run_absolute(scenario, &wanted, weights, watch, &stage)?;
         proceed()?;
         let groups = &*self.readings.parameters;
         let beside = (found.bound.as_ref(), wanted.drawn(seed));

@@ -1,7 +1,7 @@
 //! `schema`: the scenario's JSON schema.
 
+use crate::scenario::scenario_schema;
 use clap::Args;
-use elastocal::scenario::scenario_schema;
 
 use super::Report;
 

@@ -2,19 +2,19 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use elastocal::codes::{ConditionCode, ErrorCode};
-use elastocal::files::FileError;
-use elastocal::identification::ParameterGroup;
-use elastocal::measurement::{Origin, read_measured};
-use elastocal::quantities::limits::MOST_EXPERIMENTS;
-use elastocal::record::json::merge;
-use elastocal::record::selection::selection_json;
-use elastocal::study::selection::{
+use crate::codes::{ConditionCode, ErrorCode};
+use crate::files::FileError;
+use crate::identification::ParameterGroup;
+use crate::measurement::{Origin, read_measured};
+use crate::quantities::limits::MOST_EXPERIMENTS;
+use crate::record::json::merge;
+use crate::record::selection::selection_json;
+use crate::study::selection::{
     CHOICES, Chosen, Selection, SelectionOfSize, SelectionWanted, choice_name, select,
 };
-use elastocal::text::wording::counted;
-use elastocal::view::selection_plot::selection_plot;
+use crate::text::wording::counted;
+use crate::view::selection_plot::selection_plot;
+use clap::Args;
 use serde_json::json;
 
 use super::progress::search;

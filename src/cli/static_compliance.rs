@@ -1,9 +1,9 @@
 //! The static compliance of the tool at the test poses, in JSON and for a person.
 
-use elastocal::compensation::{KnownArm, StaticCompliance};
-use elastocal::record::json::merge;
-use elastocal::robot::EquilibriumError;
-use elastocal::task::TestPose;
+use crate::compensation::{KnownArm, StaticCompliance};
+use crate::record::json::merge;
+use crate::robot::EquilibriumError;
+use crate::task::TestPose;
 use serde_json::{Value, json};
 
 use super::Report;

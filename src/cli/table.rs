@@ -1,7 +1,7 @@
 //! Plain text tables.
 
-use elastocal::identification::DistanceStatistics;
-use elastocal::text::wording::shortened;
+use crate::identification::DistanceStatistics;
+use crate::text::wording::shortened;
 
 /// Names of rows have at most so many characters.
 const LONGEST_NAME: usize = 40;

@@ -1,10 +1,10 @@
 //! Measurements judged against a tolerance with a guard band (JCGM 106).
 
+use crate::codes::ConditionCode;
+use crate::gate::{Decision, DistanceTolerance, JudgedDistance};
+use crate::quantities::plausible::{ACCURACY, TOLERANCE};
+use crate::record::json::merge;
 use clap::Args;
-use elastocal::codes::ConditionCode;
-use elastocal::gate::{Decision, DistanceTolerance, JudgedDistance};
-use elastocal::quantities::plausible::{ACCURACY, TOLERANCE};
-use elastocal::record::json::merge;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::json;
 

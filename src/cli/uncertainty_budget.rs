@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::plan::{BudgetSource, UncertaintyBudget};
+use crate::study::account::Contribution;
+use crate::text::wording::significant;
 use clap::Args;
-use elastocal::plan::{BudgetSource, UncertaintyBudget};
-use elastocal::study::account::Contribution;
-use elastocal::text::wording::significant;
 
 use super::table::{number, or_dash, table};
 use super::written::Written;

@@ -2,26 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use elastocal::codes::{Condition, ErrorCode};
-use elastocal::files::FileError;
-use elastocal::identification::{
-    DistanceStatistics, Predicted, ReadingResidual, StoredIdentification,
-};
-use elastocal::laboratory::validation::{Validation, validate, validation_plan};
-use elastocal::measurement::{read_measured, read_measurements};
-use elastocal::plan::write_plan;
-use elastocal::record::messages::plan_messages;
-use elastocal::scenario::Scenario;
-use elastocal::text::wording::counted;
-use elastocal::workflow::stored_robot::StoredRobot;
-use elastocal::workflow::validate_absolute::{
+use crate::codes::{Condition, ErrorCode};
+use crate::files::FileError;
+use crate::identification::{DistanceStatistics, Predicted, ReadingResidual};
+use crate::laboratory::validation::{Validation, validate, validation_plan};
+use crate::measurement::{read_measured, read_measurements};
+use crate::plan::write_plan;
+use crate::record::messages::plan_messages;
+use crate::scenario::Scenario;
+use crate::text::wording::counted;
+use crate::workflow::stored_robot::StoredRobot;
+use crate::workflow::validate_absolute::{
     AbsoluteValidation, prediction_failed, validate_absolute,
 };
+use clap::Args;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
-use super::identified::{IdentifiedCompliances, read_identified, trust};
+use super::identified::{IdentifiedCompliances, read_identified, read_stored, trust};
 use super::table::{DISTANCES, distances, in_um, or_dash, table, table_of};
 use super::tolerance::{ToleranceArgs, report_judged};
 use super::written::Written;
@@ -60,13 +58,8 @@ struct Validated {
 
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let (input, path) = (["validate", "--identified"], &*self.identified);
-        let robot = StoredRobot::read(path)?;
-        let origin = match &robot {
-            Some(robot) => robot.origin.clone(),
-            None => StoredIdentification::origin(path)?,
-        };
-        let scenario = self.common.load_for(input, path, origin.as_ref())?;
+        let path = &*self.identified;
+        let (scenario, robot, _) = read_stored(&self.common, "validate", path)?;
         self.common.check_files(&scenario, None)?;
         let validated = match (&robot, &self.measurements) {
             (Some(robot), Some(file)) => self.of_absolute(&scenario, robot, file)?,

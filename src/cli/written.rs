@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use elastocal::codes::{Condition, ConditionCode};
-use elastocal::files::{FileError, output::write_whole};
-use elastocal::text::diagnostics::say;
+use crate::codes::{Condition, ConditionCode};
+use crate::files::{FileError, output::write_whole};
+use crate::text::diagnostics::say;
 use serde_json::Value;
 
 /// Which files are there and which are not. What cannot be written costs no other result.

@@ -84,8 +84,7 @@ impl<'a> Case<'a> {
     /// What the measurements tell of the unknowns, each with its own standard deviation where it brings one and to
     /// first order in compliance: A^T R^-1 A (p x p, in one over the unknowns' units), without what was known before.
     pub fn information(&self) -> DMatrix<f64> {
-        let whitened = self.linear().matrix;
-        let rows = whitened.rows(0, self.rows());
+        let rows = self.first_order(&self.nominal_values()).matrix;
         rows.tr_mul(&rows)
     }
 }

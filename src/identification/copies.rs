@@ -60,17 +60,20 @@ impl CopiedReadings {
         }
         let pairs = |count: usize| (count * count.saturating_sub(1)) as f64 / 2.0;
         let of_one_setup: f64 = setups.values().map(|&count| pairs(count)).sum();
-        let of_others = pairs(all.len()) - of_one_setup;
         let resolution_m = shown_resolution_m(all).max(resolution_m);
-        let is_chance = |found: usize, pairs: f64, deviation: fn(f64, f64) -> f64| {
-            found > 0
-                && !is_beyond_chance(found, pairs * equal_by_chance(all, resolution_m, deviation))
+        // Of a setup sigma is that of the noise; of others the spread of all, too.
+        let expected = |pairs: f64, deviation: fn(f64, f64) -> f64| {
+            pairs * equal_by_chance(all, resolution_m, deviation)
         };
-        if is_chance(found.rows.len(), of_one_setup, |sigma, _| sigma) {
-            found.rows.clear();
-        }
-        if is_chance(found.readings.len(), of_others, f64::max) {
-            found.readings.clear();
+        let of_rows = expected(of_one_setup, |sigma, _| sigma);
+        let of_readings = expected(pairs(all.len()) - of_one_setup, f64::max);
+        for (found, expected) in [
+            (&mut found.rows, of_rows),
+            (&mut found.readings, of_readings),
+        ] {
+            if !is_beyond_chance(found.len(), expected) {
+                found.clear();
+            }
         }
         found
     }
@@ -142,6 +145,6 @@ fn shown_resolution_m(all: &[ReadBits]) -> f64 {
 
 /// Whether as many, or more, are less probable than chance makes them where so many are expected.
 fn is_beyond_chance(found: usize, expected: f64) -> bool {
-    let fewer = found as u64 - 1;
+    let fewer = (found as u64).saturating_sub(1);
     expected <= 0.0 || Poisson::new(expected).is_ok_and(|chance| chance.sf(fewer) < CHANCE)
 }

@@ -1,36 +1,28 @@
-//! The measurements as whitened equations in the unknown compliances.
+//! The measurements as equations in the unknown compliances.
 
+use std::convert::Infallible;
 use std::ops::Range;
 
 use nalgebra::allocator::Allocator;
 use nalgebra::{
-    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix6, OMatrix, Storage, U3, Vector3,
+    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix6xX, OMatrix, Storage, U3, Vector3,
 };
 
 use super::case::Case;
-use super::discrepancy::six_rows;
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::numeric::estimable::Estimable;
-use crate::observation::RestTorques;
+use crate::observation::{ObservationModel, Prediction, ReadingKind, RestTorques, Setup};
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
 };
 use crate::task::Extended;
-
-/// Whitened equations: `matrix` times (the unknowns minus the linearisation point) = `right_hand_side`.
-#[derive(Debug)]
-pub(super) struct Equations {
-    pub matrix: DMatrix<f64>,
-    pub right_hand_side: DVector<f64>,
-}
 
 impl Case<'_> {
     pub(super) fn rows(&self) -> usize {
         self.measurements.iter().map(rows_of).sum()
     }
 
-    /// The nominal values of the unknowns (p).
     pub(super) fn nominal_values(&self) -> Vec<f64> {
         match self.uncertain {
             Some(extended) => extended.set().prior().mean.as_slice().to_vec(),
@@ -40,7 +32,6 @@ impl Case<'_> {
         }
     }
 
-    /// The typical sizes of the unknowns (p).
     pub(super) fn sizes(&self) -> Vec<f64> {
         let mut sizes = self.nominal.typical_rad_per_nm(self.parameters);
         if let Some(extended) = self.uncertain {
@@ -61,7 +52,6 @@ impl Case<'_> {
         Estimable::of_equations(&others, &self.sizes())
     }
 
-    /// The names of the unknowns: joints for compliances.
     pub(super) fn names(&self) -> Vec<String> {
         let joints = &self.nominal.chain.joints;
         let own = self
@@ -85,39 +75,6 @@ impl Case<'_> {
         compliance
     }
 
-    /// Eq. 3 or 7 for each measurement, at the commanded configuration, and below them what is known before. The parts of the joints
-    /// that are not identified go to the right-hand side, and the equations are for k itself. Where springs brace the arm, they hold
-    /// near the nominal compliances. Where more is uncertain, they
-    /// are for the change of the unknowns from their nominal values.
-    pub(super) fn linear(&self) -> Equations {
-        let nominal = self.nominal_values();
-        let mut equations = self.equations(self.predicted_linearly(), &nominal);
-        if self.uncertain.is_none() {
-            equations.right_hand_side += &equations.matrix * DVector::from_vec(nominal);
-        }
-        equations
-    }
-
-    /// The displacement between the nominal model's two static equilibria, linearised at values of the unknowns
-    /// (p); the equations are for their change.
-    pub(super) fn nonlinear(&self, values: &[f64]) -> Result<Equations, IdentificationError> {
-        Ok(self.equations(self.predicted(values, &mut Vec::new())?, values))
-    }
-
-    /// Whitened equations of predictions at values of the unknowns (p).
-    fn equations(&self, mut predicted: PredictedRows, values: &[f64]) -> Equations {
-        let whitening = self.whitening();
-        let mut left = self.read() - predicted.values;
-        whitening.whiten(&mut left);
-        whitening.whiten(&mut predicted.derivatives);
-        let prior = self.prior();
-        let before = &prior.rows * (prior.mean - DVector::from_column_slice(values));
-        Equations {
-            matrix: stacked(&predicted.derivatives, &prior.rows),
-            right_hand_side: stacked(&left, &before),
-        }
-    }
-
     /// What is read, one measurement below the other: the deflection or what is along a direction (m), and the rotation (rad) where
     /// there is one.
     pub(super) fn read(&self) -> DVector<f64> {
@@ -134,10 +91,15 @@ impl Case<'_> {
         DVector::from_iterator(self.rows(), each)
     }
 
-    /// What is read as the model has it at nominal values of the unknowns, to first order in compliance.
+    /// What is read as the model has it at nominal values of the unknowns, to first order in compliance: eq. 3 or 7 at the commanded
+    /// configurations. Where springs brace the arm, it holds near the nominal compliances.
     pub(super) fn predicted_linearly(&self) -> PredictedRows {
         if let Some(extended) = self.uncertain {
-            return self.extended_linearly(extended);
+            let planned = |model: &mut ObservationModel<'_>, _, setup: &_, kind, rows: &mut _| {
+                Ok::<_, Infallible>(model.predict_as_planned(setup, kind, rows))
+            };
+            let Ok(rows) = self.extended_rows(extended, &self.nominal_values(), planned);
+            return rows;
         }
         let (chain, compliance) = (&self.nominal.chain, &self.nominal.compliance_rad_per_nm);
         let mut arm = chain.at(self.tool);
@@ -167,7 +129,12 @@ impl Case<'_> {
     ) -> Result<PredictedRows, IdentificationError> {
         torques.resize_with(self.measurements.len(), RestTorques::default);
         if let Some(extended) = self.uncertain {
-            return self.extended_at_rest(extended, values, torques);
+            let at_rest =
+                |model: &mut ObservationModel<'_>, index, setup: &_, kind, rows: &mut _| {
+                    (model.predict_near(&mut torques[index], setup, kind, rows))
+                        .map_err(|error| IdentificationError::from((index, error)))
+                };
+            return self.extended_rows(extended, values, at_rest);
         }
         let compliance = &self.compliance(values);
         let chain = &self.nominal.chain;
@@ -203,6 +170,34 @@ impl Case<'_> {
         Ok(predicted)
     }
 
+    /// Predictions of all measurements, by their places, at values of the unknowns.
+    fn extended_rows<E>(
+        &self,
+        extended: &Extended,
+        values: &[f64],
+        mut predict: impl FnMut(
+            &mut ObservationModel<'_>,
+            usize,
+            &Setup,
+            ReadingKind,
+            &mut Matrix6xX<f64>,
+        ) -> Result<Prediction, E>,
+    ) -> Result<PredictedRows, E> {
+        let mut model = ObservationModel::new(extended.set(), extended.arm(), values);
+        let mut derivatives = Matrix6xX::zeros(values.len());
+        let mut predicted = PredictedRows::new(self.rows(), values.len());
+        for (index, each) in self.measurements.iter().enumerate() {
+            let (setup, kind) = setup_of(each);
+            let found = predict(&mut model, index, &setup, kind, &mut derivatives)?;
+            predicted.push_deflection(each, &derivatives.fixed_rows::<3>(0), found.position_m);
+            if each.rotation.is_some() {
+                let turned = rotation_vector(&found.rotation);
+                predicted.push(&derivatives.fixed_rows::<3>(3), turned);
+            }
+        }
+        Ok(predicted)
+    }
+
     /// What is known of the unknowns before.
     pub(super) fn prior(&self) -> PriorRows {
         match (self.uncertain, self.prior) {
@@ -233,21 +228,12 @@ impl Case<'_> {
         (squares / (3 * self.measurements.len()) as f64).sqrt()
     }
 
-    /// The rows of each measurement.
     pub(super) fn rows_of_each(&self) -> impl Iterator<Item = Range<usize>> {
         self.measurements.iter().scan(0, |row, each| {
             let first = *row;
             *row += rows_of(each);
             Some(first..*row)
         })
-    }
-
-    /// The covariance of each measured deflection with its rotation (m^2, m rad, rad^2), whatever repeats it; of what is along a
-    /// direction the first element.
-    pub(super) fn covariances(&self) -> Vec<Matrix6<f64>> {
-        let mut model = (self.uncertain).map(|extended| self.readings(extended));
-        let alone = |index| six_rows(&self.covariance_together(model.as_mut(), &[index]));
-        (0..self.measurements.len()).map(alone).collect()
     }
 
     pub(super) fn sigma_of(&self, measurement: &Measurement) -> Vector3<f64> {
@@ -264,6 +250,23 @@ pub(super) const fn rows_of(measurement: &Measurement) -> usize {
         (None, Some(_)) => 6,
         (None, None) => 3,
     }
+}
+
+/// How a measurement was set up, and what was read.
+fn setup_of(measurement: &Measurement) -> (Setup, ReadingKind) {
+    let setup = Setup {
+        commanded_rad: measurement.configuration_rad.clone(),
+        load: measurement.load,
+        hangs_on: None,
+        target: 0,
+        station: 0,
+        approach: measurement.approach.clone(),
+    };
+    let kind = match measurement.rotation {
+        Some(_) => ReadingKind::DeflectionAndRotation,
+        None => ReadingKind::Deflection,
+    };
+    (setup, kind)
 }
 
 /// What is known of the unknowns before, as whitened equations (r x p): `rows` times the unknowns = `rows` times the mean (p).
@@ -319,7 +322,6 @@ impl PredictedRows {
     }
 }
 
-/// One matrix above the other.
 pub(super) fn stacked<C: Dim>(
     above: &OMatrix<f64, Dyn, C>,
     below: &OMatrix<f64, Dyn, C>,

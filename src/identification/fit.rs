@@ -95,7 +95,6 @@ impl FitStart {
         self.at_nominal.values.len() + self.prior.rows.nrows()
     }
 
-    /// What is read, whitened.
     fn read(&self, source: &Case<'_>) -> DVector<f64> {
         let mut read = source.read();
         self.whitening.whiten(&mut read);
@@ -286,7 +285,6 @@ pub(super) fn fit_nonlinear(
     })
 }
 
-/// Adds so many times a change to values.
 fn add(values: &mut [f64], change: &DVector<f64>, times: f64) {
     for (value, change) in values.iter_mut().zip(change) {
         *value += times * change;

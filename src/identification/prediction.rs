@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use super::Case;
 use super::discrepancy::three_rows;
-use super::equations::Equations;
+use super::equations::PredictedRows;
 use super::error::IdentificationError;
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::task::Method;
@@ -111,21 +111,19 @@ impl Case<'_> {
 
     /// The rows of the measurements alone at values of the unknowns (p).
     pub(super) fn against(&self, values: &[f64]) -> Result<MeasuredRows, IdentificationError> {
-        let equations = match self.method {
-            Method::Linear => {
-                let mut equations = self.linear();
-                // Where more is uncertain they are for a change from nominal values.
-                let nominal = match self.uncertain {
-                    Some(_) => self.nominal_values(),
-                    None => vec![0.0; values.len()],
-                };
-                let change = DVector::from_column_slice(values) - DVector::from_vec(nominal);
-                equations.right_hand_side -= &equations.matrix * change;
-                equations
-            }
-            Method::Nonlinear => self.nonlinear(values)?,
-        };
-        Ok(MeasuredRows::new(self, &equations))
+        Ok(match self.method {
+            Method::Linear => self.first_order(values),
+            Method::Nonlinear => MeasuredRows::new(self, self.predicted(values, &mut Vec::new())?),
+        })
+    }
+
+    /// The same to first order in compliance.
+    pub(super) fn first_order(&self, values: &[f64]) -> MeasuredRows {
+        let mut predicted = self.predicted_linearly();
+        let nominal = DVector::from_vec(self.nominal_values());
+        let change = DVector::from_column_slice(values) - nominal;
+        predicted.values += &predicted.derivatives * change;
+        MeasuredRows::new(self, predicted)
     }
 }
 
@@ -140,14 +138,12 @@ pub(super) struct MeasuredRows {
 }
 
 impl MeasuredRows {
-    /// Of whitened equations.
-    pub fn new(case: &Case<'_>, equations: &Equations) -> Self {
-        let matrix = equations.matrix.rows(0, case.rows()).into_owned();
-        let left = equations.right_hand_side.rows(0, case.rows()).into_owned();
-        let (mut own_matrix, mut own_left) = (matrix.clone(), left.clone());
+    fn new(case: &Case<'_>, predicted: PredictedRows) -> Self {
+        let (own_matrix, own_left) = (predicted.derivatives, case.read() - predicted.values);
+        let (mut matrix, mut left) = (own_matrix.clone(), own_left.clone());
         let whitening = case.whitening();
-        whitening.take_off(&mut own_matrix);
-        whitening.take_off(&mut own_left);
+        whitening.whiten(&mut matrix);
+        whitening.whiten(&mut left);
         Self {
             matrix,
             left,

@@ -2,20 +2,19 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
 use super::case::Sigma;
-use super::equations::{Equations, rows_of};
+use super::equations::{rows_of, stacked};
 use super::error::IdentificationError;
 use super::estimate::Identification;
-use super::outliers::RejectedReading;
+use super::outliers::{RejectedReading, kept};
 use super::prediction::MeasuredRows;
 use crate::numeric::least_squares::LeastSquares;
 use crate::quantities::written::from_one;
-use crate::task::Method;
 
 /// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes
 /// through that measurement (leverage one), and rounding is what is left.
@@ -45,70 +44,47 @@ pub struct MeasurementResidual {
     pub probability: Option<f64>,
 }
 
-/// The residual of each measurement.
+/// The residual of each measurement; those that were rejected were not fitted.
 ///
 /// # Errors
 /// The robot gives way under a load.
 pub fn residuals(
     case: &Case<'_>,
     identification: &Identification,
-) -> Result<Vec<MeasurementResidual>, IdentificationError> {
-    let Equations {
-        matrix,
-        right_hand_side,
-    } = match case.method {
-        Method::Linear => case.linear(),
-        Method::Nonlinear => case.nonlinear(&identification.posterior.mean)?,
-    };
-    let estimable = &identification.posterior.estimable;
-    let fit = LeastSquares::solve(&matrix, &right_hand_side, estimable);
-    // What a combination of compliances does that are not determined one by one is fitted, too.
-    let left = right_hand_side - &matrix * &fit.solution;
-    let others = (
-        left.norm_squared(),
-        left.len().saturating_sub(estimable.rank()),
-    );
-    let rows = Equations {
-        matrix,
-        right_hand_side: left,
-    };
-    let rows = MeasuredRows::new(case, &rows);
-    let mut judge = Judge::new(case, rows, (&fit.covariance, -1.0));
-    judge.others = matches!(case.sigma, Sigma::FromResiduals(_)).then_some(others);
-    let residual = |(measurement, rows)| MeasurementResidual {
-        measurement,
-        ..judge.residual(rows)
-    };
-    Ok(case.rows_of_each().enumerate().map(residual).collect())
-}
-
-/// Residuals of the measurements that were fitted, and in their places those of the measurements that were not; `case` has all.
-///
-/// # Errors
-/// The robot gives way under a load.
-pub fn with_rejected(
-    mut residuals: Vec<MeasurementResidual>,
-    case: &Case<'_>,
-    identification: &Identification,
     rejected: &[RejectedReading],
 ) -> Result<Vec<MeasurementResidual>, IdentificationError> {
     let posterior = &identification.posterior;
+    let is_from_residuals = matches!(case.sigma, Sigma::FromResiduals(_));
+    let measurements = kept(case.measurements, rejected);
+    let fitted = case.with(&measurements);
+    let mut rows = fitted.against(&posterior.mean)?;
+    let prior = case.prior();
+    let before = &prior.rows * (prior.mean - DVector::from_column_slice(&posterior.mean));
+    let (matrix, left) = (
+        stacked(&rows.matrix, &prior.rows),
+        stacked(&rows.left, &before),
+    );
+    let fit = LeastSquares::solve(&matrix, &left, &posterior.estimable);
+    // What a combination of compliances does that are not determined one by one is fitted, too.
+    let left = left - matrix * &fit.solution;
+    rows.left -= &rows.matrix * &fit.solution;
+    rows.own_left -= &rows.own_matrix * &fit.solution;
+    let spare = left.len().saturating_sub(posterior.estimable.rank());
+    let mut judge = Judge::new(&fitted, rows, (&fit.covariance, -1.0));
+    judge.others = is_from_residuals.then(|| (left.norm_squared(), spare));
+    let each = fitted.rows_of_each().map(|rows| judge.residual(rows));
+    let mut residuals: Vec<MeasurementResidual> = each.collect();
     for each in rejected {
         let alone = [case.measurements[each.reading].clone()];
         let alone = case.with(&alone);
         let rows = alone.against(&posterior.mean)?;
         let mut judge = Judge::new(&alone, rows, (&posterior.covariance, 1.0));
-        if let Sigma::FromResiduals(_) = case.sigma {
+        if is_from_residuals {
             judge.variance = (identification.sigma_m / alone.typical_sigma_m()).powi(2);
         }
-        let judged = judge.residual(0..alone.rows());
-        residuals.insert(
-            each.reading,
-            MeasurementResidual {
-                leverage: 0.0,
-                ..judged
-            },
-        );
+        let mut judged = judge.residual(0..alone.rows());
+        judged.leverage = 0.0;
+        residuals.insert(each.reading, judged);
     }
     for (measurement, each) in residuals.iter_mut().enumerate() {
         each.measurement = measurement;

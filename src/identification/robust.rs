@@ -58,7 +58,8 @@ struct SomeFitted<'a> {
 }
 
 impl<'a> Case<'a> {
-    /// Identifies what is unknown from the measurements that do not lie far out.
+    /// Identifies what is unknown from the measurements that do not lie far out. Which compliances stay nominal beside gross errors is
+    /// decided again without them.
     ///
     /// # Errors
     /// As [`identify`](Self::identify).
@@ -66,9 +67,27 @@ impl<'a> Case<'a> {
         &self,
         robustness: Robustness,
     ) -> Result<RobustIdentification, IdentificationError> {
+        let found = self.held_and_robust(robustness, None)?;
+        let has_both = found.held.len() > self.held.len() && !found.rejected.is_empty();
+        let without = has_both.then(|| self.held_and_robust(robustness, Some(&found.rejected)));
+        let without = without.and_then(Result::ok);
+        Ok(
+            match without.filter(|other| other.held.len() < found.held.len()) {
+                Some(other) => other,
+                None => found,
+            },
+        )
+    }
+
+    /// The same with more and more compliances nominal; the gross errors may be given.
+    fn held_and_robust(
+        &self,
+        robustness: Robustness,
+        gross: Option<&[RejectedReading]>,
+    ) -> Result<RobustIdentification, IdentificationError> {
         let mut held = self.held.to_vec();
         let mut stays_nominal = Vec::new();
-        let mut found = self.robustly(robustness);
+        let mut found = self.robustly(robustness, gross);
         if !robustness.holds_nominal {
             return found;
         }
@@ -97,7 +116,7 @@ impl<'a> Case<'a> {
                 held: &held,
                 ..*self
             };
-            match (with_held.robustly(robustness), &mut found) {
+            match (with_held.robustly(robustness, gross), &mut found) {
                 (Ok(mut other), before) => {
                     other
                         .identification
@@ -134,14 +153,21 @@ impl<'a> Case<'a> {
     fn robustly(
         &self,
         robustness: Robustness,
+        gross: Option<&[RejectedReading]>,
     ) -> Result<RobustIdentification, IdentificationError> {
         let known = Case {
             sigma: Sigma::Known(self.sigma.weight_m()),
             ..*self
         };
         let own = self.covariances();
-        let (of_all, mut fitted) = match self.identify() {
-            Ok(of_all) => {
+        let (of_all, mut fitted) = match (gross, self.identify()) {
+            (Some(gross), of_all) => {
+                let of_all = of_all.or_else(|_| self.linearised().identify())?;
+                let near = &of_all.posterior.mean;
+                let fitted = known.fitted(self.measurements, gross, near, &own)?;
+                (of_all, fitted)
+            }
+            (None, Ok(of_all)) => {
                 let near = of_all.posterior.mean.clone();
                 let fitted = match self.sigma {
                     Sigma::Known(_) => {
@@ -151,11 +177,10 @@ impl<'a> Case<'a> {
                 };
                 let others = (!robustness.keeps_all)
                     .then(|| known.without(&fitted, fitted.over.suspects()?));
-                let others = others.flatten();
-                (of_all, others.unwrap_or(fitted))
+                (of_all, others.flatten().unwrap_or(fitted))
             }
-            Err(error) if robustness.keeps_all => return Err(error),
-            Err(error) => known.begun_linearly(&own).ok_or(error)?,
+            (None, Err(error)) if robustness.keeps_all => return Err(error),
+            (None, Err(error)) => known.begun_linearly(&own).ok_or(error)?,
         };
         let mut weighed = self.measurements.to_vec();
         let is_implausible = |found: &Identification| {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use serde::Deserialize;
 
 use super::agreement::{SaidEstimate, agree};
@@ -143,16 +143,25 @@ impl StoredIdentification {
         let mut posterior = posterior(path, &stored)?;
         let mut others = others(path, &stored)?;
         check_agreement(path, &stored)?;
-        let nominal = |place: usize| robot.compliance_rad_per_nm[joints[place]];
-        for place in hold_impossible(&mut posterior, others.as_mut(), nominal) {
+        let mut values = posterior.mean.clone();
+        values.extend(others.iter().flat_map(|each| &each.values));
+        let held = hold_impossible(
+            &mut values,
+            others
+                .as_ref()
+                .map_or(&posterior.covariance, |each| &each.covariance),
+            |place| robot.compliance_rad_per_nm[joints[place]],
+            |place| place < joints.len() && posterior.standard_error(place).is_some(),
+        );
+        for (place, value) in held {
             let unit = robot.chain.joints[joints[place]].drive.compliance_unit();
-            stored.conditions.push(nominal_instead(
-                &stored.parameters[place],
-                (
-                    stored.compliance_rad_per_nm[place].unwrap_or_default(),
-                    unit,
-                ),
-            ));
+            let name = &stored.parameters[place];
+            stored.conditions.push(nominal_instead(name, value, unit));
+        }
+        let rest = values.split_off(joints.len());
+        posterior.mean = values;
+        if let Some(others) = &mut others {
+            others.values = rest;
         }
         let discrepancy = Discrepancy {
             position_m: size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
@@ -179,53 +188,38 @@ impl StoredIdentification {
 }
 
 /// That an identified compliance in its unit is none.
-pub fn nominal_instead(joint: &str, (value, unit): (f64, &str)) -> Condition {
+pub fn nominal_instead(joint: &str, value: f64, unit: &str) -> Condition {
     ConditionCode::ImpossibleCompliance.with(format!(
         "the identified compliance of {joint} is {value:.3e} {unit}, which no joint has: replaced by the nominal value, the \
          other parameters conditioned on it"
     ))
 }
 
-/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places.
-fn hold_impossible(
-    posterior: &mut Posterior,
-    mut others: Option<&mut OtherUnknowns>,
+/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places, and what was there.
+pub fn hold_impossible(
+    values: &mut [f64],
+    covariance: &DMatrix<f64>,
     nominal: impl Fn(usize) -> f64,
-) -> Vec<usize> {
-    let count = posterior.mean.len();
-    let mut held = Vec::new();
-    let is_impossible = |posterior: &Posterior, place: usize| {
-        let is_known = posterior.standard_error(place).is_some();
-        is_known && !ELASTIC_COMPLIANCE.allows(posterior.mean[place])
-    };
-    while let Some(place) =
-        (0..count).find(|place| !held.contains(place) && is_impossible(posterior, *place))
-    {
-        held.push(place);
-        let off = nominal(place) - posterior.mean[place];
-        let covariance = (others.as_ref()).map_or(&posterior.covariance, |each| &each.covariance);
-        let shift = shift_with(covariance, place, off);
-        let rest = others.iter_mut().flat_map(|each| each.values.iter_mut());
-        for (value, shift) in posterior.mean.iter_mut().chain(rest).zip(&shift) {
-            *value += shift;
+    is_compliance: impl Fn(usize) -> bool,
+) -> Vec<(usize, f64)> {
+    let mut held: Vec<(usize, f64)> = Vec::new();
+    // One that moves along may become impossible in its turn.
+    while let Some(place) = (0..values.len()).find(|&place| {
+        let is_held = held.iter().any(|each| each.0 == place);
+        !is_held && is_compliance(place) && !ELASTIC_COMPLIANCE.allows(values[place])
+    }) {
+        held.push((place, values[place]));
+        let (off, own) = (nominal(place) - values[place], covariance[(place, place)]);
+        if own > 0.0 {
+            for (value, with) in values.iter_mut().zip(&covariance.column(place)) {
+                *value += with * (off / own);
+            }
         }
     }
-    for &place in &held {
-        posterior.mean[place] = nominal(place);
+    for &(place, _) in &held {
+        values[place] = nominal(place);
     }
     held
-}
-
-/// By how much all unknowns are off, on average, where one is off by so much.
-pub fn shift_with(covariance: &DMatrix<f64>, place: usize, off: f64) -> DVector<f64> {
-    let own = covariance[(place, place)];
-    let mut shift = if own > 0.0 {
-        covariance.column(place) * (off / own)
-    } else {
-        DVector::zeros(covariance.nrows())
-    };
-    shift[place] = off;
-    shift
 }
 
 /// Zero where the file has none.
@@ -373,38 +367,40 @@ fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknow
     }))
 }
 
-/// What is known of the parameters.
 fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, FileError> {
-    let names = &stored.parameters;
-    let size = names.len();
-    let check = |key: &str, found: usize| {
-        let problem = format!("found {found} values; there are {size} parameters");
-        let wrong = || FileError::new(path, problem).at(key);
-        (found == size).then_some(()).ok_or_else(wrong)
-    };
-    let estimates = &stored.compliance_rad_per_nm;
-    check("compliance_rad_per_nm", estimates.len())?;
+    let wrong = |key: &str, problem: String| FileError::new(path, problem).at(key);
+    let (names, estimates) = (&stored.parameters, &stored.compliance_rad_per_nm);
+    let (applied, typical) = (
+        &stored.compliance_applied_rad_per_nm,
+        &stored.compliance_typical_rad_per_nm,
+    );
+    let (rows, size) = (&stored.covariance_rad2_per_n2m2, names.len());
+    for (key, found) in [
+        ("compliance_rad_per_nm", estimates.len()),
+        ("covariance_rad2_per_n2m2", rows.len()),
+        ("compliance_applied_rad_per_nm", applied.len()),
+        ("compliance_typical_rad_per_nm", typical.len()),
+    ] {
+        if found != size {
+            let problem = format!("found {found} values; there are {size} parameters");
+            return Err(wrong(key, problem));
+        }
+    }
     for (index, value) in estimates.iter().enumerate() {
         // What scatters below zero is dealt with later.
         let size = value.unwrap_or_default().abs().max(LEAST_SIZE);
         ELASTIC_COMPLIANCE.check(size).map_err(|problem| {
-            FileError::new(path, format!("{}: {problem}", names[index]))
-                .at(format!("compliance_rad_per_nm[{index}]"))
-                .hint("measure again with loads that bend this joint, or take it out of robot.parameters")
+            let key = format!("compliance_rad_per_nm[{index}]");
+            wrong(&key, format!("{}: {problem}", names[index])).hint(
+                "measure again with loads that bend this joint, or take it out of robot.parameters",
+            )
         })?;
     }
-    let rows = &stored.covariance_rad2_per_n2m2;
-    check("covariance_rad2_per_n2m2", rows.len())?;
-    let covariance = covariance_of(rows).map_err(|(place, problem)| {
-        FileError::new(path, problem).at(format!("covariance_rad2_per_n2m2{place}"))
-    })?;
-    let applied = &stored.compliance_applied_rad_per_nm;
-    check("compliance_applied_rad_per_nm", applied.len())?;
-    let typical = &stored.compliance_typical_rad_per_nm;
-    check("compliance_typical_rad_per_nm", typical.len())?;
+    let covariance = covariance_of(rows)
+        .map_err(|(place, problem)| wrong(&format!("covariance_rad2_per_n2m2{place}"), problem))?;
     if let Some(found) = (typical.iter()).find(|value| value.is_nan() || **value <= 0.0) {
         let problem = format!("found {found}; positive numbers are allowed");
-        return Err(FileError::new(path, problem).at("compliance_typical_rad_per_nm"));
+        return Err(wrong("compliance_typical_rad_per_nm", problem));
     }
     let (key, directions) = ("undetermined_directions", &stored.undetermined_directions);
     let hidden = orthonormal(path, key, directions, size)?;
@@ -421,8 +417,8 @@ fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, File
     if let Some(index) = (0..size).find(|&index| estimates[index].is_some() != is_known(index)) {
         let problem = "is a number where undetermined_directions say that there is none, or the other \
                        way round: the file is damaged";
-        let place = format!("compliance_rad_per_nm[{index}]");
-        return Err(FileError::new(path, problem).at(place));
+        let key = format!("compliance_rad_per_nm[{index}]");
+        return Err(wrong(&key, problem.to_owned()));
     }
     Ok(posterior)
 }

@@ -1,13 +1,14 @@
 //! The weights of readings: each with its own covariance, those of one configuration together where they share something.
 
 use nalgebra::allocator::Allocator;
-use nalgebra::{DMatrix, DefaultAllocator, Dim, Dyn, OMatrix};
+use nalgebra::{DMatrix, DefaultAllocator, Dim, Dyn, Matrix6, OMatrix, Vector3, Vector6};
 
 use super::case::Case;
+use super::discrepancy::six_rows;
 use super::equations::rows_of;
-use super::extended::of_rows_there;
-use crate::measurement::by_configuration;
-use crate::observation::PlannedReadings;
+use crate::measurement::{Measurement, by_configuration};
+use crate::observation::{DeflectionPrecision, PlannedReadings};
+use crate::task::Extended;
 
 /// The factors L of the readings' covariances L L^T, block by block.
 #[derive(Debug, Clone)]
@@ -68,6 +69,14 @@ impl Case<'_> {
         }
     }
 
+    /// The covariance of each measured deflection with its rotation (m^2, m rad, rad^2), whatever repeats it; of what is along a
+    /// direction the first element.
+    pub(super) fn covariances(&self) -> Vec<Matrix6<f64>> {
+        let mut model = (self.uncertain).map(|extended| self.readings(extended));
+        let alone = |index| six_rows(&self.covariance_together(model.as_mut(), &[index]));
+        (0..self.measurements.len()).map(alone).collect()
+    }
+
     /// Measurements that share something, together, else each alone.
     fn sharing(&self) -> Vec<Vec<usize>> {
         match self.uncertain {
@@ -118,4 +127,46 @@ impl Case<'_> {
         }
         covariance
     }
+
+    /// The readings of these measurements as planning sees them: of rotations, too, where some are measured. The
+    /// instrument's noise is the measurements' own.
+    fn readings<'e>(&self, extended: &'e Extended) -> PlannedReadings<'e> {
+        let has_rotations = self.measurements.iter().any(|each| each.rotation.is_some());
+        extended.readings_of_all(DeflectionPrecision {
+            sigma_m: self.sigma.weight_m(),
+            rotation_sigma_rad: has_rotations.then_some(1.0),
+            unloaded: extended.unloaded(),
+            along_sigma_m: None,
+            reads_all: true,
+        })
+    }
+
+    /// What the covariance of two readings by the instrument would be, were all their noise the same. Of readings with deviations of
+    /// their own, the unloaded one has a part of each: the readings' correlation is that part.
+    fn shared_noise(&self, one: &Measurement, other: &Measurement) -> Matrix6<f64> {
+        let rotation = |each: &Measurement| {
+            (each.rotation).map_or_else(Vector3::zeros, |rotation| rotation.sigma_rad)
+        };
+        let p = self.sigma_of(one).component_mul(&self.sigma_of(other));
+        let r = rotation(one).component_mul(&rotation(other));
+        Matrix6::from_diagonal(&Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z))
+    }
+}
+
+/// The covariance of the rows that two measurements have, first in their places: of what is along a direction one alone.
+fn of_rows_there(whole: &Matrix6<f64>, of: [&Measurement; 2]) -> Matrix6<f64> {
+    let shown = of.map(|each| {
+        each.direction.map(|direction| {
+            let mut shown = Matrix6::zeros();
+            shown
+                .fixed_view_mut::<1, 3>(0, 0)
+                .copy_from(&direction.transpose());
+            shown
+        })
+    });
+    if shown.iter().all(Option::is_none) {
+        return *whole;
+    }
+    let [one, other] = shown.map(|shown| shown.unwrap_or_else(Matrix6::identity));
+    one * whole * other.transpose()
 }

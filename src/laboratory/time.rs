@@ -158,12 +158,19 @@ impl TimeSearch<'_> {
             let count = most(task, laboratory, minutes - ways_min, configurations);
             count.filter(|count| *count >= task.design.mandatory.measurements())
         };
+        // Work and ways may take less than is expected: the fewest measurements are tried where the least work leaves time for them.
+        let fewest = configurations.max(task.design.mandatory.measurements());
+        let stops = configurations as usize + 1;
+        let mut are_fewest_left = (laboratory.costs).work_min([1, stops, 1], 2 * fewest) <= minutes;
         let (mut found, mut ways_min) = (None, expected_min);
         // The ways are known when there is a plan, and hardly depend on how often each experiment is measured.
         for _ in 0..TRIES {
-            let Some(experiments) = fits(ways_min) else {
-                break;
+            let experiments = match fits(ways_min) {
+                Some(experiments) => experiments,
+                None if are_fewest_left && found.is_none() => fewest,
+                None => break,
             };
+            are_fewest_left &= experiments > fewest;
             let (problem, approximate) = (&self.problem, &self.approximate);
             let size = PlanSize {
                 measurements: experiments,

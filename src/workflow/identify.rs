@@ -1,21 +1,27 @@
-//! Compliances from measurements, with residuals and likely input errors.
+//! Compliances from deflections, and robots from absolute readings, with residuals and likely input errors.
 
+use nalgebra::{DVector, Vector3};
 use serde_json::{Value, json};
 
 use crate::codes::Condition;
 use crate::identification::input_errors::{
-    LikelyInputError, conditions_of_table, suspected_input_errors,
+    LikelyInputError, conditions_of_table, suspected_input_errors, unknown_approaches,
 };
 use crate::identification::patterns::{BLOCKS, Patterns, looked_at};
 use crate::identification::{
-    Case, Identification, IdentificationError, MeasurementResidual, RejectedReading, Repeats,
-    Robustness, Sigma, Told, joint_space_blocks, left_out, residuals, with_rejected,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, Case, FEWEST_BLOCKS, Identification,
+    IdentificationError, Inconsistencies, MeasurementResidual, ModelSelection, ParameterGroup,
+    ReadingWeights, RejectedReading, RepeatComponents, Repeats, Robustness, Sigma, Told,
+    joint_space_blocks, left_out, residuals,
 };
-use crate::measurement::Measurement;
+use crate::measurement::{AbsoluteReading, Measurement};
+use crate::numeric::tolerance::ends;
+use crate::plan::CommonSources;
+use crate::record::absolute::AbsoluteMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
-use crate::task::{Belief, Method};
+use crate::task::{Belief, Extended, Method};
 
 /// How measurements are identified from.
 #[derive(Debug, Clone, Copy)]
@@ -60,6 +66,8 @@ pub struct Identified {
     pub patterns: Patterns,
     /// What repeated measurements show, where there are some.
     pub repeats: Option<Repeats>,
+    /// What standard errors do not count of the campaign behind `robot.prior`.
+    common_with_prior: Option<String>,
 }
 
 /// Why nothing was identified.
@@ -104,10 +112,7 @@ pub fn identify_measurements(
         ..all
     };
     let weighed = case.with(&robust.weighed);
-    let kept = robust.of_kept(&robust.weighed);
-    let residuals = residuals(&case.with(&kept), identification)
-        .and_then(|of_kept| with_rejected(of_kept, &weighed, identification, &robust.rejected))
-        .map_err(failed)?;
+    let residuals = residuals(&weighed, identification, &robust.rejected).map_err(failed)?;
     let of_table = conditions_of_table(&all);
     let input_errors = suspected_input_errors(&all, Some(&robust.of_all));
     let kept = robust.of_kept(measurements);
@@ -118,6 +123,7 @@ pub fn identify_measurements(
     let all: Vec<usize> = (0..measurements.len()).collect();
     let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
     Ok(Identified {
+        common_with_prior: common_with_prior(belief, identification),
         repeats,
         patterns: looked.patterns(&robust.rejected),
         identification: robust.identification,
@@ -126,6 +132,31 @@ pub fn identify_measurements(
         of_table,
         input_errors,
     })
+}
+
+/// Standard errors that are larger by less than this share are not said.
+const LITTLE: f64 = 0.01;
+
+/// Which error sources standard errors take as independent of those of the campaign of `robot.prior`, and what they would be with the
+/// same values in both: by [`CommonSources`] of each compliance by itself.
+fn common_with_prior(belief: &Belief, identification: &Identification) -> Option<String> {
+    let covariance = &identification.posterior.covariance;
+    let of_joint = |place: usize| {
+        let own = covariance[(place, place)].sqrt();
+        let column = |other: usize| Some(DVector::from_element(1, covariance[(place, other)]));
+        let common = CommonSources::new(belief, own, &column)?;
+        let times = common.rho0_m / own;
+        times.is_finite().then_some((times, place, common.names))
+    };
+    let each = (0..identification.parameters.len()).filter_map(of_joint);
+    let (times, place, names) = (each.max_by(|one, other| one.0.total_cmp(&other.0)))
+        .filter(|(times, ..)| *times > 1.0 + LITTLE)?;
+    Some(format!(
+        "standard errors take {} as independent of the campaign of robot.prior: with the same values in both, that of {} is {times:.2} \
+         times as large",
+        names.join(", "),
+        identification.parameters[place].name
+    ))
 }
 
 impl Identified {
@@ -146,6 +177,7 @@ impl Identified {
     pub fn notes(&self) -> Vec<String> {
         let mut notes = self.identification.notes();
         notes.extend(self.left_out().and_then(Result::err));
+        notes.extend(self.common_with_prior.clone());
         notes
     }
 
@@ -181,6 +213,213 @@ impl Identified {
             "rejected": rejected,
             "patterns": self.patterns,
             "repeats": self.repeats,
+            "notes": self.notes(),
+        });
+        merge(&mut json, more);
+        Ok(json)
+    }
+}
+
+/// What absolute readings say.
+#[derive(Debug)]
+pub struct IdentifiedRobot<'a> {
+    /// The readings, with stations and targets.
+    pub case: AbsoluteCase<'a>,
+    /// The fit.
+    pub fit: AbsoluteFit,
+    /// What its residuals go with.
+    pub patterns: Patterns,
+    /// What repeated visits show, where there are some.
+    pub repeats: Option<Repeats>,
+    /// Variance components of these.
+    pub repeat_components: Option<RepeatComponents>,
+    /// The input error that explains what frames alone leave.
+    pub likely: Option<Condition>,
+    /// The halves of joint space beside each other, where each has enough readings; and other series.
+    pub inconsistencies: Vec<Inconsistencies>,
+}
+
+/// Fits what a belief leaves open, or groups of parameters, with all frames. Readings are weighed so; those that lie far out are
+/// left out, unless all are to be kept.
+pub fn identify_absolute<'a>(
+    belief: &'a Belief,
+    readings: &[AbsoluteReading],
+    groups: &[ParameterGroup],
+    (weights, keeps_all): (ReadingWeights, bool),
+) -> Result<IdentifiedRobot<'a>, AbsoluteError> {
+    let mistaken = |source: AbsoluteError| {
+        let placed = AbsoluteCase::placed(belief, readings).ok();
+        match placed.and_then(|placed| placed.likely_input_error()) {
+            Some(likely) => AbsoluteError::Mistaken {
+                source: Box::new(source),
+                likely: likely.text,
+            },
+            None => source,
+        }
+    };
+    let case = AbsoluteCase::new(belief, readings).map_err(mistaken)?;
+    let mut case = case.counting_sources();
+    case.keeps_all |= keeps_all;
+    let likely = case.likely_input_error();
+    let fit = case.fit(groups, weights).map_err(mistaken)?;
+    // Geometry and elasticity may explain what frames alone do not.
+    let likely = likely.filter(|_| !fit.explains_all());
+    // What lies far out is no pattern, and no inconsistency.
+    let mut kept = case.kept(&fit);
+    let looked = kept.looked_at(&fit, &fit.of_kept(readings))?;
+    let joints = case.arm.chain.joints.iter();
+    let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
+    let halves = halves(&mut kept, &fit, &joints);
+    // These are of three coordinates.
+    let mut repeated = fit.of_kept(&(0..readings.len()).collect::<Vec<usize>>());
+    repeated.retain(|&place| readings[place].distance_m.is_none());
+    let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
+    Ok(IdentifiedRobot {
+        repeat_components: case.repeat_components(&fit),
+        repeats: Repeats::of_readings(readings, &residuals_m, &repeated),
+        patterns: looked.patterns(&fit.rejected),
+        inconsistencies: halves.into_iter().collect(),
+        likely,
+        case,
+        fit,
+    })
+}
+
+/// The halves of joint space beside each other.
+fn halves(
+    case: &mut AbsoluteCase<'_>,
+    fit: &AbsoluteFit,
+    joints: &[String],
+) -> Option<Inconsistencies> {
+    let (half_of, [one, other]) = case.halves(fit)?;
+    let reach = |joint: usize, half: usize| {
+        let all = case.observations.iter().zip(&half_of);
+        let own = all.filter(|(_, other)| **other == half);
+        ends(own.map(|(each, _)| each.setup.commanded_rad[joint]))
+    };
+    let is_apart = |joint: &usize| {
+        let [one, other] = [0, 1].map(|half| reach(*joint, half));
+        one[1] < other[0] || other[1] < one[0]
+    };
+    let joint = (0..joints.len()).find(is_apart)?;
+    let of_half = |half: usize| {
+        let [low, high] = reach(joint, half).map(|angle| shown_angle(case, joint, angle));
+        format!("where {} is {low} to {high}", joints[joint])
+    };
+    Some(Inconsistencies {
+        between: [of_half(0), of_half(1)],
+        ..one.beside(&other)
+    })
+}
+
+/// An angle in degrees; of a joint that slides, a length.
+fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
+    if case.arm.chain.joints[joint].drive.slides {
+        format!("{:.1} mm", value * 1e3)
+    } else {
+        format!("{:.1} deg", value.to_degrees())
+    }
+}
+
+/// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
+/// by themselves, but for joint error functions. Distances count them, and what is read beside them.
+pub fn uncounted(case: &AbsoluteCase<'_>) -> Vec<String> {
+    let uncertain = case.belief.uncertain.iter();
+    let uncertain = uncertain.filter(|_| !case.reads_distances());
+    let sources = uncertain.flat_map(Extended::sources);
+    let new = sources.filter(|(_, source)| !source.is_function());
+    new.map(|(name, _)| name.to_owned()).collect()
+}
+
+/// Models with more and more parameters, compared by blocks of joint space. Readings are weighed so; those that lie far out are
+/// left out, unless all are to be kept.
+pub fn model_selection(
+    belief: &Belief,
+    readings: &[AbsoluteReading],
+    (weights, keeps_all): (ReadingWeights, bool),
+) -> Result<ModelSelection, AbsoluteError> {
+    let mut case = AbsoluteCase::new(belief, readings)?.counting_sources();
+    case.keeps_all |= keeps_all;
+    case.model_selection(weights)
+}
+
+impl<'a> IdentifiedRobot<'a> {
+    /// Holds another series of readings of the same robot beside this one, each in words; the other one is fitted apart with the
+    /// same groups.
+    ///
+    /// # Errors
+    /// See [`AbsoluteError`]: of the other series.
+    pub fn compare(
+        &mut self,
+        belief: &'a Belief,
+        readings: &[AbsoluteReading],
+        (groups, weights): (&[ParameterGroup], ReadingWeights),
+        between: [String; 2],
+    ) -> Result<(), AbsoluteError> {
+        let mut other = AbsoluteCase::new(belief, readings)?.counting_sources();
+        other.keeps_all = self.case.keeps_all;
+        let fit = other.fit(groups, weights)?;
+        let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));
+        let Some([own, second]) = kept.estimates_beside(&self.fit, &mut other, &fit)? else {
+            let different = kept.different().min(other.different());
+            let needed = 2 * FEWEST_BLOCKS;
+            return Err(AbsoluteError::TooFewConfigurations { different, needed });
+        };
+        self.inconsistencies.push(Inconsistencies {
+            between,
+            ..own.beside(&second)
+        });
+        Ok(())
+    }
+
+    /// What must be looked at.
+    pub fn conditions(&self) -> Vec<Condition> {
+        let mut conditions: Vec<Condition> = self.likely.iter().cloned().collect();
+        conditions.extend(self.fit.conditions());
+        let (belief, readings) = (self.case.belief, self.case.observations.iter());
+        let sides = readings.map(|each| each.setup.approach.as_ref());
+        let uncertain = belief.uncertain.as_ref();
+        conditions.extend(unknown_approaches(uncertain, "reading", sides));
+        let inconsistencies = self.inconsistencies.iter();
+        conditions.extend(inconsistencies.flat_map(Inconsistencies::conditions));
+        conditions
+    }
+
+    /// What holds since the fit counts it, and nobody need act on.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = self.fit.notes();
+        if self.case.reads_distances() && !self.case.positions().is_empty() {
+            let words = "positions are weighed by the scenario's error sources, as the distances beside them are";
+            notes.push(words.to_owned());
+        }
+        notes
+    }
+
+    /// The record.
+    pub fn json(
+        &self,
+        scenario: &Scenario,
+        provenance: &ProvenanceMessage,
+        groups: &[ParameterGroup],
+    ) -> serde_json::Result<Value> {
+        let keys = json!({
+            "kind": "absolute",
+            "groups": groups,
+            "identified_with": scenario.task.belief.fingerprint(),
+            "scenario_file": scenario.path.to_str(),
+        });
+        let mut json = results("identify", provenance, keys);
+        merge(
+            &mut json,
+            serde_json::to_value(AbsoluteMessage::new(&self.case, &self.fit))?,
+        );
+        let more = json!({
+            "patterns": self.patterns,
+            "repeats": self.repeats,
+            "repeat_components": self.repeat_components,
+            "inconsistencies": self.inconsistencies,
+            "not_counted": uncounted(&self.case),
+            "conditions": self.conditions(),
             "notes": self.notes(),
         });
         merge(&mut json, more);

@@ -4,13 +4,11 @@
 //! - [`design`]: a plan with its bound.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 //! - [`run`]: the designed plan beside others, through the whole loop.
-//! - [`run_absolute`]: a plan of absolute readings through the whole loop.
 //! - [`study`]: the plans of a study, and what its runs come to.
-//! - [`identify`]: compliances from measurements, with residuals and likely mistakes.
+//! - [`identify`]: compliances or a robot from what was measured, with residuals and likely mistakes.
 //! - [`calibrated`]: the robot as an identification left it.
 //! - [`export`]: the calibrated robot as a model's file.
-//! - [`identify_absolute`]: a robot with its frames from absolute readings.
-//! - [`stored_robot`]: that robot, from its file.
+//! - [`stored_robot`]: a robot from the file of its absolute readings.
 //! - [`validate_absolute`]: other readings beside it.
 
 pub mod calibrated;
@@ -18,10 +16,8 @@ pub mod design;
 pub mod evidence;
 pub mod export;
 pub mod identify;
-pub mod identify_absolute;
 pub mod init;
 pub mod run;
-pub mod run_absolute;
 pub mod stored_robot;
 pub mod study;
 pub mod validate_absolute;

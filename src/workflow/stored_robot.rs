@@ -11,12 +11,11 @@ use crate::files::schema::read_results;
 use crate::files::typed::from_json;
 use crate::identification::{
     Discrepancy, DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, SaidEstimate,
-    covariance_of_any, nominal_instead, shift_with,
+    covariance_of_any, hold_impossible, nominal_instead,
 };
 use crate::measurement::Origin;
 use crate::numeric::markov::{Kernel, MarkovProcess};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
-use crate::quantities::plausible::ELASTIC_COMPLIANCE;
 use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange};
 use crate::task::Fingerprint;
 use crate::text::wording::counted;
@@ -188,34 +187,35 @@ impl StoredRobot {
     /// done.
     pub fn with_possible_compliances(&self, arm: &ElasticArm) -> (Self, Vec<Condition>) {
         let kinds = self.kinds(arm, &[], &[]);
-        let (mut robot, mut done) = (self.clone(), Vec::new());
+        let unknowns = &self.message.unknowns;
+        let before: Vec<f64> = unknowns.iter().map(|each| each.value).collect();
+        let mut values = before.clone();
         // What is no covariance is refused where it is read.
-        let Ok(covariance) = covariance_of_any(&self.message.covariance) else {
-            return (robot, done);
+        let covariance = covariance_of_any(&self.message.covariance);
+        let covariance = covariance.ok().filter(|each| each.nrows() == values.len());
+        let held = covariance.map(|covariance| {
+            let is_compliance =
+                |place: usize| matches!(kinds[place], Some(ParameterKind::JointCompliance { .. }));
+            let nominal = |place: usize| unknowns[place].nominal;
+            hold_impossible(&mut values, &covariance, nominal, is_compliance)
+        });
+        let done = held.unwrap_or_default().into_iter().map(|(place, value)| {
+            let unknown = &unknowns[place];
+            nominal_instead(&unknown.name, value, &unknown.unit)
+        });
+        let done: Vec<Condition> = done.collect();
+        let shift: Vec<f64> = values
+            .iter()
+            .zip(before)
+            .map(|(now, before)| now - before)
+            .collect();
+        let mut robot = if done.is_empty() {
+            self.clone()
+        } else {
+            self.moved(&shift)
         };
-        let is_impossible = |robot: &Self, place: usize| {
-            let unknown = &robot.message.unknowns[place];
-            !ELASTIC_COMPLIANCE.allows(unknown.value)
-                && matches!(kinds[place], Some(ParameterKind::JointCompliance { .. }))
-        };
-        let count = self.message.unknowns.len().min(covariance.nrows());
-        let mut held: Vec<usize> = Vec::new();
-        // One that moves along may become impossible in its turn.
-        while let Some(place) =
-            (0..count).find(|place| !held.contains(place) && is_impossible(&robot, *place))
-        {
-            let unknown = &robot.message.unknowns[place];
-            done.push(nominal_instead(
-                &unknown.name,
-                (unknown.value, &unknown.unit),
-            ));
-            let off = unknown.nominal - unknown.value;
-            robot = robot.moved(shift_with(&covariance, place, off).as_slice());
-            held.push(place);
-        }
-        for place in held {
-            let unknown = &mut robot.message.unknowns[place];
-            unknown.value = unknown.nominal;
+        for (unknown, value) in robot.message.unknowns.iter_mut().zip(values) {
+            unknown.value = value;
         }
         (robot, done)
     }

@@ -246,7 +246,8 @@ pub fn try_plan(
     seed: u64,
     kind: EntryKind<'_>,
     robots: u64,
-    (stop, progress): (&AtomicBool, &(dyn Fn(u64) + Sync)),
+    stop: &AtomicBool,
+    progress: &(dyn Fn(u64) + Sync),
 ) -> Result<RobotTrials, StudyError> {
     let entries = [Entry {
         name: "plan".to_owned(),

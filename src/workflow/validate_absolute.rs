@@ -254,5 +254,5 @@ pub fn validate_absolute(
 /// What the nominal robot leaves in frames that suit the readings best.
 fn before(belief: &Belief, readings: &[AbsoluteReading]) -> Option<Vec<ReadingResidual>> {
     let case = AbsoluteCase::new(belief, readings).ok()?;
-    case.left_in_best_frames().ok()
+    case.left(&case.in_best_frames().ok()?).ok()
 }

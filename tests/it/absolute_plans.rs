@@ -407,10 +407,6 @@ fn commands_plan_absolute_readings() {
             "--criterion is for plans of deflections",
         ),
         (
-            "run s.toml --rerun save=r.rrd",
-            "--rerun is for plans of deflections",
-        ),
-        (
             "budget s.toml --candidates c.csv --no-proof",
             "--no-proof is for plans of deflections",
         ),

@@ -14,7 +14,7 @@ use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::selection::{Chosen, SelectionWanted, select};
-use elastocal::workflow::identify_absolute::{identify_absolute, model_selection};
+use elastocal::workflow::identify::{identify_absolute, model_selection};
 use elastocal::workflow::stored_robot::StoredRobot;
 use elastocal::workflow::validate_absolute::{AbsoluteValidation, validate_absolute};
 use nalgebra::Vector3;

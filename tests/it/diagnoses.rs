@@ -384,7 +384,7 @@ fn the_distance_is_what_leaving_out_gains() {
             let found = case.identify().expect("identified");
             let squares = |residuals_m: &[f64]| residuals_m.iter().map(|r| r * r).sum::<f64>();
             let of_all = squares(&found.residuals_m);
-            let residuals = residuals(&case, &found).expect("there are");
+            let residuals = residuals(&case, &found, &[]).expect("there are");
             let spare = 3 * measurements.len() - scenario.task.belief.parameters.len();
             for (index, each) in residuals.iter().enumerate() {
                 let mut others = measurements.clone();
@@ -418,7 +418,7 @@ fn distances_are_as_chance_has_them() {
         let measurements = measured(scenario, plan, u64::from(run));
         let case = case(scenario, &measurements);
         let found = case.identify().expect("identified");
-        for each in residuals(&case, &found).expect("there are") {
+        for each in residuals(&case, &found, &[]).expect("there are") {
             sum += each.distance.powi(2) / 3.0;
             below += u32::from(each.probability.expect("there is") < 0.1);
             count += 1;
@@ -438,7 +438,8 @@ fn without_spare_measurements_nothing_is_judged() {
     scenario.task.belief.parameters = vec![1, 2, 3];
     let measurements = &measured(&scenario, &plan, 11)[..1];
     let case = case(&scenario, measurements);
-    let residuals = residuals(&case, &case.identify().expect("identified")).expect("there are");
+    let residuals =
+        residuals(&case, &case.identify().expect("identified"), &[]).expect("there are");
     let only = &residuals[0];
     assert_eq!((only.freedom, only.probability), (0, None));
     assert_eq!(only.standardised, [None, None, None]);

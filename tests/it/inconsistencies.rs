@@ -36,7 +36,7 @@ fn fitted<'a>(
 }
 
 fn beside<'a>((one, fit): &mut Fitted<'a>, (other, other_fit): &mut Fitted<'a>) -> Inconsistencies {
-    let both = one.estimates_beside(fit, (other, other_fit));
+    let both = one.estimates_beside(fit, other, other_fit);
     let [one, other] = both.expect("fits").expect("blocks");
     one.beside(&other)
 }

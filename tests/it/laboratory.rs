@@ -719,6 +719,33 @@ fn the_run_sheet_looks_well() {
     crate::browser::looks_well(&workplace.path("out/s/lab/run_sheet.html"), 5);
 }
 
+/// Where one load of a list serves all, there is more time than for a load a configuration: a plan by minutes is no worse than one of
+/// three configurations that takes less.
+#[test]
+fn plans_by_minutes_count_the_loads_that_they_hang() {
+    let workplace = Workplace::new();
+    let load = "kind = \"any\"\nforce_max_n = 400\n";
+    let list =
+        "kind = \"list\"\nwrenches = [{ force_n = [0, 0, -100] }, { force_n = [0, 0, -1] }]\n";
+    let joints = "[\"joint_1\", \"joint_2\", \"joint_3\"]";
+    let text = scenario_text("spatial_3r")
+        .replace(load, list)
+        .replace(joints, "[\"joint_2\", \"joint_3\"]")
+        + "\n[[uncertainty]]\nkind = \"discrepancy\"\nof = \"elastic\"\nstd_mm = 0.2\n";
+    assert!(text.contains(list) && !text.contains(joints));
+    workplace.write("s.toml", text);
+    let rho0 = |options: &str| {
+        let plan = format!("plan s.toml --no-proof {options} --json --quiet");
+        workplace.run(&plan).json()["rho0_mm"]
+            .as_f64()
+            .expect("a number")
+    };
+    let three = rho0("--experiments 3 --configurations 3 --plan-out three.csv");
+    let lab = (workplace.run("lab s.toml --plan three.csv --json --quiet")).json();
+    assert!(lab["minutes"].as_f64().expect("a number") < 44.0);
+    assert!(rho0("--minutes 44") < three * 1.001);
+}
+
 /// A plan by minutes repeats where that is cheap: it takes no longer, ways included, and predicts less error than as many
 /// different configurations as there is time for.
 #[test]

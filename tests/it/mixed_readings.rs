@@ -10,7 +10,7 @@ use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::ReadPlan;
 use elastocal::testbed::TrueRobots;
-use elastocal::workflow::identify_absolute::identify_absolute;
+use elastocal::workflow::identify::identify_absolute;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde_json::Value;

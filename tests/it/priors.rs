@@ -292,6 +292,14 @@ fn sources_that_two_campaigns_share_are_named_and_counted() {
         text.contains("tool_position moves the calibration tool only"),
         "{text}"
     );
+    let measured = format!(
+        "measure second.toml --plan {} --measurements-out m.csv",
+        table4(4)
+    );
+    place.run(&measured).ends_with(0);
+    let identified = place.run("identify second.toml --measurements m.csv");
+    let said = "standard errors take load_scale as independent of the campaign of robot.prior";
+    assert!(identified.stdout.contains(said), "{identified:#?}");
     let scenario = place.read("second.toml");
     let (scenario, _) = scenario.split_once("[study]").expect("a study");
     let (sources, campaign) = (

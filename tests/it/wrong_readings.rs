@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::model_selection::{read_of, waves};
 use crate::one_fit::{between, seen_arm, ur10, workplace};
-use crate::support::{Workplace, absolute_scenario_text, number};
+use crate::support::{Workplace, absolute_scenario_text, number, project, scenario_text};
 
 /// Readings of a robot whose gears are not round, and the same with one in twenty wrong by 1 to 50 mm, all to one side; which
 /// (from 1).
@@ -140,4 +140,104 @@ fn readings_apart_from_a_crowd_are_fitted() {
         assert_eq!(json["rejected"], json!([]), "seed {seed}");
         assert!(number(&json["consistency"]) > 1e-3, "seed {seed}");
     }
+}
+
+/// One of fourteen readings is 10 mm off: the compliances that the others determine do not stay nominal beside it.
+#[test]
+fn what_stays_nominal_is_decided_without_a_gross_error() {
+    let place = Workplace::new();
+    let [scenario, plan] = ["ur10_readings.toml", "plans/ur10_readings.csv"]
+        .map(|file| project(&format!("tests/golden/{file}")));
+    let (scenario, plan) = (scenario.display(), plan.display());
+    let measure = format!("measure {scenario} --plan {plan} --measurements-out m.csv");
+    place.run(&measure).ends_with(0);
+    let table = place.read("m.csv");
+    let mut lines: Vec<String> = table.lines().map(str::to_owned).collect();
+    let header = lines.iter().position(|line| line.starts_with("q1"));
+    let header = header.expect("a header");
+    let column = lines[header].split(',').position(|name| name == "x_mm");
+    let row = header + 8;
+    let mut cells: Vec<String> = lines[row].split(',').map(str::to_owned).collect();
+    let cell = &mut cells[column.expect("a position")];
+    *cell = (cell.parse::<f64>().expect("a number") + 10.0).to_string();
+    lines[row] = cells.join(",");
+    let identified = |lines: &[String]| {
+        place.write("w.csv", lines.join("\n") + "\n");
+        let command =
+            format!("identify {scenario} --measurements w.csv --parameters zeros,compliances");
+        place.run(&format!("{command} --json")).json()
+    };
+    let found = identified(&lines);
+    assert_eq!(found["rejected"][0]["reading"], 8);
+    lines.remove(row);
+    let without = identified(&lines);
+    assert_eq!(
+        found["unknowns"].as_array().map(Vec::len),
+        without["unknowns"].as_array().map(Vec::len)
+    );
+    let unknowns = [&found, &without].map(|json| json["unknowns"].as_array().expect("a list"));
+    for (one, other) in unknowns[0].iter().zip(unknowns[1]) {
+        let [one, other] = [one, other].map(|each| &each["standard_error"]);
+        assert_eq!(one.is_null(), other.is_null(), "{found:#}");
+    }
+}
+
+/// One of nine readings is 10 mm off: which compliances stay nominal is what the other eight say.
+#[test]
+fn compliances_of_a_gauge_are_those_of_the_right_readings() {
+    let place = Workplace::new();
+    let text = scenario_text("kr270_gauge");
+    let (before, own) = text
+        .split_once("[[uncertainty]]\nkind = \"compliance\"\nname = \"data_sheet\"")
+        .expect("a data sheet");
+    let (_, after) = own.split_once("[[uncertainty]]").expect("more");
+    place.write("s.toml", format!("{before}[[uncertainty]]{after}"));
+    let plan = project("scenarios/plans/kr270_gauge_m9.csv");
+    place
+        .run(&format!(
+            "measure s.toml --plan {} --measurements-out m.csv",
+            plan.display()
+        ))
+        .ends_with(0);
+    let table = place.read("m.csv");
+    let lines: Vec<&str> = table.lines().collect();
+    let first = lines
+        .iter()
+        .position(|line| line.starts_with("q1"))
+        .expect("a header")
+        + 1;
+    let identified = |lines: &[String]| {
+        place.write("w.csv", lines.join("\n") + "\n");
+        place
+            .run("identify s.toml --measurements w.csv --json")
+            .json()
+    };
+    let mut named = 0;
+    for row in 0..9 {
+        let mut wrong: Vec<String> = lines.iter().map(|&line| line.to_owned()).collect();
+        let (setup, read) = lines[first + row].rsplit_once(',').expect("a displacement");
+        wrong[first + row] = format!("{setup},{}", read.parse::<f64>().expect("a number") + 10.0);
+        let found = identified(&wrong);
+        let rejected = found["rejected"].as_array().expect("a list");
+        assert_eq!(rejected.len(), 1, "{row}");
+        named += usize::from(rejected[0]["reading"] == row + 1);
+        wrong.remove(first + row);
+        let without = identified(&wrong);
+        let of = |json: &Value| {
+            json["compliance_rad_per_nm"]
+                .as_array()
+                .expect("a list")
+                .clone()
+        };
+        for (one, other) in of(&found).iter().zip(of(&without)) {
+            assert_eq!(one.is_null(), other.is_null(), "{row}: {found:#}");
+            if !one.is_null() {
+                assert!(
+                    (number(one) / number(&other) - 1.0).abs() < 1e-4,
+                    "{row}: {one} {other}"
+                );
+            }
+        }
+    }
+    assert_eq!(named, 9);
 }

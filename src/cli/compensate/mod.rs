@@ -4,20 +4,18 @@ mod targets;
 
 use std::path::PathBuf;
 
+use crate::calibration::{CompensatedPose, pose_conditions};
+use crate::codes::ErrorCode;
+use crate::csv::word_field;
+use crate::experiment::experiment_columns;
+use crate::files::{FileError, make_folder};
+use crate::laboratory::{CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to};
+use crate::measurement::SimulatedRun;
+use crate::record::messages::TestPoseMessage;
+use crate::scenario::Scenario;
+use crate::task::{Method, Task};
+use crate::testbed::TrueRobots;
 use clap::Args;
-use elastocal::calibration::{CompensatedPose, pose_conditions};
-use elastocal::codes::ErrorCode;
-use elastocal::csv::word_field;
-use elastocal::experiment::experiment_columns;
-use elastocal::files::{FileError, make_folder};
-use elastocal::laboratory::{
-    CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to,
-};
-use elastocal::measurement::SimulatedRun;
-use elastocal::record::messages::TestPoseMessage;
-use elastocal::scenario::Scenario;
-use elastocal::task::{Method, Task};
-use elastocal::testbed::TrueRobots;
 use serde_json::{Value, json};
 
 use super::dialect::dialect;

@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use clap::ValueEnum;
-use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::compensation::{
+use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
-use elastocal::files::{FileError, output::write_whole};
-use elastocal::identification::JointError;
-use elastocal::mujoco::frame;
-use elastocal::parameter::ElasticArm;
-use elastocal::scenario::Scenario;
-use elastocal::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
+use crate::files::{FileError, output::write_whole};
+use crate::identification::JointError;
+use crate::mujoco::frame;
+use crate::parameter::ElasticArm;
+use crate::scenario::Scenario;
+use crate::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
+use clap::ValueEnum;
 use nalgebra::{DVector, Isometry3, Vector3};
 use serde_json::{Value, json};
 

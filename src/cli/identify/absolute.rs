@@ -2,28 +2,26 @@
 
 use std::path::Path;
 
-use elastocal::files::{FileError, output::write_whole};
-use elastocal::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
-use elastocal::measurement::{AbsoluteReading, read_measured};
-use elastocal::quantities::units::shown_unit;
-use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
-use elastocal::record::json::merge;
-use elastocal::record::model_selection::model_selection_json;
-use elastocal::record::uncertainties::uncertainty_tables;
-use elastocal::robot::Load;
-use elastocal::scenario::Scenario;
-use elastocal::text::wording::counted;
-use elastocal::view::discrepancy_plots::model_selection_plot;
-use elastocal::workflow::identify_absolute::{
-    IdentifiedRobot, identify_absolute, model_selection, uncounted,
-};
+use crate::files::{FileError, output::write_whole};
+use crate::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
+use crate::measurement::{AbsoluteReading, read_measured};
+use crate::quantities::units::shown_unit;
+use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
+use crate::record::json::merge;
+use crate::record::model_selection::model_selection_json;
+use crate::record::uncertainties::uncertainty_tables;
+use crate::robot::Load;
+use crate::scenario::Scenario;
+use crate::text::wording::counted;
+use crate::view::discrepancy_plots::model_selection_plot;
+use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
 use serde_json::json;
 
 use super::Identify;
 use crate::cli::study::results::noted;
 use crate::cli::table::{DISTANCES, distances, or_dash, table};
 use crate::cli::written::Written;
-use crate::cli::{Report, patterns, repeats};
+use crate::cli::{Report, residuals};
 
 impl Identify {
     /// A robot.
@@ -83,9 +81,9 @@ impl Identify {
                 uncounted.join(", ")
             );
         }
-        text += &patterns::describe(&identified.patterns);
-        text += &repeats::describe(identified.repeats.as_ref(), "positions");
-        text += &repeats::components(identified.repeat_components.as_ref());
+        text += &residuals::patterns(&identified.patterns);
+        text += &residuals::repeats(identified.repeats.as_ref(), "positions");
+        text += &residuals::components(identified.repeat_components.as_ref());
         for each in &identified.inconsistencies {
             text += &compared(each);
         }

@@ -2,25 +2,23 @@
 
 use std::path::Path;
 
-use elastocal::codes::ErrorCode;
-use elastocal::files::FileError;
-use elastocal::identification::{
-    Identification, IdentificationError, Robustness, UncertainEstimate,
-};
-use elastocal::measurement::{Measurement, Origin};
-use elastocal::record::json::merge;
-use elastocal::robot::ReadsAlong;
-use elastocal::scenario::Scenario;
-use elastocal::task::Belief;
-use elastocal::text::wording::counted;
-use elastocal::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
+use crate::codes::ErrorCode;
+use crate::files::FileError;
+use crate::identification::{Identification, IdentificationError, Robustness, UncertainEstimate};
+use crate::measurement::{Measurement, Origin};
+use crate::record::json::merge;
+use crate::robot::ReadsAlong;
+use crate::scenario::Scenario;
+use crate::task::Belief;
+use crate::text::wording::counted;
+use crate::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
 use serde_json::json;
 
 use super::Identify;
 use crate::cli::study::results::noted;
 use crate::cli::table::{number, or_dash, table};
 use crate::cli::written::Written;
-use crate::cli::{Report, patterns, repeats, residuals};
+use crate::cli::{Report, residuals};
 
 impl Identify {
     /// Compliances.
@@ -75,15 +73,15 @@ impl Identify {
         }
         text += &format!(
             "\n{}",
-            residuals::describe(
+            residuals::residuals(
                 identification,
                 measurements,
                 residuals,
                 &identified.rejected
             )
         );
-        text += &patterns::describe(&identified.patterns);
-        text += &repeats::describe(identified.repeats.as_ref(), "deflections");
+        text += &residuals::patterns(&identified.patterns);
+        text += &residuals::repeats(identified.repeats.as_ref(), "deflections");
         text += &noted(&identified.notes());
         let mut written = Written::default();
         text += &self.draw_patterns(scenario, &identified.patterns, &mut written)?;

@@ -5,14 +5,14 @@ pub mod deflections;
 
 use std::path::PathBuf;
 
+use crate::codes::ConditionCode;
+use crate::files::output::write_whole;
+use crate::identification::{ParameterGroup, patterns::Patterns};
+use crate::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
+use crate::scenario::Scenario;
+use crate::task::{AccuracyKind, Method};
+use crate::view::discrepancy_plots::patterns_plot;
 use clap::Args;
-use elastocal::codes::ConditionCode;
-use elastocal::files::output::write_whole;
-use elastocal::identification::{ParameterGroup, patterns::Patterns};
-use elastocal::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
-use elastocal::scenario::Scenario;
-use elastocal::task::{AccuracyKind, Method};
-use elastocal::view::discrepancy_plots::patterns_plot;
 use serde_json::{Value, json};
 
 use super::written::Written;

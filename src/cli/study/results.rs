@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use elastocal::codes::{Condition, ConditionCode};
-use elastocal::record::study::{StudyPlanMessage, study_csv};
-use elastocal::record::tally_file::{Header, PlanHeader};
-use elastocal::study::tally::Tally;
-use elastocal::task::AccuracyKind;
-use elastocal::text::wording::{inverse_interval, significant};
-use elastocal::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
-use elastocal::workflow::study::{Timing, plan_messages, study_json};
+use crate::codes::{Condition, ConditionCode};
+use crate::record::study::{StudyPlanMessage, study_csv};
+use crate::record::tally_file::{Header, PlanHeader};
+use crate::study::tally::Tally;
+use crate::task::AccuracyKind;
+use crate::text::wording::{inverse_interval, significant};
+use crate::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
+use crate::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
 
 use crate::cli::Report;

@@ -5,13 +5,13 @@ mod target;
 
 use std::path::{Path, PathBuf};
 
-use elastocal::text::wording::shell_word;
-use elastocal::view::rerun_file::{log_recording, write_rerun};
-use elastocal::view::{mcap_file::write_mcap, recording::Recording};
+use crate::text::wording::shell_word;
+use crate::view::rerun_file::{log_recording, write_rerun};
+use crate::view::{mcap_file::write_mcap, recording::Recording};
 
 use crate::cli::written::{Written, warn};
 
-pub use study::StudyObserver;
+pub use study::{StudyObserver, carried_out};
 pub use target::ViewerTarget;
 
 /// The names of the targets of `--rerun`, for the help.

@@ -2,19 +2,21 @@
 
 use std::path::Path;
 
-use elastocal::record::tally_file::Header;
-use elastocal::scenario::Scenario;
-use elastocal::study::runner::Runner;
-use elastocal::study::{Entry, Setting, tally::Tally};
-use elastocal::view::mcap_file::study::write_study_mcap;
-use elastocal::view::recording::Recording;
-use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
-use elastocal::view::rerun_file::viewer::Viewer;
-use elastocal::view::study_recording::{Snapshot, StudyRecording};
-use elastocal::workflow::study::plan_messages;
+use crate::calibration::calibrate;
+use crate::plan::search::random_plan;
+use crate::record::tally_file::Header;
+use crate::scenario::Scenario;
+use crate::study::runner::Runner;
+use crate::study::{Entry, EntryKind, Setting, tally::Tally};
+use crate::view::mcap_file::study::write_study_mcap;
+use crate::view::recording::{CarriedOutPlan, Recording};
+use crate::view::rerun_file::study::{StudyStream, write_study_rerun};
+use crate::view::rerun_file::viewer::Viewer;
+use crate::view::study_recording::{Snapshot, StudyRecording};
+use crate::workflow::run::replay_readings;
+use crate::workflow::study::plan_messages;
 
 use super::target::ViewerTarget;
-use crate::cli::replay::carried_out;
 use crate::cli::written::{Written, warn};
 
 /// What is recorded of a study, and the viewer that it is streamed to.
@@ -115,4 +117,28 @@ impl StudyObserver {
             warn(&problem, None);
         }
     }
+}
+
+/// A plan of a study as it is carried out in a run, whatever is measured.
+pub fn carried_out(
+    scenario: &Scenario,
+    setting: &Setting<'_>,
+    name: &str,
+    kind: &EntryKind<'_>,
+    run: u64,
+) -> anyhow::Result<CarriedOutPlan> {
+    let (task, seed) = (&setting.task, scenario.seed);
+    let plan = match kind {
+        EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
+        EntryKind::RandomEach => random_plan(task, setting.conditions.experiments, seed, run)?,
+        EntryKind::Readings(readings) => {
+            let (record, did) = replay_readings(scenario, setting, name, readings, seed, run)?;
+            return Ok(CarriedOutPlan::Readings(Box::new(record), did));
+        }
+    };
+    let calibration = calibrate(task, setting.truth, &plan, seed, run)?;
+    Ok(CarriedOutPlan::Deflections(
+        name.to_owned(),
+        Box::new(calibration),
+    ))
 }

@@ -4,8 +4,8 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use elastocal::files::FileError;
-use elastocal::view::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
+use crate::files::FileError;
+use crate::view::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
 
 use crate::cli::written::warn;
 

@@ -1,10 +1,10 @@
 //! Parts of the readings, those that were kept and blocks of joint space, and cross-validation: fits without one block each.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::error::IdentificationError;
-use super::super::gauss_newton::{ParameterFit, not_converged};
+use super::super::gauss_newton::{FitProblem, Haste, ParameterFit};
 use super::super::outliers;
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, ReadingResidual, RejectedReading, joint_space_blocks,
@@ -82,7 +82,6 @@ impl AbsoluteCase<'_> {
         [all, others]
     }
 
-    /// The commanded angles of each reading.
     fn configurations(&self) -> Vec<&DVector<f64>> {
         // A visit's first reading stands for all of it, whatever angles the others say.
         let mut configurations: Vec<&DVector<f64>> = (self.observations.iter())
@@ -113,7 +112,6 @@ pub(super) struct Without {
     pub left: Vec<ReadingResidual>,
 }
 
-/// The blocks of a case.
 pub(super) struct Blocks<'a> {
     case: &'a AbsoluteCase<'a>,
     /// Each reading's block.
@@ -171,53 +169,54 @@ impl<'a> Blocks<'a> {
             .into_par_iter()
             .map(|block| {
                 let own = &equations[block];
-                let others = (&all - &own.information, &gradient - &own.gradient);
-                self.without_block((set, fit), block, own, others)
+                let others = NormalEquations {
+                    information: &all - &own.information,
+                    gradient: &gradient - &own.gradient,
+                    square: 0.0,
+                };
+                self.without_block(set, fit, block, own, others)
             })
             .collect()
     }
 
     fn without_block(
         &self,
-        (set, fit): (&ParameterSet, &ParameterFit),
+        set: &ParameterSet,
+        fit: &ParameterFit,
         block: usize,
         own: &NormalEquations,
-        (information, gradient): (DMatrix<f64>, DVector<f64>),
+        others: NormalEquations,
     ) -> Result<Without, IdentificationError> {
         let part = &self.parts[block];
-        let scales = set.scales();
         let prior = relative_precision(set);
         // What the other blocks determine of what all determine, in typical sizes, and what they do not.
         let all = fit.posterior.estimable.basis();
-        let within = all.tr_mul(&(&information + &prior)) * all;
+        let within = all.tr_mul(&(&others.information + &prior)) * all;
         let estimable = Estimable::new(&within, &vec![1.0; all.ncols()]);
         let (basis, hidden) = (all * estimable.basis(), all * estimable.hidden());
-        // A step in typical sizes (p), and its length in standard errors.
-        let step = |information: &DMatrix<f64>, gradient: DVector<f64>, values: &DVector<f64>| {
-            let off = (values - &set.prior().mean).component_div(&scales);
-            let within = basis.tr_mul(&(information + &prior)) * &basis;
-            let gradient = basis.tr_mul(&(gradient - &prior * off));
-            let steps = f64::INFINITY;
-            let factor = Cholesky::new(within).ok_or(not_converged(steps))?;
-            let solved = factor.solve(&gradient);
-            let length = gradient.dot(&solved).max(0.0).sqrt();
-            Ok::<_, IdentificationError>((&basis * solved, length))
+        let problem = |readings| FitProblem {
+            readings,
+            prior: prior.clone(),
+            basis: &basis,
+            haste: Haste::Near,
         };
         let mut values = DVector::from_column_slice(&fit.posterior.mean);
-        let (change, _) = step(&information, gradient, &values)?;
-        values += change.component_mul(&scales);
+        let of_block = problem(part.fitted_readings(set));
+        let change = of_block.step(&of_block.solved(&values, others)?);
+        values += &change;
         let found = part.fitted_readings(set).equations(&values)?.square;
+        let change = change.component_div(&set.scales());
         let predicted = own.square - 2.0 * change.dot(&own.gradient)
             + change.dot(&(&own.information * &change));
         if (found - predicted).abs() > AS_PREDICTED * found {
             let rest = (self.case).part_of(|index| self.of_readings[index] != block);
+            let problem = problem(rest.fitted_readings(set));
             for _ in 0..MAXIMUM_STEPS {
-                let now = rest.fitted_readings(set).equations(&values)?;
-                let (change, length) = step(&now.information, now.gradient, &values)?;
-                if length < SHORT {
+                let now = problem.at(&values)?;
+                if now.steps < SHORT {
                     break;
                 }
-                values += change.component_mul(&scales);
+                values += problem.step(&now);
             }
         }
         Ok(Without {

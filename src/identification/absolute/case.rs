@@ -1,12 +1,11 @@
 //! Readings together with the arm that they are of: stations and targets by number.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::super::copies::{CopiedReadings, ReadBits};
-use super::super::frames::{MountedFrames, RobustFrames, Sight, reach};
+use super::super::frames::{MountedFrames, RobustFrames, Sight, groups, reach};
 use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
 use super::visits::visits;
@@ -258,7 +257,6 @@ impl<'a> AbsoluteCase<'a> {
         })))
     }
 
-    /// Where the targets are on their links.
     pub(in crate::identification) fn link_from_tools(&self) -> Vec<Isometry3<f64>> {
         let tools = self.arm.tools.iter();
         tools.map(|tool| tool.link_from_tool).collect()
@@ -309,7 +307,6 @@ impl<'a> AbsoluteCase<'a> {
             .collect()
     }
 
-    /// Readings that are equal to the last digit.
     fn copied(&self) -> CopiedReadings {
         let shows = self.belief.instrument.distance.as_ref();
         let resolution_m = shows.map_or(0.0, |shows| shows.resolution_m);
@@ -359,7 +356,7 @@ impl<'a> AbsoluteCase<'a> {
             (seen.translation.vector - sight.position_m).norm_squared()
         });
         let left_m = (left.sum::<f64>() / sights.len().max(1) as f64).sqrt();
-        let spread_m = spread(sights, |sight| sight.position_m);
+        let spread_m = spread(sights);
         if left_m > UNLIKE * spread_m && left_m > LITTLE_M {
             let [left, spread] = [left_m, spread_m].map(|value| format!("{:.1}", value * 1e3));
             return Err(AbsoluteError::Unlike { left, spread });
@@ -368,7 +365,6 @@ impl<'a> AbsoluteCase<'a> {
     }
 }
 
-/// The axes of a pose.
 pub(super) const fn rotation_of(reading: &Reading) -> Option<Matrix3<f64>> {
     match reading {
         Reading::Pose { rotation, .. } => Some(*rotation),
@@ -385,18 +381,14 @@ pub(super) fn whitener(covariance: &Matrix6<f64>) -> Whitener {
     })
 }
 
-/// How far the points of readings lie about their mean, each station's and target's about its own (m, rms).
-fn spread(sights: &[Sight], point: impl Fn(&Sight) -> Vector3<f64>) -> f64 {
-    let mut sums: BTreeMap<(usize, usize), (Vector3<f64>, f64)> = BTreeMap::new();
-    for sight in sights {
-        let sum = sums
-            .entry((sight.station, sight.target))
-            .or_insert((Vector3::zeros(), 0.0));
-        *sum = (sum.0 + point(sight), sum.1 + 1.0);
-    }
-    let off = sights.iter().map(|sight| {
-        let (sum, count) = sums[&(sight.station, sight.target)];
-        (point(sight) - sum / count).norm_squared()
+/// How far positions lie about their mean, each station's and target's about its own (m, rms).
+fn spread(sights: &[Sight]) -> f64 {
+    let off = groups(sights).into_values().flat_map(|group| {
+        let sum: Vector3<f64> = group.iter().map(|each| each.position_m).sum();
+        let mean = sum / group.len() as f64;
+        group
+            .into_iter()
+            .map(move |each| (each.position_m - mean).norm_squared())
     });
     (off.sum::<f64>() / sights.len().max(1) as f64).sqrt()
 }

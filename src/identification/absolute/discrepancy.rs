@@ -136,14 +136,6 @@ impl AbsoluteCase<'_> {
         Ok(self.fit_of_frames()?.1.belief)
     }
 
-    /// What it leaves of the readings there.
-    ///
-    /// # Errors
-    /// As [`in_best_frames`](Self::in_best_frames).
-    pub fn left_in_best_frames(&self) -> Result<Vec<ReadingResidual>, AbsoluteError> {
-        Ok(self.left(&self.in_best_frames()?)?)
-    }
-
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and
     /// rotation (rad).
     pub(super) fn discrepancy(&self, fit: &ParameterFit) -> Result<[f64; 2], IdentificationError> {

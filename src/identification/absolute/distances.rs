@@ -59,7 +59,6 @@ impl AbsoluteCase<'_> {
         }
     }
 
-    /// Whether a reading, by its place, is a distance.
     pub(super) fn is_distance(&self, place: usize) -> bool {
         self.observations[place].reading.kind() == ReadingKind::Distance
     }

@@ -10,10 +10,9 @@ use super::super::frames::reach;
 use super::super::gauss_newton::{Haste, ParameterFit};
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
-use super::unknowns::{LeftOut, ToldApart};
 use super::{
-    AbsoluteCase, AbsoluteError, CopiedReadings, JointError, ParameterGroup, ReadingResidual,
-    RejectedReading, Unexplained,
+    AbsoluteCase, AbsoluteError, CopiedReadings, JointError, LeftOut, ParameterGroup,
+    ReadingResidual, RejectedReading, Unexplained,
 };
 use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
@@ -90,19 +89,21 @@ pub struct AbsoluteFit {
     pub iterations: usize,
 }
 
-/// A fit with its weights.
-pub(super) struct WeighedFit {
+/// A fit to those readings of a case that were kept, with its weights.
+pub(super) struct KeptFit<'a> {
+    pub case: AbsoluteCase<'a>,
+    pub rejected: Vec<RejectedReading>,
     pub fit: ParameterFit,
     /// As in [`AbsoluteFit`].
     pub discrepancy: Option<[f64; 2]>,
     pub consistency: Option<f64>,
 }
 
-/// A fit to those readings of a case that were kept.
-pub(super) struct KeptFit<'a> {
-    pub case: AbsoluteCase<'a>,
-    pub rejected: Vec<RejectedReading>,
-    weighed: WeighedFit,
+/// A fit of which it is decided which readings are gross errors and which compliances stay nominal.
+struct SettledFit<'a> {
+    found: KeptFit<'a>,
+    set: ParameterSet,
+    unexplained: Option<Unexplained>,
 }
 
 impl<'a> AbsoluteCase<'a> {
@@ -113,53 +114,74 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
     ) -> Result<AbsoluteFit, AbsoluteError> {
         self.check_frames()?;
-        let ToldApart { mut set, left_out } = self.unknowns(groups)?;
+        let (set, left_out) = self.told_apart(groups, &[])?;
         let start = self.far_from_frames();
+        let mut settled = self.settled(&set, weights, &start, self.keeps_all)?;
+        let (nominal, rejected) = (settled.set.nominal().len(), &settled.found.rejected);
+        if nominal > set.nominal().len() && rejected.len() > start.len() {
+            // Compliances that stay nominal beside gross errors may be determined without.
+            let without = self.settled(&set, weights, rejected, true).ok();
+            if let Some(without) = without.filter(|each| each.set.nominal().len() < nominal) {
+                settled = without;
+            }
+        }
+        self.told(settled, left_out)
+    }
+
+    /// A fit without the readings that lie far out, or without given ones alone, in which compliances stay nominal that it does not tell.
+    fn settled(
+        &self,
+        free: &ParameterSet,
+        weights: ReadingWeights,
+        start: &[RejectedReading],
+        are_given: bool,
+    ) -> Result<SettledFit<'a>, AbsoluteError> {
+        let mut set = free.clone();
         loop {
-            let mut case = self.without(&start);
-            let mut found = KeptFit {
-                weighed: case.weighed_fit(&set, weights, None)?,
-                rejected: start.clone(),
-                case,
-            };
-            if !self.keeps_all
-                && let Some(others) = self.without_far_out(&set, weights, &found.weighed, &start)
-            {
+            let mut found = self.fit_without(start, &set, weights, None)?;
+            if !are_given && let Some(others) = self.without_far_out(&set, weights, &found) {
                 found = others;
             }
-            let mean = found.weighed.fit.posterior.mean.clone();
+            let mean = found.fit.posterior.mean.clone();
             let nominal =
                 |covariance: &DMatrix<f64>, unknown| with_nominal(&set, &mean, covariance, unknown);
-            let mut other = nominal(&found.weighed.fit.posterior.covariance, UNKNOWN);
-            let mut discrepancy_model = None;
+            let mut other = nominal(&found.fit.posterior.covariance, UNKNOWN);
+            let mut unexplained = None;
             if other.is_none() {
-                discrepancy_model = self.unexplained(&set, &mut found);
-                other = (discrepancy_model.as_ref())
+                unexplained = self.unexplained(&set, &mut found);
+                other = (unexplained.as_ref())
                     .and_then(|model| nominal(&model.covariance, UNKNOWN_TOGETHER));
             }
-            match other {
-                Some(other) => set = other,
-                None => return self.told(found, (set, left_out), discrepancy_model),
-            }
+            let Some(other) = other else {
+                return Ok(SettledFit {
+                    found,
+                    set,
+                    unexplained,
+                });
+            };
+            set = other;
         }
     }
 
     /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
     fn unexplained(&self, set: &ParameterSet, found: &mut KeptFit<'a>) -> Option<Unexplained> {
         let is_rejected = outliers::rejected_of(self.observations.len(), &found.rejected);
-        let WeighedFit {
-            fit, discrepancy, ..
-        } = &mut found.weighed;
+        let KeptFit {
+            case,
+            fit,
+            discrepancy,
+            ..
+        } = found;
         let told = discrepancy.and_then(|discrepancy| {
             let far_out = self.part_of(|index| is_rejected[index]);
-            (found.case).discrepancy_model(set, fit, discrepancy, &far_out)
+            case.discrepancy_model(set, fit, discrepancy, &far_out)
         });
         let rest = told.as_ref().map(|told| &told.model.rest);
         let rest = rest.map_or([0.0; 2], |rest| [rest.position_m, rest.rotation_rad]);
         let Some(known) = self.known_components(rest) else {
             return told;
         };
-        let Some(found_beside) = found.case.with_known(set, fit, &known) else {
+        let Some(found_beside) = case.with_known(set, fit, &known) else {
             return told;
         };
         // What is left beside the functions may be more than readings were weighed by.
@@ -182,23 +204,28 @@ impl<'a> AbsoluteCase<'a> {
     /// All that is told of a fit to those readings that were kept.
     fn told(
         &mut self,
-        found: KeptFit<'a>,
-        (set, left_out): (ParameterSet, Vec<LeftOut>),
-        discrepancy_model: Option<Unexplained>,
+        settled: SettledFit<'a>,
+        left_out: Vec<LeftOut>,
     ) -> Result<AbsoluteFit, AbsoluteError> {
-        let WeighedFit {
+        let SettledFit {
+            found,
+            set,
+            unexplained: discrepancy_model,
+        } = settled;
+        let KeptFit {
+            case,
+            rejected,
             mut fit,
             discrepancy,
             consistency,
-        } = found.weighed;
+        } = found;
         if let Some(discrepancy_model) = &discrepancy_model {
             fit.posterior
                 .covariance
                 .clone_from(&discrepancy_model.covariance);
         }
-        let degrees = discrepancy.map(|_| found.case.degrees_of(&fit));
-        self.arm = found.case.arm;
-        self.within = found.case.within;
+        let degrees = discrepancy.map(|_| case.degrees_of(&fit));
+        (self.arm, self.within) = (case.arm, case.within);
         let left = self.left(&fit.belief)?;
         let (nominal, undetermined): (Vec<_>, Vec<_>) =
             (fit.freedoms.named.into_iter()).partition(|each| each.stays_nominal);
@@ -210,7 +237,7 @@ impl<'a> AbsoluteCase<'a> {
             undetermined: undetermined.into_iter().map(|each| each.sentence).collect(),
             stays_nominal: nominal.into_iter().map(|each| each.sentence).collect(),
             left,
-            rejected: found.rejected,
+            rejected,
             copies: self.copies.clone(),
             reach_m: reach(&self.sights()),
             degrees: degrees.unwrap_or(f64::INFINITY),
@@ -224,14 +251,16 @@ impl<'a> AbsoluteCase<'a> {
         })
     }
 
-    /// One fit to all readings of the case, perhaps near one to nearly the same readings.
-    fn weighed_fit(
-        &mut self,
+    /// One fit without some readings, perhaps near one to nearly the same.
+    fn fit_without(
+        &self,
+        rejected: &[RejectedReading],
         set: &ParameterSet,
         weights: ReadingWeights,
         near: Option<&ParameterFit>,
-    ) -> Result<WeighedFit, AbsoluteError> {
-        let readings = self.fitted_readings(set);
+    ) -> Result<KeptFit<'a>, AbsoluteError> {
+        let mut case = self.without(rejected);
+        let readings = case.fitted_readings(set);
         let own = match weights {
             ReadingWeights::WithDiscrepancy => None,
             ReadingWeights::Own => Some(readings.fit_from_frames(Haste::Residuals)?),
@@ -248,73 +277,55 @@ impl<'a> AbsoluteCase<'a> {
         let is_plausible = consistency.is_none_or(|probability| probability >= IMPLAUSIBLE);
         let (fit, discrepancy) = match own {
             Some(fit) if is_plausible || weights == ReadingWeights::Own => {
-                let values = self.rebased(set, &fit);
-                (self.fit_near(set, values.as_slice())?, None)
+                let values = case.rebased(set, &fit);
+                (case.fit_near(set, values.as_slice())?, None)
             }
-            other => self.with_discrepancy(set, near.cloned().or(other))?,
+            other => case.with_discrepancy(set, near.cloned().or(other))?,
         };
-        Ok(WeighedFit {
+        Ok(KeptFit {
+            case,
+            rejected: rejected.to_vec(),
             fit,
             discrepancy,
             consistency,
         })
     }
 
-    /// Fits without the readings that lie far out of a first fit with its discrepancy, which was without those of `start`. None where none
-    /// does and none was, where too many do, or where the others determine less than all.
+    /// Fits without the readings that lie far out of a first fit with its discrepancy. None where none does and none was left out, where too
+    /// many do, or where the others determine less than all.
     pub(super) fn without_far_out(
         &self,
         set: &ParameterSet,
         weights: ReadingWeights,
-        first: &WeighedFit,
-        start: &[RejectedReading],
+        first: &KeptFit<'a>,
     ) -> Option<KeptFit<'a>> {
         let rank = first.fit.posterior.estimable.rank();
-        let all = self.looked_over(set, (&first.fit, first.discrepancy), start)?;
-        let mut rejected = all.suspects()?;
-        if rejected.is_empty() && !start.is_empty() {
+        let looked_over = |fit: &ParameterFit, of: &KeptFit<'a>| {
+            self.looked_over(set, (fit, of.discrepancy), &of.rejected)
+        };
+        let mut rejected = looked_over(&first.fit, first)?.suspects()?;
+        if rejected.is_empty() && !first.rejected.is_empty() {
             // Geometry and elasticity explain what frames alone do not.
-            let mut case = self.without(&[]);
-            let weighed = case.weighed_fit(set, weights, Some(&first.fit)).ok()?;
-            let others = self.without_far_out(set, weights, &weighed, &[]);
-            return Some(others.unwrap_or(KeptFit {
-                case,
-                rejected,
-                weighed,
-            }));
+            let all = self.fit_without(&[], set, weights, Some(&first.fit)).ok()?;
+            return Some(self.without_far_out(set, weights, &all).unwrap_or(all));
         }
         let mut robust = None;
         if rejected.is_empty() && first.discrepancy.is_some() {
             // Many that err alike draw the fit to themselves, too.
             robust = self.robust_fit(set, &first.fit);
             if let Some(robust) = &robust {
-                let all = self.looked_over(set, (robust, first.discrepancy), start)?;
-                rejected = all.far_out()?;
+                rejected = looked_over(robust, first)?.far_out()?;
             }
         }
         let near = robust.as_ref().unwrap_or(&first.fit);
         let (rejected, mut found) = outliers::until_the_same(
             rejected,
-            |found: &KeptFit<'a>| {
-                let WeighedFit {
-                    fit, discrepancy, ..
-                } = &found.weighed;
-                (self.looked_over(set, (fit, *discrepancy), &found.rejected)?).far_out()
-            },
+            |found: &KeptFit<'a>| looked_over(&found.fit, found)?.far_out(),
             |rejected| {
-                let mut case = self.without(rejected);
-                let weighed = case.weighed_fit(set, weights, Some(near)).or_else(|_| {
-                    // Gross errors may have led the first fit to where none converges.
-                    case = self.without(rejected);
-                    case.weighed_fit(set, weights, None)
-                });
-                let weighed = weighed.ok()?;
-                let is_as_good = weighed.fit.posterior.estimable.rank() >= rank;
-                is_as_good.then(|| KeptFit {
-                    case,
-                    rejected: rejected.to_vec(),
-                    weighed,
-                })
+                let fitted = |near| self.fit_without(rejected, set, weights, near);
+                // Gross errors may have led the first fit to where none converges.
+                let found = fitted(Some(near)).or_else(|_| fitted(None)).ok()?;
+                (found.fit.posterior.estimable.rank() >= rank).then_some(found)
             },
         )?;
         found.rejected = rejected;

@@ -127,7 +127,8 @@ impl AbsoluteCase<'_> {
     pub fn estimates_beside(
         &mut self,
         fit: &AbsoluteFit,
-        (other, other_fit): (&mut Self, &AbsoluteFit),
+        other: &mut Self,
+        other_fit: &AbsoluteFit,
     ) -> Result<Option<[SeriesEstimates; 2]>, AbsoluteError> {
         let count = BLOCKS.min(self.different().min(other.different()) / 2);
         if count < FEWEST_BLOCKS {

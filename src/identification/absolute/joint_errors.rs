@@ -313,7 +313,6 @@ pub(super) fn region_square(
     Some(square * (SQUARE_95 / CHI_SQUARE_95[rows - 1]))
 }
 
-/// Some rows and columns of a covariance.
 pub(super) fn among(covariance: &DMatrix<f64>, index: &[usize]) -> DMatrix<f64> {
     DMatrix::from_fn(index.len(), index.len(), |row, column| {
         covariance[(index[row], index[column])]

@@ -126,9 +126,7 @@ impl PartsOfReadings<'_> {
     /// say.
     pub fn told(&self) -> Vec<DMatrix<f64>> {
         let set = self.set();
-        let planned = self.case.observations.iter().map(Observation::planned);
-        let planned: Vec<_> = planned.collect();
-        planned_information_of_each(set, &self.case.arm, &set.prior().mean, &planned)
+        planned_information_of_each(set, &self.case.arm, &set.prior().mean, &self.case.planned())
     }
 
     /// What is known before (p x p, in typical sizes).

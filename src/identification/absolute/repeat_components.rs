@@ -77,7 +77,6 @@ pub struct RepeatComponents {
     pub not_separated: Vec<String>,
 }
 
-/// The likeliest variances.
 struct ReturnVariances {
     /// Which joints have one in common.
     classes: Vec<Vec<usize>>,

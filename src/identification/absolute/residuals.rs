@@ -100,7 +100,6 @@ impl AbsoluteCase<'_> {
         Ok(left?)
     }
 
-    /// The joints that somebody commands.
     pub(super) fn commanded_joints(&self) -> Vec<usize> {
         self.arm.chain.commanded().collect()
     }

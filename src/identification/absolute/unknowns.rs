@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{AbsoluteCase, AbsoluteError};
 use crate::numeric::random::generator;
-use crate::observation::{PlannedReading, planned_information};
+use crate::observation::{Observation, PlannedReading, planned_information};
 use crate::parameter::{Axis, ElasticArm, Freedoms, ParameterKind, ParameterSet};
 use crate::robot::{Elements, Load};
 
@@ -125,7 +125,6 @@ fn prior_deviation(kind: ParameterKind) -> Option<f64> {
     }
 }
 
-/// Whether a parameter is of the robot's geometry.
 pub(super) const fn is_geometry(kind: ParameterKind) -> bool {
     matches!(
         kind,
@@ -143,12 +142,6 @@ pub struct LeftOut {
     /// Why, in a sentence.
     #[serde(rename = "reason")]
     pub sentence: String,
-}
-
-/// Unknowns that readings can tell apart, and those that were left out for that.
-pub(super) struct ToldApart {
-    pub set: ParameterSet,
-    pub left_out: Vec<LeftOut>,
 }
 
 /// What is unknown, with the deviation of what is known of each by itself.
@@ -202,7 +195,7 @@ impl AbsoluteCase<'_> {
         groups: &[ParameterGroup],
         asked: &[PlannedReading],
     ) -> Result<ParameterSet, AbsoluteError> {
-        Ok(self.told_apart(groups, asked)?.set)
+        Ok(self.told_apart(groups, asked)?.0)
     }
 
     /// The names of what the belief leaves open and groups leave out: it is as the scenario has it.
@@ -250,16 +243,12 @@ impl AbsoluteCase<'_> {
         NamedUnknowns { unknowns, besides }
     }
 
-    /// The same of these readings alone.
-    pub(super) fn unknowns(&self, groups: &[ParameterGroup]) -> Result<ToldApart, AbsoluteError> {
-        self.told_apart(groups, &[])
-    }
-
-    fn told_apart(
+    /// The same with what was left out.
+    pub(super) fn told_apart(
         &self,
         groups: &[ParameterGroup],
         asked: &[PlannedReading],
-    ) -> Result<ToldApart, AbsoluteError> {
+    ) -> Result<(ParameterSet, Vec<LeftOut>), AbsoluteError> {
         let NamedUnknowns { unknowns, besides } = self.named_unknowns(groups);
         let with = |unknowns: &[(ParameterKind, Option<f64>)], besides: &DMatrix<f64>| {
             ParameterSet::new(&self.arm, unknowns.iter().copied())
@@ -278,10 +267,8 @@ impl AbsoluteCase<'_> {
             .collect();
         let besides = besides.select_rows(&known).select_columns(&known);
         let unknowns: Vec<_> = kept.iter().map(|&place| unknowns[place]).collect();
-        Ok(ToldApart {
-            set: with(&unknowns, &besides)?,
-            left_out: left_out.into_iter().map(|(_, each)| each).collect(),
-        })
+        let left_out = left_out.into_iter().map(|(_, each)| each).collect();
+        Ok((with(&unknowns, &besides)?, left_out))
     }
 
     /// The parameters of geometry, by their places in a set, that no reading of a rigid robot can tell from the others, and that no
@@ -323,11 +310,8 @@ impl AbsoluteCase<'_> {
         }
     }
 
-    fn planned(&self) -> Vec<PlannedReading> {
-        self.observations
-            .iter()
-            .map(crate::observation::Observation::planned)
-            .collect()
+    pub(super) fn planned(&self) -> Vec<PlannedReading> {
+        self.observations.iter().map(Observation::planned).collect()
     }
 
     /// What readings leave of a set.

@@ -1,13 +1,12 @@
 //! Frames of stations and tools in closed form: a start for the fit that needs no guess.
 //!
 //! A reading sees the target at B F X: B is the robot's base in the frame of the instrument's station, F the link
-//! that carries the target, from the commanded angles, X the target on its link. For poses the orientations alone give
-//! all B and X at once (the robot-world and hand-eye problem AX = ZB, as the smallest eigenvector); positions give
+//! that carries the target, from the commanded angles, X the target on its link. For poses positions and orientations together give
+//! all B and X at once (the robot-world and hand-eye problem AX = ZB, linear where these may be any matrices); positions give
 //! them by turns from linear starts. What fits best is taken.
 
 mod positions;
 mod robust;
-mod rotations;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -48,7 +47,7 @@ impl MountedFrames {
             link_from_tool: tools.to_vec(),
         }];
         if sights.iter().all(|sight| sight.rotation.is_some()) {
-            starts.extend(rotations::solved(sights, stations, tools));
+            starts.push(positions::of_poses(sights, stations, tools));
         }
         starts.extend(positions::solved(sights, stations, tools));
         let mut best = (f64::INFINITY, starts[0].clone());
@@ -119,7 +118,7 @@ fn isometry(rotation: &Rotation3<f64>, translation_m: Vector3<f64>) -> Isometry3
 }
 
 pub use robust::RobustFrames;
-pub(super) use robust::{median_or_zero, reach};
+pub(super) use robust::{groups, median_or_zero, reach};
 
 #[cfg(test)]
 mod tests;

@@ -1,14 +1,14 @@
 //! Frames from positions.
 //!
-//! With y = B (f + F x), turned round, G y + g = f + F x is linear in G = B^T, g and x. Left to be any matrix, G comes
-//! from least squares; made a rotation again, it starts turns of two steps that each are solved exactly: the stations
-//! where the targets are known (two clouds of points), and all translations where the stations' orientations are. Where all
+//! With y = B (f + F x), turned round, G y + g = f + F x is linear in G = B^T, g and x, as G Y = F X is where orientations are read, too. Left
+//! to be any matrices, G and X come from least squares; made a rotation again, G starts turns of two steps that each are solved exactly: the
+//! stations where the targets are known (two clouds of points), and all translations where the stations' orientations are. Where all
 //! axes are parallel, no reading tells how far along them a target is: it is where it is believed to be, whichever start
 //! was the best.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, SymmetricEigen, Translation3, Vector3};
 
-use super::{MountedFrames, Sight, isometry, nearest};
+use super::{LENGTH_M, MountedFrames, Sight, isometry, nearest};
 
 /// Turns end when the sum of squares falls by less than this share.
 const SETTLED: f64 = 1e-9;
@@ -66,7 +66,6 @@ fn settle(frames: &mut MountedFrames, sights: &[Sight], tools: &[Isometry3<f64>]
 /// Where a target is in the robot's base and where it was read (m), and how much that counts.
 type WeighedPair = (Vector3<f64>, Vector3<f64>, f64);
 
-/// The stations that fit best where the targets are.
 fn place_stations(frames: &mut MountedFrames, sights: &[Sight]) {
     for (station, base) in frames.instrument_from_base.iter_mut().enumerate() {
         let pairs: Vec<WeighedPair> = (sights.iter())
@@ -137,9 +136,25 @@ pub(super) fn translate(frames: &mut MountedFrames, sights: &[Sight], tools: &[I
     }
 }
 
+/// Frames from poses: stations by least squares in which they and the targets' orientations may be any matrices, and translations there.
+pub(super) fn of_poses(
+    sights: &[Sight],
+    stations: usize,
+    tools: &[Isometry3<f64>],
+) -> MountedFrames {
+    let mut frames = relaxed(sights, stations, tools);
+    translate(&mut frames, sights, tools);
+    frames
+}
+
 /// The start from least squares in which stations may be any matrices.
 fn relaxed(sights: &[Sight], stations: usize, tools: &[Isometry3<f64>]) -> MountedFrames {
-    let size = 12 * stations + 3 * tools.len();
+    let of_target = if sights.iter().any(|sight| sight.rotation.is_some()) {
+        12
+    } else {
+        3
+    };
+    let size = 12 * stations + of_target * tools.len();
     let mut sums = LinearSums::zeros(size);
     let mut centre = vec![(Vector3::zeros(), 0.0); stations];
     for sight in sights {
@@ -157,9 +172,23 @@ fn relaxed(sights: &[Sight], stations: usize, tools: &[Isometry3<f64>]) -> Mount
             row[(axis, 12 * sight.station + 9 + axis)] = 1.0;
         }
         let link = sight.base_from_link.rotation.to_rotation_matrix();
-        (row.fixed_view_mut::<3, 3>(0, 12 * stations + 3 * sight.target))
-            .copy_from(&-link.matrix());
+        let target = 12 * stations + of_target * sight.target;
+        (row.fixed_view_mut::<3, 3>(0, target)).copy_from(&-link.matrix());
         sums.add(&row, &sight.base_from_link.translation.vector, sight.weight);
+        for (read, column) in sight
+            .rotation
+            .iter()
+            .flat_map(Matrix3::column_iter)
+            .zip(1..)
+        {
+            let mut row = DMatrix::zeros(3, size);
+            for (by, read) in read.iter().enumerate() {
+                let mut turned = row.fixed_view_mut::<3, 3>(0, 12 * sight.station + 3 * by);
+                turned.fill_diagonal(*read);
+            }
+            (row.fixed_view_mut::<3, 3>(0, target + 3 * column)).copy_from(&-link.matrix());
+            sums.add(&row, &Vector3::zeros(), sight.weight * LENGTH_M * LENGTH_M);
+        }
     }
     let solved = sums.solved(&DVector::zeros(size));
     let instrument_from_base = (0..stations)

@@ -111,8 +111,7 @@ pub(in crate::identification) fn reach(sights: &[Sight]) -> f64 {
     median_or_zero(far.collect())
 }
 
-/// The readings of each station and target.
-fn groups(sights: &[Sight]) -> BTreeMap<(usize, usize), Vec<&Sight>> {
+pub(in crate::identification) fn groups(sights: &[Sight]) -> BTreeMap<(usize, usize), Vec<&Sight>> {
     let mut groups: BTreeMap<_, Vec<&Sight>> = BTreeMap::new();
     for sight in sights {
         let group = groups.entry((sight.station, sight.target));

@@ -17,8 +17,8 @@ use crate::numeric::estimable::Estimable;
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{
-    NormalEquations, Observation, PlannedReading, SharedErrors, normal_equations,
-    planned_information, shared_equations,
+    NormalEquations, Observation, SharedErrors, normal_equations, planned_information,
+    shared_equations,
 };
 use crate::parameter::{ElasticArm, Freedoms, ParameterSet, relative_precision};
 
@@ -193,11 +193,10 @@ impl FittedReadings<'_> {
 
     /// What the observations and the set's prior determine.
     fn determined(&self) -> (Freedoms, Estimable) {
-        let planned: Vec<PlannedReading> =
-            self.observations.iter().map(Observation::planned).collect();
-        let information =
-            planned_information(self.set, self.nominal, &self.set.prior().mean, &planned);
-        let freedoms = Freedoms::new(self.nominal, self.set, &information);
+        let (set, nominal) = (self.set, self.nominal);
+        let planned: Vec<_> = self.observations.iter().map(Observation::planned).collect();
+        let information = planned_information(set, nominal, &set.prior().mean, &planned);
+        let freedoms = Freedoms::new(nominal, set, &information);
         let estimable = freedoms.estimable(self.set);
         (freedoms, estimable)
     }
@@ -245,19 +244,20 @@ impl FittedReadings<'_> {
 }
 
 /// The last step was so many standard errors.
-pub(super) const fn not_converged(step: f64) -> IdentificationError {
+const fn not_converged(step: f64) -> IdentificationError {
     let unit = "standard errors";
     IdentificationError::NotConverged { step, unit }
 }
 
-struct FitProblem<'a> {
-    readings: FittedReadings<'a>,
-    prior: nalgebra::DMatrix<f64>,
-    basis: &'a nalgebra::DMatrix<f64>,
-    haste: Haste,
+/// Readings whose parameters change along some directions alone.
+pub(super) struct FitProblem<'a> {
+    pub readings: FittedReadings<'a>,
+    /// The prior's precision (p x p), and the directions (p x r), in typical sizes.
+    pub prior: DMatrix<f64>,
+    pub basis: &'a DMatrix<f64>,
+    pub haste: Haste,
 }
 
-/// Where a step began.
 struct StepBefore {
     values: DVector<f64>,
     gradient: DVector<f64>,
@@ -268,15 +268,15 @@ struct StepBefore {
 }
 
 /// The problem at one vector of values, with the next step in coordinates of the basis.
-struct Solved {
+pub(super) struct Solved {
     equations: NormalEquations,
     /// The sum of squares with the prior's.
     cost: f64,
-    information: nalgebra::DMatrix<f64>,
+    information: DMatrix<f64>,
     gradient: DVector<f64>,
     factor: Cholesky<f64, Dyn>,
     /// The undamped step's length in standard errors.
-    steps: f64,
+    pub steps: f64,
 }
 
 impl Solved {
@@ -323,7 +323,12 @@ impl FitProblem<'_> {
             }
             curvature = None;
             loop {
-                let next = self.step(&now, damping).map(|step| &values + step);
+                let step = if damping > 0.0 {
+                    self.damped_step(&now, damping)
+                } else {
+                    Some(self.step(&now))
+                };
+                let next = step.map(|step| &values + step);
                 let found = next.map(|next| (self.at(&next), next));
                 if let Some((Ok(found), next)) = found
                     && (found.cost <= now.cost || now.steps <= SHORT)
@@ -345,8 +350,17 @@ impl FitProblem<'_> {
         Err(not_converged(now.steps))
     }
 
-    fn at(&self, values: &DVector<f64>) -> Result<Solved, IdentificationError> {
-        let equations = self.readings.equations(values)?;
+    /// The problem at values (p).
+    pub fn at(&self, values: &DVector<f64>) -> Result<Solved, IdentificationError> {
+        self.solved(values, self.readings.equations(values)?)
+    }
+
+    /// The same by what the readings say there.
+    pub fn solved(
+        &self,
+        values: &DVector<f64>,
+        equations: NormalEquations,
+    ) -> Result<Solved, IdentificationError> {
         let off =
             (values - &self.readings.set.prior().mean).component_div(&self.readings.set.scales());
         let pull = &self.prior * &off;
@@ -440,17 +454,16 @@ impl FitProblem<'_> {
     }
 
     /// The step in the parameters' units, no longer than what the model can follow.
-    fn step(&self, now: &Solved, damping: f64) -> Option<DVector<f64>> {
-        let within = if damping > 0.0 {
-            let mut damped = now.information.clone();
-            for index in 0..damped.nrows() {
-                damped[(index, index)] *= 1.0 + damping;
-            }
-            Cholesky::new(damped)?.solve(&now.gradient)
-        } else {
-            now.factor.solve(&now.gradient)
-        };
-        Some(self.limited(&within))
+    pub fn step(&self, now: &Solved) -> DVector<f64> {
+        self.limited(&now.factor.solve(&now.gradient))
+    }
+
+    fn damped_step(&self, now: &Solved, damping: f64) -> Option<DVector<f64>> {
+        let mut damped = now.information.clone();
+        for index in 0..damped.nrows() {
+            damped[(index, index)] *= 1.0 + damping;
+        }
+        Some(self.limited(&Cholesky::new(damped)?.solve(&now.gradient)))
     }
 
     /// A step that is told in coordinates of the basis, in the parameters' units and no longer than what the model can follow.

@@ -5,7 +5,9 @@ use nalgebra::{DVector, Matrix6xX, Vector3};
 use rayon::prelude::*;
 
 use super::*;
-use crate::observation::{Form, ObservationModel, Reading, ReadingKind, Setup, Whitener};
+use crate::observation::{
+    Form, ObservationModel, PlannedReading, Reading, ReadingKind, Setup, Whitener,
+};
 use crate::parameter::arms::{Numbers, geometry, heavy, random, ur10};
 use crate::parameter::{Axis, ParameterKind, Payload};
 use crate::robot::Load;

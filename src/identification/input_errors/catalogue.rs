@@ -51,30 +51,6 @@ impl InputError {
         }
     }
 
-    fn of_commands(
-        kind: &'static str,
-        words: String,
-        change: impl Fn(&mut DVector<f64>) + Send + Sync + 'static,
-    ) -> Self {
-        Self::new(kind, words, Correction::Commands(Box::new(change)))
-    }
-
-    fn of_deflection(
-        kind: &'static str,
-        words: impl Into<String>,
-        change: impl Fn(&mut Measurement, &Matrix3<f64>) + Send + Sync + 'static,
-    ) -> Self {
-        Self::new(kind, words, Correction::Deflection(Box::new(change)))
-    }
-
-    fn of_sight(
-        kind: &'static str,
-        words: impl Into<String>,
-        change: impl Fn(&mut Sight) + Send + Sync + 'static,
-    ) -> Self {
-        Self::new(kind, words, Correction::Sight(Box::new(change)))
-    }
-
     /// What may be wrong.
     pub fn question(&self) -> &str {
         self.words.split('?').next().unwrap_or_default()
@@ -86,6 +62,20 @@ impl InputError {
             change(q);
         }
     }
+}
+
+fn commands(change: impl Fn(&mut DVector<f64>) + Send + Sync + 'static) -> Correction {
+    Correction::Commands(Box::new(change))
+}
+
+fn deflection(
+    change: impl Fn(&mut Measurement, &Matrix3<f64>) + Send + Sync + 'static,
+) -> Correction {
+    Correction::Deflection(Box::new(change))
+}
+
+fn seen(change: impl Fn(&mut Sight) + Send + Sync + 'static) -> Correction {
+    Correction::Sight(Box::new(change))
 }
 
 /// A joint by its column and its name.
@@ -122,14 +112,18 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
         };
         InputError {
             reversed: joints,
-            ..InputError::of_commands("joint_signs", format!("{question}? {remedy}"), change)
+            ..InputError::new(
+                "joint_signs",
+                format!("{question}? {remedy}"),
+                commands(change),
+            )
         }
     };
     let offset = |joint: usize, quarters: i8| {
         let question = format!("are angles of {} counted from elsewhere", named(joint));
         let [degrees, turn] = [90.0, FRAC_PI_2].map(|quarter| f64::from(quarters) * quarter);
         let words = format!("{question}? Add {degrees} deg to {}", plain(joint));
-        InputError::of_commands("joint_offset", words, move |q| q[joint] += turn)
+        InputError::new("joint_offset", words, commands(move |q| q[joint] += turn))
     };
     let mut angles = Commands::from(chain).columns();
     angles.retain(|column| column.ends_with("_deg"));
@@ -139,7 +133,7 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
         let turning: Vec<usize> = turning().collect();
         let change =
             move |q: &mut DVector<f64>| turning.iter().for_each(|&joint| q[joint] *= factor);
-        InputError::of_commands("angle_unit", words, change)
+        InputError::new("angle_unit", words, commands(change))
     };
     let swapped = |one: usize, other: usize| {
         let question = format!(
@@ -148,7 +142,11 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
             named(other)
         );
         let words = format!("{question}? Swap {} and {}", plain(one), plain(other));
-        InputError::of_commands("joints_swapped", words, move |q| q.swap_rows(one, other))
+        InputError::new(
+            "joints_swapped",
+            words,
+            commands(move |q| q.swap_rows(one, other)),
+        )
     };
     let from_before = |joint: usize, times: f64| {
         let own = named(joint);
@@ -160,7 +158,11 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
             format!("Add {before} to {own}")
         };
         let change = move |q: &mut DVector<f64>| q[joint] += times * q[joint - 1];
-        InputError::of_commands("joint_from_before", format!("{question}? {remedy}"), change)
+        InputError::new(
+            "joint_from_before",
+            format!("{question}? {remedy}"),
+            commands(change),
+        )
     };
     let degrees = 1_f64.to_degrees();
     [
@@ -194,15 +196,16 @@ pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
         let shown = (factor * 1e3).round() / 1e3;
         let words = format!("are the loads {what}? Multiply fx_n to tz_nm by {shown}");
         let change = move |each: &mut Measurement, _: &_| each.load = each.load.scaled(factor);
-        InputError::of_deflection("load_unit", words, change)
+        InputError::new("load_unit", words, deflection(change))
     };
     let unit = |(factor, unit): (f64, &str)| {
         let question = format!("are the deflections in {unit} instead of mm");
         let words = format!("{question}? Multiply dx_mm, dy_mm, dz_mm by {factor}");
-        InputError::of_deflection("deflection_unit", words, move |each, _| {
+        let change = move |each: &mut Measurement, _: &_| {
             each.deflection_m *= factor;
             each.sigma_m = each.sigma_m.map(|sigma| sigma * factor);
-        })
+        };
+        InputError::new("deflection_unit", words, deflection(change))
     };
     let in_tool_frame = |what: &str| {
         format!(
@@ -223,16 +226,24 @@ pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
         (0.001, "1000 times too large, in mN or g"),
     ];
     [
-        vec![InputError::of_deflection("signs_reversed", signs, reversed)],
+        vec![InputError::new(
+            "signs_reversed",
+            signs,
+            deflection(reversed),
+        )],
         load_units.map(load_unit).into(),
         [(1000.0, "m"), (0.001, "um")].map(unit).into(),
         vec![
-            InputError::of_deflection(
+            InputError::new(
                 "deflections_in_tool_frame",
                 in_tool_frame("deflections"),
-                |each, axes| turn(each, axes, 1.0),
+                deflection(|each, axes| turn(each, axes, 1.0)),
             ),
-            InputError::of_deflection("loads_in_tool_frame", in_tool_frame("loads"), loads),
+            InputError::new(
+                "loads_in_tool_frame",
+                in_tool_frame("loads"),
+                deflection(loads),
+            ),
         ],
         right_angles().into_iter().map(in_frame).collect(),
     ]
@@ -265,7 +276,11 @@ pub(super) fn in_frame(matrix: Matrix3<f64>) -> InputError {
     let words = format!(
         "are the deflections in {mirrored}{turned}against the model's world frame? {remedy}"
     );
-    InputError::of_deflection("frame", words, move |each, _| turn(each, &matrix, parity))
+    InputError::new(
+        "frame",
+        words,
+        deflection(move |each, _| turn(each, &matrix, parity)),
+    )
 }
 
 /// Turns a deflection; rotation vectors are multiplied by `parity`, too.
@@ -317,19 +332,21 @@ fn reordered(rotation: Rotation3<f64>, places: [usize; 4]) -> Rotation3<f64> {
 pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
     let left_handed = "are the axes of the instrument left-handed? \
                        Change the sign of one column of positions, and of orientations with it";
-    let left_handed = InputError::of_sight("left_handed", left_handed, |sight| {
+    let mirrored = |sight: &mut Sight| {
         let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
         sight.position_m = mirror * sight.position_m;
         sight.rotation = sight.rotation.map(|each| mirror * each * mirror);
-    });
+    };
+    let left_handed = InputError::new("left_handed", left_handed, seen(mirrored));
     if !has_rotations {
         return vec![left_handed];
     }
     let turned = |kind, words: &str, change: fn(Rotation3<f64>) -> Rotation3<f64>| {
-        InputError::of_sight(kind, words, move |sight| {
+        let turned = move |sight: &mut Sight| {
             let rotation = sight.rotation.map(Rotation3::from_matrix_unchecked);
             sight.rotation = rotation.map(|each| change(each).into_inner());
-        })
+        };
+        InputError::new(kind, words, seen(turned))
     };
     let inverted = "are the orientations inverted, from the instrument to the target? Invert them";
     let quaternion = "are the quaternions in another order (x, y, z, w for w, x, y, z)? Put the columns qw to qz in theirs";
@@ -359,9 +376,8 @@ pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
     all.extend(columns.map(|matrix| {
         let remedy = written(&matrix, ["x_mm", "y_mm", "z_mm"]);
         let words = format!("are the columns of positions swapped or of another sign? {remedy}");
-        InputError::of_sight("position_columns", words, move |sight| {
-            sight.position_m = matrix * sight.position_m;
-        })
+        let moved = move |sight: &mut Sight| sight.position_m = matrix * sight.position_m;
+        InputError::new("position_columns", words, seen(moved))
     }));
     all
 }

@@ -2,9 +2,8 @@
 
 use std::iter::successors;
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::super::equations::Equations;
 use super::super::{Case, Sigma};
 use crate::measurement::Measurement;
 
@@ -30,13 +29,9 @@ pub struct ReadingEvidence {
 impl ReadingEvidence {
     /// The evidence for reading the measurements of a file as `read`.
     pub fn new(case: &Case<'_>, file: &[Measurement], read: &[Measurement]) -> Self {
-        let Equations {
-            matrix,
-            right_hand_side,
-        } = relative_equations(case, read);
+        let (matrix, values) = relative_rows(case, read);
         let predicted = matrix.column_sum();
-        let scale = predicted.dot(&right_hand_side) / predicted.norm_squared();
-        let values = right_hand_side - predicted;
+        let scale = 1.0 + predicted.dot(&values) / predicted.norm_squared();
         let (numbers, any_sigma) = (values.len(), matches!(case.sigma, Sigma::FromResiduals(_)));
         // Numbers b ~ N(0, v (1 + B B^T / v)), by the singular values of B, b's coordinates along them and the square of what is left of b.
         let svd = (matrix * TRUST).svd(true, false);
@@ -81,8 +76,8 @@ impl ReadingEvidence {
     }
 }
 
-/// Whitened equations whose unknowns are the compliances as multiples of the nominal ones.
-fn relative_equations(case: &Case<'_>, measurements: &[Measurement]) -> Equations {
+/// Whitened rows (N x p) by the compliances as multiples of the nominal ones, and what these leave of the measurements (N).
+fn relative_rows(case: &Case<'_>, measurements: &[Measurement]) -> (DMatrix<f64>, DVector<f64>) {
     // What is known before is wider here.
     let case = Case {
         prior: None,
@@ -90,27 +85,22 @@ fn relative_equations(case: &Case<'_>, measurements: &[Measurement]) -> Equation
         held: &[],
         ..case.with(measurements)
     };
-    let mut equations = case.linear();
     let nominal = case.nominal.typical_rad_per_nm(case.parameters);
-    for (mut column, nominal) in equations.matrix.column_iter_mut().zip(&nominal) {
+    let mut rows = case.first_order(&nominal);
+    for (mut column, nominal) in rows.matrix.column_iter_mut().zip(&nominal) {
         column *= *nominal;
     }
-    equations
+    (rows.matrix, rows.left)
 }
 
 /// The most probable compliances of all joints (rad/(N m)): those that fit the measurements, as far as
 /// these tell, else the nominal ones.
 pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Vec<f64>> {
-    let Equations {
-        matrix,
-        right_hand_side,
-    } = relative_equations(case, measurements);
+    let (matrix, left) = relative_rows(case, measurements);
     let unknowns = matrix.ncols();
     let precision = DMatrix::identity(unknowns, unknowns) / (TRUST * TRUST);
-    let deviation = matrix.tr_mul(&(right_hand_side - matrix.column_sum()));
-    let deviation = (matrix.tr_mul(&matrix) + precision)
-        .cholesky()?
-        .solve(&deviation);
+    let information = matrix.tr_mul(&matrix) + precision;
+    let deviation = information.cholesky()?.solve(&matrix.tr_mul(&left));
     let nominal = case.nominal.typical_rad_per_nm(case.parameters);
     let mut compliance = case.nominal.compliance_rad_per_nm.clone();
     for (index, &joint) in case.parameters.iter().enumerate() {
@@ -119,7 +109,6 @@ pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Ve
     Some(compliance)
 }
 
-/// The sum of the logarithms of all standard deviations.
 fn log_sigma(case: &Case<'_>, measurements: &[Measurement]) -> f64 {
     let default = Vector3::repeat(case.sigma.weight_m());
     let logarithms = |sigma: Vector3<f64>| sigma.map(f64::ln).sum();

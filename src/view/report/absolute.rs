@@ -17,8 +17,7 @@ use crate::text::wording::{counted, dash, micrometres, percent};
 use crate::view::charts::PlotError;
 use crate::view::markup::{card, heading, micro_sign, page, paragraph, section, table};
 use crate::view::tables;
-use crate::workflow::run::RUN;
-use crate::workflow::run_absolute::AbsoluteRun;
+use crate::workflow::run::{AbsoluteRun, RUN};
 
 /// What the page of a plan of absolute readings is made of.
 #[derive(Debug, Clone, Copy)]
@@ -160,7 +159,7 @@ fn best_card(plan: &AbsolutePlanMessage) -> String {
         None => format!("Proved by looking at all {possible}, of which it speaks alone."),
     };
     let tone = if plan.drawn.is_some() { "" } else { "good" };
-    bound_card(tone, (bound, efficiency), "candidates", &basis)
+    bound_card(tone, bound, efficiency, "candidates", &basis)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.

@@ -348,7 +348,7 @@ fn plans(run: &RunRecord<'_>) -> String {
 }
 
 /// A card that says by how much a plan of as many could be better, and on what the bound (mm) rests.
-fn bound_card(tone: &str, (bound_mm, efficiency): (f64, f64), noun: &str, basis: &str) -> String {
+fn bound_card(tone: &str, bound_mm: f64, efficiency: f64, noun: &str, basis: &str) -> String {
     let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
     let about = format!(
         "No plan of as many {noun} can be below {}: efficiency {}. {basis}",

@@ -112,7 +112,7 @@ fn proof_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
     } else {
         ""
     };
-    bound_card(tone, (bound * 1e3, efficiency), "measurements", &basis)
+    bound_card(tone, bound * 1e3, efficiency, "measurements", &basis)
 }
 
 /// What a proof says that does not reach the bound, and what it takes for certain.

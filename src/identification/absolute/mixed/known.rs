@@ -41,7 +41,6 @@ impl VarianceComponents {
 }
 
 impl MixedModel {
-    /// The angles of a joint, each once, in rising order.
     fn angles(&self, place: usize) -> Vec<f64> {
         let mut angles: Vec<f64> = self.visits.iter().map(|each| each.angles[place]).collect();
         angles.sort_by(f64::total_cmp);

@@ -126,7 +126,6 @@ pub(super) struct MixedModel {
     waving: Vec<usize>,
 }
 
-/// Variances after one more improvement.
 struct ImprovedVariances {
     next: MixedVariances,
     /// How many numbers told each of those before.
@@ -139,7 +138,6 @@ struct MixedSolution {
     covariance: DMatrix<f64>,
 }
 
-/// What a mixed model gives.
 pub(super) struct MixedFit {
     pub model: DiscrepancyModel,
     /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by a fit to the others.
@@ -234,19 +232,10 @@ impl MixedModel {
 
     /// The same of some of the visits.
     fn of_visits(&self, is_in: impl Fn(usize) -> bool) -> Self {
-        let visits = self.visits.iter().enumerate();
-        let visits = visits.filter(|(number, _)| is_in(*number));
-        Self {
-            visits: visits.map(|(_, visit)| visit.clone()).collect(),
-            prior: self.prior.clone(),
-            pull: self.pull.clone(),
-            priors: self.priors.clone(),
-            pulls: self.pulls.clone(),
-            joints: self.joints.clone(),
-            units: self.units.clone(),
-            waving: self.waving.clone(),
-            ..*self
-        }
+        let mut model = self.clone();
+        let mut numbers = 0..self.visits.len();
+        model.visits.retain(|_| numbers.next().is_some_and(&is_in));
+        model
     }
 
     /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.

@@ -54,7 +54,6 @@ impl PoseReadings {
         })
     }
 
-    /// Whether it is of several visits.
     pub(super) fn is_visited_again(&self) -> bool {
         self.visits.last().is_some_and(|&last| last > 0)
     }

@@ -111,7 +111,6 @@ impl MixedModel {
 }
 
 impl GradientSums {
-    /// Adds a visit.
     fn add(
         &mut self,
         visit: &PoseReadings,

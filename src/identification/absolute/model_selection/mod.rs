@@ -15,8 +15,7 @@ use super::super::error::IdentificationError;
 use super::super::gauss_newton::{ParameterFit, fit_parameters};
 use super::super::nominal::{UNKNOWN, with_nominal};
 use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
-use super::fit::WeighedFit;
-use super::unknowns::ToldApart;
+use super::fit::KeptFit;
 use super::{
     AbsoluteCase, AbsoluteError, DistanceStatistics, ParameterGroup, ReadingResidual,
     ReadingWeights, RejectedReading,
@@ -94,7 +93,6 @@ pub struct CrossValidation {
     pub angles: Option<DistanceStatistics>,
 }
 
-/// The fit of a nested model.
 struct NestedModelFit {
     added: ParameterGroup,
     groups: Vec<ParameterGroup>,
@@ -117,12 +115,14 @@ impl AbsoluteCase<'_> {
         let mut case = self.without(&start);
         let (mut steps, mut skipped) = case.climb(weights)?;
         let far_out = (steps.last()).filter(|_| !self.keeps_all).and_then(|top| {
-            let first = WeighedFit {
+            let first = KeptFit {
+                case: case.clone(),
+                rejected: start.clone(),
                 discrepancy: case.discrepancy(&top.fit).ok(),
                 fit: top.fit.clone(),
                 consistency: None,
             };
-            self.without_far_out(&top.set, weights, &first, &start)
+            self.without_far_out(&top.set, weights, &first)
         });
         let mut rejected = start;
         if let Some(found) = far_out {
@@ -182,11 +182,10 @@ impl AbsoluteCase<'_> {
         &mut self,
         weights: ReadingWeights,
     ) -> Result<(Vec<NestedModelFit>, Skipped), AbsoluteError> {
-        let has_discrepancy = weights != ReadingWeights::Own;
         let (mut steps, mut skipped): (Vec<NestedModelFit>, _) = (Vec::new(), Vec::new());
         for added in ORDER {
             let groups = named(&steps, added);
-            let ToldApart { set, .. } = self.unknowns(&groups)?;
+            let (set, _) = self.told_apart(&groups, &[])?;
             let fit = if let Some(below) = steps.last() {
                 if kinds(&below.set).eq(kinds(&set)) {
                     skipped.push((added, "adds nothing that this robot has".to_owned()));
@@ -202,18 +201,12 @@ impl AbsoluteCase<'_> {
             } else {
                 let fit = fit_parameters(&self.arm, &set, &self.observations)?;
                 let values = self.rebased(&set, &fit);
-                if has_discrepancy {
-                    let discrepancy = self.estimated_discrepancy(&fit)?;
-                    self.weigh(discrepancy);
-                }
+                self.weigh_by(&fit, weights)?;
                 self.fit_near(&set, values.as_slice())
             };
             match fit.and_then(|fit| self.with_nominal_where_unknown(set, fit)) {
                 Ok((set, fit)) => {
-                    if has_discrepancy {
-                        let discrepancy = self.estimated_discrepancy(&fit)?;
-                        self.weigh(discrepancy);
-                    }
+                    self.weigh_by(&fit, weights)?;
                     steps.push(NestedModelFit {
                         added,
                         groups,
@@ -240,6 +233,19 @@ impl AbsoluteCase<'_> {
             };
         }
         Ok((steps, skipped))
+    }
+
+    /// Weighs readings by what a fit leaves of them, where it is not by their own covariances alone.
+    fn weigh_by(
+        &mut self,
+        fit: &ParameterFit,
+        weights: ReadingWeights,
+    ) -> Result<(), IdentificationError> {
+        if weights != ReadingWeights::Own {
+            let discrepancy = self.estimated_discrepancy(fit)?;
+            self.weigh(discrepancy);
+        }
+        Ok(())
     }
 
     /// The same fit in which compliances stay nominal that it does not tell.
