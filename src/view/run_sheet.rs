@@ -44,7 +44,9 @@ pub fn run_sheet(
     let pictures = stills.pictures();
     let places = places(campaign);
     let title = format!("{}: run sheet", scenario.name);
-    let has_reflector = scenario.task.belief.instrument.reads_positions();
+    let instrument = &scenario.task.belief.instrument;
+    let has_reflector =
+        instrument.reads_along() != ReadsAlong::Always && instrument.reads_positions();
     let fields = (FIELDS.into_iter())
         .filter(|field| has_reflector || !field.starts_with("reflector"))
         .map(|field| format!("<p class=\"blank\">{}</p>\n", escaped(field)));

@@ -202,7 +202,7 @@ pub(super) fn equalities(robot: &Model) -> Option<FileError> {
     Some(robot.not_static(
         robot.equality_element(equality),
         "ties joints or bodies to each other; the statics know a free serial chain only",
-        "remove it, or give it active=\"false\"",
+        "remove it, in a URDF the <mimic> of its joint, or give it active=\"false\"",
     ))
 }
 
