@@ -7,7 +7,7 @@ use crate::codes::{Condition, ConditionCode};
 use crate::laboratory::Campaign;
 use crate::laboratory::time::{least_minutes, quickest};
 use crate::plan::absolute::AbsolutePlanError;
-use crate::plan::search::{BudgetPoint, budget, cheapest, repeated_configurations};
+use crate::plan::search::{BudgetPoint, PlanSize, budget, cheapest, repeated_configurations};
 use crate::quantities::plausible::ACCURACY;
 use crate::record::json::merge;
 use crate::record::messages::{CommonSourcesMessage, ProvenanceMessage};
@@ -131,7 +131,7 @@ impl Budget {
             let campaign = Campaign::new(task, laboratory, &point.plan, false);
             campaign.ok().map(|campaign| campaign.minutes)
         };
-        let at_least = |point: &BudgetPoint| least_minutes(laboratory, &point.plan);
+        let at_least = |point: &BudgetPoint| least_minutes(laboratory, PlanSize::of(&point.plan));
         Ok(Searched {
             needed: self.needed(&points, at_least, minutes),
             text: (self.proof).tell(&bound, &ProvenanceMessage::new(scenario), written)?,

@@ -216,8 +216,7 @@ impl Campaign {
 
     /// How many times the instrument is set up: once, or at each station, or a gauge for each measurement.
     pub fn set_ups(&self) -> usize {
-        let is_gauge_set = |stop: &Stop| stop.direction.is_some() && stop.load.is_none();
-        let is_set = |stop: &&Stop| stop.changes_station || is_gauge_set(stop);
+        let is_set = |stop: &&Stop| stop.changes_station || stop.sets_gauge();
         let reads_all = |stop: &Stop| stop.station.is_none() && stop.direction.is_none();
         let once = usize::from(self.stops.iter().any(reads_all));
         self.stops.iter().filter(is_set).count() + once
@@ -255,6 +254,11 @@ impl Campaign {
         };
         let there = (self.stops.iter()).map(|stop| stop.way.length + approach(stop));
         there.sum::<f64>() + self.return_way.as_ref().map_or(0.0, |way| way.length)
+    }
+
+    /// What hangs when a stop (from 0) begins: the load of the stop before.
+    pub fn load_before(&self, stop: usize) -> Option<&Load> {
+        self.stops[stop.checked_sub(1)?].load.as_ref()
     }
 
     /// How often the robot is moved to a stop: not where a load is hung in place.

@@ -40,6 +40,13 @@ pub struct Stop {
     pub way: Way,
 }
 
+impl Stop {
+    /// Whether a gauge is set to zero here, before the load is hung.
+    pub const fn sets_gauge(&self) -> bool {
+        self.direction.is_some() && self.load.is_none()
+    }
+}
+
 /// Stops under one load, with the instrument at one station.
 pub(super) struct Group {
     pub load: Option<Load>,

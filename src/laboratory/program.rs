@@ -24,7 +24,7 @@ pub const fn take_off(stop: &Stop) -> &'static str {
 
 /// What is done before the readings from a station.
 pub fn set_up(station: &str) -> String {
-    format!("Set up the instrument at station {station}")
+    format!("set up the instrument at station {station}")
 }
 
 /// How a gauge is set along a direction (unit vector, world frame).
@@ -115,13 +115,13 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
         steps.push(ProgramStep::Move(home.clone()));
     }
     for (index, stop) in campaign.stops.iter().enumerate() {
-        let is_loaded = index > 0 && campaign.stops[index - 1].load.is_some();
-        if is_loaded && stop.load.is_none() {
+        let before = campaign.load_before(index);
+        if before.is_some() && stop.load.is_none() {
             steps.push(ProgramStep::Halt(take_off(stop).to_owned()));
             steps.extend(payload.take().map(|_: f64| ProgramStep::Payload(None)));
         }
         let station = stop.station.as_ref().filter(|_| stop.changes_station);
-        steps.extend(station.map(|station| ProgramStep::Halt(set_up(station))));
+        steps.extend(station.map(|station| ProgramStep::Halt(capitalised(&set_up(station)))));
         steps.push(ProgramStep::Remark(remark(index + 1, stop)));
         steps.extend(stop.way.via.iter().cloned().map(ProgramStep::Move));
         steps.extend(stop.approach.iter().cloned().map(ProgramStep::Move));
@@ -129,8 +129,6 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
             if stop.approach.is_none() {
                 steps.push(ProgramStep::Move(stop.configuration.clone()));
             }
-            let before = index.checked_sub(1);
-            let before = before.and_then(|before| campaign.stops[before].load.as_ref());
             let change = change_load(before, load, gravity_m_s2);
             steps.push(ProgramStep::Halt(capitalised(&change)));
         }

@@ -60,11 +60,11 @@ pub fn work_minutes(
     (laboratory.costs).work_min([1, stops, changes], 2 * experiments)
 }
 
-/// The minutes that a plan of deflections takes at least: under one load, with nothing in the way and nowhere to turn. Experiments
+/// The minutes that a plan of deflections of such a size takes at least: under one load, with nothing in the way and nowhere to turn. Experiments
 /// under two loads may share their configuration.
-pub fn least_minutes(laboratory: &Laboratory, plan: &Plan) -> f64 {
-    let stops = plan.experiments.len() + 1;
-    (laboratory.costs).work_min([1, stops, 1], 2 * plan.measurements())
+pub fn least_minutes(laboratory: &Laboratory, size: PlanSize) -> f64 {
+    let stops = size.configurations as usize + 1;
+    (laboratory.costs).work_min([1, stops, 1], 2 * size.measurements)
 }
 
 /// Of some plans, each with the minutes that it takes at least, the one that takes the least time with all its ways, and the minutes;
@@ -160,8 +160,11 @@ impl TimeSearch<'_> {
         };
         // Work and ways may take less than is expected: the fewest measurements are tried where the least work leaves time for them.
         let fewest = configurations.max(task.design.mandatory.measurements());
-        let stops = configurations as usize + 1;
-        let mut are_fewest_left = (laboratory.costs).work_min([1, stops, 1], 2 * fewest) <= minutes;
+        let least = PlanSize {
+            measurements: fewest,
+            configurations,
+        };
+        let mut are_fewest_left = least_minutes(laboratory, least) <= minutes;
         let (mut found, mut ways_min) = (None, expected_min);
         // The ways are known when there is a plan, and hardly depend on how often each experiment is measured.
         for _ in 0..TRIES {

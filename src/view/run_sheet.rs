@@ -325,17 +325,16 @@ fn stops(
         }
         if let (Some(load), true) = (&first.load, first.changes_load) {
             let picture = &pictures[first.experiments[0]].load;
-            let before = index.checked_sub(1);
-            let before = before.and_then(|before| campaign.stops[before].load.as_ref());
+            let before = campaign.load_before(index);
             text += &hang(scenario, index + 1, before, load, picture);
         }
         let _ = writeln!(text, "<div class=\"wide\"><table class=\"stops\">\n{head}");
         for stop in group {
             let place = places.iter().position(|place| place.contains(&index));
-            let last = index.checked_sub(1).map(|last| &campaign.stops[last]);
+            let before = campaign.load_before(index);
             index += 1;
             let numbers = (index, place.unwrap_or(0) + 1);
-            text += &of_stop(&commands, numbers, (last, stop), columns.len());
+            text += &of_stop(&commands, numbers, (before, stop), columns.len());
         }
         text += "</table></div>\n";
     }
@@ -351,15 +350,8 @@ fn station_words(task: &Task, stop: usize, name: &str) -> String {
     });
     format!(
         "<p class=\"station\"><strong>Before stop {stop}: {}.</strong>{near}</p>\n",
-        escaped(&lowered(&set_up(name)))
+        escaped(&set_up(name))
     )
-}
-
-/// A sentence within another.
-fn lowered(sentence: &str) -> String {
-    let mut letters = sentence.chars();
-    let first = letters.next().map(|letter| letter.to_ascii_lowercase());
-    first.into_iter().chain(letters).collect()
 }
 
 /// Which load is hung where, and what the controller is told.
@@ -404,7 +396,7 @@ fn hang(
 fn of_stop(
     commands: &Commands,
     (index, place): (usize, usize),
-    (last, stop): (Option<&Stop>, &Stop),
+    (before, stop): (Option<&Load>, &Stop),
     fields: usize,
 ) -> String {
     let experiments: Vec<String> = (stop.experiments.iter())
@@ -413,7 +405,7 @@ fn of_stop(
     let columns = fields + 4;
     let line = |text: &str| format!("<tr><td></td><td colspan=\"{columns}\">{text}</td></tr>\n");
     let mut over = String::new();
-    if last.is_some_and(|last| last.load.is_some()) && stop.load.is_none() {
+    if before.is_some() && stop.load.is_none() {
         over += &line(&format!("{} before the robot moves.", take_off(stop)));
     }
     for via in &stop.way.via {
@@ -442,8 +434,7 @@ fn of_stop(
             .collect()
     };
     // Where a gauge is set to zero nothing is written down.
-    let is_zeroing = stop.direction.is_some() && stop.load.is_none();
-    let blank = if is_zeroing {
+    let blank = if stop.sets_gauge() {
         format!("<td colspan=\"{fields}\">to zero</td>")
     } else {
         "<td class=\"fill\"></td>".repeat(fields)

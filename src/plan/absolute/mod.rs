@@ -21,14 +21,14 @@ mod readable;
 mod tied_choice;
 mod together;
 
-use crate::plan::search::PlanSize;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::Criterion;
 use super::search::{
     CandidateError, CandidateInformation, CandidatePlan, FiniteBound, FiniteDesign, FiniteEffort,
-    FiniteProblem, OfferedCandidates, PlanBound, SharingCandidates, TogetherBounds, Watch,
+    FiniteProblem, OfferedCandidates, PlanBound, PlanSize, SharingCandidates, TogetherBounds,
+    Watch,
 };
 use crate::compensation::{KnownArm, uncompensated_rows};
 use crate::experiment::Candidate;

@@ -38,7 +38,7 @@ use super::local::{LocalSearch, Precision};
 use super::observation::times;
 use super::point::{Point, add_information, information_in};
 use super::problem::{Problem, SearchError};
-use super::sampling::{Drawn, RandomPlans, points_inside};
+use super::sampling::{RandomPlans, points_inside};
 use super::weighing::{Weighing, apportioned, drop_light, normalise};
 use crate::experiment::{Experiment, Plan, printed_tolerance};
 use crate::numeric::random::generator;
@@ -382,10 +382,10 @@ fn initial_support(problem: &Problem<'_>, seed: u64) -> Result<Vec<Point>, Searc
     let local = LocalSearch::new(problem);
     (0..40)
         .map(|_| {
-            let Drawn { q, load, direction } = sampler
-                .draw_one(&mut random)
-                .ok_or_else(|| sampler.explain_empty(seed))?;
-            Ok(local.point(&q, &load, direction))
+            let drawn =
+                (sampler.draw_one(&mut random)).ok_or_else(|| sampler.explain_empty(seed))?;
+            let q = drawn.configuration_rad.as_slice();
+            Ok(local.point(q, &drawn.load, drawn.direction))
         })
         .collect()
 }

@@ -27,15 +27,6 @@ const PAIRS: usize = 5;
 /// How many other angles of the joints that do not matter are tried to get clear of an obstacle.
 const VARIANTS: usize = 24;
 
-/// An experiment that was sampled.
-pub(super) struct Drawn {
-    /// The configuration (rad, m).
-    pub q: Vec<f64>,
-    pub load: Load,
-    /// A gauge's direction.
-    pub direction: Option<Vector3<f64>>,
-}
-
 /// Draws configurations uniformly from the joint ranges, and loads from those that are allowed: what a laboratory without a plan
 /// would measure.
 #[derive(Debug)]
@@ -57,20 +48,20 @@ impl<'a> RandomPlans<'a> {
 
     /// A configuration that keeps the smooth bounds and is clear of collisions, with a load and a direction; `None`
     /// after many attempts.
-    pub(super) fn draw_one(&mut self, random: &mut impl Rng) -> Option<Drawn> {
+    pub(super) fn draw_one(&mut self, random: &mut impl Rng) -> Option<Experiment> {
         (0..ATTEMPTS).find_map(|_| {
             let drawn = self.inside(random)?;
-            let direction = drawn.direction.as_ref();
-            (self.feasibility.is_clear(&drawn.q, &drawn.load, direction)).then_some(drawn)
+            let (q, direction) = (drawn.configuration_rad.as_slice(), drawn.direction.as_ref());
+            (self.feasibility.is_clear(q, &drawn.load, direction)).then_some(drawn)
         })
     }
 
     /// A draw, where it keeps the smooth bounds.
-    fn inside(&self, random: &mut impl Rng) -> Option<Drawn> {
+    fn inside(&self, random: &mut impl Rng) -> Option<Experiment> {
         let q = uniform(&self.problem.ranges, random);
         let load = self.load(&q, random)?;
         let direction = self.direction(random);
-        (self.local.is_inside(&q, &load)).then_some(Drawn { q, load, direction })
+        (self.local.is_inside(&q, &load)).then(|| experiment(q, load, direction))
     }
 
     /// Random plan number `run` under a seed.
@@ -89,10 +80,8 @@ impl<'a> RandomPlans<'a> {
         stream: u64,
     ) -> Result<Plan, SearchError> {
         let mut random = generator(seed, stream);
-        let experiments = (0..experiments).map(|_| {
-            let drawn = (self.draw_one(&mut random)).ok_or_else(|| self.explain_empty(seed))?;
-            Ok(experiment(drawn))
-        });
+        let experiments = (0..experiments)
+            .map(|_| (self.draw_one(&mut random)).ok_or_else(|| self.explain_empty(seed)));
         Ok(Plan {
             experiments: experiments.collect::<Result<_, _>>()?,
         })
@@ -125,8 +114,9 @@ impl<'a> RandomPlans<'a> {
 
     /// An experiment that keeps the smooth bounds only.
     pub(super) fn draw_inside(&self, random: &mut impl Rng) -> Option<Point> {
-        let Drawn { q, load, direction } = (0..ATTEMPTS).find_map(|_| self.inside(random))?;
-        Some(self.local.point(&q, &load, direction))
+        let drawn = (0..ATTEMPTS).find_map(|_| self.inside(random))?;
+        let q = drawn.configuration_rad.as_slice();
+        Some(self.local.point(q, &drawn.load, drawn.direction))
     }
 
     /// Why nothing feasible was found: the share of random experiments that each constraint rejects,
@@ -141,11 +131,7 @@ impl<'a> RandomPlans<'a> {
             let load = self
                 .load(&q, &mut random)
                 .unwrap_or_else(|| self.least_load());
-            let experiment = experiment(Drawn {
-                q,
-                load,
-                direction: self.direction(&mut random),
-            });
+            let experiment = experiment(q, load, self.direction(&mut random));
             let violations = self.feasibility.violations_of(1, &experiment);
             let kinds: BTreeSet<String> = violations.iter().map(Violation::kind).collect();
             for what in kinds {
@@ -268,7 +254,7 @@ pub fn median_random_plan(
     Ok(predicted.swap_remove(predicted.len() / 2))
 }
 
-fn experiment(Drawn { q, load, direction }: Drawn) -> Experiment {
+fn experiment(q: Vec<f64>, load: Load, direction: Option<Vector3<f64>>) -> Experiment {
     Experiment {
         configuration_rad: nalgebra::DVector::from_vec(q),
         load,
