@@ -10,7 +10,7 @@ use crate::plan::absolute::AbsolutePlanError;
 use crate::plan::search::{BudgetPoint, PlanSize, budget, cheapest, repeated_configurations};
 use crate::quantities::plausible::ACCURACY;
 use crate::record::json::merge;
-use crate::record::messages::{CommonSourcesMessage, ProvenanceMessage};
+use crate::record::messages::ProvenanceMessage;
 use crate::scenario::Scenario;
 use crate::task::AccuracyKind;
 use crate::text::wording::counted;
@@ -23,7 +23,6 @@ use super::plan_args::{ReadingsArgs, offered};
 use super::progress::search;
 use super::proof::{ProofArgs, proof_json};
 use super::table::{number, table_of};
-use super::uncertainty_budget::common_sources;
 use super::written::Written;
 use super::{Common, Report, results, without_effect};
 
@@ -186,7 +185,7 @@ impl Budget {
         };
         let is_cut_short = STOP.load(Ordering::Relaxed);
         let points = &found.points;
-        let mut text = describe(points) + &common_to(points);
+        let mut text = describe(points);
         text += &match accuracy {
             AccuracyKind::Relative => stops_helping(points) + &found.text,
             AccuracyKind::Absolute => format!("\n{}", found.text),
@@ -245,25 +244,10 @@ fn record(point: &BudgetPoint) -> Value {
         "configurations": point.configurations,
         "rho0_mm": point.rho0_m * 1e3,
         "shared_rho0_mm": point.shared_m.map(|shared_m| shared_m * 1e3),
-        "common_sources": (point.common_sources.clone()).map(CommonSourcesMessage::from),
         "lower_bound_rho0_mm": point.lower_bound_m().map(|bound_m| bound_m * 1e3),
         "bound_kind": point.bound.as_ref().map(|bound| bound.kind.name()),
         "proved_lower_bound_rho0_mm": point.bound.as_ref().and_then(|bound| Some(bound.proof.as_ref()?.best * 1e3)),
     })
-}
-
-/// The error sources in common with the campaign of the prior, with the accuracy of most measurements.
-fn common_to(points: &[BudgetPoint]) -> String {
-    let last = points.iter().rev().find_map(|point| {
-        let common = point.common_sources.as_ref()?;
-        let rho0 = format!(
-            "{:.3} um for {}",
-            common.rho0_m * 1e6,
-            counted(point.experiments.into(), "measurement")
-        );
-        Some((&*common.names, rho0))
-    });
-    common_sources(last)
 }
 
 /// From where on most of what is left is what the whole plan shares, where more measurements hardly make that smaller.

@@ -276,11 +276,7 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
             message.task_force_mm
         );
     }
-    let common = message.common_sources.as_ref();
-    text += &uncertainty_budget::describe(
-        message.uncertainty_budget.as_ref(),
-        common.map(|common| (&*common.names, common.rho0_mm)),
-    );
+    text += &uncertainty_budget::describe(message.uncertainty_budget.as_ref());
     text += &left_out(message);
     if message.test_poses.len() > 1 {
         let rows = (message.test_poses.iter())
@@ -355,11 +351,7 @@ fn unkept(trials: &RobotTrials) -> Vec<Condition> {
 
 /// The uncertainty budget of a plan, where it is more than the instrument's noise.
 pub fn budget(assessment: &Assessment) -> String {
-    let common = assessment.common_sources.as_ref();
-    uncertainty_budget::describe(
-        assessment.uncertainty_budget.as_ref(),
-        common.map(|common| (&*common.names, common.rho0_m * 1e3)),
-    )
+    uncertainty_budget::describe(assessment.uncertainty_budget.as_ref())
 }
 
 /// What no plan is better than, in words that follow the plan's own value.

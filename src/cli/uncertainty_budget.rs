@@ -31,7 +31,7 @@ impl BudgetArgs {
 }
 
 /// The main columns of a budget, where it has more than the instrument's noise.
-pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f64)>) -> String {
+pub fn describe(budget: Option<&UncertaintyBudget>) -> String {
     let Some(budget) = budget.filter(|budget| budget.has_more_than_noise()) else {
         return String::new();
     };
@@ -58,12 +58,7 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
         number(budget.expanded_uncertainty_um, 3),
         number(budget.coverage_factor, 3)
     );
-    let common = common.map(|(names, rho0_mm)| (names, format!("{:.3} um", rho0_mm * 1e3)));
-    format!(
-        "\n{}{combined}{remarks}{}",
-        table(header, rows),
-        common_sources(common)
-    )
+    format!("\n{}{combined}{remarks}", table(header, rows))
 }
 
 /// The contributions to the errors of a simulated truth.
@@ -79,15 +74,4 @@ pub fn contributions(sources: &[Contribution]) -> String {
     };
     let rows = sources.iter().map(row);
     table("source | contribution [um] | share [%]", rows)
-}
-
-/// The accuracy with the error sources that the campaign of the prior has, too.
-pub fn common_sources(common: Option<(&[String], String)>) -> String {
-    common.map_or_else(String::new, |(names, rho0)| {
-        format!(
-            "  error sources in common with the campaign of robot.prior: {}; rho0, the 95 % quantile and the bound take them as \
-             independent, and rho0 is {rho0} with the same values in both\n",
-            names.join(", ")
-        )
-    })
 }

@@ -36,6 +36,8 @@ pub struct StoredIdentification {
     pub others: Option<OtherUnknowns>,
     /// The conditions with which it was made, besides what is not determined.
     pub conditions: Vec<Condition>,
+    /// The names of the error sources with which it was made.
+    pub error_sources: Vec<String>,
     /// What the model leaves unexplained; nothing where the measurements did not show any.
     pub discrepancy: Discrepancy,
     /// The degrees of freedom that this was estimated with; `None` where nothing was.
@@ -102,6 +104,8 @@ struct IdentificationFile {
     conditions: Vec<Condition>,
     identified_with: Option<Fingerprint>,
     scenario_file: Option<String>,
+    #[serde(default)]
+    error_sources: Vec<String>,
     #[serde(default)]
     simulated: Option<SimulatedRun>,
     provenance: Option<StoredProvenance>,
@@ -175,6 +179,7 @@ impl StoredIdentification {
             posterior,
             others,
             joints,
+            error_sources: stored.error_sources,
             discrepancy,
             degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
             // Whether a test pose needs what is not determined is asked there.

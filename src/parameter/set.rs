@@ -178,6 +178,23 @@ impl ParameterSet {
         Ok(self)
     }
 
+    /// The same set, in which an earlier identification found parameters at some places: its means (n) and its precision (n x n), in their
+    /// units, are what is known of them.
+    pub fn with_earlier(
+        mut self,
+        places: &[usize],
+        mean: &DVector<f64>,
+        precision: &DMatrix<f64>,
+    ) -> Self {
+        for (row, &place) in places.iter().enumerate() {
+            self.prior.mean[place] = mean[row];
+            for (column, &other) in places.iter().enumerate() {
+                self.prior.precision[(place, other)] = precision[(row, column)];
+            }
+        }
+        self
+    }
+
     /// The same set, in which of the first parameters this precision (q x q, in their units) is known besides,
     /// about the values that they have in the mean already.
     pub fn with_precision(mut self, precision: &DMatrix<f64>) -> Self {

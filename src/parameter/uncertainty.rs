@@ -49,6 +49,8 @@ pub struct Uncertainty {
     pub name: String,
     /// Whether the belief does not know of it: the planner is then wrong.
     pub is_hidden: bool,
+    /// Whether it has another value than in the campaign of `robot.prior`: what errs was replaced since.
+    pub is_replaced: bool,
     /// From which its standard uncertainty was evaluated.
     pub distribution: ErrorDistribution,
     /// What is uncertain, and by how much.

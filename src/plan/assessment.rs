@@ -5,8 +5,7 @@ use clap::ValueEnum;
 use super::conditions::conditions;
 use super::search::{Bound, NoBound, PlanBound, Problem};
 use super::{
-    CommonSources, Criterion, Feasibility, Plan, UncertaintyBudget, Violation, posterior,
-    quantile95_m, rho0_m,
+    Criterion, Feasibility, Plan, UncertaintyBudget, Violation, posterior, quantile95_m, rho0_m,
 };
 use crate::codes::Condition;
 use crate::numeric::posterior::Posterior;
@@ -25,8 +24,6 @@ pub struct Assessment {
     pub quantile95_m: Option<f64>,
     /// What `rho_0` is made of; `None` where there is none.
     pub uncertainty_budget: Option<UncertaintyBudget>,
-    /// The error sources in common with the campaign of the earlier identification, and `rho_0` with them.
-    pub common_sources: Option<CommonSources>,
     /// The standard error of each compliance (rad/(N m)), eq. 13; `None` where the plan does not
     /// determine it.
     pub standard_errors: Vec<Option<f64>>,
@@ -79,8 +76,6 @@ impl Assessment {
         Self {
             experiments,
             uncertainty_budget: UncertaintyBudget::of_deflections(task, plan, &posterior),
-            common_sources: rho0_m
-                .and_then(|rho0_m| CommonSources::of_deflections(task, &posterior, rho0_m)),
             conditions: conditions(task, plan, rho0_m),
             quantile95_m: quantile95_m(task, &posterior),
             rho0_m,

@@ -69,8 +69,7 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
         Some(_) => (instrument.along_sigma_m(), "m"),
         None => (instrument.sigma_m, "m"),
     }));
-    let own = gain.columns(0, belief.parameters.len());
-    let before = |precision: &DMatrix<f64>| (own * precision * own.transpose()).trace();
+    let before = || (&gain * belief.earlier_precision() * gain.transpose()).trace();
     let of_groups = extended.map_or(&[][..], Extended::shared).iter();
     let of_group = |places: &Vec<usize>| -> f64 {
         let known = |place| extended.map_or(0.0, |each| each.own_precision(place));
@@ -81,7 +80,7 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     };
     Squares {
         noise: (input.filter(|_| is_of_positions), noise),
-        before: belief.prior.as_ref().map(|prior| before(&prior.precision)),
+        before: belief.prior.as_ref().map(|_| before()),
         readings: (extended.into_iter().flat_map(Extended::sources))
             .map(|(_, source)| source.level())
             .zip(readings)

@@ -3,7 +3,6 @@
 pub mod absolute;
 mod accuracy;
 mod assessment;
-mod common_sources;
 mod conditions;
 mod contributions;
 mod criterion;
@@ -19,7 +18,6 @@ mod uncertainty_budget;
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
 pub use accuracy::{ExperimentModel, hung, sharing_groups, stand_at};
 pub use assessment::{Assessment, FurtherError};
-pub use common_sources::CommonSources;
 pub use criterion::{Criterion, CriterionFunction, no_wider_than_high};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, LookingAt, Violation};

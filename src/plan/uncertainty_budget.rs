@@ -259,6 +259,7 @@ impl Squares {
             BudgetSource {
                 evaluation: Evaluation::A,
                 degrees_of_freedom: campaign.and_then(|each| each.degrees_of_freedom),
+                remark: kept(belief),
                 ..of(EARLIER)
             }
         }));
@@ -288,6 +289,14 @@ pub(crate) fn common(each: impl IntoIterator<Item = Input>) -> Option<Input> {
     let is_first =
         |(value, unit): Input| (value - first.0).abs() <= EQUAL * first.0 && unit == first.1;
     meant.all(is_first).then_some(first)
+}
+
+/// The error sources whose values are the same as in the earlier campaign, in words.
+fn kept(belief: &Belief) -> Option<String> {
+    let kept = belief.uncertain.as_ref()?.kept().iter();
+    let names: Vec<&str> = kept.map(|(name, _)| name.as_str()).collect();
+    (!names.is_empty())
+        .then(|| format!("includes {}: one value in both campaigns", names.join(", ")))
 }
 
 /// What a source of such parameters does not move.

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::absolute::AbsoluteMessage;
 use super::json::merge;
-use super::messages::{CommonSourcesMessage, TestPoseMessage, TruthMessage};
+use super::messages::{TestPoseMessage, TruthMessage};
 use crate::experiment::Candidate;
 use crate::measurement::AbsoluteReading;
 use crate::plan::UncertaintyBudget;
@@ -77,8 +77,6 @@ pub struct AbsolutePlanMessage {
     pub task_force_mm: f64,
     /// What `rho0_mm` is made of; null where there is none.
     pub uncertainty_budget: Option<UncertaintyBudget>,
-    /// The error sources in common with the campaign of `robot.prior`; null where there are none.
-    pub common_sources: Option<CommonSourcesMessage>,
     /// No plan of as many readings of the candidates is below (mm).
     pub lower_bound_rho0_mm: Option<f64>,
     /// What that rests on.
@@ -221,8 +219,6 @@ impl AbsolutePlanMessage {
             quantile95_mm: prediction.quantile95_m.map(|value| value * 1e3),
             task_force_mm: prediction.task_force_m * 1e3,
             uncertainty_budget: planning.uncertainty_budget(plan, prediction),
-            common_sources: (planning.common_sources(plan, prediction))
-                .map(CommonSourcesMessage::from),
             lower_bound_rho0_mm: bound.map(|bound| bound.best * 1e3),
             bound_kind: bound.map(|bound| bound.kind.name()),
             efficiency: bound.and_then(|bound| Some(bound.best / prediction.rho0_m()?)),

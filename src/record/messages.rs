@@ -15,7 +15,7 @@ use crate::codes::Condition;
 use crate::files::{FileError, hexadecimal, schema::RESULTS_VERSION, sha256_of};
 use crate::identification::{Identification, MeasurementResidual, UncertainEstimate};
 use crate::measurement::Measurement;
-use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, Violation};
+use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
 use crate::record::platform::platform;
 use crate::robot::{Commands, Load};
@@ -274,24 +274,6 @@ fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
     rows.map(|row| row.iter().copied().collect()).collect()
 }
 
-/// Error sources whose value is the same in the campaign of `robot.prior` and in this one.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct CommonSourcesMessage {
-    /// Their names.
-    pub names: Vec<String>,
-    /// The predicted rms distance (mm) with them; `rho0_mm` takes the two campaigns as independent.
-    pub rho0_mm: f64,
-}
-
-impl From<CommonSources> for CommonSourcesMessage {
-    fn from(common: CommonSources) -> Self {
-        Self {
-            names: common.names,
-            rho0_mm: common.rho0_m * 1e3,
-        }
-    }
-}
-
 /// The predicted accuracy of a plan; arrays go by `parameters`, lengths are in mm. Null is what the plan does not determine, and bounds
 /// that there are none of.
 pub fn assessment_json(scenario: &Scenario, assessment: &Assessment) -> Value {
@@ -338,9 +320,6 @@ pub fn assessment_json(scenario: &Scenario, assessment: &Assessment) -> Value {
         "no_bound_reason": no_bound.map(ToString::to_string),
         "violations": violations.collect::<Vec<_>>(),
     });
-    if let Some(common) = assessment.common_sources.clone() {
-        json["common_sources"] = json!(CommonSourcesMessage::from(common));
-    }
     if !assessment.further.is_empty() {
         json["further_std"] = json!(assessment.further);
     }

@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use super::messages::CommonSourcesMessage;
 use crate::csv::word_field;
 use crate::study::Conditions;
 use crate::study::account::{Account, Contribution};
@@ -51,9 +50,6 @@ pub struct StudyPlanMessage {
     /// expected.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub contributions: Vec<Contribution>,
-    /// The error sources in common with the campaign of `robot.prior`, which the runs take as independent; null where there are none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub common_sources: Option<CommonSourcesMessage>,
     /// Whether the prediction holds, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<String>,
@@ -167,9 +163,6 @@ impl StudyPlanMessage {
             combined_rms_mm: account.map(|account| account.predicted_m * 1e3),
             predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
             contributions: account.map_or_else(Vec::new, |account| account.parts.clone()),
-            common_sources: account
-                .and_then(|account| account.common.clone())
-                .map(CommonSourcesMessage::from),
             verdict: (account.zip(summary)).map(|(account, each)| account.verdict(each.rms_m)),
             validation: (predicted_quantile95_m.zip(summary)).map(|(predicted_m, each)| {
                 let standard_m =

@@ -485,6 +485,8 @@ pub(super) struct UncertaintyTable {
     pub at_nm: Option<f64>,
     #[serde(default)]
     pub hidden: bool,
+    #[serde(default)]
+    pub replaced: bool,
 }
 
 impl UncertaintyTable {

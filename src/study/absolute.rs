@@ -360,6 +360,7 @@ fn uncertainties(
         all.push(Uncertainty {
             name: "unknown".to_owned(),
             is_hidden: false,
+            is_replaced: false,
             distribution: ErrorDistribution::Normal,
             source: Source::Plan(drawn),
         });

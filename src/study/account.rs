@@ -10,7 +10,7 @@
 //!
 //! Nothing is hidden if these are the contributions of the [uncertainty budget](crate::plan::UncertaintyBudget).
 
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::deviations::{Deviations, by_repeats};
@@ -19,8 +19,7 @@ use super::{EntryKind, StudiedReadings, summary::Measured, verdict::Kept};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{
-    CommonSources, EARLIER, ExperimentModel, NOISE, Plan, posterior, quantile95_m, sharing_groups,
-    task_rows,
+    EARLIER, ExperimentModel, NOISE, Plan, posterior, quantile95_m, sharing_groups, task_rows,
 };
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -67,9 +66,6 @@ pub struct Account {
     pub predicted_m: f64,
     /// What the errors are made of, to first order.
     pub parts: Vec<Contribution>,
-    /// The error sources in common with the campaign of `robot.prior`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub common: Option<CommonSources>,
 }
 
 impl Account {
@@ -83,9 +79,6 @@ impl Account {
     pub fn verdict(&self, observed_m: Measured) -> String {
         let ratio = observed_m.value / self.predicted_m;
         match Kept::of(self.predicted_m, observed_m) {
-            Kept::Holds if self.common.is_some() => {
-                return "holds where the two campaigns are independent".to_owned();
-            }
             Kept::Holds => return "holds".to_owned(),
             Kept::Conservative => return format!("conservative: {ratio:.3} of what is predicted"),
             Kept::Exceeded => {}
@@ -157,7 +150,6 @@ impl Account {
         Some(Self {
             predicted_m: prediction.rho0_m()?,
             parts,
-            common: planning.common_sources(plan, prediction),
         })
     }
 
@@ -215,7 +207,7 @@ impl Account {
             parts.push(part(
                 EARLIER,
                 false,
-                earlier(task, truth, &gain, &precision),
+                earlier(&deviations, task, truth, &gain, &foreign),
             ));
         }
         let mut next_source = 0;
@@ -245,7 +237,7 @@ impl Account {
         // Compliances that the scenario says to be others than believed.
         let (told, tied) = (deviations.told(truth), deviations.tied_told(truth));
         if told.iter().chain(&tied).any(|(_, value)| *value != 0.0) {
-            let mut effect = nalgebra::DVector::zeros(foreign.nrows());
+            let mut effect = DVector::zeros(foreign.nrows());
             for (place, value) in told {
                 effect.axpy(value, &foreign.column(place), 1.0);
             }
@@ -264,26 +256,34 @@ impl Account {
                 foreign.column(place).norm_squared(),
             ));
         }
-        Some(Self {
-            predicted_m,
-            parts,
-            common: CommonSources::of_deflections(task, &posterior, predicted_m),
-        })
+        Some(Self { predicted_m, parts })
     }
 }
 
-/// What an earlier identification's errors leave (m^2) with a gain K and the belief's precision M_0.
-fn earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>, precision: &DMatrix<f64>) -> f64 {
+/// What an earlier identification's errors leave (m^2) with a gain K, and with what foreign parameters do at the test poses.
+fn earlier(
+    deviations: &Deviations<'_>,
+    task: &Task,
+    truth: &Truth,
+    gain: &DMatrix<f64>,
+    foreign: &DMatrix<f64>,
+) -> f64 {
     let belief = &task.belief;
-    let count = belief.parameters.len();
-    let Some(drawn) = &truth.drawn else {
-        let own = gain.columns(0, count);
-        let prior = belief.prior.as_ref();
-        return prior.map_or(0.0, |prior| {
-            (own * &prior.precision * own.transpose()).trace()
-        });
+    let Some(drawn) = (truth.earlier.as_ref()).filter(|drawn| !drawn.joints.is_empty()) else {
+        return (gain * belief.earlier_precision() * gain.transpose()).trace();
     };
-    let left = gain * precision.columns(0, count) * &drawn.spread;
+    let precision = belief.precision();
+    let joints = drawn.joints.iter();
+    let compliances = joints.map(|&joint| ParameterKind::JointCompliance { joint });
+    let effects = compliances.chain(drawn.kept.iter().copied()).map(|kind| {
+        let pulled = |place: usize| -(gain * precision.column(place));
+        let seen = |place: usize| foreign.column(place).into_owned();
+        let own = deviations.place(kind).map(pulled);
+        own.or_else(|| deviations.foreign_place(kind).map(seen))
+            .unwrap_or_else(|| DVector::zeros(gain.nrows()))
+    });
+    let effects: Vec<DVector<f64>> = effects.collect();
+    let left = DMatrix::from_columns(&effects) * &drawn.spread;
     let sources = truth.uncertainties.iter();
     let others: f64 = (sources.map(|each| with_earlier(task, truth, gain, &each.name))).sum();
     left.norm_squared() - others
@@ -292,7 +292,8 @@ fn earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>, precision: &DMatrix<
 /// The part of it that a source of compliances leaves of which an earlier identification tells, too: runs sample these once, from
 /// both.
 fn with_earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>, name: &str) -> f64 {
-    let Some(extended) = (task.belief.uncertain.as_ref()).filter(|_| truth.drawn.is_some()) else {
+    let Some(extended) = (task.belief.uncertain.as_ref()).filter(|_| truth.earlier.is_some())
+    else {
         return 0.0;
     };
     let own = |&place: &usize| gain.column(place).norm_squared() * extended.own_precision(place);
@@ -319,7 +320,6 @@ mod tests {
 
     fn account() -> Account {
         Account {
-            common: None,
             predicted_m: 6e-6,
             parts: vec![
                 Contribution::new("noise", false, Some(6e-6)),

@@ -47,6 +47,8 @@ pub struct Deviations<'a> {
     /// Unknowns of which something is known before, which the truth may not agree with, as indices in the belief's
     /// vector.
     tied: Vec<(usize, Deviation)>,
+    /// The parameters of sources in common with an earlier campaign,
+    kept: Vec<ParameterKind>,
     laboratory: Option<Circumstances>,
     /// The true robot, where some of its joints are no springs.
     unlike_springs: Option<TrueRobot>,
@@ -68,7 +70,8 @@ impl<'a> Deviations<'a> {
         let foreign_kinds = foreign_kinds(belief, truth);
         let extended = belief.uncertain.as_ref();
         let has_laws = !truth.robot.torque_laws.is_empty();
-        let is_plain = extended.is_none() && truth.uncertainties.is_empty();
+        let is_plain =
+            extended.is_none() && truth.uncertainties.is_empty() && truth.kept().is_empty();
         let unknowns = (joints.iter())
             .map(|&joint| (ParameterKind::JointCompliance { joint }, None))
             .chain(foreign_kinds.iter().map(|&kind| (kind, Some(1.0))));
@@ -88,8 +91,9 @@ impl<'a> Deviations<'a> {
             .collect(),
             unlike_springs: has_laws.then(|| truth.robot.clone()),
             tied: tied(belief, truth),
+            kept: truth.kept().to_vec(),
             laboratory: (!truth.uncertainties.is_empty())
-                .then(|| Circumstances::new(arm.clone(), &truth.uncertainties).ok())
+                .then(|| Circumstances::new(arm.clone(), &truth.uncertainties, truth.kept()).ok())
                 .flatten()
                 .map(|laboratory| laboratory.resting_on(belief.instrument.unloaded)),
             believed: extended.map_or_else(Vec::new, |extended| {
@@ -126,18 +130,17 @@ impl<'a> Deviations<'a> {
         (self.laboratory.as_ref()).map_or(0, |laboratory| laboratory.numbers(0))
     }
 
-    /// By how much each differs (per sigma) in the runs of all lanes, whose compliances without the laboratory's part are
-    /// given (rad/(N m)).
-    pub fn values(
-        &self,
-        true_rad_per_nm: &[[f64; LANES]],
-        normals: &[[f64; LANES]],
-    ) -> Vec<[f64; LANES]> {
+    /// By how much each differs (per sigma) in the runs of all lanes, of which what
+    /// [`TrueCompliances`](crate::testbed::TrueCompliances) samples is given.
+    pub fn values(&self, sampled: &[[f64; LANES]], normals: &[[f64; LANES]]) -> Vec<[f64; LANES]> {
         let nominal = &self.belief.nominal.compliance_rad_per_nm;
         let sigma_m = self.belief.instrument.sigma_m;
-        let drawn = |kind, lane| {
-            (self.laboratory.as_ref())
-                .map_or(0.0, |laboratory| laboratory.drawn(kind, normals, lane))
+        let (true_rad_per_nm, kept) = sampled.split_at(nominal.len());
+        let drawn = |kind, lane: usize| {
+            let place = self.kept.iter().position(|own| *own == kind);
+            let laboratory = self.laboratory.as_ref();
+            let here = laboratory.map_or(0.0, |laboratory| laboratory.drawn(kind, normals, lane));
+            here + place.map_or(0.0, |place| kept[place][lane])
         };
         let value = |deviation: &Deviation| -> [f64; LANES] {
             std::array::from_fn(|lane| match *deviation {
@@ -411,7 +414,7 @@ pub fn by_repeats(
 
 /// What runs draw of parameters that the whole plan shares.
 fn drawn_kinds(truth: &Truth) -> Vec<ParameterKind> {
-    let mut kinds: Vec<ParameterKind> = Vec::new();
+    let mut kinds = truth.kept().to_vec();
     for each in &truth.uncertainties {
         if let Source::Plan(parameters) = &each.source {
             for (kind, _) in parameters {
@@ -429,7 +432,7 @@ fn drawn_kinds(truth: &Truth) -> Vec<ParameterKind> {
 fn differs(belief: &Belief, truth: &Truth, drawn: &[ParameterKind], joint: usize) -> bool {
     belief.nominal.compliance_rad_per_nm[joint] != truth.robot.compliance_rad_per_nm[joint]
         || truth.compliance_spread[joint] > 0.0
-        || (truth.drawn.as_ref()).is_some_and(|drawn| drawn.joints.contains(&joint))
+        || (truth.earlier.as_ref()).is_some_and(|earlier| earlier.joints.contains(&joint))
         || drawn.contains(&ParameterKind::JointCompliance { joint })
 }
 

@@ -36,8 +36,8 @@ impl<'a> PreparedPlan<'a> {
 pub struct RobotRuns<'a> {
     task: &'a Task,
     robots: TrueRobots,
-    /// The compliance of every joint in a run (rad/(N m)).
-    compliance_rad_per_nm: Vec<f64>,
+    /// The compliance of every joint in a run (rad/(N m)), then what sources have in common with an earlier campaign.
+    values: Vec<f64>,
     /// A_0 of each test pose.
     test_poses: Vec<DMatrix<f64>>,
 }
@@ -52,7 +52,7 @@ impl<'a> RobotRuns<'a> {
         Ok(Self {
             task,
             robots: TrueRobots::new(belief, truth)?,
-            compliance_rad_per_nm: truth.robot.compliance_rad_per_nm.clone(),
+            values: vec![0.0; belief.joints() + truth.kept().len()],
             test_poses: (task.test_poses.iter())
                 .map(|pose| test_pose_rows(belief, pose))
                 .collect(),
@@ -64,21 +64,21 @@ impl<'a> RobotRuns<'a> {
         self.robots.numbers(measurements)
     }
 
-    /// Makes the virtual robot that of a lane: with its compliances (rad/(N m)), and with what the normals say of its
-    /// laboratory.
+    /// Makes the virtual robot that of a lane: with its compliances (rad/(N m)) and what sources have in common with an earlier campaign,
+    /// and with what the normals say of its laboratory.
     ///
     /// # Errors
     /// A link of the model has no frame of its own.
     pub fn become_run(
         &mut self,
-        true_rad_per_nm: &[[f64; LANES]],
+        values: &[[f64; LANES]],
         laboratory: &[[f64; LANES]],
         lane: usize,
     ) -> Result<(), FileError> {
-        for (mine, lanes) in self.compliance_rad_per_nm.iter_mut().zip(true_rad_per_nm) {
+        for (mine, lanes) in self.values.iter_mut().zip(values) {
             *mine = lanes[lane];
         }
-        (self.robots).become_run(&self.compliance_rad_per_nm, laboratory, lane)
+        (self.robots).become_run(&self.values, laboratory, lane)
     }
 
     /// One run with the normals of a lane, those of the noise and of the laboratory. What the measurements do not determine

@@ -302,6 +302,15 @@ impl Belief {
             .map_or_else(nothing, |prior| prior.precision.clone())
     }
 
+    /// The part of it that the campaign of `robot.prior` gives them.
+    pub fn earlier_precision(&self) -> DMatrix<f64> {
+        match (&self.uncertain, &self.prior) {
+            (Some(extended), _) => extended.earlier().clone(),
+            (None, Some(prior)) => prior.precision.clone(),
+            (None, None) => self.precision(),
+        }
+    }
+
     /// The precision of what is known of the unknowns before any measurement, in units of typical sizes,
     /// p x p.
     pub fn prior_information(&self) -> DMatrix<f64> {
@@ -345,6 +354,13 @@ impl Belief {
             names.extend(extended.other_names());
         }
         names
+    }
+
+    /// The names of the error sources that all measurements share.
+    pub fn source_names(&self) -> Vec<&str> {
+        let extended = self.uncertain.iter();
+        let sources = extended.flat_map(|each| each.shared().iter().chain(each.kept()));
+        sources.map(|(name, _)| name.as_str()).collect()
     }
 
     /// The names of the identified joints.

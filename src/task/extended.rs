@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 
+use super::PriorCampaign;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{DeflectionPrecision, PlannedReadings};
 use crate::parameter::{
@@ -28,6 +29,10 @@ pub struct Extended {
     further: Vec<ParameterKind>,
     /// The uncertainties that the whole plan shares, by name, and which parameters they are.
     shared: Vec<(String, Vec<usize>)>,
+    /// What an earlier campaign knows of some of them, too: their values are the same in both. By the name of the uncertainty.
+    kept: Vec<(String, Vec<usize>)>,
+    /// The precision that an earlier campaign gives all parameters together (p x p, 1 over their units).
+    earlier: DMatrix<f64>,
     /// The precision of each parameter that its uncertainty alone gives it (1 over its unit squared).
     own_precision: Vec<f64>,
     /// The prior as whitened equations, r x p.
@@ -43,7 +48,8 @@ pub struct Extended {
 
 impl Extended {
     /// The vector of the compliances of an arm's `identified` joints, with what is known of these before, of what
-    /// else is to be found (`further`), of which nothing is known but what the uncertainties say, and of these.
+    /// else is to be found (`further`), of which nothing is known but what the uncertainties say, and of these. A source that the
+    /// campaign behind the prior lists, too, has the same value in both, and what that campaign found of it is known of it.
     ///
     /// # Errors
     /// An unknown is something that the arm does not have or cannot know.
@@ -52,6 +58,7 @@ impl Extended {
         identified: &[usize],
         further: &[ParameterKind],
         prior: Option<&Prior>,
+        campaign: Option<&PriorCampaign>,
         uncertainties: &[Uncertainty],
     ) -> Result<Self, ParameterError> {
         let compliance = |&joint: &usize| ParameterKind::JointCompliance { joint };
@@ -60,8 +67,14 @@ impl Extended {
             .chain(further.iter().copied())
             .map(|kind| (kind, None))
             .collect();
-        let mut shared = Vec::new();
+        let (mut shared, mut kept) = (Vec::new(), Vec::new());
         let mut own_priors: Vec<(usize, f64)> = Vec::new();
+        // Parameters that the earlier campaign found: their places here and there.
+        let mut both: Vec<(usize, usize)> = Vec::new();
+        let is_estimated = |place: usize| {
+            place < identified.len()
+                && prior.is_some_and(|prior| prior.precision[(place, place)] > 0.0)
+        };
         let (mut source_names, mut sources) = (Vec::new(), Vec::new());
         for each in uncertainties {
             match &each.source {
@@ -70,23 +83,50 @@ impl Extended {
                     sources.push(source.clone());
                 }
                 Source::Plan(parameters) => {
-                    let mut places = Vec::new();
+                    let (mut places, mut own_kept) = (Vec::new(), Vec::new());
+                    let campaign = campaign.filter(|_| !each.is_replaced);
                     for &(kind, deviation) in parameters {
                         let wanted = identified.len() + further.len();
                         let place = unknowns[..wanted].iter().position(|each| each.0 == kind);
-                        if own_priors.iter().any(|(other, _)| Some(*other) == place) {
+                        let known = kept
+                            .iter()
+                            .flat_map(|(_, places): &(String, Vec<usize>)| places);
+                        let known = own_priors.iter().map(|(own, _)| own).chain(known);
+                        if known.chain(&own_kept).any(|own| Some(*own) == place) {
                             return Err(ParameterError::Twice(kind.name(&arm)));
                         }
+                        let found = campaign.filter(|_| kind.is_kept_between_campaigns());
                         if let Some(place) = place {
+                            if found.is_some_and(|found| found.sources.contains(&each.name))
+                                && is_estimated(place)
+                            {
+                                // It is in the estimate.
+                                own_kept.push(place);
+                                continue;
+                            }
                             // A compliance stays linear, as in the paper.
                             own_priors.push((place, deviation * kind.whole(&arm)));
                             places.push(place);
                         } else {
-                            places.push(unknowns.len());
+                            let name = kind.name(&arm);
+                            let found = found
+                                .and_then(|found| found.names.iter().position(|own| *own == name));
+                            both.extend(found.map(|found| (unknowns.len(), found)));
+                            let own = if found.is_some() {
+                                &mut own_kept
+                            } else {
+                                &mut places
+                            };
+                            own.push(unknowns.len());
                             unknowns.push((kind, Some(deviation)));
                         }
                     }
-                    shared.push((each.name.clone(), places));
+                    if !own_kept.is_empty() {
+                        kept.push((each.name.clone(), own_kept));
+                    }
+                    if !places.is_empty() || parameters.is_empty() {
+                        shared.push((each.name.clone(), places));
+                    }
                 }
             }
         }
@@ -97,14 +137,37 @@ impl Extended {
                     .map_or(0.0, |deviation| deviation.powi(-2))
             })
             .collect();
+        for &(place, _) in &both {
+            own_precision[place] = 0.0;
+        }
+        let mut earlier = DMatrix::zeros(set.len(), set.len());
+        if let Some(prior) = prior {
+            let (known, others): (Vec<usize>, Vec<usize>) = both.iter().copied().unzip();
+            let places: Vec<usize> = (0..identified.len()).chain(known).collect();
+            let found = campaign.filter(|_| !others.is_empty());
+            let (mut mean, mut precision) = (
+                set.prior().mean.select_rows(&places),
+                prior.precision.clone(),
+            );
+            if let Some(found) = found {
+                let values = found.values.select_rows(&others);
+                mean.rows_mut(identified.len(), others.len())
+                    .copy_from(&values);
+                precision =
+                    (found.together(&precision, &others)).ok_or(ParameterError::Covariance)?;
+            }
+            set = set.with_earlier(&places, &mean, &precision);
+            for (row, &place) in places.iter().enumerate() {
+                for (column, &other) in places.iter().enumerate() {
+                    earlier[(place, other)] = precision[(row, column)];
+                }
+            }
+        }
         for (place, deviation) in own_priors {
             own_precision[place] = deviation.powi(-2);
             let mean = set.prior().mean.rows(place, 1).into_owned();
             let variance = DMatrix::from_element(1, 1, deviation * deviation);
             set = set.with_prior(&[place], &mean, &variance)?;
-        }
-        if let Some(prior) = prior {
-            set = set.with_precision(&prior.precision);
         }
         let joints = identified.iter();
         let mut sizes: Vec<f64> = joints
@@ -122,6 +185,8 @@ impl Extended {
             identified: identified.len(),
             further: further.to_vec(),
             shared,
+            kept,
+            earlier,
             own_precision,
             source_names,
             sources,
@@ -149,13 +214,21 @@ impl Extended {
         if self.further.is_empty() && self.unloaded == Unloaded::Own {
             return None;
         }
-        let noise_only = Self::new(self.arm.clone(), identified, &self.further, prior, &[]).ok();
+        let noise_only = Self::new(
+            self.arm.clone(),
+            identified,
+            &self.further,
+            prior,
+            None,
+            &[],
+        )
+        .ok();
         noise_only.map(|extended| extended.resting_on(self.unloaded))
     }
 
     /// Whether nothing but the instrument's noise is uncertain.
     pub const fn is_certain(&self) -> bool {
-        self.shared.is_empty() && self.sources.is_empty()
+        self.shared.is_empty() && self.kept.is_empty() && self.sources.is_empty()
     }
 
     /// Whether deflections of one configuration share something that repeats do not average.
@@ -237,6 +310,22 @@ impl Extended {
     /// The uncertainties that the whole plan shares, by name, and which parameters they are.
     pub fn shared(&self) -> &[(String, Vec<usize>)] {
         &self.shared
+    }
+
+    /// The uncertainties whose value is that of an earlier campaign, by name, and which parameters they are.
+    pub fn kept(&self) -> &[(String, Vec<usize>)] {
+        &self.kept
+    }
+
+    /// The parameters of these that are no identified compliances, by their places.
+    pub fn kept_others(&self) -> Vec<usize> {
+        let all = self.kept.iter().flat_map(|(_, places)| places);
+        (all.copied().filter(|place| *place >= self.identified)).collect()
+    }
+
+    /// The precision that an earlier campaign gives all parameters together (p x p, 1 over their units).
+    pub const fn earlier(&self) -> &DMatrix<f64> {
+        &self.earlier
     }
 
     /// The prior as whitened equations, r x p: rows of unit variance that the unknowns times them equal those of its

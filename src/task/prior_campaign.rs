@@ -1,14 +1,56 @@
-//! The error sources of the campaign behind `robot.prior`.
+//! The campaign behind `robot.prior`: what it found besides compliances, and how that goes with these.
+//!
+//! With P the precision of the compliances k by themselves, X their covariance with others s and S that of the others, s given k is
+//! normal with the mean s + A (k - k), A = X^T P, and the covariance C = S - X^T P X. What is known of both together is the precision
+//!
+//! ```text
+//! [ P + A^T C^-1 A   -A^T C^-1 ]
+//! [    -C^-1 A          C^-1   ]
+//! ```
 
 use nalgebra::{DMatrix, DVector};
 
-/// The errors of an earlier identification: of its compliances, and of these together with what else was uncertain.
+/// The error sources of an earlier identification, and what it found of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorCampaign {
-    /// The covariance of the identified compliances (p x p, (rad/(N m))^2); zero where nothing was determined.
+    /// The names of the error sources that it lists.
+    pub sources: Vec<String>,
+    /// The parameters that it found besides compliances (o), by name,
+    pub names: Vec<String>,
+    /// their values, in their units,
+    pub values: DVector<f64>,
+    /// their covariance with the compliances that are to be found (p x o),
+    pub cross: DMatrix<f64>,
+    /// and among themselves (o x o).
     pub covariance: DMatrix<f64>,
-    /// What else was uncertain, by name, and its covariance with the identified compliances (p, rad/(N m) times its unit).
-    pub others: Vec<(String, DVector<f64>)>,
     /// Those of the residual scale, where the covariance rests on one that was estimated.
     pub degrees_of_freedom: Option<f64>,
+}
+
+impl PriorCampaign {
+    /// The precision of the compliances and of some of the others together (p + n square), where that of the compliances by themselves is
+    /// this (p x p). `None` where a covariance is singular.
+    pub fn together(&self, compliances: &DMatrix<f64>, others: &[usize]) -> Option<DMatrix<f64>> {
+        let count = compliances.nrows();
+        let cross = self.cross.select_columns(others);
+        let gain = (compliances * &cross).transpose();
+        let own = self.covariance.select_rows(others).select_columns(others);
+        let sizes = own.diagonal().map(f64::sqrt);
+        let relative = (&own - &gain * cross)
+            .map_with_location(|row, column, value| value / (sizes[row] * sizes[column]));
+        let inverse = relative.cholesky()?.inverse();
+        let inverse =
+            inverse.map_with_location(|row, column, value| value / (sizes[row] * sizes[column]));
+        let pulled = &inverse * &gain;
+        let mut all = DMatrix::zeros(count + others.len(), count + others.len());
+        let mut corner = all.view_mut((0, 0), (count, count));
+        corner.copy_from(&(compliances + gain.tr_mul(&pulled)));
+        all.view_mut((count, 0), (others.len(), count))
+            .copy_from(&-&pulled);
+        all.view_mut((0, count), (count, others.len()))
+            .copy_from(&-pulled.transpose());
+        all.view_mut((count, count), (others.len(), others.len()))
+            .copy_from(&inverse);
+        Some(all)
+    }
 }

@@ -28,6 +28,8 @@ pub struct Circumstances {
     nominal: ElasticArm,
     /// What differs, each once.
     set: ParameterSet,
+    /// The places of what sources have in common with an earlier campaign.
+    kept: std::ops::Range<usize>,
     /// For each number that a run shares: which parameter it moves, and by how much.
     shared: Vec<(usize, f64)>,
     sources: Vec<ReadingSource>,
@@ -44,12 +46,17 @@ pub struct Circumstances {
 }
 
 impl Circumstances {
-    /// A laboratory in which a belief's arm has these uncertainties; it is as nominal before anything is drawn.
+    /// A laboratory in which a belief's arm has these uncertainties, and what sources have in common with an earlier campaign; it is as
+    /// nominal before anything is drawn.
     ///
     /// # Errors
     /// An uncertainty is about something that the arm does not have.
-    pub fn new(nominal: ElasticArm, uncertainties: &[Uncertainty]) -> Result<Self, ParameterError> {
-        let mut kinds: Vec<ParameterKind> = Vec::new();
+    pub fn new(
+        nominal: ElasticArm,
+        uncertainties: &[Uncertainty],
+        kept: &[ParameterKind],
+    ) -> Result<Self, ParameterError> {
+        let mut kinds = kept.to_vec();
         let mut shared = Vec::new();
         let mut sources = Vec::new();
         for each in uncertainties {
@@ -74,6 +81,7 @@ impl Circumstances {
             here: nominal.clone(),
             nominal,
             set,
+            kept: 0..kept.len(),
             shared,
             sources,
             unloaded: Unloaded::Own,
@@ -118,7 +126,7 @@ impl Circumstances {
 
     /// Whether nothing is uncertain.
     pub fn is_certain(&self) -> bool {
-        self.shared.is_empty() && self.sources.is_empty()
+        self.set.is_empty() && self.sources.is_empty()
     }
 
     /// How many normal numbers a run takes for so many measurements.
@@ -138,9 +146,11 @@ impl Circumstances {
         shared.map(|&(place, _)| parameters[place].kind.is_kept_between_campaigns())
     }
 
-    /// Draws what a run shares, from the first normals of a lane.
-    pub fn draw(&mut self, normals: &[[f64; LANES]], lane: usize) {
+    /// Draws what a run shares, from the first normals of a lane, beside what it has in common with an earlier campaign (by how much it
+    /// differs from what is nominal).
+    pub fn draw(&mut self, kept: &[f64], normals: &[[f64; LANES]], lane: usize) {
         self.values.fill(0.0);
+        self.values[self.kept.clone()].copy_from_slice(kept);
         for (&(place, deviation), normal) in self.shared.iter().zip(normals) {
             self.values[place] += deviation * normal[lane];
         }

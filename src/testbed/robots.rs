@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Matrix3, Vector3};
 
 use super::circumstances::{Circumstances, ReadingNumbers, Visit};
-use super::true_compliances::compliances_of_run;
+use super::true_compliances::values_of_run;
 use super::truth::{RunTruth, Truth};
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::experiment::{Experiment, Plan};
@@ -83,7 +83,7 @@ impl TrueRobots {
         targets: impl IntoIterator<Item = &'a str>,
     ) -> Result<Self, FileError> {
         let robot = &truth.robot;
-        let laboratory = Circumstances::new(belief.arm(), &truth.uncertainties);
+        let laboratory = Circumstances::new(belief.arm(), &truth.uncertainties, truth.kept());
         let laboratory = laboratory.map_err(|error| robot.model.not_serial(error))?;
         let with = |name: &str| VirtualRobot::new(robot, name);
         let calibration = &belief.calibration_tool.name;
@@ -127,20 +127,21 @@ impl TrueRobots {
         self.laboratory.numbers(readings)
     }
 
-    /// Makes a run's robot: with these compliances (rad/(N m)), and what else its laboratory differs in.
+    /// Makes a run's robot: with these compliances (rad/(N m)) and what sources have in common with an earlier campaign, as
+    /// [`TrueCompliances`](super::TrueCompliances) samples them, and what else its laboratory differs in.
     ///
     /// # Errors
     /// A link has no frame of its own.
     pub fn become_run(
         &mut self,
-        compliance_rad_per_nm: &[f64],
+        values: &[f64],
         normals: &[[f64; LANES]],
         lane: usize,
     ) -> Result<(), FileError> {
-        self.compliance_rad_per_nm
-            .copy_from_slice(compliance_rad_per_nm);
+        let (compliances, kept) = values.split_at(self.compliance_rad_per_nm.len());
+        self.compliance_rad_per_nm.copy_from_slice(compliances);
         if !self.laboratory.is_certain() {
-            self.laboratory.draw(normals, lane);
+            self.laboratory.draw(kept, normals, lane);
             for (joint, compliance) in self.compliance_rad_per_nm.iter_mut().enumerate() {
                 *compliance *= self.laboratory.compliance_factor(joint);
             }
@@ -195,7 +196,7 @@ impl TrueRobots {
             }
         }
         self.laboratory.sample_functions(seed, run);
-        self.become_run(&compliances_of_run(truth, seed, run), &normals, 0)?;
+        self.become_run(&values_of_run(truth, seed, run), &normals, 0)?;
         self.normals.clone_from(&normals);
         Ok(normals)
     }

@@ -9,34 +9,38 @@ use crate::numeric::random::streams::Stream;
 
 use super::truth::Truth;
 
-/// The compliance of every joint (rad/(N m)) in one run under a seed, before what its laboratory differs in.
-pub fn compliances_of_run(truth: &Truth, seed: u64, run: u64) -> Vec<f64> {
+/// The compliance of every joint (rad/(N m)) in one run under a seed, before what its laboratory differs in, then what sources have in
+/// common with an earlier campaign ([`EarlierValues`](super::EarlierValues)).
+pub fn values_of_run(truth: &Truth, seed: u64, run: u64) -> Vec<f64> {
     let mut drawn = TrueCompliances::new(truth, seed);
     drawn.draw(run).iter().map(|lanes| lanes[0]).collect()
 }
 
-/// Draws true compliances, [`LANES`] runs at a time.
+/// Draws true compliances, [`LANES`] runs at a time, with what sources have in common with an earlier campaign.
 #[derive(Debug)]
 pub struct TrueCompliances<'a> {
     truth: &'a Truth,
     seed: u64,
     varies: bool,
     normals: Vec<[f64; LANES]>,
-    compliance_rad_per_nm: Vec<[f64; LANES]>,
+    values: Vec<[f64; LANES]>,
 }
 
 impl<'a> TrueCompliances<'a> {
     /// The compliances of a virtual robot's runs under a seed.
     pub fn new(truth: &'a Truth, seed: u64) -> Self {
         let known = &truth.robot.compliance_rad_per_nm;
-        let drawn = (truth.drawn.as_ref()).map_or(0, |drawn| drawn.spread.ncols());
+        let drawn = (truth.earlier.as_ref()).map_or(0, |earlier| earlier.spread.ncols());
+        let kept = truth.kept().iter().map(|_| [0.0; LANES]);
         Self {
             truth,
             seed,
-            varies: truth.drawn.is_some()
+            varies: truth.earlier.is_some()
                 || truth.compliance_spread.iter().any(|spread| *spread > 0.0),
             normals: vec![[0.0; LANES]; known.len() + drawn],
-            compliance_rad_per_nm: known.iter().map(|&value| [value; LANES]).collect(),
+            values: (known.iter().map(|&value| [value; LANES]))
+                .chain(kept)
+                .collect(),
         }
     }
 
@@ -45,33 +49,35 @@ impl<'a> TrueCompliances<'a> {
         self.varies
     }
 
-    /// The compliance of every joint (rad/(N m)) in the runs that were drawn last.
+    /// The compliance of every joint (rad/(N m)) in the runs that were drawn last, then what sources have in common.
     pub fn current(&self) -> &[[f64; LANES]] {
-        &self.compliance_rad_per_nm
+        &self.values
     }
 
-    /// The compliance of every joint (rad/(N m)) in [`LANES`] consecutive runs from `first_run`.
+    /// The same in [`LANES`] consecutive runs from `first_run`.
     pub fn draw(&mut self, first_run: u64) -> &[[f64; LANES]] {
+        let known = &self.truth.robot.compliance_rad_per_nm;
         if self.varies {
             fill_normals(Stream::Compliances, self.seed, first_run, &mut self.normals);
-            let known = &self.truth.robot.compliance_rad_per_nm;
             let spreads = &self.truth.compliance_spread;
-            for (joint, lanes) in self.compliance_rad_per_nm.iter_mut().enumerate() {
-                *lanes = self.normals[joint].map(|z| known[joint] * (spreads[joint] * z).exp());
+            for (joint, compliance) in known.iter().enumerate() {
+                self.values[joint] =
+                    self.normals[joint].map(|z| compliance * (spreads[joint] * z).exp());
             }
         }
-        if let Some(drawn) = &self.truth.drawn {
-            let own = &self.normals[self.truth.robot.compliance_rad_per_nm.len()..];
-            for (row, &joint) in drawn.joints.iter().enumerate() {
-                let mut lanes = [drawn.mean_rad_per_nm[row]; LANES];
+        if let Some(earlier) = &self.truth.earlier {
+            let own = &self.normals[known.len()..];
+            let places = (earlier.joints.iter().copied()).chain(known.len()..);
+            for (row, place) in places.take(earlier.mean.len()).enumerate() {
+                let mut lanes = [earlier.mean[row]; LANES];
                 for (column, normals) in own.iter().enumerate() {
                     for (value, z) in lanes.iter_mut().zip(normals) {
-                        *value += drawn.spread[(row, column)] * z;
+                        *value += earlier.spread[(row, column)] * z;
                     }
                 }
-                self.compliance_rad_per_nm[joint] = lanes;
+                self.values[place] = lanes;
             }
         }
-        &self.compliance_rad_per_nm
+        &self.values
     }
 }

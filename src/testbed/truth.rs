@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Vector3};
 
-use crate::parameter::Uncertainty;
+use crate::parameter::{ParameterKind, Uncertainty};
 use crate::robot::TrueRobot;
 
 /// The virtual robot, and how it varies.
@@ -13,15 +13,20 @@ pub struct Truth {
     /// Its compliances vary from run to run of a study about those of the robot, log-normally: the standard
     /// deviation of each joint's logarithm.
     pub compliance_spread: Vec<f64>,
-    /// Compliances that every run of a study draws anew from what the belief knows of them, so that this
-    /// knowledge is as good as it says.
-    pub drawn: Option<DrawnCompliances>,
+    /// What every run of a study samples anew from what the campaign of `robot.prior` says, so that this knowledge is as good as it
+    /// says.
+    pub earlier: Option<EarlierValues>,
     /// What every run draws anew besides: all that the scenario lists as uncertain, whether the belief knows of it or
     /// not.
     pub uncertainties: Vec<Uncertainty>,
 }
 
 impl Truth {
+    /// The parameters of error sources that the campaign of `robot.prior` has in common with this one.
+    pub fn kept(&self) -> &[ParameterKind] {
+        self.earlier.as_ref().map_or(&[], |earlier| &earlier.kept)
+    }
+
     /// Whether errors are made of more than the instrument's noise and other compliances.
     pub const fn leaves_more_than_noise(&self) -> bool {
         !self.uncertainties.is_empty() || !self.robot.torque_laws.is_empty()
@@ -53,13 +58,15 @@ pub struct SampledValue {
     pub value: f64,
 }
 
-/// Compliances with a normal distribution.
+/// Compliances and error sources with a joint normal distribution.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DrawnCompliances {
+pub struct EarlierValues {
     /// The joints.
     pub joints: Vec<usize>,
-    /// Their means (rad/(N m)).
-    pub mean_rad_per_nm: Vec<f64>,
+    /// The parameters of error sources that two campaigns have in common.
+    pub kept: Vec<ParameterKind>,
+    /// The means: of compliances (rad/(N m)), then by how much parameters differ from what is nominal, in their units.
+    pub mean: Vec<f64>,
     /// L: mean + L z for independent standard normals z.
     pub spread: DMatrix<f64>,
 }

@@ -1,6 +1,6 @@
 //! Compliances from deflections, and robots from absolute readings, with residuals and likely input errors.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use crate::codes::Condition;
@@ -16,7 +16,6 @@ use crate::identification::{
 };
 use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
-use crate::plan::CommonSources;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
@@ -66,8 +65,6 @@ pub struct Identified {
     pub patterns: Patterns,
     /// What repeated measurements show, where there are some.
     pub repeats: Option<Repeats>,
-    /// What standard errors do not count of the campaign behind `robot.prior`.
-    common_with_prior: Option<String>,
 }
 
 /// Why nothing was identified.
@@ -123,7 +120,6 @@ pub fn identify_measurements(
     let all: Vec<usize> = (0..measurements.len()).collect();
     let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
     Ok(Identified {
-        common_with_prior: common_with_prior(belief, identification),
         repeats,
         patterns: looked.patterns(&robust.rejected),
         identification: robust.identification,
@@ -132,31 +128,6 @@ pub fn identify_measurements(
         of_table,
         input_errors,
     })
-}
-
-/// Standard errors that are larger by less than this share are not said.
-const LITTLE: f64 = 0.01;
-
-/// Which error sources standard errors take as independent of those of the campaign of `robot.prior`, and what they would be with the
-/// same values in both: by [`CommonSources`] of each compliance by itself.
-fn common_with_prior(belief: &Belief, identification: &Identification) -> Option<String> {
-    let covariance = &identification.posterior.covariance;
-    let of_joint = |place: usize| {
-        let own = covariance[(place, place)].sqrt();
-        let column = |other: usize| Some(DVector::from_element(1, covariance[(place, other)]));
-        let common = CommonSources::new(belief, own, &column)?;
-        let times = common.rho0_m / own;
-        times.is_finite().then_some((times, place, common.names))
-    };
-    let each = (0..identification.parameters.len()).filter_map(of_joint);
-    let (times, place, names) = (each.max_by(|one, other| one.0.total_cmp(&other.0)))
-        .filter(|(times, ..)| *times > 1.0 + LITTLE)?;
-    Some(format!(
-        "standard errors take {} as independent of the campaign of robot.prior: with the same values in both, that of {} is {times:.2} \
-         times as large",
-        names.join(", "),
-        identification.parameters[place].name
-    ))
 }
 
 impl Identified {
@@ -177,7 +148,6 @@ impl Identified {
     pub fn notes(&self) -> Vec<String> {
         let mut notes = self.identification.notes();
         notes.extend(self.left_out().and_then(Result::err));
-        notes.extend(self.common_with_prior.clone());
         notes
     }
 
@@ -202,6 +172,7 @@ impl Identified {
             "identified_with": scenario.task.belief.fingerprint(),
             // Null where it is no text, which JSON could not hold.
             "scenario_file": scenario.path.to_str(),
+            "error_sources": scenario.task.belief.source_names(),
         });
         let mut json = results("identify", provenance, keys);
         merge(&mut json, serde_json::to_value(&message)?);

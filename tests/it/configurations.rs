@@ -114,8 +114,11 @@ fn predictions_hold_under_several_loads() {
 fn gears_turn_joints_before_and_under_the_load() {
     let visits = |source: &str| {
         let scenario = loaded("own", source);
-        let laboratory =
-            Circumstances::new(scenario.task.belief.arm(), &scenario.truth.uncertainties);
+        let laboratory = Circumstances::new(
+            scenario.task.belief.arm(),
+            &scenario.truth.uncertainties,
+            scenario.truth.kept(),
+        );
         let (laboratory, plan) = (laboratory.expect("valid"), two_loads());
         let mut normals = vec![[0.0; LANES]; laboratory.numbers(plan.measurements() as usize)];
         fill_normals(Stream::Circumstances, 5, 0, &mut normals);

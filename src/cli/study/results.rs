@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use crate::cli::Report;
 use crate::cli::table::{number, or_dash, table_of};
-use crate::cli::uncertainty_budget::{common_sources, contributions};
+use crate::cli::uncertainty_budget::contributions;
 use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::{Written, record_text};
 
@@ -232,10 +232,6 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
             micro(predicted_mm),
             validation(&name, message)
         );
-        text += &common_sources((message.common_sources.as_ref()).map(|common| {
-            let rho0 = format!("{} um", micro(common.rho0_mm));
-            (&*common.names, rho0)
-        }));
         if let Some(share) = message.coverage95 {
             let percent = share * 100.0;
             text += &match accuracy {

@@ -115,7 +115,6 @@ impl AbsolutePlanning<'_> {
             configurations: readings,
             rho0_m: prediction.rho0_m()?,
             shared_m: uncertain.as_ref().map(UncertaintyBudget::shared_m),
-            common_sources: self.common_sources(&found.plan, &prediction),
             bound: found.bound,
         };
         Some((point, found.plan))

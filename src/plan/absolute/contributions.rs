@@ -12,8 +12,8 @@ use super::{
 };
 use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_rows};
 use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, Source, Uncertainty};
+use crate::plan::UncertaintyBudget;
 use crate::plan::uncertainty_budget::{Input, Squares, common};
-use crate::plan::{CommonSources, UncertaintyBudget};
 use crate::task::{Extended, Task};
 
 /// Less than this share of the square of the whole is rounding.
@@ -193,21 +193,6 @@ impl AbsolutePlanning<'_> {
         };
         let input = common(plan.iter().flat_map(of_one));
         input.filter(|_| plan.iter().all(|&(place, _)| rows(place) <= 3))
-    }
-
-    /// The error sources in common with the campaign of the earlier identification, and the prediction with them.
-    pub fn common_sources(
-        &self,
-        plan: &[(usize, u32)],
-        prediction: &PredictedAccuracy,
-    ) -> Option<CommonSources> {
-        let belief = &self.case.belief;
-        let extended = belief.uncertain.as_ref()?;
-        let weighed = self.weighed(plan, prediction);
-        CommonSources::new(belief, prediction.rho0_m()?, &|place| {
-            let own = (self.set).index_of(extended.set().parameters()[place].kind)?;
-            Some(weighed.gain.column(own) * self.set.parameters()[own].scale)
-        })
     }
 
     /// What each parameter of the task's force leaves (m^2), by its place in the belief's vector.

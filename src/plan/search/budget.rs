@@ -10,7 +10,7 @@ use super::exact::{Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
 use super::size::PlanSize;
 use crate::plan::proof::ProofLimits;
-use crate::plan::{CommonSources, Criterion, Plan, UncertaintyBudget, posterior, rho0_m};
+use crate::plan::{Criterion, Plan, UncertaintyBudget, posterior, rho0_m};
 use crate::task::Task;
 
 /// Searches: fewer than for a single plan, since there are many.
@@ -36,8 +36,6 @@ pub struct BudgetPoint {
     /// What of it stays however often is measured (m): what the whole plan shares; where nothing else than noise is
     /// uncertain there is none.
     pub shared_m: Option<f64>,
-    /// The error sources in common with the campaign of the earlier identification, and the distance with them.
-    pub common_sources: Option<CommonSources>,
     /// No plan of m measurements has a smaller one (m), as [`Bound`] says; `None` where it says nothing.
     pub bound: Option<PlanBound>,
 }
@@ -89,7 +87,8 @@ pub fn budget(
             plan
         };
         let known = plans.iter().filter_map(|((m, c), plan)| {
-            if *m + 1 == experiments && *c == configurations {
+            let of_all_different = *c == *m && configurations == experiments;
+            if *m + 1 == experiments && (*c == configurations || of_all_different) {
                 Some(measured_once_more(plan))
             } else {
                 (*m == experiments).then(|| plan.clone())
@@ -124,14 +123,13 @@ impl BudgetPoint {
     /// The point of a plan that a search found at a cost; it counts all that is uncertain, of which the search may leave something
     /// out.
     pub(crate) fn new(task: &Task, plan: Plan, size: PlanSize, cost: f64, bound: &Bound) -> Self {
-        let (mut rho0_m, mut shared_m, mut common_sources) = (cost.sqrt(), None, None);
+        let (mut rho0_m, mut shared_m) = (cost.sqrt(), None);
         let uncertain = task.belief.uncertain.as_ref();
         if let Some(posterior) = uncertain.map(|_| posterior(&task.belief, &plan))
             && let Some(budget) = UncertaintyBudget::of_deflections(task, &plan, &posterior)
         {
             rho0_m = budget.combined_standard_uncertainty_um * 1e-6;
             shared_m = Some(budget.shared_m());
-            common_sources = CommonSources::of_deflections(task, &posterior, rho0_m);
         }
         Self {
             plan,
@@ -139,7 +137,6 @@ impl BudgetPoint {
             configurations: size.configurations,
             rho0_m,
             shared_m,
-            common_sources,
             bound: bound.of_size(size.measurements).ok(),
         }
     }

@@ -100,6 +100,7 @@ fn with_readings(certain: &Task, extended: &Extended) -> Option<(Task, Vec<Strin
     let uncertainty = |(name, source): (&str, &ReadingSource)| Uncertainty {
         name: name.to_owned(),
         is_hidden: false,
+        is_replaced: false,
         distribution: extended.distribution(name),
         source: Source::Reading(source.clone()),
     };
@@ -107,7 +108,7 @@ fn with_readings(certain: &Task, extended: &Extended) -> Option<(Task, Vec<Strin
     let mut task = certain.clone();
     let belief = &mut task.belief;
     let prior = belief.prior.as_ref();
-    let extended = Extended::new(belief.arm(), &belief.parameters, &[], prior, &kept).ok()?;
+    let extended = Extended::new(belief.arm(), &belief.parameters, &[], prior, None, &kept).ok()?;
     belief.uncertain = Some(extended);
     let left = left.into_iter().map(|(name, _)| name.to_owned());
     Some((task, left.collect()))
@@ -147,6 +148,7 @@ pub(super) fn is_provable(task: &Task, extended: &Extended) -> bool {
         && extended.further().next().is_none()
         // What a source knows of compliances is not in the belief's own prior, of which a proof knows.
         && extended.shared().is_empty()
+        && extended.kept().is_empty()
         && extended.sources().all(|(_, source)| is_known(task, source))
 }
 
@@ -228,7 +230,7 @@ fn parameters_left_out(extended: &Extended) -> Vec<String> {
         .zip(extended.identified()..))
     .filter(|(_, place)| !is_kept(place))
     .map(|(name, _)| name);
-    let shared = (extended.shared().iter())
+    let shared = (extended.shared().iter().chain(extended.kept()))
         .filter(|(_, places)| !places.iter().all(is_kept))
         .map(|(name, _)| name.clone());
     further.chain(shared).collect()

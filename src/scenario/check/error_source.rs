@@ -57,8 +57,15 @@ impl<'a> UncertaintyEntry<'a> {
         for key in entry.given.keys() {
             let of_mpe = SIZES.iter().find(|size| size.mpe == key);
             let meant = of_mpe.map_or(key.as_str(), |size| size.key);
-            let is_of_all =
-                ["kind", "name", "hidden", "distribution", "coverage_factor"].contains(&meant);
+            let is_of_all = [
+                "kind",
+                "name",
+                "hidden",
+                "replaced",
+                "distribution",
+                "coverage_factor",
+            ]
+            .contains(&meant);
             if !is_of_all && !sizes.contains(&meant) && !further.contains(&meant) {
                 let all = [sizes, further].concat().join(" or ");
                 return Err(entry.wrong(key, format!("a {kind} has no such key; it has {all}")));

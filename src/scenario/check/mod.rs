@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 use self::error_source::ReadingPlaces;
 use self::inputs::Inputs;
 use self::mounted::Locked;
-use self::prior::drawn_from_both;
+use self::prior::sampled_about_earlier;
 use super::Scenario;
 use super::file::{Actuators, File};
 use crate::codes::ErrorCode;
@@ -137,10 +137,9 @@ impl Checker<'_> {
         };
         let mut sources = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
         self.check_directions(&test_poses, &belief)?;
-        let drawn = before.drawn.filter(|_| !file.tells_compliances());
         let truth = Truth {
             // A true robot that is told is as it is told.
-            drawn: drawn.map(|drawn| drawn_from_both(drawn, &belief, &mut sources)),
+            earlier: sampled_about_earlier(&belief, file.tells_compliances(), &mut sources),
             uncertainties: sources,
             robot: true_robot,
             compliance_spread: self.spread(&file.study.compliance_spread, joints)?,

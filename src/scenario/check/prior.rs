@@ -8,11 +8,10 @@ use super::Checker;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::identification::{OtherUnknowns, StoredIdentification};
-use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, Prior, Source, Uncertainty};
 use crate::robot::Robot;
-use crate::task::{Belief, PriorCampaign, robot_sha256};
-use crate::testbed::DrawnCompliances;
+use crate::task::{Belief, Extended, PriorCampaign, robot_sha256};
+use crate::testbed::EarlierValues;
 
 /// What a scenario knows from an earlier identification.
 #[derive(Debug, Default)]
@@ -21,8 +20,6 @@ pub(super) struct Before {
     pub prior: Option<Prior>,
     /// The error sources of its campaign.
     pub campaign: Option<PriorCampaign>,
-    /// What a study draws the virtual robot's compliances from.
-    pub drawn: Option<DrawnCompliances>,
     /// How many of the parameters something is known of.
     pub known: usize,
     /// What speaks against trusting it.
@@ -63,8 +60,7 @@ impl Checker<'_> {
                 path.display()
             )),
         }
-        let degrees_of_freedom = stored.degrees_of_freedom;
-        let (joints, posterior, others) = (stored.joints, stored.posterior, stored.others);
+        let (joints, posterior) = (stored.joints, stored.posterior);
         for (&joint, &mean) in joints.iter().zip(&posterior.mean) {
             if mean <= 0.0 {
                 let name = &nominal.chain.joints[joint].name;
@@ -93,77 +89,117 @@ impl Checker<'_> {
             return Err(self.wrong(key, format!("{} determined nothing", path.display())));
         }
         let count = means.len();
+        let (others, sources) = (stored.others, stored.error_sources);
         Ok(Before {
-            drawn: Some(DrawnCompliances {
-                joints: parameters.clone(),
-                mean_rad_per_nm: means,
-                spread: spread.clone(),
-            }),
             known: spread.ncols(),
-            campaign: Some(PriorCampaign {
-                degrees_of_freedom,
-                ..campaign_of(&posterior, others.as_ref(), &places, count)
-            }),
+            campaign: Some(campaign_of(
+                sources,
+                others,
+                &places,
+                count,
+                stored.degrees_of_freedom,
+            )),
             prior: Some(prior),
             doubts,
         })
     }
 }
 
-/// The same where uncertainties tell of these compliances, too: both together are what a belief knows of them, so that runs sample
-/// them once, from both, and no further part by the uncertainty. What is hidden stays as it is: no belief knows of it.
-pub(super) fn drawn_from_both(
-    drawn: DrawnCompliances,
+/// What runs sample about an earlier identification: compliances, unless the scenario tells the robot's, and the parameters of sources
+/// that both campaigns have in common. Where uncertainties tell of these compliances, too, both together are what a belief knows of
+/// them, so that runs sample them once, from both, and no further part by the uncertainty. What is hidden stays as it is: no belief
+/// knows of it.
+pub(super) fn sampled_about_earlier(
     belief: &Belief,
-    uncertainties: &mut [Uncertainty],
-) -> DrawnCompliances {
-    for each in uncertainties.iter_mut().filter(|each| !each.is_hidden) {
-        if let Source::Plan(parameters) = &mut each.source {
-            parameters.retain(|(kind, _)| {
-                let of = |&joint: &usize| *kind == ParameterKind::JointCompliance { joint };
-                !drawn.joints.iter().any(of)
-            });
-        }
-    }
-    let count = drawn.joints.len();
-    let both = Prior {
-        mean: DVector::from_column_slice(&drawn.mean_rad_per_nm),
-        precision: belief.precision().view((0, 0), (count, count)).into_owned(),
+    tells_compliances: bool,
+    uncertainties: &mut Vec<Uncertainty>,
+) -> Option<EarlierValues> {
+    let prior = belief.prior.as_ref()?;
+    let extended = belief.uncertain.as_ref();
+    let others = extended.map_or_else(Vec::new, Extended::kept_others);
+    let parameters = extended.map_or(&[][..], |extended| extended.set().parameters());
+    let kept: Vec<ParameterKind> = others.iter().map(|&place| parameters[place].kind).collect();
+    let joints = if tells_compliances {
+        Vec::new()
+    } else {
+        belief.parameters.clone()
     };
-    DrawnCompliances {
-        spread: both.spread(&belief.nominal.typical_rad_per_nm(&drawn.joints)),
-        ..drawn
+    if joints.is_empty() && kept.is_empty() {
+        return None;
     }
+    let is_sampled = |kind: &ParameterKind| {
+        let of = |&joint: &usize| *kind == ParameterKind::JointCompliance { joint };
+        kept.contains(kind) || joints.iter().any(of)
+    };
+    uncertainties.retain_mut(|each| match &mut each.source {
+        Source::Plan(parameters) if !each.is_hidden => {
+            let count = parameters.len();
+            parameters.retain(|(kind, _)| !is_sampled(kind));
+            let mut shared = extended.iter().flat_map(|extended| extended.shared());
+            parameters.len() == count || shared.any(|(name, _)| *name == each.name)
+        }
+        _ => true,
+    });
+    let compliances = 0..belief.parameters.len();
+    let all: Vec<usize> = compliances.chain(others.iter().copied()).collect();
+    let precision = belief.precision();
+    let mut both = Prior {
+        mean: DVector::from_iterator(
+            all.len(),
+            (prior.mean.iter().copied()).chain(others.iter().map(|&place| {
+                extended.map_or(0.0, |extended| extended.set().prior().mean[place])
+                    - parameters[place].nominal
+            })),
+        ),
+        precision: precision.select_rows(&all).select_columns(&all),
+    };
+    let mut sizes = belief.sizes();
+    sizes = all.iter().map(|&place| sizes[place]).collect();
+    let mut spread = both.spread(&sizes);
+    if tells_compliances {
+        spread = spread
+            .rows(belief.parameters.len(), kept.len())
+            .into_owned();
+        both.mean = both
+            .mean
+            .rows(belief.parameters.len(), kept.len())
+            .into_owned();
+    }
+    Some(EarlierValues {
+        joints,
+        kept,
+        mean: both.mean.as_slice().to_vec(),
+        spread,
+    })
 }
 
-/// The errors of an identification whose compliances are those at `places` among `count`.
+/// What an identification found besides compliances; its own are those at `places` among `count`.
 fn campaign_of(
-    posterior: &Posterior,
-    others: Option<&OtherUnknowns>,
+    sources: Vec<String>,
+    others: Option<OtherUnknowns>,
     places: &[usize],
     count: usize,
+    degrees_of_freedom: Option<f64>,
 ) -> PriorCampaign {
-    let mut covariance = DMatrix::zeros(count, count);
+    let own = places.len();
+    let (names, values, all) = others.map_or_else(
+        || (Vec::new(), Vec::new(), DMatrix::zeros(own, own)),
+        |others| (others.names, others.values, others.covariance),
+    );
+    let mut cross = DMatrix::zeros(count, names.len());
     for (row, &place) in places.iter().enumerate() {
-        for (column, &other) in places.iter().enumerate() {
-            covariance[(place, other)] = posterior.covariance[(row, column)];
-        }
+        cross
+            .row_mut(place)
+            .copy_from(&all.view((row, own), (1, names.len())));
     }
-    let of_others = |others: &OtherUnknowns| {
-        let names = others.names.iter().enumerate();
-        names
-            .map(|(column, name)| {
-                let mut own = DVector::zeros(count);
-                for (row, &place) in places.iter().enumerate() {
-                    own[place] = others.covariance[(row, places.len() + column)];
-                }
-                (name.clone(), own)
-            })
-            .collect()
-    };
     PriorCampaign {
-        covariance,
-        others: others.map(of_others).unwrap_or_default(),
-        degrees_of_freedom: None,
+        sources,
+        cross,
+        covariance: all
+            .view((own, own), (names.len(), names.len()))
+            .into_owned(),
+        names,
+        values: DVector::from_vec(values),
+        degrees_of_freedom,
     }
 }

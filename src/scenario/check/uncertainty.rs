@@ -35,6 +35,10 @@ impl Checker<'_> {
             if let Some(problem) = wrong_name(name) {
                 return Err(entry.wrong("name", problem));
             }
+            if table.replaced && belief.prior.is_none() {
+                let problem = "there is no earlier campaign: robot.prior is missing";
+                return Err(entry.wrong("replaced", problem));
+            }
             if all.iter().any(|other| other.name == name) {
                 let wrong = entry.wrong("name", format!("the name {name:?} is there twice"));
                 return Err(wrong.hint("give each uncertainty of a kind a name of its own"));
@@ -44,6 +48,7 @@ impl Checker<'_> {
             all.push(Uncertainty {
                 name: name.to_owned(),
                 is_hidden: table.hidden,
+                is_replaced: table.replaced,
                 distribution: table.distribution.unwrap_or_default(),
                 source,
             });
@@ -74,7 +79,8 @@ impl Checker<'_> {
             return Ok(None);
         }
         let (joints, prior) = (&belief.parameters, belief.prior.as_ref());
-        let extended = Extended::new(belief.arm(), joints, further, prior, &known);
+        let campaign = belief.prior_campaign.as_ref();
+        let extended = Extended::new(belief.arm(), joints, further, prior, campaign, &known);
         let extended = extended.map(|extended| Some(extended.resting_on(unloaded)));
         extended.map_err(|error| {
             let hint = matches!(error, ParameterError::Twice(_))
