@@ -216,111 +216,141 @@ fn whitened(belief: &Belief, plan: &Plan, sizes: &DMatrix<f64>) -> DMatrix<f64> 
     DMatrix::from_rows(&rows) * sizes / belief.instrument.sigma_m
 }
 
-/// A load cell that two campaigns share errs alike in both, which identification does not know: the accuracy is that of the errors of
-/// both estimates, propagated from the readings and the prior values of the sources.
+/// The covariance of the last campaign's unknowns, in units of `sizes`, where all campaigns are identified in one: those of `kept` have one
+/// value in all, the others one in each. `own` are the precisions that sources give by themselves.
+fn in_one(campaigns: &[DMatrix<f64>], kept: &[bool], own: &[f64]) -> DMatrix<f64> {
+    let count = kept.len();
+    let all = count * campaigns.len();
+    let mut information = DMatrix::zeros(all, all);
+    for (number, rows) in campaigns.iter().rev().enumerate() {
+        let place = |column: usize| column + if kept[column] { 0 } else { count * number };
+        let square = rows.tr_mul(rows);
+        for row in 0..count {
+            for column in 0..count {
+                information[(place(row), place(column))] += square[(row, column)];
+            }
+            let is_first = number == 0 || !kept[row];
+            information[(place(row), place(row))] += if is_first { own[row] } else { 0.0 };
+        }
+    }
+    let used: Vec<usize> = (0..all)
+        .filter(|&place| information[(place, place)] > 0.0)
+        .collect();
+    let information = information.select_rows(&used).select_columns(&used);
+    let covariance = information.try_inverse().expect("regular");
+    covariance.view((0, 0), (count, count)).into_owned()
+}
+
+/// Where the load cell is kept, its error is one unknown of all campaigns: a second and a third one predict what all together determine,
+/// and runs err by as much. One that was replaced is another unknown.
 #[test]
-fn sources_that_two_campaigns_share_are_named_and_counted() {
+fn a_source_of_several_campaigns_is_one_unknown() {
     let place = Workplace::new();
     let sources = "\n[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.01\n\n[[uncertainty]]\nkind = \"tool_position\"\nstd_mm = 3\n";
-    let first = linear() + sources;
+    let study = format!(
+        "\n[study]\nexperiments = 4\n[[study.plan]]\nname = \"four\"\nkind = \"file\"\nfile = \"{}\"\n",
+        table4(4)
+    );
+    let linear = linear();
+    let (text, _) = linear.split_once("\n[study]").expect("a study");
+    let first = text.to_owned() + sources + &study;
+    place.write("first.toml", &first);
     place.write("second.toml", with_prior(&first, "first.json"));
-    place.write("first.toml", first);
-    measured(&place, "first.toml", 6, "m.csv");
-    identified(&place, "first.toml", "m.csv", "first.json");
-    let [first, second] = ["first.toml", "second.toml"]
-        .map(|name| Scenario::load(&place.path(name)).expect("a scenario").task);
-    let belief = &second.belief;
-    let extended = belief.uncertain.as_ref().expect("sources");
-    let (all, compliances) = (belief.unknowns(), extended.identified());
-    let sizes = DMatrix::from_diagonal(&nalgebra::DVector::from_vec(belief.sizes()));
-    let own = DMatrix::from_fn(all, all, |row, column| {
-        let size = sizes[(row, row)];
-        f64::from(u8::from(row == column)) * extended.own_precision(row) * size * size
-    });
-    let before = whitened(&first.belief, &support::table4(6), &sizes);
-    let now = whitened(belief, &support::table4(4), &sizes);
-    let inverse = |matrix: DMatrix<f64>| matrix.try_inverse().expect("regular");
-    let first_covariance = inverse(before.tr_mul(&before) + &own);
-    let known = inverse(
-        first_covariance
-            .view((0, 0), (compliances, compliances))
-            .into_owned(),
-    );
-    let mut prior = DMatrix::zeros(all, all);
-    prior
-        .view_mut((0, 0), (compliances, compliances))
-        .copy_from(&known);
-    let covariance = inverse(now.tr_mul(&now) + &prior + &own);
-    // The second estimate's errors by the noise of both campaigns, and by each source's prior value in the first and the second.
-    let earlier = &covariance * &prior * &first_covariance;
-    let by_noise = [&earlier * before.transpose(), &covariance * now.transpose()];
-    let by_source = [-&earlier * &own, -&covariance * &own];
-    let mut errors: DMatrix<f64> = by_noise.iter().map(|own| own * own.transpose()).sum();
-    for place in compliances..all {
-        let [one, two] = by_source
-            .each_ref()
-            .map(|own| own.column(place).into_owned());
-        let is_kept = extended.set().parameters()[place].name.contains("load");
-        let both = if is_kept {
-            let sum = &one + &two;
-            &sum * sum.transpose()
-        } else {
-            &one * one.transpose() + &two * two.transpose()
-        };
-        errors += both / own[(place, place)];
+    place.write("third.toml", with_prior(&first, "second.json"));
+    for (number, name) in ["first", "second", "third"].iter().enumerate() {
+        let arguments = format!(
+            "measure first.toml --plan {} --campaign {number} --measurements-out m.csv",
+            table4(if number == 0 { 6 } else { 4 })
+        );
+        place.run(&arguments).ends_with(0);
+        identified(
+            &place,
+            &format!("{name}.toml"),
+            "m.csv",
+            &format!("{name}.json"),
+        );
     }
-    let rows = weighted_rows(&second.test_poses, all, &|pose| {
-        test_pose_rows(belief, pose)
-    }) * &sizes;
-    let expected_mm = (&rows * errors * rows.transpose()).trace().sqrt() * 1e3;
-    let evaluate = format!("evaluate second.toml --plan {} --no-proof", table4(4));
-    let told = place.run(&format!("{evaluate} --json --quiet")).json();
-    let common = &told["common_sources"];
-    assert_eq!(common["names"], serde_json::json!(["load_scale"]));
-    let found_mm = number(&common["rho0_mm"]);
-    assert!(
-        (found_mm / expected_mm - 1.0).abs() < 0.01,
-        "{found_mm}, {expected_mm}"
-    );
-    assert!(found_mm > 1.1 * number(&told["rho0_mm"]), "{told}");
-    let text = place.run(&evaluate).stdout;
-    assert!(
-        text.contains("in common with the campaign of robot.prior: load_scale"),
-        "{text}"
-    );
-    assert!(
-        text.contains("tool_position moves the calibration tool only"),
-        "{text}"
-    );
-    measured(&place, "second.toml", 4, "m.csv");
-    let notes = identified(&place, "second.toml", "m.csv", "second.json")["notes"].to_string();
-    let said = "standard errors take load_scale as independent of the campaign of robot.prior";
-    assert!(notes.contains(said), "{notes}");
+    let load = |name: &str| {
+        Scenario::load(&place.path(&format!("{name}.toml")))
+            .expect("valid")
+            .task
+    };
+    let first = load("first");
+    let extended = first.belief.uncertain.as_ref().expect("sources");
+    let sizes = first.belief.sizes();
+    let kept: Vec<bool> = (extended.set().parameters().iter())
+        .map(|each| each.kind.is_kept_between_campaigns())
+        .collect();
+    let own: Vec<f64> = (sizes.iter().enumerate())
+        .map(|(place, size)| extended.own_precision(place) * size * size)
+        .collect();
+    let sizes = DMatrix::from_diagonal(&nalgebra::DVector::from_vec(sizes));
+    let rows = |plan: u32| whitened(&first.belief, &support::table4(plan), &sizes);
+    let evaluate = |name: &str| format!("evaluate {name}.toml --plan {} --no-proof", table4(4));
+    for (name, campaigns) in [
+        ("second", vec![rows(6), rows(4)]),
+        ("third", vec![rows(6), rows(4), rows(4)]),
+    ] {
+        let covariance = in_one(&campaigns, &kept, &own);
+        let at_work = weighted_rows(&first.test_poses, kept.len(), &|pose| {
+            test_pose_rows(&first.belief, pose)
+        }) * &sizes;
+        let expected_mm = (&at_work * covariance * at_work.transpose()).trace().sqrt() * 1e3;
+        let said = place
+            .run(&format!("{} --json --quiet", evaluate(name)))
+            .json();
+        let found_mm = number(&said["rho0_mm"]);
+        assert!(
+            (found_mm / expected_mm - 1.0).abs() < 0.01,
+            "{name}: {found_mm}, {expected_mm}"
+        );
+        let text = place.run(&evaluate(name)).stdout;
+        let remark = "earlier identification includes load_scale: one value in both campaigns";
+        assert!(text.contains(remark), "{text}");
+    }
     let scenario = place.read("second.toml");
-    let (scenario, _) = scenario.split_once("[study]").expect("a study");
-    let (sources, campaign) = (
-        sources,
-        "\n[study]\nexperiments = 4\n[[study.plan]]\nname = \"four\"\nkind = \"file\"",
+    let replaced = scenario.replace(
+        "std_relative = 0.01",
+        "std_relative = 0.01\nreplaced = true",
     );
-    let of_four = format!("{campaign}\nfile = \"{}\"\n", table4(4));
-    place.write("study.toml", scenario.to_owned() + sources + &of_four);
-    let study = place.run("study study.toml --trials 3000 --level model --quiet");
+    place.write("replaced.toml", replaced);
+    let [one, other] = ["second", "replaced"].map(|name| {
+        let said = place
+            .run(&format!("{} --json --quiet", evaluate(name)))
+            .json();
+        number(&said["rho0_mm"])
+    });
+    assert!(other < 0.95 * one, "{other}, {one}");
+    for (level, trials) in [("model", 20_000), ("robot", 2000)] {
+        for name in ["second", "replaced"] {
+            let arguments = format!(
+                "study {name}.toml --level {level} --trials {trials} --seed 3 --json --quiet"
+            );
+            let study = place.run(&arguments).ends_with(0).json();
+            let plan = &study["plans"][0];
+            let of = |key: &str| number(&plan[key]);
+            let off = of("rms_mm") - of("combined_rms_mm");
+            assert!(
+                off.abs() < 4.0 * of("rms_std_mm"),
+                "{name}, {level}: {plan}"
+            );
+            assert!(of("nees_z").abs() < 4.0, "{name}, {level}: {plan}");
+        }
+    }
+    place.write(
+        "alone.toml",
+        place.read("first.toml").replace(
+            "std_relative = 0.01",
+            "std_relative = 0.01\nreplaced = true",
+        ),
+    );
+    let outcome = place.run("check alone.toml").ends_with(1);
     assert!(
-        study
-            .stdout
-            .contains("the prediction holds where the two campaigns are independent")
-            && study
-                .stdout
-                .contains("in common with the campaign of robot.prior: load_scale"),
-        "{study:#?}"
+        outcome
+            .stderr
+            .contains("uncertainty[0].replaced: there is no earlier campaign"),
+        "{outcome:?}"
     );
-    let alone = place
-        .run(&format!(
-            "evaluate first.toml --plan {} --no-proof --json --quiet",
-            table4(4)
-        ))
-        .json();
-    assert!(alone.get("common_sources").is_none(), "{alone}");
 }
 
 /// Correlated knowledge has the mean that it is said to have. Told twice, the second time with its unknowns in the other order, it has half

@@ -1,13 +1,13 @@
 //! The unknown parameters: frames always, and those that the planner's model or groups of parameters add.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DVector, Vector3};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::{AbsoluteCase, AbsoluteError};
 use crate::numeric::random::generator;
 use crate::observation::{Observation, PlannedReading, planned_information};
-use crate::parameter::{Axis, ElasticArm, Freedoms, ParameterKind, ParameterSet};
+use crate::parameter::{Axis, ElasticArm, Freedoms, ParameterKind, ParameterSet, Prior};
 use crate::robot::{Elements, Load};
 
 /// Configurations that stand for all that a robot can do, for each station and target.
@@ -147,8 +147,8 @@ pub struct LeftOut {
 /// What is unknown, with the deviation of what is known of each by itself.
 struct NamedUnknowns {
     unknowns: Vec<(ParameterKind, Option<f64>)>,
-    /// What is known besides of the first of them, a precision.
-    besides: DMatrix<f64>,
+    /// What is known of the first of them.
+    before: Prior,
 }
 
 impl AbsoluteCase<'_> {
@@ -234,13 +234,12 @@ impl AbsoluteCase<'_> {
                 unknowns.push((kind, prior_deviation(kind)));
             }
         }
-        // Its own deviation makes a part of a parameter's precision already.
-        let besides = DMatrix::from_fn(places.len(), places.len(), |row, column| {
-            let own = if row == column { unknowns[row].1 } else { None };
-            let all = precision[(places[row], places[column])];
-            all - own.map_or(0.0, |deviation| deviation.powi(-2))
-        });
-        NamedUnknowns { unknowns, besides }
+        let values = DVector::from_vec(self.belief.values());
+        let before = Prior {
+            mean: values.select_rows(&places),
+            precision: precision.select_rows(&places).select_columns(&places),
+        };
+        NamedUnknowns { unknowns, before }
     }
 
     /// The same with what was left out.
@@ -249,12 +248,13 @@ impl AbsoluteCase<'_> {
         groups: &[ParameterGroup],
         asked: &[PlannedReading],
     ) -> Result<(ParameterSet, Vec<LeftOut>), AbsoluteError> {
-        let NamedUnknowns { unknowns, besides } = self.named_unknowns(groups);
-        let with = |unknowns: &[(ParameterKind, Option<f64>)], besides: &DMatrix<f64>| {
+        let NamedUnknowns { unknowns, before } = self.named_unknowns(groups);
+        let with = |unknowns: &[(ParameterKind, Option<f64>)], before: &Prior| {
+            let first: Vec<usize> = (0..before.mean.len()).collect();
             ParameterSet::new(&self.arm, unknowns.iter().copied())
-                .map(|set| set.with_precision(besides))
+                .map(|set| set.with_earlier(&first, &before.mean, &before.precision))
         };
-        let all = with(&unknowns, &besides)?;
+        let all = with(&unknowns, &before)?;
         let left_out = self.redundant(&all, asked);
         let is_kept = |place: &usize| {
             left_out.iter().all(|each| each.0 != *place) && self.shows(unknowns[*place].0)
@@ -263,12 +263,15 @@ impl AbsoluteCase<'_> {
         let known: Vec<usize> = kept
             .iter()
             .copied()
-            .filter(|&place| place < besides.nrows())
+            .filter(|&place| place < before.mean.len())
             .collect();
-        let besides = besides.select_rows(&known).select_columns(&known);
+        let before = Prior {
+            mean: before.mean.select_rows(&known),
+            precision: before.precision.select_rows(&known).select_columns(&known),
+        };
         let unknowns: Vec<_> = kept.iter().map(|&place| unknowns[place]).collect();
         let left_out = left_out.into_iter().map(|(_, each)| each).collect();
-        Ok((with(&unknowns, &besides)?, left_out))
+        Ok((with(&unknowns, &before)?, left_out))
     }
 
     /// The parameters of geometry, by their places in a set, that no reading of a rigid robot can tell from the others, and that no
