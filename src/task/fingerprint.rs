@@ -44,7 +44,14 @@ impl Belief {
             for name in extended.other_names() {
                 belief.text(&name);
             }
-            belief.numbers(extended.set().prior().precision.iter().copied());
+            let prior = extended.set().prior();
+            belief.numbers(prior.precision.iter().copied());
+            belief.numbers(
+                extended
+                    .kept_others()
+                    .into_iter()
+                    .map(|place| prior.mean[place]),
+            );
             belief.numbers(self.turned_over_at_nm.iter().copied().flatten());
             belief.numbers(self.stiffening_at_nm.iter().copied().flatten());
         }

@@ -2,6 +2,7 @@
 
 use super::AbsolutePlanning;
 use crate::parameter::ParameterKind;
+use crate::robot::Load;
 use crate::task::Extended;
 
 impl AbsolutePlanning<'_> {
@@ -19,10 +20,22 @@ impl AbsolutePlanning<'_> {
                 "where {machining} is on its link, which no candidate reads"
             ));
         }
+        let calibration = &self.case.belief.calibration_tool.name;
+        let hanging = self.places_of_loads();
+        words.extend(hanging.map(|name| format!("{name}, of where loads hang on {calibration}")));
         let is_drift = |kind: ParameterKind| matches!(kind, ParameterKind::Drift { .. });
         let drifts = self.sources_of(is_drift);
         words.extend(drifts.map(|name| format!("{name}, which is of deflections")));
         words
+    }
+
+    /// The names of the sources of where loads hang that the planner's model does not have: readings of other targets do not find the
+    /// calibration tool.
+    pub fn places_of_loads(&self) -> impl Iterator<Item = &str> {
+        let mut setups = self.case.observations.iter().map(|each| &each.setup);
+        let hangs = setups.any(|setup| setup.load != Load::NONE && setup.hangs_on.is_some());
+        let is_place = |kind| matches!(kind, ParameterKind::ToolPosition { .. });
+        self.sources_of(is_place).filter(move |_| hangs)
     }
 
     /// What the scenario says of frames, which readings alone find: a prediction does not count it.
