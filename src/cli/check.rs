@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use crate::experiment::read_candidates;
 use crate::plan::absolute::AbsolutePlanning;
 use crate::plan::{Feasibility, read_plan};
-use crate::record::json::merge;
 use crate::record::messages::SchemaMessage;
 use crate::record::understanding::{understanding_json, unknowns_json};
 use crate::task::{AccuracyKind, Task};
@@ -19,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::printed_error::PrintedError;
 use super::table::table;
-use super::{Common, Report, program, results, without_effect};
+use super::{Common, Report, program, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["seed", "threads", "out"])))]
@@ -100,13 +99,12 @@ impl Check {
         let problems: Vec<String> = violations.into_iter().chain(found).collect();
         let conditions = violated.into_iter().chain(impossible).collect();
         let json = json!({ "ok": problems.is_empty(), "problems": problems });
-        let mut json = results("check", &self.common.provenance(&scenario)?, json);
-        merge(&mut json, understanding_json(&understanding));
+        let mut keys = [json, understanding_json(&understanding)];
         if self.parameters {
-            let each: Vec<Value> = told_apart.iter().map(unknowns_json).collect();
-            merge(&mut json, json!({ "identifiable": each }));
+            keys[0]["identifiable"] = told_apart.iter().map(unknowns_json).collect();
         }
-        Ok(Report::new(json, text, conditions))
+        let provenance = self.common.provenance(&scenario)?;
+        Ok(Report::of("check", &provenance, keys, text, conditions))
     }
 
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.
@@ -114,7 +112,7 @@ impl Check {
         let PrintedError { code, .. } = PrintedError::of(error);
         let scenario = (self.common.scenario().file_stem()).map(OsStr::to_string_lossy);
         let mut provenance = program();
-        merge(&mut provenance, json!({ "scenario": scenario }));
+        provenance["scenario"] = json!(scenario);
         json!({
             "schema": SchemaMessage::new("check"),
             "provenance": provenance,

@@ -53,7 +53,7 @@ use self::given::GivenOptions;
 use crate::codes::{Condition, ConditionCode, ErrorCode, condition_code};
 use crate::files::{FileError, output::check_writable, roles::Roles, shipped};
 use crate::measurement::Origin;
-use crate::record::{json::results, messages::ProvenanceMessage, platform::platform};
+use crate::record::messages::{ProvenanceMessage, platform, results};
 use crate::scenario::Scenario;
 use crate::text::{diagnostics::say, plain, wording::shell_path};
 use crate::understanding::collapse;
@@ -269,7 +269,7 @@ impl Report {
     pub fn of(
         command: &str,
         provenance: &ProvenanceMessage,
-        keys: Value,
+        keys: impl IntoIterator<Item = Value>,
         text: String,
         conditions: Vec<Condition>,
     ) -> Self {

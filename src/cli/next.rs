@@ -19,7 +19,6 @@ use crate::plan::{
 };
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use crate::record::absolute_plan::planned_readings;
-use crate::record::json::merge;
 use crate::record::messages::plan_messages;
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Task};
@@ -288,7 +287,7 @@ impl Next {
         conditions.extend(written.conditions());
         let provenance = self.common.provenance(scenario)?;
         let millimetres = |value_m: Option<f64>| value_m.map(|value_m| value_m * 1e3);
-        let mut keys = json!({
+        let keys = json!({
             "measured": next.measured,
             "measured_rho0_mm": millimetres(next.measured_m),
             "accuracy_um": self.accuracy_um,
@@ -296,7 +295,7 @@ impl Next {
             "rho0_mm": millimetres(next.rho0_m),
             "lower_bound_rho0_mm": millimetres(next.bound_m),
         });
-        merge(&mut keys, json);
+        let keys = [keys, json];
         Ok(Report::of("next", &provenance, keys, text, conditions))
     }
 

@@ -12,7 +12,6 @@ use crate::plan::search::{
 };
 use crate::plan::{Assessment, Criterion, Plan, take_nearest_turns};
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
-use crate::record::json::merge;
 use crate::record::messages::plan_messages;
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Task};
@@ -312,7 +311,7 @@ impl PlanCommand {
         let mut after = left_out(task) + "\n";
         if let Some(candidates) = &candidates {
             after += &args.told(&candidates.offer);
-            merge(&mut json, json!({ "candidates": candidates.offer }));
+            json["candidates"] = json!(candidates.offer);
         }
         if let Some(certificate) = &certificate {
             let provenance = args.common.provenance(scenario)?;

@@ -73,7 +73,7 @@ impl Replay {
             "notes": notes,
             "plans": records.iter().map(|each| each.json()).collect::<Result<Vec<_>, _>>()?,
         });
-        let json = results("replay", &ProvenanceMessage::new(&scenario), keys);
+        let json = results("replay", &ProvenanceMessage::new(&scenario), [keys]);
         let mut text = describe(&scenario, &records) + &noted(&notes);
         let mut written = Written::default();
         let record = folder.join(record);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::codes::{Condition, ErrorCode};
+use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::identification::{DistanceStatistics, Predicted, ReadingResidual};
 use crate::laboratory::validation::{Validation, validate, validation_plan};
@@ -47,21 +47,16 @@ pub struct Validate {
     plan_out: Option<PathBuf>,
 }
 
-/// What measurements show of a prediction.
-struct Validated {
-    keys: Value,
-    text: String,
-    conditions: Vec<Condition>,
-    /// Measured less predicted (m), and the covariance of the reading alone (m^2).
-    differences: Vec<(Vector3<f64>, Matrix3<f64>)>,
-}
+/// What measurements show of a prediction: the command's keys, text and conditions; measured less predicted (m), and the covariance of
+/// each reading alone (m^2).
+type Validated = (Report, Vec<(Vector3<f64>, Matrix3<f64>)>);
 
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let path = &*self.identified;
         let (scenario, robot, _) = read_stored(&self.common, "validate", path)?;
         self.common.check_files(&scenario, None)?;
-        let validated = match (&robot, &self.measurements) {
+        let (shown, differences) = match (&robot, &self.measurements) {
             (Some(robot), Some(file)) => self.of_absolute(&scenario, robot, file)?,
             (Some(robot), None) => {
                 trust(path, &scenario, Some(&robot.identified_with))?;
@@ -75,15 +70,11 @@ impl Validate {
             }
             (None, None) => self.plan(&scenario, read_identified(path, &scenario)?)?,
         };
-        let mut report = Report::of(
-            "validate",
-            &self.common.provenance(&scenario)?,
-            validated.keys,
-            validated.text,
-            validated.conditions,
-        );
+        let provenance = self.common.provenance(&scenario)?;
+        let (keys, conditions) = ([shown.json], shown.conditions);
+        let mut report = Report::of("validate", &provenance, keys, shown.text, conditions);
         if let Some(tolerance) = self.tolerance.tolerance() {
-            report_judged(&mut report, tolerance, validated.differences.into_iter());
+            report_judged(&mut report, tolerance, differences.into_iter());
         }
         Ok(report)
     }
@@ -107,12 +98,8 @@ impl Validate {
             text += &written.noted(path, write_plan(path, commands.clone(), &plan));
         }
         identified.conditions.extend(written.conditions());
-        Ok(Validated {
-            keys: json!({ "plan": plan_messages(&commands, &plan) }),
-            text,
-            conditions: identified.conditions,
-            differences: Vec::new(),
-        })
+        let keys = json!({ "plan": plan_messages(&commands, &plan) });
+        Ok((Report::new(keys, text, identified.conditions), Vec::new()))
     }
 
     /// Holds other readings beside a robot that was identified.
@@ -131,12 +118,9 @@ impl Validate {
         let validation = validate_absolute(belief, identified, &robot, file, &readings)?;
         conditions.extend(validation.conditions());
         let left = validation.left.iter().map(|each| each.position_m);
-        Ok(Validated {
-            keys: readings_record(&validation),
-            text: describe_readings(&validation),
-            conditions,
-            differences: left.zip(validation.readings_m2.iter().copied()).collect(),
-        })
+        let differences = left.zip(validation.readings_m2.iter().copied()).collect();
+        let (keys, text) = (readings_record(&validation), describe_readings(&validation));
+        Ok((Report::new(keys, text, conditions), differences))
     }
 }
 
@@ -159,14 +143,9 @@ fn of_deflections(
     let bare = beside(&measured)?.each;
     let mut conditions = identified.conditions;
     conditions.extend(prediction_failed(validation.probability));
-    Ok(Validated {
-        keys: record(&validation),
-        text: describe(&validation),
-        conditions,
-        differences: (bare.iter())
-            .map(|each| (each.difference_m, each.reading_m2))
-            .collect(),
-    })
+    let differences = (bare.iter()).map(|each| (each.difference_m, each.reading_m2));
+    let report = Report::new(record(&validation), describe(&validation), conditions);
+    Ok((report, differences.collect()))
 }
 
 /// The predicted standard deviation of a difference's length, and what of it the robot makes (m).

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use crate::comparison::results::{Key, ResultsFile};
 use crate::comparison::{Change, Comparison};
 use crate::gate::{Decision, Direction, Quantity};
-use crate::record::{json::merge, messages::SchemaMessage};
+use crate::record::messages::{SchemaMessage, merge};
 use crate::text::markdown_text;
 
 /// The columns of [`rows`].

@@ -4,7 +4,6 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::absolute::AbsoluteMessage;
-use super::json::merge;
 use super::messages::{CommonSourcesMessage, TestPoseMessage, TruthMessage};
 use crate::experiment::Candidate;
 use crate::measurement::AbsoluteReading;
@@ -179,10 +178,7 @@ impl ReadingsRunMessage {
         let unknowns = self.identification.unknowns.iter().zip(&self.true_values);
         let unknowns = unknowns.map(|(each, value)| json!({ "name": each.name, "value": value }));
         let mut truth = serde_json::to_value(&self.truth)?;
-        merge(
-            &mut truth,
-            json!({ "unknowns": unknowns.collect::<Vec<_>>() }),
-        );
+        truth["unknowns"] = unknowns.collect();
         Ok(json!({
             "name": self.name,
             "plan": self.plan,

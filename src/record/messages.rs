@@ -17,7 +17,6 @@ use crate::identification::{Identification, MeasurementResidual, UncertainEstima
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
-use crate::record::platform::platform;
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Method};
@@ -90,6 +89,40 @@ impl ProvenanceMessage {
         self.inputs_sha256.insert(name.to_owned(), hash);
         Ok(self)
     }
+}
+
+/// What results are and where they come from, and the command's keys: of those that coincide, the last.
+pub fn results(
+    command: &str,
+    provenance: &ProvenanceMessage,
+    keys: impl IntoIterator<Item = Value>,
+) -> Value {
+    let mut json = json!({ "schema": SchemaMessage::new(command), "provenance": provenance });
+    keys.into_iter().for_each(|keys| merge(&mut json, keys));
+    json
+}
+
+/// Adds the keys of one JSON object to another.
+pub fn merge(into: &mut Value, from: Value) {
+    if let (Value::Object(into), Value::Object(from)) = (into, from) {
+        into.extend(from);
+    }
+}
+
+/// What results may depend on to the last bit beyond the program, the scenario and the seed: the machine's kind and system,
+/// and the instruction sets for which the numerical libraries have code of its own, such as "`x86_64` linux avx2 fma".
+pub fn platform() -> String {
+    #[cfg(target_arch = "x86_64")]
+    let sets = [
+        (" avx2", is_x86_feature_detected!("avx2")),
+        (" fma", is_x86_feature_detected!("fma")),
+        (" avx512f", is_x86_feature_detected!("avx512f")),
+    ];
+    #[cfg(not(target_arch = "x86_64"))]
+    let sets: [(&str, bool); 0] = [];
+    let sets = sets.into_iter().filter(|(_, has)| *has);
+    let sets: String = sets.map(|(name, _)| name).collect();
+    format!("{} {}{sets}", std::env::consts::ARCH, std::env::consts::OS)
 }
 
 /// One configuration and load of a plan.

@@ -18,8 +18,7 @@ use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
 use crate::plan::CommonSources;
 use crate::record::absolute::AbsoluteMessage;
-use crate::record::json::{merge, results};
-use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
+use crate::record::messages::{IdentificationMessage, ProvenanceMessage, results};
 use crate::scenario::Scenario;
 use crate::task::{Belief, Extended, Method};
 
@@ -197,15 +196,11 @@ impl Identified {
         let discrepancy = self.identification.discrepancy;
         let has_rotations = (self.residuals.iter()).any(|each| each.standardised.len() > 3);
         let rejected: Vec<Value> = self.rejected.iter().map(RejectedReading::json).collect();
-        let keys = json!({
+        let more = json!({
             "sigma_from_residuals": sigma_from_residuals,
             "identified_with": scenario.task.belief.fingerprint(),
             // Null where it is no text, which JSON could not hold.
             "scenario_file": scenario.path.to_str(),
-        });
-        let mut json = results("identify", provenance, keys);
-        merge(&mut json, serde_json::to_value(&message)?);
-        let more = json!({
             "residuals": self.residuals,
             "diagnoses": self.input_errors,
             "discrepancy_mm": discrepancy.map(|discrepancy| discrepancy.position_m * 1e3),
@@ -215,8 +210,8 @@ impl Identified {
             "repeats": self.repeats,
             "notes": self.notes(),
         });
-        merge(&mut json, more);
-        Ok(json)
+        let keys = [serde_json::to_value(&message)?, more];
+        Ok(results("identify", provenance, keys))
     }
 }
 
@@ -402,18 +397,12 @@ impl<'a> IdentifiedRobot<'a> {
         provenance: &ProvenanceMessage,
         groups: &[ParameterGroup],
     ) -> serde_json::Result<Value> {
-        let keys = json!({
+        let message = AbsoluteMessage::new(&self.case, &self.fit);
+        let more = json!({
             "kind": "absolute",
             "groups": groups,
             "identified_with": scenario.task.belief.fingerprint(),
             "scenario_file": scenario.path.to_str(),
-        });
-        let mut json = results("identify", provenance, keys);
-        merge(
-            &mut json,
-            serde_json::to_value(AbsoluteMessage::new(&self.case, &self.fit))?,
-        );
-        let more = json!({
             "patterns": self.patterns,
             "repeats": self.repeats,
             "repeat_components": self.repeat_components,
@@ -422,7 +411,7 @@ impl<'a> IdentifiedRobot<'a> {
             "conditions": self.conditions(),
             "notes": self.notes(),
         });
-        merge(&mut json, more);
-        Ok(json)
+        let keys = [serde_json::to_value(message)?, more];
+        Ok(results("identify", provenance, keys))
     }
 }

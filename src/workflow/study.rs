@@ -12,7 +12,7 @@ use crate::files::FileError;
 use crate::plan::Criterion;
 use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
 use crate::plan::search::{CandidatePlan, PlanSize, SearchError, Watch, random_plan};
-use crate::record::json::{merge, results};
+use crate::record::messages::results;
 use crate::record::robot_trials::RobotTrials;
 use crate::record::study::StudyPlanMessage;
 use crate::record::tally_file::{Header, PlanHeader};
@@ -303,7 +303,7 @@ pub struct Timing {
 
 /// study.json.
 pub fn study_json(header: &Header, plans: &[StudyPlanMessage], timing: Option<Timing>) -> Value {
-    let json = json!({
+    let all = json!({
         "gate": header.gate,
         "trials": header.trials,
         "level": header.level,
@@ -311,19 +311,11 @@ pub fn study_json(header: &Header, plans: &[StudyPlanMessage], timing: Option<Ti
         "reference": header.reference(),
         "plans": plans,
     });
-    let mut json = results("study", &header.provenance, json);
-    if let Some(absolute) = &header.absolute {
-        let accuracy = AccuracyKind::Absolute.name();
+    let absolute = header.absolute.as_ref().map(|absolute| {
         let (test_poses, groups) = (absolute.test_poses, &absolute.groups);
-        merge(
-            &mut json,
-            json!({ "accuracy": accuracy, "test_poses": test_poses, "groups": groups }),
-        );
-    }
-    if let Some(timing) = timing {
-        let runs_per_s = timing.runs as f64 / timing.elapsed_s;
-        let timing = json!({ "elapsed_s": timing.elapsed_s, "runs_per_s": runs_per_s });
-        merge(&mut json, timing);
-    }
-    json
+        json!({ "accuracy": AccuracyKind::Absolute.name(), "test_poses": test_poses, "groups": groups })
+    });
+    let timing = timing.map(|Timing { elapsed_s, runs }| json!({ "elapsed_s": elapsed_s, "runs_per_s": runs as f64 / elapsed_s }));
+    let keys = [Some(all), absolute, timing].into_iter().flatten();
+    results("study", &header.provenance, keys)
 }

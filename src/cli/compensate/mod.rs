@@ -133,7 +133,7 @@ impl Compensate {
             forget_observed(&mut keys);
         }
         let provenance = self.common.provenance(&scenario)?;
-        let mut report = Report::of("compensate", &provenance, keys, text, conditions);
+        let mut report = Report::of("compensate", &provenance, [keys], text, conditions);
         if self.static_compliance {
             let Task {
                 belief, test_poses, ..

@@ -138,10 +138,11 @@ impl Compensate {
             "corrects_joint_errors": robot.with_joint_errors.is_some(),
             "targets": list,
         });
+        let provenance = self.common.provenance(scenario)?;
         Ok(Report::of(
             "compensate",
-            &self.common.provenance(scenario)?,
-            keys,
+            &provenance,
+            [keys],
             text,
             conditions,
         ))

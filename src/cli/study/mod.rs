@@ -9,8 +9,8 @@ use crate::experiment::Candidate;
 use crate::files::{FileError, hexadecimal, make_folder, sha256_of};
 use crate::plan::search::Watch;
 use crate::quantities::limits::{MOST_SHARDS, MOST_TRIALS};
+use crate::record::messages::SchemaMessage;
 use crate::record::tally_file::{AbsoluteStudyHeader, Header, PlanHeader, TallyFile};
-use crate::record::{json::merge, messages::SchemaMessage};
 use crate::scenario::Scenario;
 use crate::study::runner::Runner;
 use crate::study::{Entry, Level, Setting, StudyError};
@@ -227,10 +227,9 @@ impl StudyCommand {
                 "shard {shard} of {shards}:\n{}",
                 describe(&results.messages)
             );
-            merge(
-                &mut report.json,
-                json!({ "schema": SchemaMessage::new("shard"), "shard": shard, "shards": shards }),
-            );
+            report.json["schema"] = json!(SchemaMessage::new("shard"));
+            report.json["shard"] = json!(shard);
+            report.json["shards"] = json!(shards);
         }
         report
     }

@@ -3,7 +3,6 @@
 mod certificate;
 mod design;
 mod error_source;
-mod gate;
 mod gauge;
 mod inputs;
 mod instrument;
@@ -37,6 +36,7 @@ use crate::codes::ErrorCode;
 use crate::experiment::{Plan, read_plan};
 use crate::files::typed::from_toml;
 use crate::files::{FileError, is_plain_name, read_text};
+use crate::gate::Gate;
 use crate::mujoco::Additions;
 use crate::robot::{Commands, Robot};
 use crate::task::{Belief, Task};
@@ -137,6 +137,7 @@ impl Checker<'_> {
         };
         let mut sources = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
         self.check_directions(&test_poses, &belief)?;
+        self.check_gate(&file.gate)?;
         let drawn = before.drawn.filter(|_| !file.tells_compliances());
         let truth = Truth {
             // A true robot that is told is as it is told.
@@ -165,7 +166,7 @@ impl Checker<'_> {
             study,
             laboratory,
             doubts: before.doubts,
-            gate: self.gate(file.gate)?,
+            gate: file.gate,
             mounted: Additions {
                 obstacles: Vec::new(),
                 ..additions
@@ -205,6 +206,13 @@ impl Checker<'_> {
             obstacles: self.obstacles(file)?,
             tools: self.tools(&file.robot)?,
             payloads: self.payloads(&file.robot)?,
+        })
+    }
+
+    fn check_gate(&self, gate: &Gate) -> Result<(), FileError> {
+        gate.check().map_err(|(key, problem)| {
+            let wrong = self.wrong(&format!("gate.{key}"), &*problem);
+            wrong.hinted(hint_for(&problem))
         })
     }
 

@@ -4,7 +4,6 @@
 //! robot's size and marked as a guess.
 
 mod arm;
-mod ends;
 mod pose;
 mod tools;
 mod written;

@@ -3,7 +3,6 @@
 use nalgebra::{Isometry3, Vector3};
 
 use super::arm::FoundArm;
-use super::ends::called_end;
 use super::pose::last_axis;
 use crate::files::FileError;
 use crate::robot::{SerialChain, Tool};
@@ -129,4 +128,31 @@ fn likeliest_body(arm: &FoundArm, carried: &[usize]) -> Option<usize> {
         .filter_map(|&body| Some((body, arm.model.named_body(body)?)))
         .collect();
     called_end(named.iter().map(|(body, name)| (*body, name)))
+}
+
+/// Names that ends of arms have, the likeliest first.
+const ENDS: [&str; 9] = [
+    "tcp",
+    "tool",
+    "pinch",
+    "attachment",
+    "grip",
+    "end_effector",
+    "ee",
+    "flange",
+    "hand",
+];
+
+/// The first of the names that is called as ends of arms are.
+fn called_end<'a>(names: impl Iterator<Item = (usize, &'a String)>) -> Option<usize> {
+    let names: Vec<(usize, &String)> = names.collect();
+    let has = |name: &str, word: &str| {
+        let name = name.to_lowercase();
+        let mut parts = name.split(|letter: char| !letter.is_alphanumeric());
+        parts.any(|part| part.starts_with(word)) || (word.len() > 3 && name.contains(word))
+    };
+    ENDS.iter().find_map(|word| {
+        let called = names.iter().find(|(_, name)| has(name, word));
+        called.map(|(index, _)| *index)
+    })
 }
