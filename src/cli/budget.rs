@@ -207,9 +207,8 @@ impl Budget {
             "needed_minutes": needed.and_then(|(_, minutes)| *minutes),
             "budget": points.iter().map(record).collect::<Vec<_>>(),
         });
-        let provenance = self.common.provenance(&scenario)?;
         let keys = [keys, found.json];
-        Ok(Report::of("budget", &provenance, keys, text, conditions))
+        Ok((self.common).report("budget", &scenario, keys, text, conditions)?)
     }
 
     fn conditions(&self, found: &Searched, is_cut_short: bool) -> Vec<Condition> {
@@ -253,16 +252,12 @@ fn record(point: &BudgetPoint) -> Value {
 
 /// The error sources in common with the campaign of the prior, with the accuracy of most measurements.
 fn common_to(points: &[BudgetPoint]) -> String {
-    let last = points.iter().rev().find_map(|point| {
-        let common = point.common_sources.as_ref()?;
-        let rho0 = format!(
-            "{:.3} um for {}",
-            common.rho0_m * 1e6,
-            counted(point.experiments.into(), "measurement")
-        );
-        Some((&*common.names, rho0))
-    });
-    common_sources(last)
+    let common = |point: &BudgetPoint| Some((point.experiments, point.common_sources.clone()?));
+    let last = points.iter().rev().find_map(common);
+    last.map_or_else(String::new, |(experiments, common)| {
+        let of = format!(" for {}", counted(experiments.into(), "measurement"));
+        common_sources(Some(&common.into()), &of)
+    })
 }
 
 /// From where on most of what is left is what the whole plan shares, where more measurements hardly make that smaller.

@@ -10,7 +10,7 @@ use crate::record::messages::SchemaMessage;
 use crate::record::understanding::{understanding_json, unknowns_json};
 use crate::task::{AccuracyKind, Task};
 use crate::understanding::{
-    Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, Unknowns, impossible, unknowns,
+    Understanding, UnderstoodJoint, UnderstoodPose, Unknowns, impossible, unknowns,
 };
 use clap::Args;
 use nalgebra::Vector3;
@@ -103,8 +103,7 @@ impl Check {
         if self.parameters {
             keys[0]["identifiable"] = told_apart.iter().map(unknowns_json).collect();
         }
-        let provenance = self.common.provenance(&scenario)?;
-        Ok(Report::of("check", &provenance, keys, text, conditions))
+        Ok((self.common).report("check", &scenario, keys, text, conditions)?)
     }
 
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.
@@ -177,7 +176,16 @@ pub(super) fn describe(understanding: &Understanding) -> String {
         text += &describe_pose(understanding, pose);
     }
     if let Some(truth) = &understanding.truth {
-        text += &describe_truth(truth);
+        text += &format!(
+            "The virtual robot is more than the planner's chain ({}); it rests where MuJoCo's acceleration vanishes.\n",
+            truth.reason
+        );
+        for each in &truth.beyond_belief {
+            text += &format!("It obeys what a planner's model would refuse: {each}.\n");
+        }
+        for each in &truth.gives_way {
+            text += &format!("Its {} gives way by {}.\n", each.element, each.words());
+        }
     }
     text + "\n"
 }
@@ -191,21 +199,6 @@ fn range(joint: &UnderstoodJoint) -> String {
     }
     let [low, high] = joint.range_rad.map(shown);
     format!("{low:.1} to {high:.1}{unit}")
-}
-
-/// A virtual robot that is more than a chain.
-fn describe_truth(truth: &UnderstoodTruth) -> String {
-    let mut text = format!(
-        "The virtual robot is more than the planner's chain ({}); it rests where MuJoCo's acceleration vanishes.\n",
-        truth.reason
-    );
-    for each in &truth.beyond_belief {
-        text += &format!("It obeys what a planner's model would refuse: {each}.\n");
-    }
-    for each in &truth.gives_way {
-        text += &format!("Its {} gives way by {}.\n", each.element, each.words());
-    }
-    text
 }
 
 fn describe_pose(understanding: &Understanding, pose: &UnderstoodPose) -> String {

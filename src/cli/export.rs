@@ -49,7 +49,7 @@ impl Export {
             "not_expressed": exported.not_expressed,
             "to_leave_out": exported.to_leave_out,
         });
-        Ok(Report::of("export", &provenance, [keys], text, conditions))
+        Ok((self.common).report("export", &scenario, [keys], text, conditions)?)
     }
 }
 

@@ -66,15 +66,8 @@ impl Measure {
             write_whole(path, (origin.comments() + &rows).as_bytes())?;
             shown.text += &format!("wrote {}\n", path.display());
         }
-        let provenance = self.common.provenance(&scenario)?;
         let (keys, conditions) = ([shown.json], shown.conditions);
-        Ok(Report::of(
-            "measure",
-            &provenance,
-            keys,
-            shown.text,
-            conditions,
-        ))
+        Ok((self.common).report("measure", &scenario, keys, shown.text, conditions)?)
     }
 
     fn wrong(&self, error: &dyn Display) -> FileError {

@@ -53,7 +53,7 @@ use self::given::GivenOptions;
 use crate::codes::{Condition, ConditionCode, ErrorCode, condition_code};
 use crate::files::{FileError, output::check_writable, roles::Roles, shipped};
 use crate::measurement::Origin;
-use crate::record::messages::{ProvenanceMessage, platform, results};
+use crate::record::messages::{platform, results};
 use crate::scenario::Scenario;
 use crate::text::{diagnostics::say, plain, wording::shell_path};
 use crate::understanding::collapse;
@@ -265,17 +265,6 @@ pub struct Report {
 }
 
 impl Report {
-    /// What a command comes to: its keys in JSON, where they come from, and text.
-    pub fn of(
-        command: &str,
-        provenance: &ProvenanceMessage,
-        keys: impl IntoIterator<Item = Value>,
-        text: String,
-        conditions: Vec<Condition>,
-    ) -> Self {
-        Self::new(results(command, provenance, keys), text, conditions)
-    }
-
     /// Results as JSON and as text, and what must be looked at.
     pub const fn new(json: Value, text: String, conditions: Vec<Condition>) -> Self {
         Self {
@@ -307,7 +296,10 @@ impl Arguments {
         if let Command::LoadModel(command) = &self.command {
             return command.execute();
         }
-        load_model::rehearse_models(itself);
+        // Every model is loaded by another process first.
+        if let Some(program) = itself {
+            crate::mujoco::rehearse_with(program, load_model::NAME);
+        }
         let report = self.report()?;
         let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
@@ -442,6 +434,19 @@ impl Common {
         };
         self.say(&format!("scenario {}{description}", path.display()));
         Ok(scenario)
+    }
+
+    /// What a command comes to: its keys in JSON, where they come from, text, and conditions.
+    fn report(
+        &self,
+        command: &str,
+        scenario: &Scenario,
+        keys: impl IntoIterator<Item = Value>,
+        text: String,
+        conditions: Vec<Condition>,
+    ) -> Result<Report, FileError> {
+        let json = results(command, &self.provenance(scenario)?, keys);
+        Ok(Report::new(json, text, conditions))
     }
 
     /// The folder for the results of a scenario.

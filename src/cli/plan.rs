@@ -315,7 +315,7 @@ impl PlanCommand {
         }
         if let Some(certificate) = &certificate {
             let provenance = args.common.provenance(scenario)?;
-            let bound = designed.wanted_bound();
+            let bound = designed.by_criterion.as_ref().unwrap_or(&designed.bound);
             after += &args.proof.tell(bound, &provenance, written)?;
             after += &rests_on(certificate, &assessment);
         }

@@ -159,14 +159,13 @@ impl PlanArgs {
         (planned, besides): (&PlannedAccuracy<'_>, Report),
         written: &mut Written,
     ) -> anyhow::Result<Report> {
-        let provenance = self.common.provenance(scenario)?;
         let gate = json!({ "gate": scenario.gate });
         let keys = [gate, besides.json, planned.json(scenario)?];
         let budget = self.budget.write(planned.budget(), written);
         let text = planned.describe(scenario) + &besides.text + &budget;
         let mut conditions = planned.conditions(scenario);
         conditions.extend(besides.conditions);
-        Ok(Report::of(command, &provenance, keys, text, conditions))
+        Ok((self.common).report(command, scenario, keys, text, conditions)?)
     }
 
     /// Writes the page of a plan, where that is wanted, and says of all files that were written what became of them.
@@ -274,11 +273,8 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
             message.task_force_mm
         );
     }
-    let common = message.common_sources.as_ref();
-    text += &uncertainty_budget::describe(
-        message.uncertainty_budget.as_ref(),
-        common.map(|common| (&*common.names, common.rho0_mm)),
-    );
+    let (budget, common) = (&message.uncertainty_budget, &message.common_sources);
+    text += &uncertainty_budget::describe(budget.as_ref(), common.as_ref());
     text += &left_out(message);
     if message.test_poses.len() > 1 {
         let rows = (message.test_poses.iter())
@@ -353,11 +349,8 @@ fn unkept(trials: &RobotTrials) -> Vec<Condition> {
 
 /// The uncertainty budget of a plan, where it is more than the instrument's noise.
 pub fn budget(assessment: &Assessment) -> String {
-    let common = assessment.common_sources.as_ref();
-    uncertainty_budget::describe(
-        assessment.uncertainty_budget.as_ref(),
-        common.map(|common| (&*common.names, common.rho0_m * 1e3)),
-    )
+    let common = assessment.common_sources.clone().map(Into::into);
+    uncertainty_budget::describe(assessment.uncertainty_budget.as_ref(), common.as_ref())
 }
 
 /// What no plan is better than, in words that follow the plan's own value.

@@ -361,11 +361,8 @@ fn of_readings(plan: &AbsolutePlanMessage, outcome: &AbsoluteRun<'_>) -> String 
     };
     let header =
         "test pose | predicted rms [um] | observed in this run [um] | of the nominal robot [um]";
-    let common = plan.common_sources.as_ref();
-    let budget = uncertainty_budget::describe(
-        plan.uncertainty_budget.as_ref(),
-        common.map(|common| (&*common.names, common.rho0_mm)),
-    );
+    let (budget, common) = (&plan.uncertainty_budget, &plan.common_sources);
+    let budget = uncertainty_budget::describe(budget.as_ref(), common.as_ref());
     let mut text = format!("\n{}{budget}", table(header, outcome.poses.iter().map(row)));
     text += &left_out(plan);
     let [before_m, after_m] = rms_m(&outcome.poses);

@@ -86,7 +86,6 @@ impl Select {
             let title = "Calibrated with a few readings, validated on all others";
             text += &written.save(path, &selection_plot(title, &selection)?);
         }
-        let provenance = self.common.provenance(&scenario)?;
         let keys = [
             json!({ "groups": self.parameters }),
             selection_json(&selection),
@@ -97,7 +96,7 @@ impl Select {
             conditions.push(ConditionCode::SearchStopped.with(words));
         }
         conditions.extend(written.conditions());
-        Ok(Report::of("select", &provenance, keys, text, conditions))
+        Ok((self.common).report("select", &scenario, keys, text, conditions)?)
     }
 }
 

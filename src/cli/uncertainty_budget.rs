@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::plan::{BudgetSource, UncertaintyBudget};
+use crate::record::messages::CommonSourcesMessage;
 use crate::study::account::Contribution;
 use crate::text::wording::significant;
 use clap::Args;
@@ -31,7 +32,10 @@ impl BudgetArgs {
 }
 
 /// The main columns of a budget, where it has more than the instrument's noise.
-pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f64)>) -> String {
+pub fn describe(
+    budget: Option<&UncertaintyBudget>,
+    common: Option<&CommonSourcesMessage>,
+) -> String {
     let Some(budget) = budget.filter(|budget| budget.has_more_than_noise()) else {
         return String::new();
     };
@@ -58,11 +62,10 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
         number(budget.expanded_uncertainty_um, 3),
         number(budget.coverage_factor, 3)
     );
-    let common = common.map(|(names, rho0_mm)| (names, format!("{:.3} um", rho0_mm * 1e3)));
     format!(
         "\n{}{combined}{remarks}{}",
         table(header, rows),
-        common_sources(common)
+        common_sources(common, "")
     )
 }
 
@@ -81,13 +84,14 @@ pub fn contributions(sources: &[Contribution]) -> String {
     table("source | contribution [um] | share [%]", rows)
 }
 
-/// The accuracy with the error sources that the campaign of the prior has, too.
-pub fn common_sources(common: Option<(&[String], String)>) -> String {
-    common.map_or_else(String::new, |(names, rho0)| {
+/// The accuracy with the error sources that the campaign of the prior has, too, of a plan in words that follow it.
+pub fn common_sources(common: Option<&CommonSourcesMessage>, of: &str) -> String {
+    common.map_or_else(String::new, |common| {
         format!(
             "  error sources in common with the campaign of robot.prior: {}; rho0, the 95 % quantile and the bound take them as \
-             independent, and rho0 is {rho0} with the same values in both\n",
-            names.join(", ")
+             independent, and rho0 is {:.3} um{of} with the same values in both\n",
+            common.names.join(", "),
+            common.rho0_mm * 1e3
         )
     })
 }

@@ -70,9 +70,9 @@ impl Validate {
             }
             (None, None) => self.plan(&scenario, read_identified(path, &scenario)?)?,
         };
-        let provenance = self.common.provenance(&scenario)?;
         let (keys, conditions) = ([shown.json], shown.conditions);
-        let mut report = Report::of("validate", &provenance, keys, shown.text, conditions);
+        let mut report =
+            (self.common).report("validate", &scenario, keys, shown.text, conditions)?;
         if let Some(tolerance) = self.tolerance.tolerance() {
             report_judged(&mut report, tolerance, differences.into_iter());
         }
@@ -119,7 +119,9 @@ impl Validate {
         conditions.extend(validation.conditions());
         let left = validation.left.iter().map(|each| each.position_m);
         let differences = left.zip(validation.readings_m2.iter().copied()).collect();
-        let (keys, text) = (readings_record(&validation), describe_readings(&validation));
+        let with_joints: Vec<_> = validation.prognoses.iter().map(|each| each.left).collect();
+        let keys = readings_record(&validation, &with_joints);
+        let text = describe_readings(&validation, &with_joints);
         Ok((Report::new(keys, text, conditions), differences))
     }
 }
@@ -207,13 +209,11 @@ fn describe(validation: &Validation) -> String {
     )
 }
 
-fn readings_record(validation: &AbsoluteValidation) -> Value {
+fn readings_record(validation: &AbsoluteValidation, with_joints: &[ReadingResidual]) -> Value {
     let both = |left: &[ReadingResidual]| {
         let [distance_mm, angle_mrad] = DistanceStatistics::in_mm_and_mrad(left);
         json!({ "distance_mm": distance_mm, "angle_mrad": angle_mrad })
     };
-    let with_joints: Vec<ReadingResidual> =
-        validation.prognoses.iter().map(|each| each.left).collect();
     let residuals = |left: &[ReadingResidual]| -> Vec<[f64; 3]> {
         let position = |each: &ReadingResidual| (each.position_m * 1e3).into();
         left.iter().map(position).collect()
@@ -235,7 +235,7 @@ fn readings_record(validation: &AbsoluteValidation) -> Value {
         "distance_mm": distance_mm,
         "angle_mrad": angle_mrad,
         "before": validation.before.as_deref().map(both),
-        "with_joint_errors": both(&with_joints),
+        "with_joint_errors": both(with_joints),
         "coverage95": {
             validation.names[0]: validation.coverage(0),
             validation.names[1]: validation.coverage(1),
@@ -243,13 +243,11 @@ fn readings_record(validation: &AbsoluteValidation) -> Value {
         "frames_anew": validation.frames_anew,
         "stations_moved": moved,
         "residuals_mm": residuals(&validation.left),
-        "residuals_with_joint_errors_mm": residuals(&with_joints),
+        "residuals_with_joint_errors_mm": residuals(with_joints),
     })
 }
 
-fn describe_readings(validation: &AbsoluteValidation) -> String {
-    let with_joints: Vec<ReadingResidual> =
-        validation.prognoses.iter().map(|each| each.left).collect();
+fn describe_readings(validation: &AbsoluteValidation, with_joints: &[ReadingResidual]) -> String {
     let mut rows = Vec::new();
     let mut add = |name: &str, left: &[ReadingResidual]| {
         for (what, lengths) in ["distance [mm]", "angle [mrad]"]
@@ -264,7 +262,7 @@ fn describe_readings(validation: &AbsoluteValidation) -> String {
     }
     add("identified", &validation.left);
     if with_joints != validation.left {
-        add("with joint errors", &with_joints);
+        add("with joint errors", with_joints);
     }
     let mut text = format!(
         "{} that were not fitted\n{}",

@@ -4,7 +4,6 @@
 //! exist (an unidentifiable compliance, an infinite condition number) are `null`.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use nalgebra::{DMatrix, Vector3};
 use serde::{Deserialize, Serialize};
@@ -12,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::codes::Condition;
-use crate::files::{FileError, hexadecimal, schema::RESULTS_VERSION, sha256_of};
+use crate::files::schema::RESULTS_VERSION;
 use crate::identification::{Identification, MeasurementResidual, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, Violation};
@@ -82,13 +81,6 @@ impl ProvenanceMessage {
             noise_only: scenario.is_noise_only,
         }
     }
-
-    /// The same with a file that was given beside the scenario.
-    pub fn with_input(mut self, name: &str, path: &Path) -> Result<Self, FileError> {
-        let hash = hexadecimal(&sha256_of(path)?);
-        self.inputs_sha256.insert(name.to_owned(), hash);
-        Ok(self)
-    }
 }
 
 /// What results are and where they come from, and the command's keys: of those that coincide, the last.
@@ -139,24 +131,15 @@ pub struct ExperimentMessage {
     pub direction: Option<[f64; 3]>,
 }
 
-impl ExperimentMessage {
-    /// The record of an experiment.
-    pub fn new(commands: &Commands, experiment: &Experiment) -> Self {
-        Self {
-            q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
-            wrench: wrench(&experiment.load),
-            repeats: experiment.repeats,
-            direction: experiment.direction.map(Into::into),
-        }
-    }
-}
-
 /// The experiments of a plan in their order.
 pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage> {
-    let experiments = plan.experiments.iter();
-    experiments
-        .map(|experiment| ExperimentMessage::new(commands, experiment))
-        .collect()
+    let message = |experiment: &Experiment| ExperimentMessage {
+        q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
+        wrench: wrench(&experiment.load),
+        repeats: experiment.repeats,
+        direction: experiment.direction.map(Into::into),
+    };
+    plan.experiments.iter().map(message).collect()
 }
 
 /// One experiment's outcome.

@@ -262,9 +262,7 @@ pub fn identify_absolute<'a>(
     // What lies far out is no pattern, and no inconsistency.
     let mut kept = case.kept(&fit);
     let looked = kept.looked_at(&fit, &fit.of_kept(readings))?;
-    let joints = case.arm.chain.joints.iter();
-    let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
-    let halves = halves(&mut kept, &fit, &joints);
+    let halves = halves(&mut kept, &fit);
     // These are of three coordinates.
     let mut repeated = fit.of_kept(&(0..readings.len()).collect::<Vec<usize>>());
     repeated.retain(|&place| readings[place].distance_m.is_none());
@@ -281,11 +279,7 @@ pub fn identify_absolute<'a>(
 }
 
 /// The halves of joint space beside each other.
-fn halves(
-    case: &mut AbsoluteCase<'_>,
-    fit: &AbsoluteFit,
-    joints: &[String],
-) -> Option<Inconsistencies> {
+fn halves(case: &mut AbsoluteCase<'_>, fit: &AbsoluteFit) -> Option<Inconsistencies> {
     let (half_of, [one, other]) = case.halves(fit)?;
     let reach = |joint: usize, half: usize| {
         let all = case.observations.iter().zip(&half_of);
@@ -296,24 +290,19 @@ fn halves(
         let [one, other] = [0, 1].map(|half| reach(*joint, half));
         one[1] < other[0] || other[1] < one[0]
     };
-    let joint = (0..joints.len()).find(is_apart)?;
+    let joint = (0..case.arm.chain.len()).find(is_apart)?;
     let of_half = |half: usize| {
-        let [low, high] = reach(joint, half).map(|angle| shown_angle(case, joint, angle));
-        format!("where {} is {low} to {high}", joints[joint])
+        let moving = &case.arm.chain.joints[joint];
+        let [low, high] = reach(joint, half).map(|value| {
+            let (value, unit) = moving.drive.shown(value);
+            format!("{value:.1} {unit}")
+        });
+        format!("where {} is {low} to {high}", moving.name)
     };
     Some(Inconsistencies {
         between: [of_half(0), of_half(1)],
         ..one.beside(&other)
     })
-}
-
-/// An angle in degrees; of a joint that slides, a length.
-fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
-    if case.arm.chain.joints[joint].drive.slides {
-        format!("{:.1} mm", value * 1e3)
-    } else {
-        format!("{:.1} deg", value.to_degrees())
-    }
 }
 
 /// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted

@@ -387,7 +387,9 @@ fn compensated(
             weight: pose.weight,
             direction: pose.direction,
             commanded_rad: compensate_arm(&fit.arm, tool.unwrap_or(0), pose, belief.method)?,
-            predicted_m: predicted(prediction, place),
+            predicted_m: prediction.poses_m[place].ok_or_else(|| NotDetermined {
+                parameters: prediction.left.as_ref().err().cloned().unwrap_or_default(),
+            }),
             seen: SeenPose {
                 uncompensated_m: before_m[place],
                 residual_m: after_m[place],
@@ -399,13 +401,6 @@ fn compensated(
         .enumerate()
         .map(compensated)
         .collect()
-}
-
-/// The predicted rms distance (m) at a test pose, by its place.
-fn predicted(prediction: &PredictedAccuracy, place: usize) -> Result<f64, NotDetermined> {
-    prediction.poses_m[place].ok_or_else(|| NotDetermined {
-        parameters: prediction.left.as_ref().err().cloned().unwrap_or_default(),
-    })
 }
 
 /// One run of a study of absolute readings, with all that its robot did.

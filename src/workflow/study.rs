@@ -11,7 +11,7 @@ use crate::experiment::{Candidate, Plan};
 use crate::files::FileError;
 use crate::plan::Criterion;
 use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
-use crate::plan::search::{CandidatePlan, PlanSize, SearchError, Watch, random_plan};
+use crate::plan::search::{PlanSize, SearchError, Watch, random_plan};
 use crate::record::messages::results;
 use crate::record::robot_trials::RobotTrials;
 use crate::record::study::StudyPlanMessage;
@@ -147,7 +147,7 @@ fn readings_of<'a>(
         ..*wanted
     };
     let mut is_random = false;
-    let (planning, found) = match &plan.source {
+    let (planning, mut found) = match &plan.source {
         StudySource::File { readings, .. } => {
             let planning = AbsolutePlanning::of_plan(task, groups, &scaled(readings))?;
             let plan = planning.whole();
@@ -174,21 +174,17 @@ fn readings_of<'a>(
             (planning, plan)
         }
     };
+    // As a whole until there are so many, which it is known to divide.
+    let once: u32 = found.iter().map(|(_, times)| times).sum();
+    for (_, times) in &mut found {
+        *times *= (measurements / once.max(1)).max(1);
+    }
     Ok(StudiedReadings {
-        plan: readings_repeated(found, measurements),
+        plan: found,
         planning,
         groups,
         is_random,
     })
-}
-
-/// A plan repeated as a whole until it has so many readings, which it is known to divide.
-fn readings_repeated(mut plan: CandidatePlan, readings: u32) -> CandidatePlan {
-    let once: u32 = plan.iter().map(|(_, times)| times).sum();
-    for (_, times) in &mut plan {
-        *times *= (readings / once.max(1)).max(1);
-    }
-    plan
 }
 
 /// Reads, designs or draws a plan, and repeats it as a whole.

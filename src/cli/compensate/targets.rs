@@ -138,14 +138,7 @@ impl Compensate {
             "corrects_joint_errors": robot.with_joint_errors.is_some(),
             "targets": list,
         });
-        let provenance = self.common.provenance(scenario)?;
-        Ok(Report::of(
-            "compensate",
-            &provenance,
-            [keys],
-            text,
-            conditions,
-        ))
+        Ok((self.common).report("compensate", scenario, [keys], text, conditions)?)
     }
 
     fn tool_of(&self, robot: &CalibratedRobot) -> Result<usize, FileError> {

@@ -232,10 +232,7 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
             micro(predicted_mm),
             validation(&name, message)
         );
-        text += &common_sources((message.common_sources.as_ref()).map(|common| {
-            let rho0 = format!("{} um", micro(common.rho0_mm));
-            (&*common.names, rho0)
-        }));
+        text += &common_sources(message.common_sources.as_ref(), "");
         if let Some(share) = message.coverage95 {
             let percent = share * 100.0;
             text += &match accuracy {

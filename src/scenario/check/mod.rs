@@ -1,5 +1,6 @@
 //! From the file as written to a checked scenario, a file for each table.
 
+mod additions;
 mod certificate;
 mod design;
 mod error_source;
@@ -8,10 +9,8 @@ mod inputs;
 mod instrument;
 mod laboratory;
 mod load;
-mod mounted;
 mod name;
 mod number;
-mod obstacle;
 mod prior;
 mod region;
 mod repeatability;
@@ -26,9 +25,9 @@ mod uncertainty;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
+use self::additions::Locked;
 use self::error_source::ReadingPlaces;
 use self::inputs::Inputs;
-use self::mounted::Locked;
 use self::prior::drawn_from_both;
 use super::Scenario;
 use super::file::{Actuators, File};
@@ -72,7 +71,7 @@ impl Checker<'_> {
         let file = self.parse(text)?;
         let table = toml::from_str(text)
             .map_err(|error| FileError::new(self.path, error.message().to_owned()))?;
-        self.check_names(&table)?;
+        self.check_names("", &table)?;
 
         let additions = self.additions(&file)?;
         let locked = self.locked(&file.robot)?;
@@ -137,7 +136,6 @@ impl Checker<'_> {
         };
         let mut sources = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
         self.check_directions(&test_poses, &belief)?;
-        self.check_gate(&file.gate)?;
         let drawn = before.drawn.filter(|_| !file.tells_compliances());
         let truth = Truth {
             // A true robot that is told is as it is told.
@@ -166,7 +164,7 @@ impl Checker<'_> {
             study,
             laboratory,
             doubts: before.doubts,
-            gate: file.gate,
+            gate: self.gate(file.gate)?,
             mounted: Additions {
                 obstacles: Vec::new(),
                 ..additions
@@ -200,20 +198,13 @@ impl Checker<'_> {
         })
     }
 
-    /// What it adds to its models.
-    fn additions(&self, file: &File) -> Result<Additions, FileError> {
-        Ok(Additions {
-            obstacles: self.obstacles(file)?,
-            tools: self.tools(&file.robot)?,
-            payloads: self.payloads(&file.robot)?,
-        })
-    }
-
-    fn check_gate(&self, gate: &Gate) -> Result<(), FileError> {
-        gate.check().map_err(|(key, problem)| {
+    fn gate(&self, gate: Gate) -> Result<Gate, FileError> {
+        let wrong = |(key, problem): (_, String)| {
             let wrong = self.wrong(&format!("gate.{key}"), &*problem);
             wrong.hinted(hint_for(&problem))
-        })
+        };
+        gate.check().map_err(wrong)?;
+        Ok(gate)
     }
 
     /// The scenario's name, which results and their folder bear: the file's, without ending.

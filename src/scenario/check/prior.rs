@@ -143,26 +143,21 @@ fn campaign_of(
     places: &[usize],
     count: usize,
 ) -> PriorCampaign {
-    let mut covariance = DMatrix::zeros(count, count);
-    for (row, &place) in places.iter().enumerate() {
-        for (column, &other) in places.iter().enumerate() {
-            covariance[(place, other)] = posterior.covariance[(row, column)];
-        }
-    }
+    // Puts what is of these compliances in their places.
+    let placed = DMatrix::from_fn(count, places.len(), |row, column| {
+        f64::from(u8::from(places[column] == row))
+    });
     let of_others = |others: &OtherUnknowns| {
-        let names = others.names.iter().enumerate();
-        names
-            .map(|(column, name)| {
-                let mut own = DVector::zeros(count);
-                for (row, &place) in places.iter().enumerate() {
-                    own[place] = others.covariance[(row, places.len() + column)];
-                }
-                (name.clone(), own)
-            })
-            .collect()
+        let beside = others
+            .covariance
+            .view((0, places.len()), (places.len(), others.names.len()));
+        let columns = &placed * beside;
+        let own =
+            |(place, name): (usize, &String)| (name.clone(), columns.column(place).into_owned());
+        others.names.iter().enumerate().map(own).collect()
     };
     PriorCampaign {
-        covariance,
+        covariance: &placed * &posterior.covariance * placed.transpose(),
         others: others.map(of_others).unwrap_or_default(),
         degrees_of_freedom: None,
     }

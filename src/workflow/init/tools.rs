@@ -48,11 +48,17 @@ impl Tools {
             .filter(|(_, body)| carried.contains(body))
             .map(|(name, _)| name)
             .collect();
-        let tools = if let Some(site) = likeliest(&known) {
+        // One that is called an arm's end, or the last.
+        let called = called_end(known.iter().enumerate()).map(|index| &known[index]);
+        let tools = if let Some(site) = called.or(known.last()) {
             let tool = SerialChain::tool(&arm.model, site)?;
             Self::beside(arm, &tool, site, Vector3::zeros())
         } else {
-            let body = (likeliest_body(arm, &carried)).unwrap_or(arm.last_body);
+            let named: Vec<(usize, String)> = (carried.iter())
+                .filter_map(|&body| Some((body, arm.model.named_body(body)?)))
+                .collect();
+            let called = called_end(named.iter().map(|(body, name)| (*body, name)));
+            let body = called.unwrap_or(arm.last_body);
             let tool = SerialChain::on_body(&arm.model, body)?;
             let (axis, _) = last_axis(arm, &tool);
             let on = arm.model.body_name(body);
@@ -113,21 +119,6 @@ impl Tools {
             known: Vec::new(),
         }
     }
-}
-
-/// The site that is most likely an arm's end: one that is called so, or the last.
-fn likeliest(sites: &[String]) -> Option<&String> {
-    called_end(sites.iter().enumerate())
-        .map(|index| &sites[index])
-        .or(sites.last())
-}
-
-/// The body that is called an arm's end, if one is.
-fn likeliest_body(arm: &FoundArm, carried: &[usize]) -> Option<usize> {
-    let named: Vec<(usize, String)> = (carried.iter())
-        .filter_map(|&body| Some((body, arm.model.named_body(body)?)))
-        .collect();
-    called_end(named.iter().map(|(body, name)| (*body, name)))
 }
 
 /// Names that ends of arms have, the likeliest first.
