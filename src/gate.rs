@@ -2,6 +2,7 @@
 //! (JCGM 106).
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::numeric::tolerance::length_quantile;
@@ -70,17 +71,7 @@ impl DistanceTolerance {
 
 /// What comparisons of results look at.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Deserialize,
-    schemars::JsonSchema,
-    Serialize,
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize, JsonSchema, Serialize,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -101,9 +92,7 @@ pub enum Quantity {
 }
 
 /// Which changes a gate objects to.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, schemars::JsonSchema, Serialize,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
     /// Those for the worse.
@@ -116,7 +105,7 @@ pub enum Direction {
 }
 
 /// How far a quantity may change: by the larger of the two.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema, Serialize)]
 pub struct Tolerance {
     /// As a part of the value before.
     pub relative: f64,
@@ -129,7 +118,7 @@ pub struct Tolerance {
 }
 
 /// A tolerance as it is written. Each quantity has one key for the absolute tolerance.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 struct ToleranceTable {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -147,7 +136,7 @@ struct ToleranceTable {
 }
 
 /// The table as it is written; results carry it to where they are compared.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gate {
     #[serde(skip_serializing_if = "Option::is_none")]

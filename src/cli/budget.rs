@@ -9,7 +9,6 @@ use crate::laboratory::time::{least_minutes, quickest};
 use crate::plan::absolute::AbsolutePlanError;
 use crate::plan::search::{BudgetPoint, PlanSize, budget, cheapest, repeated_configurations};
 use crate::quantities::plausible::ACCURACY;
-use crate::record::json::merge;
 use crate::record::messages::ProvenanceMessage;
 use crate::scenario::Scenario;
 use crate::task::AccuracyKind;
@@ -24,7 +23,7 @@ use super::progress::search;
 use super::proof::{ProofArgs, proof_json};
 use super::table::{number, table_of};
 use super::written::Written;
-use super::{Common, Report, results, without_effect};
+use super::{Common, Report, without_effect};
 
 /// What a plan shares is as good as constant where it falls by less than this factor.
 const FLAT: f64 = 1.1;
@@ -201,15 +200,14 @@ impl Budget {
         }
         conditions.extend(written.conditions());
         let needed = found.needed.as_ref();
-        let json = json!({
+        let keys = json!({
             "accuracy_um": self.accuracy_um,
             "needed": needed.map(|(point, _)| record(point)),
             "needed_minutes": needed.and_then(|(_, minutes)| *minutes),
             "budget": points.iter().map(record).collect::<Vec<_>>(),
         });
-        let mut json = results("budget", &self.common.provenance(&scenario)?, json);
-        merge(&mut json, found.json);
-        Ok(Report::new(json, text, conditions))
+        let keys = [keys, found.json];
+        Ok((self.common).report("budget", &scenario, keys, text, conditions)?)
     }
 
     fn conditions(&self, found: &Searched, is_cut_short: bool) -> Vec<Condition> {

@@ -6,12 +6,11 @@ use std::path::{Path, PathBuf};
 use crate::experiment::read_candidates;
 use crate::plan::absolute::AbsolutePlanning;
 use crate::plan::{Feasibility, read_plan};
-use crate::record::json::merge;
 use crate::record::messages::SchemaMessage;
 use crate::record::understanding::{understanding_json, unknowns_json};
 use crate::task::{AccuracyKind, Task};
 use crate::understanding::{
-    Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, Unknowns, impossible, unknowns,
+    Understanding, UnderstoodJoint, UnderstoodPose, Unknowns, impossible, unknowns,
 };
 use clap::Args;
 use nalgebra::Vector3;
@@ -19,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::printed_error::PrintedError;
 use super::table::table;
-use super::{Common, Report, program, results, without_effect};
+use super::{Common, Report, program, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["seed", "threads", "out"])))]
@@ -100,13 +99,11 @@ impl Check {
         let problems: Vec<String> = violations.into_iter().chain(found).collect();
         let conditions = violated.into_iter().chain(impossible).collect();
         let json = json!({ "ok": problems.is_empty(), "problems": problems });
-        let mut json = results("check", &self.common.provenance(&scenario)?, json);
-        merge(&mut json, understanding_json(&understanding));
+        let mut keys = [json, understanding_json(&understanding)];
         if self.parameters {
-            let each: Vec<Value> = told_apart.iter().map(unknowns_json).collect();
-            merge(&mut json, json!({ "identifiable": each }));
+            keys[0]["identifiable"] = told_apart.iter().map(unknowns_json).collect();
         }
-        Ok(Report::new(json, text, conditions))
+        Ok((self.common).report("check", &scenario, keys, text, conditions)?)
     }
 
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.
@@ -114,7 +111,7 @@ impl Check {
         let PrintedError { code, .. } = PrintedError::of(error);
         let scenario = (self.common.scenario().file_stem()).map(OsStr::to_string_lossy);
         let mut provenance = program();
-        merge(&mut provenance, json!({ "scenario": scenario }));
+        provenance["scenario"] = json!(scenario);
         json!({
             "schema": SchemaMessage::new("check"),
             "provenance": provenance,
@@ -179,7 +176,16 @@ pub(super) fn describe(understanding: &Understanding) -> String {
         text += &describe_pose(understanding, pose);
     }
     if let Some(truth) = &understanding.truth {
-        text += &describe_truth(truth);
+        text += &format!(
+            "The virtual robot is more than the planner's chain ({}); it rests where MuJoCo's acceleration vanishes.\n",
+            truth.reason
+        );
+        for each in &truth.beyond_belief {
+            text += &format!("It obeys what a planner's model would refuse: {each}.\n");
+        }
+        for each in &truth.gives_way {
+            text += &format!("Its {} gives way by {}.\n", each.element, each.words());
+        }
     }
     text + "\n"
 }
@@ -193,21 +199,6 @@ fn range(joint: &UnderstoodJoint) -> String {
     }
     let [low, high] = joint.range_rad.map(shown);
     format!("{low:.1} to {high:.1}{unit}")
-}
-
-/// A virtual robot that is more than a chain.
-fn describe_truth(truth: &UnderstoodTruth) -> String {
-    let mut text = format!(
-        "The virtual robot is more than the planner's chain ({}); it rests where MuJoCo's acceleration vanishes.\n",
-        truth.reason
-    );
-    for each in &truth.beyond_belief {
-        text += &format!("It obeys what a planner's model would refuse: {each}.\n");
-    }
-    for each in &truth.gives_way {
-        text += &format!("Its {} gives way by {}.\n", each.element, each.words());
-    }
-    text
 }
 
 fn describe_pose(understanding: &Understanding, pose: &UnderstoodPose) -> String {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::codes::{Condition, ConditionCode, ErrorCode};
-use crate::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
+use crate::comparison::record::{COLUMNS, comparison_json, markdown, notes, row, verdict};
 use crate::comparison::{Aspect, Comparison, compare, results::ResultsFile};
 use crate::files::{output::write_whole, roles::Roles};
 use crate::gate::Decision;
@@ -108,7 +108,7 @@ fn describe(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> S
         )
     };
     let mut text = origin("base", base) + &origin("new ", new) + "\n";
-    text += &table_of(&COLUMNS, rows(comparison.changes.iter()));
+    text += &table_of(&COLUMNS, comparison.changes.iter().map(row));
     text += &format!("\n{}\n", verdict(comparison));
     for note in notes(base, new, comparison) {
         text += &format!("{note}\n");

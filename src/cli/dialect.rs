@@ -32,16 +32,6 @@ pub fn dialect_if_suitable(
     })
 }
 
-/// A dialect, or why it is not for the scenario's robot.
-fn suitable(
-    option: Option<&str>,
-    scenario: &Scenario,
-) -> Result<Result<Dialect, DialectError>, FileError> {
-    let dialect = named(option, scenario).map_err(|wrong| wrong.or_code(ErrorCode::Program))?;
-    let checked = dialect.axes_of(&scenario.task.belief.commands()).map(drop);
-    Ok(checked.map(|()| dialect))
-}
-
 const fn place(option: Option<&str>) -> &'static str {
     if option.is_some() {
         "--dialect"
@@ -50,7 +40,11 @@ const fn place(option: Option<&str>) -> &'static str {
     }
 }
 
-fn named(option: Option<&str>, scenario: &Scenario) -> Result<Dialect, FileError> {
+/// A dialect, or why it is not for the scenario's robot.
+fn suitable(
+    option: Option<&str>,
+    scenario: &Scenario,
+) -> Result<Result<Dialect, DialectError>, FileError> {
     let (name, from) = match option {
         Some(name) => (name, Path::new("")),
         None => (
@@ -58,14 +52,15 @@ fn named(option: Option<&str>, scenario: &Scenario) -> Result<Dialect, FileError
             scenario.path.parent().unwrap_or(Path::new("")),
         ),
     };
-    let is_file = Path::new(name)
-        .extension()
-        .is_some_and(|ending| ending == "toml");
-    if is_file {
-        let path = from.join(name);
-        let text = read_text(&path)?;
-        return Dialect::read(&text).map_err(|error| FileError::new(&path, error.to_string()));
-    }
-    Dialect::known(name)
-        .map_err(|error| FileError::new(&scenario.path, error.to_string()).at(place(option)))
+    let path = from.join(name);
+    let dialect = if path.extension().is_some_and(|ending| ending == "toml") {
+        let wrong = |error: DialectError| FileError::new(&path, error.to_string());
+        read_text(&path).and_then(|text| Dialect::read(&text).map_err(wrong))
+    } else {
+        let wrong = |error: DialectError| FileError::new(&scenario.path, error.to_string());
+        Dialect::known(name).map_err(|error| wrong(error).at(place(option)))
+    };
+    let dialect = dialect.map_err(|wrong| wrong.or_code(ErrorCode::Program))?;
+    let checked = dialect.axes_of(&scenario.task.belief.commands()).map(drop);
+    Ok(checked.map(|()| dialect))
 }

@@ -8,8 +8,6 @@ use crate::files::FileError;
 use crate::plan::absolute::AbsolutePlanning;
 use crate::plan::search::Bound;
 use crate::plan::{Assessment, Criterion, read_plan};
-use crate::record::json::merge;
-use crate::record::robot_trials::RobotTrials;
 use crate::robot::{Approach, Load};
 use crate::scenario::Scenario;
 use crate::task::AccuracyKind;
@@ -62,8 +60,8 @@ impl Evaluate {
         let trials = (self.trials)
             .map(|robots| args.add_trials(&mut report, &scenario, &planned, robots))
             .transpose()?;
-        if let Some(record) = trials.as_ref().map(RobotTrials::json) {
-            merge(&mut report.json, json!({ "trials": record }));
+        if let Some(trials) = &trials {
+            report.json["trials"] = trials.json();
         }
         args.finish(&scenario, (&planned, trials.as_ref()), (report, written))
     }

@@ -39,22 +39,17 @@ impl Export {
         write_whole(&self.model_out, exported.text.as_bytes())?;
         let mut text = describe(&exported);
         text += &format!("wrote {}\n", self.model_out.display());
-        Ok(Report::of(
-            "export",
-            &provenance,
-            json!({
-                "model_file": self.model_out,
-                "parameters": robot.unknowns.iter().map(|each| &each.name).collect::<Vec<_>>(),
-                "configurations": exported.configurations,
-                "place_difference_mm": exported.place_difference_m * 1e3,
-                "rotation_difference_mrad": exported.rotation_difference_rad * 1e3,
-                "deflection_difference_mm": exported.deflection_difference_m * 1e3,
-                "not_expressed": exported.not_expressed,
-                "to_leave_out": exported.to_leave_out,
-            }),
-            text,
-            conditions,
-        ))
+        let keys = json!({
+            "model_file": self.model_out,
+            "parameters": robot.unknowns.iter().map(|each| &each.name).collect::<Vec<_>>(),
+            "configurations": exported.configurations,
+            "place_difference_mm": exported.place_difference_m * 1e3,
+            "rotation_difference_mrad": exported.rotation_difference_rad * 1e3,
+            "deflection_difference_mm": exported.deflection_difference_m * 1e3,
+            "not_expressed": exported.not_expressed,
+            "to_leave_out": exported.to_leave_out,
+        });
+        Ok((self.common).report("export", &scenario, [keys], text, conditions)?)
     }
 }
 

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::Path;
 
 use crate::codes::ErrorCode;
-use crate::files::{FileError, roles::Roles};
+use crate::files::{FileError, hexadecimal, roles::Roles, sha256_of};
 use crate::plan::Criterion;
 use crate::record::messages::ProvenanceMessage;
 use crate::scenario::Scenario;
@@ -143,11 +143,12 @@ impl Common {
 
     /// Where results come from: a scenario, and the files that were given beside it.
     pub fn provenance(&self, scenario: &Scenario) -> Result<ProvenanceMessage, FileError> {
-        let mut inputs = self.given.inputs();
-        inputs.try_fold(
-            ProvenanceMessage::new(scenario),
-            |from, (option, _, path)| from.with_input(option, path),
-        )
+        let mut from = ProvenanceMessage::new(scenario);
+        for (option, _, path) in self.given.inputs() {
+            let hash = hexadecimal(&sha256_of(path)?);
+            from.inputs_sha256.insert(option.to_owned(), hash);
+        }
+        Ok(from)
     }
 
     /// An option of a command that is about the other accuracy alone, as a user writes it.

@@ -4,9 +4,7 @@ use std::path::Path;
 
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
-use crate::identification::{
-    Discrepancy, OtherUnknowns, StoredIdentification, impossible_compliance,
-};
+use crate::identification::{Discrepancy, StoredIdentification, impossible_compliance};
 use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::{estimable::Estimable, posterior::Posterior};
 use crate::scenario::Scenario;
@@ -148,7 +146,12 @@ pub fn read_identified(
             return Err(wrong.code(ErrorCode::OtherRobot));
         }
         if let Some(others) = stored.others {
-            posterior = all_of(&posterior, others, &belief.sizes());
+            posterior = Posterior {
+                names: posterior.names.into_iter().chain(others.names).collect(),
+                mean: posterior.mean.into_iter().chain(others.values).collect(),
+                covariance: others.covariance,
+                estimable: Estimable::with_hidden(&belief.sizes(), others.hidden),
+            };
         }
         let arm = extended.set().apply(extended.arm(), &posterior.mean);
         compliance_rad_per_nm = arm.compliance_rad_per_nm;
@@ -159,22 +162,6 @@ pub fn read_identified(
         posterior,
         conditions,
     })
-}
-
-/// What is known of the compliances and of the other unknowns together.
-fn all_of(compliances: &Posterior, others: OtherUnknowns, sizes: &[f64]) -> Posterior {
-    Posterior {
-        names: (compliances.names.iter())
-            .cloned()
-            .chain(others.names)
-            .collect(),
-        mean: (compliances.mean.iter())
-            .copied()
-            .chain(others.values)
-            .collect(),
-        covariance: others.covariance,
-        estimable: Estimable::with_hidden(sizes, others.hidden),
-    }
 }
 
 /// Whether it was identified with the robot of the scenario: another one's is refused.

@@ -4,7 +4,6 @@
 //! no unfinished file stays, and one line says what was kept. Only commands that can make something
 //! of what they have so far are asked first.
 
-use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -16,6 +15,7 @@ use crate::text::diagnostics::say;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level;
+use thiserror::Error;
 
 /// How long work may take to end by itself.
 const GRACE: Duration = Duration::from_millis(600);
@@ -51,16 +51,9 @@ enum Asks {
 }
 
 /// The command was interrupted and has ended by itself.
-#[derive(Debug)]
+#[derive(Debug, Error)]
+#[error("interrupted")]
 pub struct Interrupted;
-
-impl Display for Interrupted {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str("interrupted")
-    }
-}
-
-impl std::error::Error for Interrupted {}
 
 fn state() -> MutexGuard<'static, Interruption> {
     STATE.lock().unwrap_or_else(PoisonError::into_inner)

@@ -91,33 +91,27 @@ impl Lab {
             AccuracyKind::Relative => self.deflections(&scenario, &axes, dialect.is_some())?,
             AccuracyKind::Absolute => self.readings(&scenario, &axes, dialect.is_some())?,
         };
-        let LaboratoryWork {
-            plan,
-            campaign,
-            sheet,
-            table,
-            mut conditions,
-        } = work;
         make_folder(&folder)?;
         let title = format!("elastocal: {name}, {}", self.plan.display());
         let gravity = &scenario.task.belief.nominal.chain.gravity_m_s2;
-        let files = files(&program(&campaign, gravity, &title))?;
+        let files = files(&program(&work.campaign, gravity, &title))?;
         let mut written = Written::default();
-        let mut text = describe(&plan, &campaign, gravity);
+        let mut text = describe(&work.plan, &work.campaign, gravity);
         let path = folder.join(RUN_SHEET);
-        text += &written.save(&path, &sheet);
+        text += &written.save(&path, &work.sheet);
         for file in &files {
             let path = folder.join(&file.name);
             text += &written.save(&path, &file.text);
         }
         let provenance = self.common.provenance(&scenario)?;
         let costs = &scenario.laboratory.costs;
-        let record = campaign_json(&commands, costs, &campaign);
-        let mut json = results("lab", &provenance, record);
+        let record = campaign_json(&commands, costs, &work.campaign);
+        let mut json = results("lab", &provenance, [record]);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
-        text += &written.save(&to_fill, &table);
+        text += &written.save(&to_fill, &work.table);
+        let mut conditions = work.conditions;
         conditions.extend(no_program);
-        conditions.extend(campaign.conditions(&scenario.laboratory));
+        conditions.extend(work.campaign.conditions(&scenario.laboratory));
         let record_text = record_text(&mut json, &conditions)?;
         text += &written.save(&record, &record_text);
         conditions.extend(written.conditions());

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::mujoco::{Model, State, limit_process, rehearse_with};
+use crate::mujoco::{Model, State, limit_process};
 use clap::Args;
 
 /// Its name on the command line.
-const NAME: &str = "load-model";
+pub const NAME: &str = "load-model";
 
 #[derive(Debug, Args)]
 pub struct LoadModel {
@@ -21,12 +21,5 @@ impl LoadModel {
         state.move_to(&[]);
         state.nearest_contact(0.0);
         Ok(Vec::new())
-    }
-}
-
-/// Has every model loaded by such a process first, where there is a program for it.
-pub fn rehearse_models(itself: Option<PathBuf>) {
-    if let Some(program) = itself {
-        rehearse_with(program, NAME);
     }
 }

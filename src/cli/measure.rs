@@ -17,7 +17,7 @@ use crate::task::{AccuracyKind, Belief, Task};
 use crate::testbed::{TrueRobots, VirtualRobot};
 use crate::text::wording::counted;
 use clap::Args;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::table::table;
 use super::{Common, Report, without_effect};
@@ -48,39 +48,26 @@ pub struct Measure {
     measurements_out: Option<PathBuf>,
 }
 
-/// What was measured.
-struct VirtualMeasurements {
-    /// The run whose robot it was of, where one was sampled.
-    run: Option<u64>,
-    /// The rows of a file of measurements.
-    rows: String,
-    keys: Value,
-    text: String,
-    conditions: Vec<Condition>,
-}
+/// What was measured: the command's keys, text and conditions; the run whose robot it was of, where one was sampled; and the rows of a
+/// file of measurements.
+type VirtualMeasurements = (Report, Option<u64>, String);
 
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         self.common.refuse_others("measure", &scenario)?;
         self.common.check_files(&scenario, None)?;
-        let VirtualMeasurements {
-            run,
-            rows,
-            keys,
-            mut text,
-            conditions,
-        } = match scenario.task.design.accuracy {
+        let (mut shown, run, rows) = match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.absolute(&scenario)?,
             AccuracyKind::Relative => self.deflections(&scenario)?,
         };
         if let Some(path) = &self.measurements_out {
             let origin = scenario.origin().simulated(scenario.seed, run);
             write_whole(path, (origin.comments() + &rows).as_bytes())?;
-            text += &format!("wrote {}\n", path.display());
+            shown.text += &format!("wrote {}\n", path.display());
         }
-        let provenance = self.common.provenance(&scenario)?;
-        Ok(Report::of("measure", &provenance, keys, text, conditions))
+        let (keys, conditions) = ([shown.json], shown.conditions);
+        Ok((self.common).report("measure", &scenario, keys, shown.text, conditions)?)
     }
 
     fn wrong(&self, error: &dyn Display) -> FileError {
@@ -156,15 +143,12 @@ impl Measure {
         let messages: Vec<MeasurementMessage> = (measurements.iter())
             .map(|each| MeasurementMessage::new(&commands, each))
             .collect();
-        Ok(VirtualMeasurements {
-            run: of_run.as_ref().map(|truth| truth.run),
-            rows: deflection_table(&self.plan, &commands, &measurements)?,
-            keys: json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
-            text,
-            conditions: (task.loads.outside_plan(&plan, None).into_iter())
-                .chain(beyond_gauge(task, &plan))
-                .collect(),
-        })
+        let keys = json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run });
+        let outside = task.loads.outside_plan(&plan, None).into_iter();
+        let conditions = outside.chain(beyond_gauge(task, &plan)).collect();
+        let rows = deflection_table(&self.plan, &commands, &measurements)?;
+        let run = of_run.map(|truth| truth.run);
+        Ok((Report::new(keys, text, conditions), run, rows))
     }
 
     /// A plan of absolute readings, each by itself.
@@ -184,16 +168,11 @@ impl Measure {
             self.series,
         )
         .map_err(|error| self.wrong(&error))?;
-        Ok(VirtualMeasurements {
-            run: Some(run),
-            rows: absolute_table(&commands, &readings),
-            keys: json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
-            text: format!(
-                "{} of the virtual robot of run {run}\n",
-                counted(readings.len() as u64, "absolute reading")
-            ),
-            conditions: Vec::new(),
-        })
+        let keys = json!({ "accuracy": "absolute", "run": run, "readings": readings.len() });
+        let count = counted(readings.len() as u64, "absolute reading");
+        let text = format!("{count} of the virtual robot of run {run}\n");
+        let rows = absolute_table(&commands, &readings);
+        Ok((Report::new(keys, text, Vec::new()), Some(run), rows))
     }
 }
 

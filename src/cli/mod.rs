@@ -53,7 +53,7 @@ use self::given::GivenOptions;
 use crate::codes::{Condition, ConditionCode, ErrorCode, condition_code};
 use crate::files::{FileError, output::check_writable, roles::Roles, shipped};
 use crate::measurement::Origin;
-use crate::record::{json::results, messages::ProvenanceMessage, platform::platform};
+use crate::record::messages::{platform, results};
 use crate::scenario::Scenario;
 use crate::text::{diagnostics::say, plain, wording::shell_path};
 use crate::understanding::collapse;
@@ -231,6 +231,13 @@ enum Command {
     LoadModel(load_model::LoadModel),
 }
 
+/// Matches commands: those of the kinds that are listed by what they have alike, then all others.
+macro_rules! of_kinds {
+    ($of:expr, [$($kind:ident)*] $command:ident => $value:expr, $($others:tt)*) => {
+        match $of { $(Command::$kind($command) => $value,)* $($others)* }
+    };
+}
+
 /// Options that every command takes and that do nothing for one: its help does not speak of them.
 fn without_effect(options: &[&str]) -> impl Fn(Arg) -> Arg {
     move |argument| {
@@ -258,17 +265,6 @@ pub struct Report {
 }
 
 impl Report {
-    /// What a command comes to: its keys in JSON, where they come from, and text.
-    pub fn of(
-        command: &str,
-        provenance: &ProvenanceMessage,
-        keys: Value,
-        text: String,
-        conditions: Vec<Condition>,
-    ) -> Self {
-        Self::new(results(command, provenance, keys), text, conditions)
-    }
-
     /// Results as JSON and as text, and what must be looked at.
     pub const fn new(json: Value, text: String, conditions: Vec<Condition>) -> Self {
         Self {
@@ -277,34 +273,19 @@ impl Report {
             conditions,
         }
     }
-
-    /// The same with conditions among the results, and marked where they are accepted.
-    fn with_accepted(mut self, codes: &[ConditionCode]) -> serde_json::Result<Self> {
-        for condition in &mut self.conditions {
-            condition.allowed = codes.contains(&condition.code);
-        }
-        if self.json.get("schema").is_some() {
-            self.json["conditions"] = serde_json::to_value(&self.conditions)?;
-        }
-        Ok(self)
-    }
 }
 
 impl Arguments {
     /// Runs the command and prints its results. Returns what must be looked at. `itself` is the program, where a
     /// model can be loaded by another process of it first.
     pub fn execute(&self, itself: Option<PathBuf>) -> anyhow::Result<Vec<Condition>> {
-        let (json, quiet, threads) = match (&self.command, self.command.common()) {
-            (_, Some(common)) => (common.json, common.quiet, common.threads),
-            (
-                Command::Init(init::Init { said, .. })
-                | Command::Import(import::Import { said, .. })
-                | Command::Merge(merge::Merge { said, .. })
-                | Command::Compare(compare::Compare { said, .. }),
-                None,
-            ) => (said.json, said.quiet, None),
-            (Command::Explain(command), None) => (command.json, false, None),
-            (_, None) => (false, false, None),
+        let (json, quiet, threads) = match self.command.common() {
+            Some(common) => (common.json, common.quiet, common.threads),
+            None => {
+                of_kinds!(&self.command, [Init Import Merge Compare] command => (command.said.json, command.said.quiet, None),
+                Command::Explain(command) => (command.json, false, None),
+                _ => (false, false, None))
+            }
         };
         crate::mujoco::print_warnings(!quiet);
         if let Some(threads) = threads {
@@ -315,7 +296,10 @@ impl Arguments {
         if let Command::LoadModel(command) = &self.command {
             return command.execute();
         }
-        load_model::rehearse_models(itself);
+        // Every model is loaded by another process first.
+        if let Some(program) = itself {
+            crate::mujoco::rehearse_with(program, load_model::NAME);
+        }
         let report = self.report()?;
         let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
@@ -328,67 +312,33 @@ impl Arguments {
 
     /// Does what the command says, and prints no results.
     pub fn report(&self) -> anyhow::Result<Report> {
-        let report = match &self.command {
-            Command::Init(command) => command.execute(),
-            Command::Run(command) => command.execute(),
-            Command::Check(command) => command.execute(),
-            Command::Plan(command) => command.execute(),
-            Command::Budget(command) => command.execute(),
-            Command::Evaluate(command) => command.execute(),
-            Command::Measure(command) => command.execute(),
-            Command::Import(command) => command.execute(),
-            Command::Identify(command) => command.execute(),
-            Command::Compensate(command) => command.execute(),
-            Command::Export(command) => command.execute(),
-            Command::Lab(command) => command.execute(),
-            Command::Next(command) => command.execute(),
-            Command::Validate(command) => command.execute(),
-            Command::Study(command) => command.execute(),
-            Command::Select(command) => command.execute(),
-            Command::Replay(command) => command.execute(),
-            Command::Merge(command) => command.execute(),
-            Command::Compare(command) => command.execute(),
+        let mut report = of_kinds!(&self.command, [Init Run Check Plan Budget Evaluate Measure Import Identify Compensate Export Lab
+            Next Validate Study Select Replay Merge Compare Reproduce Schema] command => command.execute(),
             Command::Explain(command) => Ok(command.execute()),
-            Command::Schema(command) => command.execute(),
             // It has nothing to report.
-            Command::LoadModel(_) => Ok(Report::default()),
-            Command::Reproduce(command) => command.execute(),
-        }?;
-        Ok(report.with_accepted(self.command.accepted())?)
+            Command::LoadModel(_) => Ok(Report::default()))?;
+        let accepted = of_kinds!(&self.command, [Merge Compare] command => Some(&command.accepted),
+            other => other.common().map(|common| &common.accepted));
+        for condition in &mut report.conditions {
+            condition.allowed = accepted.is_some_and(|each| each.allow.contains(&condition.code));
+        }
+        if report.json.get("schema").is_some() {
+            report.json["conditions"] = serde_json::to_value(&report.conditions)?;
+        }
+        Ok(report)
     }
 }
 
 impl Command {
     /// What every command takes that has a scenario.
     fn common(&self) -> Option<&Common> {
-        Some(match self {
-            Self::Run(command) => &command.common,
-            Self::Check(command) => &command.common,
+        Some(
+            of_kinds!(self, [Run Check Budget Measure Identify Compensate Export Lab Next Validate Study Select Replay Reproduce]
+            command => &command.common,
             Self::Plan(command) => &command.args.common,
-            Self::Budget(command) => &command.common,
             Self::Evaluate(command) => &command.args.common,
-            Self::Measure(command) => &command.common,
-            Self::Identify(command) => &command.common,
-            Self::Compensate(command) => &command.common,
-            Self::Export(command) => &command.common,
-            Self::Lab(command) => &command.common,
-            Self::Next(command) => &command.common,
-            Self::Validate(command) => &command.common,
-            Self::Study(command) => &command.common,
-            Self::Select(command) => &command.common,
-            Self::Replay(command) => &command.common,
-            Self::Reproduce(command) => &command.common,
-            _ => return None,
-        })
-    }
-
-    /// The conditions that are accepted.
-    fn accepted(&self) -> &[ConditionCode] {
-        match self {
-            Self::Merge(command) => &command.accepted.allow,
-            Self::Compare(command) => &command.accepted.allow,
-            other => other.common().map_or(&[], |common| &common.accepted.allow),
-        }
+            _ => return None),
+        )
     }
 }
 
@@ -484,6 +434,19 @@ impl Common {
         };
         self.say(&format!("scenario {}{description}", path.display()));
         Ok(scenario)
+    }
+
+    /// What a command comes to: its keys in JSON, where they come from, text, and conditions.
+    fn report(
+        &self,
+        command: &str,
+        scenario: &Scenario,
+        keys: impl IntoIterator<Item = Value>,
+        text: String,
+        conditions: Vec<Condition>,
+    ) -> Result<Report, FileError> {
+        let json = results(command, &self.provenance(scenario)?, keys);
+        Ok(Report::new(json, text, conditions))
     }
 
     /// The folder for the results of a scenario.

@@ -19,14 +19,13 @@ use crate::plan::{
 };
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use crate::record::absolute_plan::planned_readings;
-use crate::record::json::merge;
 use crate::record::messages::plan_messages;
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Task};
 use crate::text::wording::counted;
 use crate::workflow::identify::{HowIdentified, identify_measurements};
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::identify::deflections::{self, explained};
 use super::interruption::STOP;
@@ -66,18 +65,6 @@ pub struct Next {
     /// Where to write what is to be measured next.
     #[arg(long, value_name = "FILE")]
     plan_out: Option<PathBuf>,
-}
-
-/// What is to be measured next, and how accurate that is.
-struct NextPlan {
-    measured: u32,
-    /// The rms distance (m) by what is measured,
-    measured_m: Option<f64>,
-    is_reached: bool,
-    /// and by all together.
-    rho0_m: Option<f64>,
-    /// No other rest is below (m).
-    bound_m: Option<f64>,
 }
 
 /// With --accuracy-um, so many measurements are tried beside those that are there.
@@ -182,15 +169,15 @@ impl Next {
             "plan": plan_messages(&commands, next),
             "old_rest_rho0_mm": old_m.map(|rho0_m| rho0_m * 1e3),
         });
-        let plan = NextPlan {
-            measured,
-            measured_m: reached_m,
-            is_reached: is_reached || found.is_some_and(|found| found.is_reached),
-            rho0_m: found.map(|found| found.rho0_m).or(reached_m),
-            bound_m: found.and_then(|found| found.bound_m),
-        };
+        let is_reached = is_reached || found.is_some_and(|found| found.is_reached);
+        let rho0_m = found.map(|found| found.rho0_m).or(reached_m);
+        let bound_m = found.and_then(|found| found.bound_m);
+        let keys = [
+            self.keys(measured, is_reached, [reached_m, rho0_m, bound_m]),
+            json,
+        ];
         let write = |path: &Path| write_plan(path, commands.clone(), next);
-        self.report(scenario, &plan, &write, Report::new(json, text, conditions))
+        self.report(scenario, keys, &write, (text, conditions))
     }
 
     /// Of absolute readings: beside those that are taken, as the scenario has the robot.
@@ -256,29 +243,36 @@ impl Next {
             "candidates": planning.offer,
             "drawn": drawn,
         });
-        let next = NextPlan {
-            measured,
-            measured_m: so_far.rho0_m(),
-            is_reached,
-            rho0_m: reached_m,
-            bound_m,
-        };
+        let keys = [
+            self.keys(measured, is_reached, [so_far.rho0_m(), reached_m, bound_m]),
+            json,
+        ];
         let rows = planning.rows(&plan);
         let write = |path: &Path| write_candidates(path, task.belief.commands(), &rows);
-        self.report(scenario, &next, &write, Report::new(json, text, conditions))
+        self.report(scenario, keys, &write, (text, conditions))
     }
 
-    /// Writes what is to be measured, and reports it with what is of deflections or of absolute readings alone.
+    /// What is said of all plans: the rms distance (m) by what is measured and by all together, and what no other rest is below.
+    fn keys(&self, measured: u32, is_reached: bool, distances_m: [Option<f64>; 3]) -> Value {
+        let [measured_mm, rho0_mm, bound_mm] =
+            distances_m.map(|value_m| value_m.map(|value_m| value_m * 1e3));
+        json!({
+            "measured": measured,
+            "measured_rho0_mm": measured_mm,
+            "accuracy_um": self.accuracy_um,
+            "reached": is_reached,
+            "rho0_mm": rho0_mm,
+            "lower_bound_rho0_mm": bound_mm,
+        })
+    }
+
+    /// Writes what is to be measured, and reports it.
     fn report(
         &self,
         scenario: &Scenario,
-        next: &NextPlan,
+        keys: [Value; 2],
         write: &dyn Fn(&Path) -> Result<(), FileError>,
-        Report {
-            json,
-            mut text,
-            mut conditions,
-        }: Report,
+        (mut text, mut conditions): (String, Vec<Condition>),
     ) -> anyhow::Result<Report> {
         let mut written = Written::default();
         if let Some(path) = &self.plan_out {
@@ -286,18 +280,7 @@ impl Next {
         }
         conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
         conditions.extend(written.conditions());
-        let provenance = self.common.provenance(scenario)?;
-        let millimetres = |value_m: Option<f64>| value_m.map(|value_m| value_m * 1e3);
-        let mut keys = json!({
-            "measured": next.measured,
-            "measured_rho0_mm": millimetres(next.measured_m),
-            "accuracy_um": self.accuracy_um,
-            "reached": next.is_reached,
-            "rho0_mm": millimetres(next.rho0_m),
-            "lower_bound_rho0_mm": millimetres(next.bound_m),
-        });
-        merge(&mut keys, json);
-        Ok(Report::of("next", &provenance, keys, text, conditions))
+        Ok((self.common).report("next", scenario, keys, text, conditions)?)
     }
 
     /// The accuracy that what is left of a plan would give (m), where it is as much work as the new rest.

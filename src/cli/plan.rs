@@ -12,7 +12,6 @@ use crate::plan::search::{
 };
 use crate::plan::{Assessment, Criterion, Plan, take_nearest_turns};
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
-use crate::record::json::merge;
 use crate::record::messages::plan_messages;
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Task};
@@ -312,11 +311,11 @@ impl PlanCommand {
         let mut after = left_out(task) + "\n";
         if let Some(candidates) = &candidates {
             after += &args.told(&candidates.offer);
-            merge(&mut json, json!({ "candidates": candidates.offer }));
+            json["candidates"] = json!(candidates.offer);
         }
         if let Some(certificate) = &certificate {
             let provenance = args.common.provenance(scenario)?;
-            let bound = designed.wanted_bound();
+            let bound = designed.by_criterion.as_ref().unwrap_or(&designed.bound);
             after += &args.proof.tell(bound, &provenance, written)?;
             after += &rests_on(certificate, &assessment);
         }

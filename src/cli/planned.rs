@@ -13,7 +13,6 @@ use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::PlanBound;
 use crate::plan::{Assessment, FurtherError, Plan, UncertaintyBudget, posterior, write_plan};
 use crate::record::absolute_plan::AbsolutePlanMessage;
-use crate::record::json::{merge, results};
 use crate::record::messages::assessment_json;
 use crate::record::robot_trials::RobotTrials;
 use crate::scenario::Scenario;
@@ -160,15 +159,13 @@ impl PlanArgs {
         (planned, besides): (&PlannedAccuracy<'_>, Report),
         written: &mut Written,
     ) -> anyhow::Result<Report> {
-        let provenance = self.common.provenance(scenario)?;
-        let mut json = results(command, &provenance, json!({ "gate": scenario.gate }));
-        merge(&mut json, besides.json);
-        merge(&mut json, planned.json(scenario)?);
+        let gate = json!({ "gate": scenario.gate });
+        let keys = [gate, besides.json, planned.json(scenario)?];
         let budget = self.budget.write(planned.budget(), written);
         let text = planned.describe(scenario) + &besides.text + &budget;
         let mut conditions = planned.conditions(scenario);
         conditions.extend(besides.conditions);
-        Ok(Report::new(json, text, conditions))
+        Ok((self.common).report(command, scenario, keys, text, conditions)?)
     }
 
     /// Writes the page of a plan, where that is wanted, and says of all files that were written what became of them.

@@ -3,8 +3,7 @@
 use crate::files::make_folder;
 use crate::record::messages::ProvenanceMessage;
 use crate::scenario::Scenario;
-use crate::study::{Conditions, Entry};
-use crate::task::AccuracyKind;
+use crate::study::Entry;
 use crate::view::recording::{CarriedOutPlan, PlanRecord, Recording};
 use crate::workflow::study::refuse_others;
 use clap::Args;
@@ -64,7 +63,12 @@ impl Replay {
         let records: Vec<&PlanRecord> = records.collect();
         let shown = settings[0].conditions;
         let accuracy = scenario.task.design.accuracy;
-        let notes: Vec<String> = of_sweep(accuracy, &shown, &others).into_iter().collect();
+        let names: Vec<String> = others.iter().map(|each| each.described(accuracy)).collect();
+        let of_sweep = (!names.is_empty()).then(|| {
+            let (shown, names) = (shown.described(accuracy), names.join("; "));
+            format!("the run is shown under the first conditions of study.sweep: {shown}. The others: {names}")
+        });
+        let notes: Vec<String> = of_sweep.into_iter().collect();
         let keys = json!({
             "run": self.run,
             "experiments": shown.experiments,
@@ -73,7 +77,7 @@ impl Replay {
             "notes": notes,
             "plans": records.iter().map(|each| each.json()).collect::<Result<Vec<_>, _>>()?,
         });
-        let json = results("replay", &ProvenanceMessage::new(&scenario), keys);
+        let json = results("replay", &ProvenanceMessage::new(&scenario), [keys]);
         let mut text = describe(&scenario, &records) + &noted(&notes);
         let mut written = Written::default();
         let record = folder.join(record);
@@ -82,18 +86,6 @@ impl Replay {
         text += &format!("recorded in {}, .mcap and .json\n", shown.display());
         Ok(Report::new(json, text, written.conditions()))
     }
-}
-
-/// Of which conditions of a sweep a run is shown, and of which it is not.
-fn of_sweep(accuracy: AccuracyKind, shown: &Conditions, others: &[Conditions]) -> Option<String> {
-    let names: Vec<String> = others.iter().map(|each| each.described(accuracy)).collect();
-    (!others.is_empty()).then(|| {
-        format!(
-            "the run is shown under the first conditions of study.sweep: {}. The others: {}",
-            shown.described(accuracy),
-            names.join("; ")
-        )
-    })
 }
 
 /// The distance that each plan leaves at each test pose.

@@ -4,9 +4,8 @@ use crate::codes::{Condition, ConditionCode};
 use crate::files::make_folder;
 use crate::paper::{Reproduction, reproduce};
 use crate::plan::search::Watch;
-use crate::record::{json::merge, messages::ProvenanceMessage};
+use crate::record::messages::ProvenanceMessage;
 use clap::Args;
-use serde_json::json;
 
 use super::interruption::{STOP, proceed};
 use super::progress::{bar, show};
@@ -43,8 +42,7 @@ impl Reproduce {
         proceed()?;
         let message = reproduction?;
         let provenance = ProvenanceMessage::new(&scenario);
-        let mut json = results("reproduce", &provenance, json!({}));
-        merge(&mut json, serde_json::to_value(&message)?);
+        let mut json = results("reproduce", &provenance, [serde_json::to_value(&message)?]);
         let failures = message.failures.iter();
         let mut conditions: Vec<Condition> = failures
             .map(|text| ConditionCode::NotReproduced.with(text))

@@ -7,7 +7,6 @@ use crate::files::FileError;
 use crate::identification::ParameterGroup;
 use crate::measurement::{Origin, read_measured};
 use crate::quantities::limits::MOST_EXPERIMENTS;
-use crate::record::json::merge;
 use crate::record::selection::selection_json;
 use crate::study::selection::{
     CHOICES, Chosen, Selection, SelectionOfSize, SelectionWanted, choice_name, select,
@@ -20,7 +19,7 @@ use serde_json::json;
 use super::progress::search;
 use super::table::{number, table};
 use super::written::Written;
-use super::{Common, Report, named_by_file, results, without_effect};
+use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file), mut_args(without_effect(&["out"])))]
@@ -87,16 +86,17 @@ impl Select {
             let title = "Calibrated with a few readings, validated on all others";
             text += &written.save(path, &selection_plot(title, &selection)?);
         }
-        let provenance = self.common.provenance(&scenario)?;
-        let mut json = results("select", &provenance, json!({ "groups": self.parameters }));
-        merge(&mut json, selection_json(&selection));
+        let keys = [
+            json!({ "groups": self.parameters }),
+            selection_json(&selection),
+        ];
         let mut conditions = Vec::new();
         if selection.is_cut_short {
             let words = "the study was stopped: not all choices were made";
             conditions.push(ConditionCode::SearchStopped.with(words));
         }
         conditions.extend(written.conditions());
-        Ok(Report::new(json, text, conditions))
+        Ok((self.common).report("select", &scenario, keys, text, conditions)?)
     }
 }
 

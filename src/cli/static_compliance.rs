@@ -1,7 +1,6 @@
 //! The static compliance of the tool at the test poses, in JSON and for a person.
 
 use crate::compensation::{KnownArm, StaticCompliance};
-use crate::record::json::merge;
 use crate::robot::EquilibriumError;
 use crate::task::TestPose;
 use serde_json::{Value, json};
@@ -27,8 +26,7 @@ pub fn add_static_compliance(
     if !exact.is_empty() {
         report.text += &format!("  assumed exact: the compliances of {}\n", exact.join(", "));
     }
-    let keys = json!({ "assumed_exact": exact, "test_poses": records });
-    merge(&mut report.json, json!({ "static_compliance": keys }));
+    report.json["static_compliance"] = json!({ "assumed_exact": exact, "test_poses": records });
     Ok(())
 }
 

@@ -3,7 +3,6 @@
 use crate::codes::ConditionCode;
 use crate::gate::{Decision, DistanceTolerance, JudgedDistance};
 use crate::quantities::plausible::{ACCURACY, TOLERANCE};
-use crate::record::json::merge;
 use clap::Args;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::json;
@@ -72,11 +71,10 @@ pub fn report_judged(
             "decision": each.decision,
         })
     };
-    let judged = json!({
+    report.json["tolerance"] = json!({
         "tolerance_um": tolerance.tolerance_m * 1e6,
         "guard_band": tolerance.guard_band,
         "decision": decision,
         "measurements": each.iter().map(measurement).collect::<Vec<_>>(),
     });
-    merge(&mut report.json, json!({ "tolerance": judged }));
 }

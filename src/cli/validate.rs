@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::codes::{Condition, ErrorCode};
+use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::identification::{DistanceStatistics, Predicted, ReadingResidual};
 use crate::laboratory::validation::{Validation, validate, validation_plan};
@@ -47,21 +47,16 @@ pub struct Validate {
     plan_out: Option<PathBuf>,
 }
 
-/// What measurements show of a prediction.
-struct Validated {
-    keys: Value,
-    text: String,
-    conditions: Vec<Condition>,
-    /// Measured less predicted (m), and the covariance of the reading alone (m^2).
-    differences: Vec<(Vector3<f64>, Matrix3<f64>)>,
-}
+/// What measurements show of a prediction: the command's keys, text and conditions; measured less predicted (m), and the covariance of
+/// each reading alone (m^2).
+type Validated = (Report, Vec<(Vector3<f64>, Matrix3<f64>)>);
 
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let path = &*self.identified;
         let (scenario, robot, _) = read_stored(&self.common, "validate", path)?;
         self.common.check_files(&scenario, None)?;
-        let validated = match (&robot, &self.measurements) {
+        let (shown, differences) = match (&robot, &self.measurements) {
             (Some(robot), Some(file)) => self.of_absolute(&scenario, robot, file)?,
             (Some(robot), None) => {
                 trust(path, &scenario, Some(&robot.identified_with))?;
@@ -75,15 +70,11 @@ impl Validate {
             }
             (None, None) => self.plan(&scenario, read_identified(path, &scenario)?)?,
         };
-        let mut report = Report::of(
-            "validate",
-            &self.common.provenance(&scenario)?,
-            validated.keys,
-            validated.text,
-            validated.conditions,
-        );
+        let (keys, conditions) = ([shown.json], shown.conditions);
+        let mut report =
+            (self.common).report("validate", &scenario, keys, shown.text, conditions)?;
         if let Some(tolerance) = self.tolerance.tolerance() {
-            report_judged(&mut report, tolerance, validated.differences.into_iter());
+            report_judged(&mut report, tolerance, differences.into_iter());
         }
         Ok(report)
     }
@@ -107,12 +98,8 @@ impl Validate {
             text += &written.noted(path, write_plan(path, commands.clone(), &plan));
         }
         identified.conditions.extend(written.conditions());
-        Ok(Validated {
-            keys: json!({ "plan": plan_messages(&commands, &plan) }),
-            text,
-            conditions: identified.conditions,
-            differences: Vec::new(),
-        })
+        let keys = json!({ "plan": plan_messages(&commands, &plan) });
+        Ok((Report::new(keys, text, identified.conditions), Vec::new()))
     }
 
     /// Holds other readings beside a robot that was identified.
@@ -131,12 +118,11 @@ impl Validate {
         let validation = validate_absolute(belief, identified, &robot, file, &readings)?;
         conditions.extend(validation.conditions());
         let left = validation.left.iter().map(|each| each.position_m);
-        Ok(Validated {
-            keys: readings_record(&validation),
-            text: describe_readings(&validation),
-            conditions,
-            differences: left.zip(validation.readings_m2.iter().copied()).collect(),
-        })
+        let differences = left.zip(validation.readings_m2.iter().copied()).collect();
+        let with_joints: Vec<_> = validation.prognoses.iter().map(|each| each.left).collect();
+        let keys = readings_record(&validation, &with_joints);
+        let text = describe_readings(&validation, &with_joints);
+        Ok((Report::new(keys, text, conditions), differences))
     }
 }
 
@@ -159,14 +145,9 @@ fn of_deflections(
     let bare = beside(&measured)?.each;
     let mut conditions = identified.conditions;
     conditions.extend(prediction_failed(validation.probability));
-    Ok(Validated {
-        keys: record(&validation),
-        text: describe(&validation),
-        conditions,
-        differences: (bare.iter())
-            .map(|each| (each.difference_m, each.reading_m2))
-            .collect(),
-    })
+    let differences = (bare.iter()).map(|each| (each.difference_m, each.reading_m2));
+    let report = Report::new(record(&validation), describe(&validation), conditions);
+    Ok((report, differences.collect()))
 }
 
 /// The predicted standard deviation of a difference's length, and what of it the robot makes (m).
@@ -228,13 +209,11 @@ fn describe(validation: &Validation) -> String {
     )
 }
 
-fn readings_record(validation: &AbsoluteValidation) -> Value {
+fn readings_record(validation: &AbsoluteValidation, with_joints: &[ReadingResidual]) -> Value {
     let both = |left: &[ReadingResidual]| {
         let [distance_mm, angle_mrad] = DistanceStatistics::in_mm_and_mrad(left);
         json!({ "distance_mm": distance_mm, "angle_mrad": angle_mrad })
     };
-    let with_joints: Vec<ReadingResidual> =
-        validation.prognoses.iter().map(|each| each.left).collect();
     let residuals = |left: &[ReadingResidual]| -> Vec<[f64; 3]> {
         let position = |each: &ReadingResidual| (each.position_m * 1e3).into();
         left.iter().map(position).collect()
@@ -256,7 +235,7 @@ fn readings_record(validation: &AbsoluteValidation) -> Value {
         "distance_mm": distance_mm,
         "angle_mrad": angle_mrad,
         "before": validation.before.as_deref().map(both),
-        "with_joint_errors": both(&with_joints),
+        "with_joint_errors": both(with_joints),
         "coverage95": {
             validation.names[0]: validation.coverage(0),
             validation.names[1]: validation.coverage(1),
@@ -264,13 +243,11 @@ fn readings_record(validation: &AbsoluteValidation) -> Value {
         "frames_anew": validation.frames_anew,
         "stations_moved": moved,
         "residuals_mm": residuals(&validation.left),
-        "residuals_with_joint_errors_mm": residuals(&with_joints),
+        "residuals_with_joint_errors_mm": residuals(with_joints),
     })
 }
 
-fn describe_readings(validation: &AbsoluteValidation) -> String {
-    let with_joints: Vec<ReadingResidual> =
-        validation.prognoses.iter().map(|each| each.left).collect();
+fn describe_readings(validation: &AbsoluteValidation, with_joints: &[ReadingResidual]) -> String {
     let mut rows = Vec::new();
     let mut add = |name: &str, left: &[ReadingResidual]| {
         for (what, lengths) in ["distance [mm]", "angle [mrad]"]
@@ -285,7 +262,7 @@ fn describe_readings(validation: &AbsoluteValidation) -> String {
     }
     add("identified", &validation.left);
     if with_joints != validation.left {
-        add("with joint errors", &with_joints);
+        add("with joint errors", with_joints);
     }
     let mut text = format!(
         "{} that were not fitted\n{}",

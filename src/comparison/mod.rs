@@ -262,7 +262,7 @@ fn judge(before: &ResultNumber, now: &ResultNumber, allowed: Tolerance) -> Chang
 }
 
 /// An amount as a part of the value before; none of zero, or of what is next to nothing.
-fn part_of(base: f64, amount: f64) -> Option<f64> {
+pub(crate) fn part_of(base: f64, amount: f64) -> Option<f64> {
     let part = amount / base.abs();
     (part.abs() < MOST_TIMES).then_some(part)
 }
@@ -276,13 +276,6 @@ impl Key {
             name => format!(", plan {name}"),
         };
         format!("{}{of}{plan}", self.quantity.name())
-    }
-}
-
-impl Change {
-    /// What is allowed as a part of the value before; none of zero, or of what is next to nothing.
-    pub fn relative_tolerance(&self) -> Option<f64> {
-        part_of(self.base?, self.tolerance)
     }
 }
 

@@ -3,12 +3,12 @@
 use serde_json::{Value, json};
 
 use crate::comparison::results::{Key, ResultsFile};
-use crate::comparison::{Change, Comparison};
+use crate::comparison::{Change, Comparison, part_of};
 use crate::gate::{Decision, Direction, Quantity};
-use crate::record::{json::merge, messages::SchemaMessage};
+use crate::record::messages::{SchemaMessage, merge};
 use crate::text::markdown_text;
 
-/// The columns of [`rows`].
+/// The columns of a [`row`].
 pub const COLUMNS: [&str; 7] = [
     "plan", "quantity", "base", "new", "change", "allowed", "verdict",
 ];
@@ -32,12 +32,8 @@ pub fn comparison_json(
     Ok(json)
 }
 
-/// A row for each change, in the [`COLUMNS`].
-pub fn rows<'a>(changes: impl Iterator<Item = &'a Change>) -> Vec<Vec<String>> {
-    changes.map(row).collect()
-}
-
-fn row(change: &Change) -> Vec<String> {
+/// A change, in the [`COLUMNS`].
+pub fn row(change: &Change) -> Vec<String> {
     let quantity = change.key.quantity;
     let of = (change.key.of.as_ref()).map_or_else(String::new, |of| format!(" of {of}"));
     let unit = match quantity.unit() {
@@ -100,7 +96,8 @@ fn allowed(change: &Change) -> String {
         (Direction::Worse, true) => "+",
         (Direction::Worse, false) => "-",
     };
-    match change.relative_tolerance() {
+    // As a part of the value before.
+    match change.base.and_then(|base| part_of(base, change.tolerance)) {
         _ if change.tolerance == 0.0 => format!("{sign}0"),
         Some(tolerance) if !is_count(change.key.quantity) => {
             let percent = format!("{:.3}", tolerance * 100.0);
@@ -180,7 +177,7 @@ pub fn markdown(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) 
         verdict(comparison)
     );
     if !comparison.ok {
-        text += &markdown_table(&COLUMNS[..6], &rows(comparison.broken()));
+        text += &markdown_table(&COLUMNS[..6], comparison.broken().map(row));
         text.push('\n');
     }
     let origin = |name: &str, file: &ResultsFile| {
@@ -194,16 +191,16 @@ pub fn markdown(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) 
     };
     text += &markdown_table(
         &["", "file", "elastocal", "platform"],
-        &[origin("base", base), origin("new", new)],
+        [origin("base", base), origin("new", new)],
     );
     for note in notes(base, new, comparison) {
         text += &format!("\n{}\n", markdown_text(&note));
     }
-    let all = markdown_table(&COLUMNS, &rows(comparison.changes.iter()));
+    let all = markdown_table(&COLUMNS, comparison.changes.iter().map(row));
     text + &format!("\n<details><summary>All numbers</summary>\n\n{all}\n</details>\n")
 }
 
-fn markdown_table(header: &[&str], rows: &[Vec<String>]) -> String {
+fn markdown_table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
     let mut text = line(header.iter().map(|&cell| cell.to_owned()).collect());
     text += &line(vec!["---".to_owned(); header.len()]);

@@ -5,6 +5,7 @@
 //! is shared by the whole plan is a parameter with a prior, and no number of readings averages it. A deflection is a visit by itself.
 
 use nalgebra::{Matrix3, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ParameterKind, SourceLevel};
@@ -13,9 +14,7 @@ use crate::robot::Load;
 
 /// The distribution from which a standard uncertainty was evaluated (GUM 4.3). Errors are sampled from normal ones of that
 /// standard uncertainty.
-#[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, serde::Serialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorDistribution {
     /// All values within bounds alike; `rectangular`, as the GUM says, is another word for it.
@@ -118,7 +117,7 @@ impl UnexplainedError {
 }
 
 /// Of what a discrepancy is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum DiscrepancyOf {
     /// Of the unloaded robot's pose: loaded or not, readings have it, and it cancels in deflections.
@@ -322,17 +321,7 @@ impl ReadingSource {
 }
 
 /// Which reading without the load a deflection rests on.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    serde::Deserialize,
-    serde::Serialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Unloaded {
     /// One of its own.

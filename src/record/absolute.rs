@@ -1,6 +1,6 @@
 //! An identification from absolute readings as a record, and the robot that a record describes.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -182,13 +182,21 @@ impl AbsoluteMessage {
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
         let kept = fit.of_kept(&fit.left);
         let [distances, angles] = DistanceStatistics::in_mm_and_mrad(&kept);
+        let factors = factors(fit);
+        let entry = scaled(&fit.posterior.covariance, &factors);
         Self {
             readings: fit.left.len(),
             numbers: fit.rows,
             unknowns: (0..fit.set.len())
                 .map(|index| unknown(fit, index))
                 .collect(),
-            covariance: covariance(fit),
+            covariance: (0..factors.len())
+                .map(|row| {
+                    (0..factors.len())
+                        .map(|column| entry(row, column))
+                        .collect()
+                })
+                .collect(),
             stations: stations(case, fit),
             targets: targets(case, fit),
             left_out: fit.left_out.clone(),
@@ -243,6 +251,11 @@ fn factors(fit: &AbsoluteFit) -> Vec<f64> {
     parameters.map(factor).collect()
 }
 
+/// The entries of a covariance in these.
+fn scaled(covariance: &DMatrix<f64>, factors: &[f64]) -> impl Fn(usize, usize) -> f64 {
+    |row, column| covariance[(row, column)] * factors[row] * factors[column]
+}
+
 fn discrepancy_model(
     case: &AbsoluteCase<'_>,
     fit: &AbsoluteFit,
@@ -253,9 +266,7 @@ fn discrepancy_model(
     let shift = model.shift.iter().zip(&factors);
     let shift = shift.map(|(shift, factor)| shift * factor).collect();
     factors.resize(model.covariance.nrows(), 1.0);
-    let entry = |row: usize, column: usize| {
-        model.covariance[(row, column)] * factors[row] * factors[column]
-    };
+    let entry = scaled(&model.covariance, &factors);
     let [distances, angles] = DistanceStatistics::in_mm_and_mrad(&found.left);
     let joints = &case.arm.chain.joints;
     UnexplainedMessage {
@@ -312,33 +323,14 @@ fn unknown(fit: &AbsoluteFit, index: usize) -> UnknownMessage {
     }
 }
 
-/// The covariance of quantities.
-fn covariance(fit: &AbsoluteFit) -> Vec<Vec<f64>> {
-    let size = fit.set.len();
-    let factors = factors(fit);
-    let of = |row: usize, column: usize| {
-        fit.posterior.covariance[(row, column)] * factors[row] * factors[column]
-    };
-    (0..size)
-        .map(|row| (0..size).map(|column| of(row, column)).collect())
-        .collect()
-}
-
-fn numbered(name: &str, index: usize) -> String {
-    match index {
-        0 => name.to_owned(),
-        index => format!("{name}_{}", index + 1),
-    }
-}
-
 fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
     let bases = case.stations.iter().zip(&fit.arm.instrument_from_base);
     let base = |(station, (name, frame)): (usize, (&Option<String>, &Isometry3<f64>))| {
+        let kinds = ParameterKind::of_base(station);
         let is_turned = !case.is_point(station);
         MountedFrameMessage {
             name: name.clone(),
-            unknowns: numbered("base", station),
-            ..MountedFrameMessage::new(fit, frame, ParameterKind::of_base(station), is_turned)
+            ..MountedFrameMessage::new(fit, ("base", station), frame, kinds, is_turned)
         }
     };
     bases.enumerate().map(base).collect()
@@ -353,18 +345,18 @@ fn targets(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessag
         let link = carrier.and_then(|joint| fit.arm.chain.joints.get(joint));
         MountedFrameMessage {
             name: Some(name.clone()),
-            unknowns: numbered("tool", tool),
             link: link.map(|joint| joint.name.clone()),
-            ..MountedFrameMessage::new(fit, &place.link_from_tool, kinds, is_turned)
+            ..MountedFrameMessage::new(fit, ("tool", tool), &place.link_from_tool, kinds, is_turned)
         }
     };
     tools.enumerate().map(target).collect()
 }
 
 impl MountedFrameMessage {
-    /// A frame with the standard errors of its position and rotation, not yet named.
+    /// A frame with the standard errors of its position and rotation, and its unknowns by their word and its place; not yet named.
     fn new(
         fit: &AbsoluteFit,
+        (word, place): (&str, usize),
         frame: &Isometry3<f64>,
         unknowns: [[ParameterKind; 3]; 2],
         is_turned: bool,
@@ -374,7 +366,10 @@ impl MountedFrameMessage {
         let errors = unknowns.map(|kinds| fit.standard_errors(kinds).map(thousandfold));
         Self {
             name: None,
-            unknowns: String::new(),
+            unknowns: match place {
+                0 => word.to_owned(),
+                place => format!("{word}_{}", place + 1),
+            },
             link: None,
             position_mm: (frame.translation.vector * 1e3).into(),
             quaternion: is_turned.then_some([w, x, y, z]),

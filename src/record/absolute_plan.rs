@@ -4,14 +4,12 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::absolute::AbsoluteMessage;
-use super::json::merge;
 use super::messages::{TestPoseMessage, TruthMessage};
-use crate::experiment::Candidate;
 use crate::measurement::AbsoluteReading;
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::{OfferedCandidates, PlanBound};
-use crate::robot::{Approach, Commands, Load};
+use crate::robot::{Approach, Load};
 use crate::task::{AccuracyKind, Task};
 
 /// What is read in a plan, and where.
@@ -99,26 +97,6 @@ pub struct AbsolutePlanMessage {
     pub not_counted: Vec<String>,
 }
 
-impl PlannedReadingMessage {
-    fn new(
-        commands: &Commands,
-        candidate: &Candidate,
-        distance_m: Option<f64>,
-        repeats: u32,
-    ) -> Self {
-        let load = candidate.load.filter(|load| *load != Load::NONE);
-        Self {
-            q_deg: commands.numbers(candidate.configuration_rad.as_slice()),
-            wrench: load.map(|load| load.wrench().into()),
-            target: candidate.target.clone(),
-            station: candidate.station.clone(),
-            distance_mm: distance_m.map(|distance_m| distance_m * 1e3),
-            approach: candidate.approach.as_ref().map(Approach::word),
-            repeats,
-        }
-    }
-}
-
 /// What is read in a plan: candidates by their places, and how often each.
 pub fn planned_readings(
     task: &Task,
@@ -128,8 +106,16 @@ pub fn planned_readings(
     let commands = task.belief.commands();
     let rows = planning.readings(plan).into_iter().zip(plan);
     rows.map(|((row, repeats), &(place, _))| {
-        let distance_m = planning.distance_m(place);
-        PlannedReadingMessage::new(&commands, row, distance_m, repeats)
+        let load = row.load.filter(|load| *load != Load::NONE);
+        PlannedReadingMessage {
+            q_deg: commands.numbers(row.configuration_rad.as_slice()),
+            wrench: load.map(|load| load.wrench().into()),
+            target: row.target.clone(),
+            station: row.station.clone(),
+            distance_mm: (planning.distance_m(place)).map(|distance_m| distance_m * 1e3),
+            approach: row.approach.as_ref().map(Approach::word),
+            repeats,
+        }
     })
     .collect()
 }
@@ -177,10 +163,7 @@ impl ReadingsRunMessage {
         let unknowns = self.identification.unknowns.iter().zip(&self.true_values);
         let unknowns = unknowns.map(|(each, value)| json!({ "name": each.name, "value": value }));
         let mut truth = serde_json::to_value(&self.truth)?;
-        merge(
-            &mut truth,
-            json!({ "unknowns": unknowns.collect::<Vec<_>>() }),
-        );
+        truth["unknowns"] = unknowns.collect();
         Ok(json!({
             "name": self.name,
             "plan": self.plan,

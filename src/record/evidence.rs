@@ -3,10 +3,9 @@
 use serde::{Serialize, Serializer};
 use serde_json::json;
 
-use super::messages::{ExperimentMessage, plan_messages};
+use super::messages::ExperimentMessage;
 use super::study::StudyPlanMessage;
-use crate::plan::search::{BudgetPoint, CriterionPlan};
-use crate::robot::Commands;
+use crate::plan::search::BudgetPoint;
 
 /// What a designed plan is shown beside, and what its bound rests on.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -45,21 +44,6 @@ pub struct CriterionPlanMessage {
     pub problem: Option<String>,
     /// The plan.
     pub plan: Vec<ExperimentMessage>,
-}
-
-impl CriterionPlanMessage {
-    /// The record of a criterion's best plan.
-    pub fn new(commands: &Commands, best: &CriterionPlan) -> Self {
-        Self {
-            criteria: (best.criteria.iter())
-                .map(|each| each.name().to_owned())
-                .collect(),
-            rho0_mm: best.rho0_m.map(|value| value * 1e3),
-            searches_agreeing: best.agreeing,
-            problem: best.problem.clone(),
-            plan: plan_messages(commands, &best.plan),
-        }
-    }
 }
 
 /// The accuracy and the bound for each number of measurements and of configurations.

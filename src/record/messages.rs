@@ -4,7 +4,6 @@
 //! exist (an unidentifiable compliance, an infinite condition number) are `null`.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use nalgebra::{DMatrix, Vector3};
 use serde::{Deserialize, Serialize};
@@ -12,12 +11,11 @@ use serde_json::{Value, json};
 
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::codes::Condition;
-use crate::files::{FileError, hexadecimal, schema::RESULTS_VERSION, sha256_of};
+use crate::files::schema::RESULTS_VERSION;
 use crate::identification::{Identification, MeasurementResidual, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
-use crate::record::platform::platform;
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Method};
@@ -83,13 +81,40 @@ impl ProvenanceMessage {
             noise_only: scenario.is_noise_only,
         }
     }
+}
 
-    /// The same with a file that was given beside the scenario.
-    pub fn with_input(mut self, name: &str, path: &Path) -> Result<Self, FileError> {
-        let hash = hexadecimal(&sha256_of(path)?);
-        self.inputs_sha256.insert(name.to_owned(), hash);
-        Ok(self)
+/// What results are and where they come from, and the command's keys: of those that coincide, the last.
+pub fn results(
+    command: &str,
+    provenance: &ProvenanceMessage,
+    keys: impl IntoIterator<Item = Value>,
+) -> Value {
+    let mut json = json!({ "schema": SchemaMessage::new(command), "provenance": provenance });
+    keys.into_iter().for_each(|keys| merge(&mut json, keys));
+    json
+}
+
+/// Adds the keys of one JSON object to another.
+pub fn merge(into: &mut Value, from: Value) {
+    if let (Value::Object(into), Value::Object(from)) = (into, from) {
+        into.extend(from);
     }
+}
+
+/// What results may depend on to the last bit beyond the program, the scenario and the seed: the machine's kind and system,
+/// and the instruction sets for which the numerical libraries have code of its own, such as "`x86_64` linux avx2 fma".
+pub fn platform() -> String {
+    #[cfg(target_arch = "x86_64")]
+    let sets = [
+        (" avx2", is_x86_feature_detected!("avx2")),
+        (" fma", is_x86_feature_detected!("fma")),
+        (" avx512f", is_x86_feature_detected!("avx512f")),
+    ];
+    #[cfg(not(target_arch = "x86_64"))]
+    let sets: [(&str, bool); 0] = [];
+    let sets = sets.into_iter().filter(|(_, has)| *has);
+    let sets: String = sets.map(|(name, _)| name).collect();
+    format!("{} {}{sets}", std::env::consts::ARCH, std::env::consts::OS)
 }
 
 /// One configuration and load of a plan.
@@ -106,24 +131,15 @@ pub struct ExperimentMessage {
     pub direction: Option<[f64; 3]>,
 }
 
-impl ExperimentMessage {
-    /// The record of an experiment.
-    pub fn new(commands: &Commands, experiment: &Experiment) -> Self {
-        Self {
-            q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
-            wrench: wrench(&experiment.load),
-            repeats: experiment.repeats,
-            direction: experiment.direction.map(Into::into),
-        }
-    }
-}
-
 /// The experiments of a plan in their order.
 pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage> {
-    let experiments = plan.experiments.iter();
-    experiments
-        .map(|experiment| ExperimentMessage::new(commands, experiment))
-        .collect()
+    let message = |experiment: &Experiment| ExperimentMessage {
+        q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
+        wrench: wrench(&experiment.load),
+        repeats: experiment.repeats,
+        direction: experiment.direction.map(Into::into),
+    };
+    plan.experiments.iter().map(message).collect()
 }
 
 /// One experiment's outcome.

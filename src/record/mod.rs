@@ -2,7 +2,6 @@
 //!
 //! - [`messages`]: a calibration, the predicted accuracy of a plan, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
-//! - [`platform`]: what results may depend on beyond the program, the scenario and the seed.
 //! - [`model_selection`]: models with more and more parameters, compared.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
@@ -16,10 +15,8 @@ pub mod absolute;
 pub mod absolute_plan;
 pub mod campaign;
 pub mod evidence;
-pub mod json;
 pub mod messages;
 pub mod model_selection;
-pub mod platform;
 pub mod robot_trials;
 pub mod selection;
 pub mod study;

@@ -1,6 +1,7 @@
 //! The records of a Monte Carlo study, with the unit of every number in its key.
 
 use serde::Serialize;
+use strum::VariantArray;
 
 use crate::csv::word_field;
 use crate::study::Conditions;
@@ -118,17 +119,6 @@ pub struct HistogramMessage {
     pub counts: Vec<u64>,
 }
 
-impl HistogramMessage {
-    /// The record of a tally whose distances are in units of `sigma_m`.
-    pub fn new(tally: &Tally, sigma_m: f64) -> Self {
-        let (edges, counts) = tally.histogram();
-        Self {
-            edges_mm: edges.iter().map(|edge| edge * sigma_m * 1e3).collect(),
-            counts,
-        }
-    }
-}
-
 impl StudyPlanMessage {
     /// The record of a plan's tally, whose distances are in units of the conditions' sigma, beside that of the plan that it is compared
     /// with.
@@ -145,6 +135,7 @@ impl StudyPlanMessage {
         let of =
             |value: &dyn Fn(&Summary) -> f64| summary.map(value).filter(|value| value.is_finite());
         let ratio = summary.and_then(|summary| summary.ratio_to_random);
+        let (edges, counts) = tally.histogram();
         Self {
             name: name.to_owned(),
             experiments: conditions.experiments,
@@ -170,7 +161,12 @@ impl StudyPlanMessage {
                 ValidationMessage::new(predicted_m, standard_m, each.radius95_m)
             }),
             quantiles_mm: summary.map(|each| each.quantiles_m.map(|value| value * 1e3)),
-            histogram: HistogramMessage::new(tally, conditions.sigma_m),
+            histogram: HistogramMessage {
+                edges_mm: (edges.iter())
+                    .map(|edge| edge * conditions.sigma_m * 1e3)
+                    .collect(),
+                counts,
+            },
             z: of(&|each| each.z),
             nees: of(&|each| each.nees),
             nees_expected: expected(tally).unwrap_or(parameters),
@@ -227,8 +223,7 @@ fn split<const N: usize>(values: Option<[f64; N]>) -> Vec<Option<f64>> {
 }
 
 fn reasons(tally: &Tally) -> Vec<(String, u64)> {
-    Failure::ALL
-        .into_iter()
+    (Failure::VARIANTS.iter())
         .zip(tally.failed)
         .filter(|(_, count)| *count > 0)
         .map(|(reason, count)| (reason.text().to_owned(), count))

@@ -100,7 +100,9 @@ impl PlanHeader {
                     kind => kind.plan().map(fingerprint),
                 },
                 account: has_account.then(|| Account::of_plan(plan)).flatten(),
-                predicted_quantile95_m: predicted_quantile95_m(plan).map(to_ten_digits),
+                // Machines of a cluster differ in last digits.
+                predicted_quantile95_m: predicted_quantile95_m(plan)
+                    .and_then(|value| format!("{value:.9e}").parse().ok()),
             }
         };
         runner.plans().zip(runner.references()).map(plan).collect()
@@ -202,11 +204,6 @@ impl Header {
                 format!("is of another study: {key} is {found} there, {wanted} here")
             })
     }
-}
-
-/// Machines of a cluster differ in last digits.
-fn to_ten_digits(value: f64) -> f64 {
-    format!("{value:.9e}").parse().unwrap_or(value)
 }
 
 /// What a change of any digit changes.

@@ -1,5 +1,7 @@
 //! Variance components of an identification as the tables `[[uncertainty]]` of a scenario, which a plan takes as they are.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use crate::identification::{RepeatComponents, VarianceComponents};
@@ -13,28 +15,17 @@ const LEAST: f64 = 1e-6;
 /// A source says how well joints return between two readings of a deflection: a visit has half the variance.
 const OF_A_DIFFERENCE: f64 = std::f64::consts::SQRT_2;
 
-/// The tables.
-#[derive(Debug, Serialize)]
-struct UncertaintiesMessage {
-    uncertainty: Vec<ComponentMessage>,
-}
-
-/// One of them.
+/// One of the tables; what is none is left out.
 #[derive(Debug, Default, Serialize)]
 struct ComponentMessage {
     kind: &'static str,
     name: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
     joints: Option<Vec<String>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     std_mrad: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     correlation_deg: Option<f64>,
     #[serde(skip_serializing_if = "Correlation::is_exponential")]
     correlation: Correlation,
-    #[serde(skip_serializing_if = "Option::is_none")]
     of: Option<DiscrepancyOf>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     std_mm: Option<f64>,
 }
 
@@ -54,6 +45,14 @@ pub fn uncertainty_tables(
     joints: &[Joint],
 ) -> Result<Option<String>, toml::ser::Error> {
     let name = |joint: usize| joints[joint].name.clone();
+    let repeatability = |joints: Vec<String>, std_mrad, std_mm| ComponentMessage {
+        kind: "joint_repeatability",
+        name: format!("{} repeatability", joints.join(", ")),
+        joints: Some(joints),
+        std_mrad,
+        std_mm,
+        ..ComponentMessage::default()
+    };
     let functions = found.iter().flat_map(|found| &found.functions);
     let mut uncertainty: Vec<ComponentMessage> = functions
         .filter(|each| each.deviation_rad * 1e3 > LEAST)
@@ -75,13 +74,8 @@ pub fn uncertainty_tables(
         // Repeats say it better.
         let std = each.repeatability_rad * 1e3 * OF_A_DIFFERENCE;
         if std > LEAST && !repeated.contains(&each.joint) {
-            uncertainty.push(ComponentMessage {
-                kind: "joint_repeatability",
-                name: format!("{} repeatability", name(each.joint)),
-                joints: Some(vec![name(each.joint)]),
-                std_mrad: Some(rounded(std)),
-                ..ComponentMessage::default()
-            });
+            let std_mrad = Some(rounded(std));
+            uncertainty.push(repeatability(vec![name(each.joint)], std_mrad, None));
         }
     }
     let remainder_mm = found.map_or(0.0, |found| found.rest[0] * 1e3);
@@ -106,19 +100,13 @@ pub fn uncertainty_tables(
             let std = each.standard_uncertainty * OF_A_DIFFERENCE;
             let std = Some(rounded(std)).filter(|std| *std > LEAST);
             if !own.is_empty() && std.is_some() {
-                uncertainty.push(ComponentMessage {
-                    kind: "joint_repeatability",
-                    name: format!("{} repeatability", own.join(", ")),
-                    joints: Some(own),
-                    std_mrad: std.filter(|_| !slides),
-                    std_mm: std.filter(|_| slides),
-                    ..ComponentMessage::default()
-                });
+                let (std_mrad, std_mm) = (std.filter(|_| !slides), std.filter(|_| slides));
+                uncertainty.push(repeatability(own, std_mrad, std_mm));
             }
         }
     }
     if uncertainty.is_empty() {
         return Ok(None);
     }
-    toml::to_string(&UncertaintiesMessage { uncertainty }).map(Some)
+    toml::to_string(&BTreeMap::from([("uncertainty", uncertainty)])).map(Some)
 }

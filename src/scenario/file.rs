@@ -5,7 +5,9 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use strum::IntoStaticStr;
 
 use crate::gate::Gate;
 use crate::laboratory::Loading;
@@ -17,7 +19,7 @@ use crate::study::Level;
 use crate::task::{AccuracyKind, Method};
 
 /// The whole file.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
     #[serde(default)]
@@ -50,7 +52,7 @@ pub(super) struct File {
     pub gate: Gate,
 }
 
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RobotTable {
     pub model: PathBuf,
@@ -72,7 +74,7 @@ pub(super) struct RobotTable {
 }
 
 /// What becomes of the model's actuators.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Actuators {
     /// They hold the joints: a position actuator's gain is a joint's stiffness.
@@ -83,7 +85,7 @@ pub(super) enum Actuators {
 }
 
 /// One of `[[robot.tool]]`.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ToolTable {
     pub name: String,
@@ -93,7 +95,7 @@ pub(super) struct ToolTable {
 }
 
 /// One of `[[robot.payload]]`.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PayloadTable {
     pub on: String,
@@ -101,7 +103,7 @@ pub(super) struct PayloadTable {
     pub centre_mm: Vec<f64>,
 }
 
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TrueRobotTable {
     pub model: Option<PathBuf>,
@@ -144,7 +146,7 @@ impl File {
 }
 
 /// One of `[[true_robot.torque_law]]`.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TorqueLawTable {
     pub joints: Vec<String>,
@@ -155,7 +157,7 @@ pub(super) struct TorqueLawTable {
 }
 
 /// What the instrument's sigma is the standard deviation of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SigmaOf {
     /// Of each coordinate of the deflection, as in the paper.
@@ -177,9 +179,7 @@ impl SigmaOf {
 }
 
 /// What the instrument reads.
-#[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InstrumentReads {
     /// All three coordinates of a deflection, as a tracker does.
@@ -202,7 +202,7 @@ impl InstrumentReads {
     }
 }
 
-#[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct InstrumentTable {
     pub sigma_mm: Option<f64>,
@@ -226,7 +226,7 @@ pub(super) struct InstrumentTable {
     pub distance: Option<DistanceTable>,
 }
 
-#[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DistanceTable {
     pub sigma_mm: Option<f64>,
@@ -236,7 +236,7 @@ pub(super) struct DistanceTable {
     pub resolution_mm: Option<f64>,
 }
 
-#[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GaugeTable {
     pub sigma_mm: f64,
@@ -245,14 +245,14 @@ pub(super) struct GaugeTable {
     pub resolution_mm: Option<f64>,
 }
 
-#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct IdentificationTable {
     #[serde(default)]
     pub method: Method,
 }
 
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TestPoseTable {
     pub name: Option<String>,
@@ -267,7 +267,7 @@ pub(super) struct TestPoseTable {
 }
 
 /// The table `[load]`: which loads a plan may use.
-#[derive(Debug, Clone, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum LoadKind {
     /// One wrench for every experiment.
@@ -300,7 +300,7 @@ pub enum LoadKind {
 }
 
 /// A force and a torque.
-#[derive(Debug, Clone, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WrenchTable {
     /// The force (N).
@@ -309,7 +309,7 @@ pub struct WrenchTable {
     pub torque_nm: Option<Vec<f64>>,
 }
 
-#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RegionTable {
     #[serde(default)]
@@ -329,7 +329,7 @@ pub(super) struct RegionTable {
     pub forbidden: Vec<ForbiddenTable>,
 }
 
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ForbiddenTable {
     pub q_deg: Vec<f64>,
@@ -337,7 +337,7 @@ pub(super) struct ForbiddenTable {
 }
 
 /// One of `[[obstacle]]`.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 pub(super) struct ObstacleTable {
     pub name: String,
     pub position_mm: Vec<f64>,
@@ -347,7 +347,7 @@ pub(super) struct ObstacleTable {
 }
 
 /// The shapes of obstacles.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum ShapeTable {
     Box { size_mm: Vec<f64> },
@@ -357,7 +357,7 @@ pub(super) enum ShapeTable {
 }
 
 /// What is read from a station: positions or poses, as a tracker does, or distances.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum StationReads {
     Position,
@@ -365,7 +365,7 @@ pub(super) enum StationReads {
 }
 
 /// One of `[[station]]`.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StationTable {
     pub name: String,
@@ -377,17 +377,7 @@ pub(super) struct StationTable {
 }
 
 /// What is uncertain.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Deserialize,
-    Serialize,
-    schemars::JsonSchema,
-    strum::IntoStaticStr,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema, IntoStaticStr)]
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub(super) enum UncertaintyKind {
@@ -452,7 +442,7 @@ impl UncertaintyKind {
 }
 
 /// One of `[[uncertainty]]`.
-#[derive(Debug, Clone, Deserialize, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct UncertaintyTable {
     pub kind: UncertaintyKind,
@@ -497,7 +487,7 @@ impl UncertaintyTable {
     }
 }
 
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DesignTable {
     #[serde(default)]
@@ -507,14 +497,14 @@ pub(super) struct DesignTable {
     pub mandatory: Option<PathBuf>,
 }
 
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PlanTable {
     pub name: String,
     pub file: PathBuf,
 }
 
-#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StudyTable {
     pub trials: Option<u64>,
@@ -527,7 +517,7 @@ pub(super) struct StudyTable {
     pub plan: Option<Vec<StudyPlanTable>>,
 }
 
-#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LaboratoryTable {
     pub station_min: Option<f64>,
@@ -547,7 +537,7 @@ pub(super) struct LaboratoryTable {
 }
 
 /// One number for all joints, or one for each.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub(super) enum Spread {
     All(f64),
@@ -561,7 +551,7 @@ impl Default for Spread {
 }
 
 /// Conditions that a study is made under, all with all.
-#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SweepTable {
     pub sigma_mm: Option<Vec<f64>>,
@@ -570,7 +560,7 @@ pub(super) struct SweepTable {
 }
 
 /// One of `[[study.plan]]`.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum StudyPlanTable {
     File {

@@ -6,12 +6,13 @@
 
 mod check;
 mod file;
-mod schema;
 
 use std::path::PathBuf;
 
-pub use schema::scenario_schema;
+use schemars::schema_for;
+use serde_json::Value;
 
+use self::file::File;
 use crate::gate::Gate;
 use crate::laboratory::Laboratory;
 use crate::measurement::Origin;
@@ -19,6 +20,16 @@ use crate::mujoco::Additions;
 use crate::study::{Conditions, Setting, StudySettings};
 use crate::task::Task;
 use crate::testbed::Truth;
+
+/// The JSON schema of scenarios, made from what reads them: what editors complete and check.
+///
+/// TOML's editors take it from a first line `#:schema FILE`. Ranges of numbers, and what belongs together, are
+/// [`Scenario::check`]'s.
+pub fn scenario_schema() -> Value {
+    let mut schema = schema_for!(File);
+    schema.insert("title".to_owned(), "elastocal scenario".into());
+    schema.to_value()
+}
 
 /// A plan that the scenario brings.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -40,7 +40,7 @@ pub struct ReadingRuns<'a> {
     pub prediction: PredictedAccuracy,
     predicted_m: f64,
     /// How it is carried out.
-    pub(super) read: ReadPlan<'a>,
+    pub read: ReadPlan<'a>,
     truth: Truth,
     /// Where the tool is predicted to be at each test pose.
     regions: Vec<PlaceRegion>,
@@ -239,11 +239,6 @@ impl<'a> ReadingRuns<'a> {
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
         robots.become_run_of(&self.truth, self.read.len(), seed, run)?;
         self.read.readings(self.task, robots, seed, run)
-    }
-
-    /// The frames of the stations in a run, from the world's.
-    pub fn frames(&self, seed: u64, run: u64) -> Vec<Isometry3<f64>> {
-        self.read.frames(seed, run)
     }
 
     /// By how much the tool of the robot of a run is elsewhere than an arm whose joints are off says at each test pose (m, world frame), of

@@ -12,18 +12,6 @@ use crate::robot::Load;
 use crate::task::TestPose;
 use crate::testbed::{TrueRobots, VirtualRobot};
 
-/// One run with all that its robot did.
-#[derive(Debug)]
-pub struct ShownRun {
-    /// The run; its readings are the means of what visits repeat alike.
-    pub run: ReadingsRun,
-    /// By how much the tool is elsewhere than the nominal robot has it at each test pose (m, of it what counts), in the frames that suit
-    /// the readings best.
-    pub before_m: Vec<Vector3<f64>>,
-    /// What the robot did, with the rows in the order of the run's readings.
-    pub carried_out: CarriedOut,
-}
-
 /// The virtual robot at rest.
 #[derive(Debug, Clone)]
 pub struct AtRest {
@@ -73,7 +61,9 @@ impl AtRest {
 }
 
 impl ReadingRuns<'_> {
-    /// One run under a seed, to be shown.
+    /// One run under a seed, to be shown: its readings are the means of what visits repeat alike; by how much the tool is elsewhere than
+    /// the nominal robot has it at each test pose (m, of it what counts), in the frames that suit the readings best; and what the robot
+    /// did, with the rows in the order of the run's readings.
     ///
     /// # Errors
     /// What it failed by.
@@ -82,22 +72,19 @@ impl ReadingRuns<'_> {
         robots: &mut TrueRobots,
         seed: u64,
         run: u64,
-    ) -> Result<ShownRun, FailedRun> {
+    ) -> Result<(ReadingsRun, Vec<Vector3<f64>>, CarriedOut), FailedRun> {
         let read = self.run(robots, seed, run)?;
         let no_fit = |error: AbsoluteError| Failure::Identification.because(&error);
         let case = AbsoluteCase::new(&self.task.belief, &read.readings).map_err(no_fit)?;
         let nominal = case.in_best_frames().map_err(no_fit)?;
-        let before_m = self.residuals(robots, &self.frames(seed, run), &case, &nominal, &[])?;
+        let before_m =
+            self.residuals(robots, &self.read.frames(seed, run), &case, &nominal, &[])?;
         let mut rows = self.rows(robots)?;
         for (place, row) in rows.iter_mut().enumerate() {
             row.readings = place..place + 1;
         }
         let test_poses = self.at_work(robots)?;
-        Ok(ShownRun {
-            run: read,
-            before_m,
-            carried_out: CarriedOut { rows, test_poses },
-        })
+        Ok((read, before_m, CarriedOut { rows, test_poses }))
     }
 
     /// What the robot of the run that was sampled last does.

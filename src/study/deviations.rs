@@ -66,8 +66,17 @@ impl<'a> Deviations<'a> {
     /// What a truth may differ in from a belief.
     pub fn new(belief: &'a Belief, truth: &Truth) -> Self {
         let arm = belief.arm();
-        let joints = unknown_joints(belief, truth);
-        let foreign_kinds = foreign_kinds(belief, truth);
+        let drawn = drawn_kinds(truth);
+        // Compliances that the belief takes to be nominal and that may be others, and what else it does not know of.
+        let of_joint = |joint| ParameterKind::JointCompliance { joint };
+        let joints: Vec<usize> = (0..belief.joints())
+            .filter(|&joint| place(belief, of_joint(joint)).is_none())
+            .filter(|&joint| differs(belief, truth, &drawn, joint))
+            .collect();
+        let is_compliance = |kind| matches!(kind, ParameterKind::JointCompliance { .. });
+        let foreign_kinds: Vec<ParameterKind> = (drawn.iter().copied())
+            .filter(|&kind| !is_compliance(kind) && place(belief, kind).is_none())
+            .collect();
         let extended = belief.uncertain.as_ref();
         let has_laws = !truth.robot.torque_laws.is_empty();
         let is_plain =
@@ -90,7 +99,7 @@ impl<'a> Deviations<'a> {
             .chain(has_laws.then_some(Deviation::TorqueLaws))
             .collect(),
             unlike_springs: has_laws.then(|| truth.robot.clone()),
-            tied: tied(belief, truth),
+            tied: tied(belief, truth, &drawn),
             kept: truth.kept().to_vec(),
             laboratory: (!truth.uncertainties.is_empty())
                 .then(|| Circumstances::new(arm.clone(), &truth.uncertainties, truth.kept()).ok())
@@ -447,31 +456,13 @@ fn place(belief: &Belief, kind: ParameterKind) -> Option<usize> {
     }
 }
 
-/// The joints whose compliances the belief takes to be nominal, and that may be others.
-fn unknown_joints(belief: &Belief, truth: &Truth) -> Vec<usize> {
-    let drawn = drawn_kinds(truth);
-    (0..belief.joints())
-        .filter(|&joint| place(belief, ParameterKind::JointCompliance { joint }).is_none())
-        .filter(|&joint| differs(belief, truth, &drawn, joint))
-        .collect()
-}
-
-/// What else the belief does not know of.
-fn foreign_kinds(belief: &Belief, truth: &Truth) -> Vec<ParameterKind> {
-    let is_foreign = |kind: &ParameterKind| {
-        !matches!(kind, ParameterKind::JointCompliance { .. }) && place(belief, *kind).is_none()
-    };
-    drawn_kinds(truth).into_iter().filter(is_foreign).collect()
-}
-
 /// The unknowns of which something is known before, where the virtual robot may be another.
-fn tied(belief: &Belief, truth: &Truth) -> Vec<(usize, Deviation)> {
-    let drawn = drawn_kinds(truth);
+fn tied(belief: &Belief, truth: &Truth, drawn: &[ParameterKind]) -> Vec<(usize, Deviation)> {
     let precision = belief.prior_information();
     let is_known = |index: &usize| precision[(*index, *index)] > 0.0;
     let deviation = |index: usize| {
         let of_joint = |joint, is_logarithmic| {
-            differs(belief, truth, &drawn, joint)
+            differs(belief, truth, drawn, joint)
                 .then_some(Deviation::Compliance(joint, is_logarithmic))
         };
         let Some(extended) = &belief.uncertain else {

@@ -119,8 +119,12 @@ impl<'a> LinearModel<'a> {
         let foreign = self.deviations.foreign();
         let mut biases = DMatrix::zeros(size, self.deviations.count());
         let is_coloured = self.disturb(&groups, &mut columns, &mut biases.columns_mut(0, foreign));
-        let drawn = whitened(within(part.as_ref(), &self.drawn_to_nominal()))?;
-        (biases.columns_mut(foreign, drawn.ncols())).copy_from(&drawn);
+        // What is known before draws towards the nominal values: a column for each that it knows of.
+        if let Some(prior) = &self.prior {
+            let drawn = -prior.select_columns(&self.deviations.tied());
+            let drawn = whitened(within(part.as_ref(), &drawn))?;
+            (biases.columns_mut(foreign, drawn.ncols())).copy_from(&drawn);
+        }
         let errors = whitened(test_poses.transpose())?;
         if let Some((estimable, _)) = &part
             && !self.determines_test_poses(estimable, &errors)
@@ -141,7 +145,12 @@ impl<'a> LinearModel<'a> {
         } else {
             errors
         };
-        let covariance = smaller_square(&errors);
+        // E^T E or E E^T, whichever is smaller: their traces and norms are the same.
+        let covariance = if errors.ncols() > errors.nrows() {
+            &errors * errors.transpose()
+        } else {
+            errors.tr_mul(&errors)
+        };
         Ok(PlanModel {
             whitener,
             compensation,
@@ -237,14 +246,6 @@ impl<'a> LinearModel<'a> {
         (0..padded).step_by(3).map(of_threes).collect()
     }
 
-    /// What is known before draws towards the nominal values: a column for each that it knows of.
-    fn drawn_to_nominal(&self) -> DMatrix<f64> {
-        match &self.prior {
-            Some(prior) => -prior.select_columns(&self.deviations.tied()),
-            None => DMatrix::zeros(self.typical.len(), 0),
-        }
-    }
-
     /// What a plan determines, and its basis in rad/(N m), where that is not everything.
     fn determined_part(&self, information: &DMatrix<f64>) -> Option<(Estimable, DMatrix<f64>)> {
         let sigma_m = self.experiments.precision.sigma_m;
@@ -286,15 +287,6 @@ fn compensation_rows(
         known.chain(threes(unknown, 3 * pose)).collect()
     };
     (0..errors.ncols() / 3).map(rows).collect()
-}
-
-/// E^T E or E E^T, whichever is smaller: their traces and norms are the same.
-fn smaller_square(errors: &DMatrix<f64>) -> DMatrix<f64> {
-    if errors.ncols() > errors.nrows() {
-        errors * errors.transpose()
-    } else {
-        errors.tr_mul(errors)
-    }
 }
 
 /// Columns of parameters in coordinates of what is determined.

@@ -13,9 +13,9 @@ use super::tally::{Batch, BlockSums, FailedRun, Failure, Tally};
 use super::{Entry, EntryKind, Level, Setting, StudyError};
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
+use crate::plan::Criterion;
 use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::search::{Problem, RandomPlans};
-use crate::plan::{Criterion, Plan};
 use crate::task::AccuracyKind;
 use crate::testbed::{TrueCompliances, TrueRobots, numbers};
 
@@ -29,8 +29,6 @@ pub struct Runner<'a> {
     /// What plans of deflections under the same conditions have in common, by setting; none where readings are absolute.
     parts: Vec<Part<'a>>,
     plans: Vec<ReadyPlan<'a>>,
-    /// At the robot's level, what else is the same in all runs of a plan of deflections.
-    prepared: Vec<Option<PreparedPlan<'a>>>,
     stop: Option<&'a AtomicBool>,
     /// The first run that failed, and why.
     first_failure: Mutex<Option<(u64, String)>>,
@@ -47,8 +45,8 @@ struct Part<'a> {
 /// A plan made ready.
 #[derive(Debug)]
 enum ReadyPlan<'a> {
-    /// Of deflections: the linear model, where all runs have the same plan.
-    Deflections(Option<PlanModel>),
+    /// Of deflections: the linear model, where all runs have the same plan, and at the robot's level what else is the same in them.
+    Deflections(Option<PlanModel>, Option<Box<PreparedPlan<'a>>>),
     /// Of absolute readings.
     Readings(Box<ReadingRuns<'a>>),
 }
@@ -108,27 +106,40 @@ impl<'a> Runner<'a> {
                 model: LinearModel::new(&setting.task, setting.truth),
             })
             .collect();
-        let plans = (entries.iter())
-            .map(|entry| match &entry.kind {
-                EntryKind::Readings(readings) => {
-                    let runs = ReadingRuns::new(&settings[entry.setting], readings)?;
-                    // What the model lacks is told before the work.
-                    runs.robots()?;
-                    Ok(ReadyPlan::Readings(Box::new(runs)))
-                }
-                kind => prepare(&parts[entry.setting], &entry.name, kind.plan())
-                    .map(ReadyPlan::Deflections),
-            })
-            .collect::<Result<_, StudyError>>()?;
+        let ready = |entry: &'a Entry<'a>| {
+            let (setting, name) = (&settings[entry.setting], || entry.name.clone());
+            if let EntryKind::Readings(readings) = &entry.kind {
+                let runs = ReadingRuns::new(setting, readings)?;
+                // What the model lacks is told before the work.
+                runs.robots()?;
+                return Ok(ReadyPlan::Readings(Box::new(runs)));
+            }
+            let Some(plan) = entry.kind.plan() else {
+                return Ok(ReadyPlan::Deflections(None, None));
+            };
+            let (found, expected) = (plan.measurements(), setting.conditions.experiments);
+            if found != expected {
+                let plan = name();
+                return Err(StudyError::Experiments {
+                    plan,
+                    found,
+                    expected,
+                });
+            }
+            let failed = |failure| StudyError::Plan {
+                plan: name(),
+                failure,
+            };
+            let model = parts[entry.setting].model.plan(plan).map_err(failed)?;
+            let prepared =
+                (level == Level::Robot).then(|| Box::new(PreparedPlan::new(&setting.task, plan)));
+            Ok(ReadyPlan::Deflections(Some(model), prepared))
+        };
+        let plans = (entries.iter().map(ready)).collect::<Result<_, StudyError>>()?;
         if level == Level::Robot && !parts.is_empty() {
             RobotRuns::new(&first.task, first.truth)?;
         }
-        let of_robot = |entry: &'a Entry| {
-            let plan = entry.kind.plan().filter(|_| level == Level::Robot)?;
-            Some(PreparedPlan::new(&settings[entry.setting].task, plan))
-        };
         Ok(Self {
-            prepared: entries.iter().map(of_robot).collect(),
             seed,
             level,
             settings,
@@ -171,7 +182,7 @@ impl<'a> Runner<'a> {
     pub fn plans(&self) -> impl Iterator<Item = PlanInStudy<'_>> {
         self.entries.iter().zip(&self.plans).map(|(entry, plan)| {
             let prediction = match plan {
-                ReadyPlan::Deflections(_) => None,
+                ReadyPlan::Deflections(..) => None,
                 ReadyPlan::Readings(runs) => Some(&runs.prediction),
             };
             PlanInStudy {
@@ -293,7 +304,7 @@ impl<'a> Runner<'a> {
             ));
         }
         let robots = self.plans.iter().map(|plan| match plan {
-            ReadyPlan::Deflections(_) => Ok(None),
+            ReadyPlan::Deflections(..) => Ok(None),
             ReadyPlan::Readings(runs) => runs.robots().map(Some),
         });
         let mut workspace = ThreadWorkspace {
@@ -339,14 +350,14 @@ impl<'a> Runner<'a> {
     ) -> Result<(), StudyError> {
         self.proceed()?;
         match &self.plans[plan] {
-            ReadyPlan::Deflections(Some(model)) => {
+            ReadyPlan::Deflections(Some(model), _) => {
                 let mine = &workspace.parts[self.entries[plan].setting];
                 model.run_into(batch, &workspace.normals, &mine.unknown);
                 if self.level == Level::Model {
                     return Ok(());
                 }
             }
-            ReadyPlan::Deflections(None) => *batch = Batch::default(),
+            ReadyPlan::Deflections(None, _) => *batch = Batch::default(),
             ReadyPlan::Readings(runs) => {
                 let [expected, variance] = runs.expected();
                 *batch = Batch {
@@ -376,18 +387,18 @@ impl<'a> Runner<'a> {
         batch: &mut Batch,
         lane: usize,
     ) -> Result<(), FailedRun> {
-        let entry = &self.entries[plan];
-        let (ReadyPlan::Readings(runs), Some(robots)) =
-            (&self.plans[plan], &mut workspace.robots[plan])
-        else {
-            return match &self.prepared[plan] {
-                Some(prepared) => robot_run(workspace, entry.setting, prepared, batch, lane),
-                None => self.random_run(workspace, entry.setting, run, batch, lane),
-            };
-        };
-        let made = runs.run(robots, self.seed, run)?;
-        batch.put(lane, &runs.outcome(&made));
-        Ok(())
+        let setting = self.entries[plan].setting;
+        match (&self.plans[plan], &mut workspace.robots[plan]) {
+            (ReadyPlan::Readings(runs), Some(robots)) => {
+                let made = runs.run(robots, self.seed, run)?;
+                batch.put(lane, &runs.outcome(&made));
+                Ok(())
+            }
+            (ReadyPlan::Deflections(_, Some(prepared)), _) => {
+                robot_run(workspace, setting, prepared, batch, lane)
+            }
+            _ => self.random_run(workspace, setting, run, batch, lane),
+        }
     }
 
     /// A run with a random plan of its own.
@@ -421,30 +432,6 @@ fn take_lane(batch: &mut Batch, other: &Batch, lane: usize) {
     batch.expected[lane] = other.expected[lane];
     batch.variance[lane] = other.variance[lane];
     batch.freedom[lane] = other.freedom[lane];
-}
-
-/// The model of a plan that is the same in all runs.
-fn prepare(
-    part: &Part<'_>,
-    name: &str,
-    plan: Option<&Plan>,
-) -> Result<Option<PlanModel>, StudyError> {
-    let Some(plan) = plan else {
-        return Ok(None);
-    };
-    let (found, expected) = (plan.measurements(), part.setting.conditions.experiments);
-    if found != expected {
-        return Err(StudyError::Experiments {
-            plan: name.to_owned(),
-            found,
-            expected,
-        });
-    }
-    let model = part.model.plan(plan).map_err(|failure| StudyError::Plan {
-        plan: name.to_owned(),
-        failure,
-    })?;
-    Ok(Some(model))
 }
 
 /// At the robot's level, puts what is seen on the virtual robot in the place of the model's outcome.

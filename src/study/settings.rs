@@ -2,6 +2,8 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
+use clap::ValueEnum;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::Candidate;
@@ -11,16 +13,7 @@ use crate::text::wording::counted;
 
 /// What the runs of a study are made of.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    Deserialize,
-    schemars::JsonSchema,
-    Serialize,
-    clap::ValueEnum,
+    Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema, Serialize, ValueEnum,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Level {

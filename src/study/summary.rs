@@ -1,6 +1,6 @@
 //! What a tally says: means with intervals, quantiles, and checks against what was predicted.
 
-use super::tally::{Sum, Tally, count_to_f64};
+use super::tally::{Sum, Tally};
 
 /// The half width of a 95 % interval in standard errors.
 pub(crate) const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
@@ -59,12 +59,12 @@ impl Summary {
         if tally.runs == 0 {
             return None;
         }
-        let runs = count_to_f64(tally.runs);
+        let runs = tally.runs as f64;
         let mean = |which| tally.sum(which) / runs;
         let mean_square = mean(Sum::Square);
         let rms = mean_square.sqrt();
         let square_error = standard_error(mean_square, mean(Sum::Fourth), runs);
-        let freedom = count_to_f64(tally.freedom) / runs;
+        let freedom = tally.freedom as f64 / runs;
         let nees = mean(Sum::Nees);
         // The share of the runs below a quantile is binomial.
         let spread = (0.95 * 0.05 / runs).sqrt();
@@ -104,8 +104,8 @@ fn standard_error(mean: f64, mean_square: f64, runs: f64) -> f64 {
 /// The ratio of two mean distances, by the delta method: the plans see the same noise, so the two
 /// means are correlated, and the ratio is better known than either.
 fn ratio(tally: &Tally, reference: &Tally) -> Option<Measured> {
-    let runs = count_to_f64(tally.runs);
-    let reference_runs = count_to_f64(reference.runs);
+    let runs = tally.runs as f64;
+    let reference_runs = reference.runs as f64;
     if tally.pairs == 0 {
         return None;
     }
@@ -114,7 +114,7 @@ fn ratio(tally: &Tally, reference: &Tally) -> Option<Measured> {
     let value = one / other;
     let one_variance = tally.sum(Sum::Square) / runs - one * one;
     let other_variance = reference.sum(Sum::Square) / reference_runs - other * other;
-    let covariance = tally.sum(Sum::Cross) / count_to_f64(tally.pairs) - one * other;
+    let covariance = tally.sum(Sum::Cross) / tally.pairs as f64 - one * other;
     let variance = one_variance / (one * one) + other_variance / (other * other)
         - 2.0 * covariance / (one * other);
     Some(Measured {

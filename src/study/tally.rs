@@ -7,50 +7,40 @@
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use strum::VariantArray;
 use thiserror::Error;
 
 use crate::numeric::random::normal::LANES;
 
-/// Why a run failed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Why a run failed, and that in words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::IntoStaticStr, strum::VariantArray)]
 pub enum Failure {
     /// No random feasible plan was found.
+    #[strum(serialize = "no random feasible plan was found")]
     NoPlan,
     /// The measurements do not determine what the test poses need.
+    #[strum(
+        serialize = "the measurements do not determine the compliances that the test poses need"
+    )]
     Undetermined,
     /// An experiment has no stable equilibrium on the virtual robot.
+    #[strum(serialize = "an experiment has no stable equilibrium")]
     Measurement,
     /// The identification gives nothing.
+    #[strum(serialize = "the identification failed")]
     Identification,
     /// A test pose has no stable equilibrium.
+    #[strum(serialize = "a test pose has no stable equilibrium")]
     TestPose,
     /// The distance is beyond [`LARGEST`] sigma: no calibration at all.
+    #[strum(serialize = "the distance is beyond 16384 sigma")]
     TooFar,
 }
 
 impl Failure {
-    /// All of them, in the order of [`Tally::failed`].
-    pub const ALL: [Self; 6] = [
-        Self::NoPlan,
-        Self::Undetermined,
-        Self::Measurement,
-        Self::Identification,
-        Self::TestPose,
-        Self::TooFar,
-    ];
-
     /// What happened, in words.
-    pub const fn text(self) -> &'static str {
-        match self {
-            Self::NoPlan => "no random feasible plan was found",
-            Self::Undetermined => {
-                "the measurements do not determine the compliances that the test poses need"
-            }
-            Self::Measurement => "an experiment has no stable equilibrium",
-            Self::Identification => "the identification failed",
-            Self::TestPose => "a test pose has no stable equilibrium",
-            Self::TooFar => "the distance is beyond 16384 sigma",
-        }
+    pub fn text(self) -> &'static str {
+        self.into()
     }
 
     /// The same of a run, with what happened.
@@ -192,8 +182,8 @@ pub struct Tally {
     pub intervals: [u64; 2],
     /// Runs in which neither this plan nor the reference plan failed.
     pub pairs: u64,
-    /// Failed runs by reason, see [`Failure::ALL`].
-    pub failed: [u64; Failure::ALL.len()],
+    /// Failed runs by reason, see [`Failure::VARIANTS`].
+    pub failed: [u64; Failure::VARIANTS.len()],
     /// The sums as integers, by [`Sum`]; decimal strings in files, since JSON's numbers are floats to many readers.
     #[serde(serialize_with = "as_texts", deserialize_with = "from_texts")]
     pub sums: [i128; SUMS],
@@ -238,7 +228,7 @@ impl Default for Tally {
             freedom: 0,
             intervals: [0; 2],
             pairs: 0,
-            failed: [0; Failure::ALL.len()],
+            failed: [0; Failure::VARIANTS.len()],
             sums: [0; SUMS],
             bins: vec![0; BINS],
         }
@@ -316,14 +306,14 @@ impl Tally {
 
     /// The share of 95 % intervals that hold the true compliance.
     pub fn coverage(&self) -> Option<f64> {
-        let [all, holding] = self.intervals.map(count_to_f64);
+        let [all, holding] = self.intervals.map(|count| count as f64);
         (all > 0.0).then(|| holding / all)
     }
 
     /// The sum over all runs that did not fail.
     pub fn sum(&self, which: Sum) -> f64 {
         let places = PLACES[which as usize];
-        integer_to_f64(self.sums[which as usize]) * 2.0_f64.powi(-places)
+        self.sums[which as usize] as f64 * 2.0_f64.powi(-places)
     }
 
     /// The number of failed runs.
@@ -358,15 +348,15 @@ impl Tally {
         let below: u64 = self.bins[..own].iter().sum();
         let (low, high) = (lower_edge(own), lower_edge(own + 1));
         let within = ((distance - low) / (high - low)).clamp(0.0, 1.0);
-        let counted = count_to_f64(below) + within * count_to_f64(self.bins[own]);
-        (total > 0).then(|| counted / count_to_f64(total))
+        let counted = below as f64 + within * self.bins[own] as f64;
+        (total > 0).then(|| counted / total as f64)
     }
 
     /// The distance (in sigma) that a share of the runs does not exceed, from the histogram: within
     /// its bin, 1/64 octave, the runs are taken as spread evenly.
     pub fn quantile(&self, share: f64) -> Option<f64> {
         let total: u64 = self.bins.iter().sum();
-        let wanted = share * count_to_f64(total);
+        let wanted = share * total as f64;
         let mut below = 0.0;
         for (index, &count) in self
             .bins
@@ -374,7 +364,7 @@ impl Tally {
             .enumerate()
             .filter(|(_, count)| **count > 0)
         {
-            let count = count_to_f64(count);
+            let count = count as f64;
             if below + count >= wanted {
                 let within = ((wanted - below) / count).clamp(0.0, 1.0);
                 let (low, high) = (lower_edge(index), lower_edge(index + 1));
@@ -384,16 +374,6 @@ impl Tally {
         }
         None
     }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "a mean needs 53 bits")]
-fn integer_to_f64(value: i128) -> f64 {
-    value as f64
-}
-
-#[expect(clippy::cast_precision_loss, reason = "far below 2^52 runs")]
-pub(super) fn count_to_f64(count: u64) -> f64 {
-    count as f64
 }
 
 #[expect(

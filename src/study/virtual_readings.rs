@@ -124,31 +124,22 @@ impl<'a> ReadPlan<'a> {
         self.plan.is_empty()
     }
 
-    fn row(&self, place: usize) -> &Candidate {
-        &self.planning.candidates[place]
-    }
-
-    /// What a candidate reads.
-    pub fn target(&self, place: usize) -> &str {
-        self.planning.target(place)
-    }
-
     /// What the rows of the plan read.
     pub fn targets(&self) -> impl Iterator<Item = &str> {
-        self.plan.iter().map(|&(place, _)| self.target(place))
+        (self.plan.iter()).map(|&(place, _)| self.planning.target(place))
     }
 
     /// The rows by configuration, those that visits repeat alike together.
     pub fn rows<'b>(&'b self, belief: &'b Belief) -> impl Iterator<Item = VisitedRow<'b>> {
         let visited = self.groups.iter().flatten().zip(&self.numbers);
         visited.map(|(each, numbers)| {
-            let row = self.row(each.place);
+            let row = &self.planning.candidates[each.place];
             let name = row.station.as_deref();
             let station = station_named(&belief.stations, name);
             VisitedRow {
                 row,
                 seen: SeenFrom {
-                    target: self.target(each.place),
+                    target: self.planning.target(each.place),
                     station_m: station.map(|station| station.position_m),
                     by_tracker: belief.reads_by_tracker(name),
                 },
@@ -255,9 +246,8 @@ impl<'a> ReadPlan<'a> {
         let mut readings = Vec::with_capacity(self.len());
         let frames = self.frames(seed, robots.campaign_of(run));
         for (each, shown) in self.read(task, robots, &frames, seed, robots.readings_of(run))? {
-            let distance = task
-                .belief
-                .distance_from(self.row(each.place).station.as_deref());
+            let station = self.planning.candidates[each.place].station.as_deref();
+            let distance = task.belief.distance_from(station);
             let [m, rad] = [
                 instrument.sigma_by_m(distance),
                 instrument.rotation_sigma_rad.unwrap_or(0.0),

@@ -1,6 +1,8 @@
 //! The planner's model: what planning and identification assume.
 
+use clap::ValueEnum;
 use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Extended, Gauge, PriorCampaign, Station, station_named};
@@ -109,16 +111,7 @@ fn before_rounding(sigma_m: f64, rounding_m2: f64) -> f64 {
 
 /// How compliances are identified and deflections compensated.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    Deserialize,
-    schemars::JsonSchema,
-    Serialize,
-    clap::ValueEnum,
+    Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema, Serialize, ValueEnum,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Method {

@@ -3,26 +3,25 @@
 use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3};
+use serde::Serialize;
 
-use super::stored_robot::{ReadRanges, StoredRobot};
+use super::stored_robot::{ReadRanges, StoredRobot, wrong};
 use crate::calibration::{
     CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
 };
-use crate::codes::ErrorCode;
 use crate::compensation::{KnownArm, compensate_arm, predicted_error, uncompensated_rows};
 use crate::files::FileError;
 use crate::identification::{JointError, covariance_of_any};
 use crate::numeric::estimable::Estimable;
-use crate::numeric::posterior::{NotDetermined, Posterior};
+use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
-use crate::record::absolute::UnexplainedMessage;
 use crate::robot::SerialChain;
-use crate::task::{Belief, Method, Task, TestPose};
+use crate::task::{Belief, Method, Task};
 use crate::testbed::TrueRobots;
 
 /// An unknown with what became of it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CalibratedUnknown {
     /// Its name.
     pub name: String,
@@ -159,9 +158,7 @@ impl CalibratedRobot {
         stored: &StoredRobot,
     ) -> Result<Self, FileError> {
         let message = &stored.message;
-        let wrong = |key: String, problem: String| {
-            (FileError::new(path, problem).at(key)).code(ErrorCode::IdentifiedFile)
-        };
+        let wrong = |key, problem| wrong(path, key, problem);
         let mut nominal = belief.arm();
         let machining_tool = machining_tool(&nominal);
         let mut places = Vec::new();
@@ -211,7 +208,13 @@ impl CalibratedRobot {
                 said_apart((*kind)?, &unknown.name, unknown.value, &unknown.unit)
             })
             .chain(stations.iter().map(told_station))
-            .chain((message.discrepancy_model.as_ref()).map(told_joint_errors))
+            .chain(message.discrepancy_model.as_ref().map(|found| {
+                let joints: Vec<&str> = found.joints.iter().map(|each| &*each.joint).collect();
+                format!(
+                    "what {} are off by as functions of their own angles: `compensate --targets` corrects it, no model has it",
+                    joints.join(", ")
+                )
+            }))
             .collect();
         let is_asked = |joint| kinds.contains(&Some(ParameterKind::JointCompliance { joint }));
         let joints = nominal.chain.joints.iter().enumerate();
@@ -270,8 +273,12 @@ impl CalibratedRobot {
             Knowledge::Of(set, posterior) => (set, posterior),
         };
         compensate_poses_by(task, robots, &|pose| {
-            let commanded_rad = compensate_arm(&self.arm, self.machining_tool, pose, method)?;
-            Ok((commanded_rad, self.predicted(set, posterior, pose)))
+            let tool = self.machining_tool;
+            let commanded_rad = compensate_arm(&self.arm, tool, pose, method)?;
+            let sizes = vec![1.0; set.len()];
+            let model = PlannedReadings::at_test_pose(&self.nominal, tool, set, &sizes);
+            let rows = uncompensated_rows(model, pose);
+            Ok((commanded_rad, predicted_error(&rows, posterior)))
         })
     }
 
@@ -312,18 +319,6 @@ impl CalibratedRobot {
             }
         }
     }
-
-    /// The predicted rms distance (m) that compensation leaves at a test pose.
-    fn predicted(
-        &self,
-        set: &ParameterSet,
-        posterior: &Posterior,
-        pose: &TestPose,
-    ) -> Result<f64, NotDetermined> {
-        let sizes = vec![1.0; set.len()];
-        let model = PlannedReadings::at_test_pose(&self.nominal, self.machining_tool, set, &sizes);
-        predicted_error(&uncompensated_rows(model, pose), posterior)
-    }
 }
 
 /// A belief's arm has the machining tool last.
@@ -343,10 +338,8 @@ fn known(
     let own: Vec<(usize, ParameterKind)> = (kinds.iter().enumerate())
         .filter_map(|(index, kind)| Some((index, (*kind)?)))
         .collect();
-    let set =
-        ParameterSet::new(arm, own.iter().map(|&(_, kind)| (kind, None))).map_err(|error| {
-            (FileError::new(path, error.to_string()).at("unknowns")).code(ErrorCode::IdentifiedFile)
-        })?;
+    let set = ParameterSet::new(arm, own.iter().map(|&(_, kind)| (kind, None)))
+        .map_err(|error| wrong(path, "unknowns".to_owned(), error.to_string()))?;
     // Of logarithms the file has the quantity itself.
     let factors: Vec<f64> = (own.iter().zip(set.parameters()))
         .map(|(&(index, _), parameter)| {
@@ -407,18 +400,6 @@ fn said_apart(kind: ParameterKind, name: &str, value: f64, unit: &str) -> Option
         _ => return None,
     };
     Some(format!("{name} = {value:.6e} {unit}: {reason}"))
-}
-
-fn told_joint_errors(found: &UnexplainedMessage) -> String {
-    let joints: Vec<&str> = found
-        .joints
-        .iter()
-        .map(|each| each.joint.as_str())
-        .collect();
-    format!(
-        "what {} are off by as functions of their own angles: `compensate --targets` corrects it, no model has it",
-        joints.join(", ")
-    )
 }
 
 fn told_station(station: &IdentifiedStation) -> String {

@@ -67,11 +67,6 @@ pub struct Designed {
 }
 
 impl Designed {
-    /// The bound by the criterion that was wanted.
-    pub fn wanted_bound(&self) -> &Bound {
-        self.by_criterion.as_ref().unwrap_or(&self.bound)
-    }
-
     /// The plan judged against a task, beside its bounds.
     pub fn assessment(&self, task: &Task) -> Assessment {
         let assessment = Assessment::new(task, &self.exact.plan, Some(&self.bound));

@@ -171,22 +171,12 @@ fn keep(
     robot: &CalibratedRobot,
     provenance: &ProvenanceMessage,
 ) {
-    let parameters: Vec<_> = (robot.unknowns.iter())
-        .map(|each| {
-            json!({
-                "name": each.name,
-                "unit": each.unit,
-                "value": each.value,
-                "standard_error": each.standard_error,
-            })
-        })
-        .collect();
     let rows = robot.covariance.row_iter();
     let covariance: Vec<Vec<f64>> = rows.map(|row| row.iter().copied().collect()).collect();
     let text = |what: &str, value: serde_json::Value| (format!("{KEPT}{what}"), value.to_string());
     calibration.texts = vec![
         text("provenance", json!(provenance)),
-        text("parameters", json!(parameters)),
+        text("parameters", json!(robot.unknowns)),
         text("covariance", json!(covariance)),
         text("not_expressed", json!(robot.apart)),
     ];

@@ -17,8 +17,7 @@ use crate::identification::{
 use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
 use crate::record::absolute::AbsoluteMessage;
-use crate::record::json::{merge, results};
-use crate::record::messages::{IdentificationMessage, ProvenanceMessage};
+use crate::record::messages::{IdentificationMessage, ProvenanceMessage, results};
 use crate::scenario::Scenario;
 use crate::task::{Belief, Extended, Method};
 
@@ -167,16 +166,12 @@ impl Identified {
         let discrepancy = self.identification.discrepancy;
         let has_rotations = (self.residuals.iter()).any(|each| each.standardised.len() > 3);
         let rejected: Vec<Value> = self.rejected.iter().map(RejectedReading::json).collect();
-        let keys = json!({
+        let more = json!({
             "sigma_from_residuals": sigma_from_residuals,
             "identified_with": scenario.task.belief.fingerprint(),
             // Null where it is no text, which JSON could not hold.
             "scenario_file": scenario.path.to_str(),
             "error_sources": scenario.task.belief.source_names(),
-        });
-        let mut json = results("identify", provenance, keys);
-        merge(&mut json, serde_json::to_value(&message)?);
-        let more = json!({
             "residuals": self.residuals,
             "diagnoses": self.input_errors,
             "discrepancy_mm": discrepancy.map(|discrepancy| discrepancy.position_m * 1e3),
@@ -186,8 +181,8 @@ impl Identified {
             "repeats": self.repeats,
             "notes": self.notes(),
         });
-        merge(&mut json, more);
-        Ok(json)
+        let keys = [serde_json::to_value(&message)?, more];
+        Ok(results("identify", provenance, keys))
     }
 }
 
@@ -238,9 +233,7 @@ pub fn identify_absolute<'a>(
     // What lies far out is no pattern, and no inconsistency.
     let mut kept = case.kept(&fit);
     let looked = kept.looked_at(&fit, &fit.of_kept(readings))?;
-    let joints = case.arm.chain.joints.iter();
-    let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
-    let halves = halves(&mut kept, &fit, &joints);
+    let halves = halves(&mut kept, &fit);
     // These are of three coordinates.
     let mut repeated = fit.of_kept(&(0..readings.len()).collect::<Vec<usize>>());
     repeated.retain(|&place| readings[place].distance_m.is_none());
@@ -257,11 +250,7 @@ pub fn identify_absolute<'a>(
 }
 
 /// The halves of joint space beside each other.
-fn halves(
-    case: &mut AbsoluteCase<'_>,
-    fit: &AbsoluteFit,
-    joints: &[String],
-) -> Option<Inconsistencies> {
+fn halves(case: &mut AbsoluteCase<'_>, fit: &AbsoluteFit) -> Option<Inconsistencies> {
     let (half_of, [one, other]) = case.halves(fit)?;
     let reach = |joint: usize, half: usize| {
         let all = case.observations.iter().zip(&half_of);
@@ -272,24 +261,19 @@ fn halves(
         let [one, other] = [0, 1].map(|half| reach(*joint, half));
         one[1] < other[0] || other[1] < one[0]
     };
-    let joint = (0..joints.len()).find(is_apart)?;
+    let joint = (0..case.arm.chain.len()).find(is_apart)?;
     let of_half = |half: usize| {
-        let [low, high] = reach(joint, half).map(|angle| shown_angle(case, joint, angle));
-        format!("where {} is {low} to {high}", joints[joint])
+        let moving = &case.arm.chain.joints[joint];
+        let [low, high] = reach(joint, half).map(|value| {
+            let (value, unit) = moving.drive.shown(value);
+            format!("{value:.1} {unit}")
+        });
+        format!("where {} is {low} to {high}", moving.name)
     };
     Some(Inconsistencies {
         between: [of_half(0), of_half(1)],
         ..one.beside(&other)
     })
-}
-
-/// An angle in degrees; of a joint that slides, a length.
-fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
-    if case.arm.chain.joints[joint].drive.slides {
-        format!("{:.1} mm", value * 1e3)
-    } else {
-        format!("{:.1} deg", value.to_degrees())
-    }
 }
 
 /// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
@@ -373,18 +357,12 @@ impl<'a> IdentifiedRobot<'a> {
         provenance: &ProvenanceMessage,
         groups: &[ParameterGroup],
     ) -> serde_json::Result<Value> {
-        let keys = json!({
+        let message = AbsoluteMessage::new(&self.case, &self.fit);
+        let more = json!({
             "kind": "absolute",
             "groups": groups,
             "identified_with": scenario.task.belief.fingerprint(),
             "scenario_file": scenario.path.to_str(),
-        });
-        let mut json = results("identify", provenance, keys);
-        merge(
-            &mut json,
-            serde_json::to_value(AbsoluteMessage::new(&self.case, &self.fit))?,
-        );
-        let more = json!({
             "patterns": self.patterns,
             "repeats": self.repeats,
             "repeat_components": self.repeat_components,
@@ -393,7 +371,7 @@ impl<'a> IdentifiedRobot<'a> {
             "conditions": self.conditions(),
             "notes": self.notes(),
         });
-        merge(&mut json, more);
-        Ok(json)
+        let keys = [serde_json::to_value(message)?, more];
+        Ok(results("identify", provenance, keys))
     }
 }

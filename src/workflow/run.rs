@@ -36,9 +36,9 @@ use crate::record::absolute_plan::{
     AbsolutePlanMessage, PlannedReadingMessage, ReadingsRunMessage, planned_readings,
 };
 use crate::record::evidence::EvidenceMessage;
-use crate::record::json::{merge, results};
 use crate::record::messages::{
-    CalibrationMessage, ProvenanceMessage, TestPoseMessage, TruthMessage, assessment_json,
+    CalibrationMessage, ProvenanceMessage, SchemaMessage, TestPoseMessage, TruthMessage,
+    assessment_json, results,
 };
 use crate::robot::EquilibriumError;
 use crate::scenario::Scenario;
@@ -227,7 +227,7 @@ impl RunOutcome {
             assessment,
             ..
         } = &self.tried[0];
-        let json = json!({
+        let first = json!({
             "gate": scenario.gate,
             "plan": main.plan,
             "elapsed_s": elapsed_s,
@@ -235,17 +235,10 @@ impl RunOutcome {
             "truth": main.truth,
             "residuals": main.residuals,
         });
-        let mut json = results("run", &ProvenanceMessage::new(scenario), json);
-        // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the standard
-        // errors are those of the identification.
-        merge(&mut json, serde_json::to_value(&main.test_poses[0])?);
-        merge(&mut json, assessment_json(scenario, assessment));
-        merge(&mut json, serde_json::to_value(&main.identification)?);
         let mut all = Vec::new();
         for each in &self.tried {
             let mut plan = serde_json::to_value(&each.record)?;
-            let assessment = assessment_json(scenario, &each.assessment);
-            merge(&mut plan, json!({ "assessment": assessment }));
+            plan["assessment"] = assessment_json(scenario, &each.assessment);
             all.push(plan);
         }
         for each in &self.failed {
@@ -266,9 +259,17 @@ impl RunOutcome {
         };
         let keys = json!({ "plans": all, "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_mm,
             "random_median_repeats": times, "random_median_limit_rho0_mm": limit_mm });
-        merge(&mut json, keys);
-        merge(&mut json, serde_json::to_value(&self.evidence)?);
-        Ok(json)
+        // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the standard
+        // errors are those of the identification.
+        let all = [
+            first,
+            serde_json::to_value(&main.test_poses[0])?,
+            assessment_json(scenario, assessment),
+            serde_json::to_value(&main.identification)?,
+            keys,
+            serde_json::to_value(&self.evidence)?,
+        ];
+        Ok(results("run", &ProvenanceMessage::new(scenario), all))
     }
 }
 
@@ -341,7 +342,7 @@ pub fn run_absolute<'a>(
     let nominal = nominal.map_err(unidentified)?;
 
     // Compensate, and see where the tool is.
-    let frames = runs.frames(seed, RUN);
+    let frames = runs.read.frames(seed, RUN);
     let mut seen = |arm, joints| runs.residuals(&mut robots, &frames, case, arm, joints);
     let before_m = seen(&nominal, &[]).map_err(|error| unread(&error))?;
     // What joints are off by counts as the prediction has it: where the planner's model has it as functions.
@@ -386,7 +387,9 @@ fn compensated(
             weight: pose.weight,
             direction: pose.direction,
             commanded_rad: compensate_arm(&fit.arm, tool.unwrap_or(0), pose, belief.method)?,
-            predicted_m: predicted(prediction, place),
+            predicted_m: prediction.poses_m[place].ok_or_else(|| NotDetermined {
+                parameters: prediction.left.as_ref().err().cloned().unwrap_or_default(),
+            }),
             seen: SeenPose {
                 uncompensated_m: before_m[place],
                 residual_m: after_m[place],
@@ -398,13 +401,6 @@ fn compensated(
         .enumerate()
         .map(compensated)
         .collect()
-}
-
-/// The predicted rms distance (m) at a test pose, by its place.
-fn predicted(prediction: &PredictedAccuracy, place: usize) -> Result<f64, NotDetermined> {
-    prediction.poses_m[place].ok_or_else(|| NotDetermined {
-        parameters: prediction.left.as_ref().err().cloned().unwrap_or_default(),
-    })
 }
 
 /// One run of a study of absolute readings, with all that its robot did.
@@ -422,10 +418,9 @@ pub fn replay_readings(
     let (task, belief) = (&setting.task, &setting.task.belief);
     let runs = ReadingRuns::new(setting, studied)?;
     let mut robots = runs.robots()?;
-    let shown = runs.shown(&mut robots, seed, number)?;
-    let run = shown.run;
+    let (run, before_m, carried_out) = runs.shown(&mut robots, seed, number)?;
     let case = AbsoluteCase::new(belief, &run.readings)?;
-    let seen_m = [&*shown.before_m, &run.residuals_m];
+    let seen_m = [&*before_m, &run.residuals_m];
     let poses = compensated(task, (&case, &run.fit), &runs.prediction, seen_m)?;
     let plan = planned_readings(task, &studied.planning, &studied.plan);
     let found = (&case, &run.fit, poses.as_slice());
@@ -436,7 +431,7 @@ pub fn replay_readings(
         found,
         run.readings,
     );
-    Ok((record, shown.carried_out))
+    Ok((record, carried_out))
 }
 
 /// What is kept of a run: the plan, what its robot truly was, what it was found to be, and what that achieves.
@@ -501,29 +496,25 @@ impl AbsoluteRun<'_> {
         let identification = self.identified.json(scenario, provenance, groups)?;
         let [before_mm, after_mm] = rms_m(&self.poses).map(|value| value * 1e3);
         let mut own = self.record.json()?;
-        merge(&mut own, json!({ "assessment": plan }));
+        own["assessment"] = json!(plan);
         // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the unknowns are those of the
         // identification.
-        let mut json = json!({ "gate": scenario.gate });
-        merge(&mut json, own["test_poses"][0].clone());
-        merge(&mut json, serde_json::to_value(plan)?);
-        merge(&mut json, identification);
-        merge(
-            &mut json,
-            json!({
-                "searches": self.searches[0],
-                "searches_agreeing": self.searches[1],
-                "measurements": own["measurements"],
-                "truth": own["truth"],
-                "test_poses": own["test_poses"],
-                "uncompensated_rms_mm": before_mm,
-                "residual_rms_mm": after_mm,
-                "random_plans": RANDOM_PLANS,
-                "random_median_rho0_mm": self.random_rho0_m.map(|value| value * 1e3),
-                "plans": [own],
-            }),
-        );
-        merge(&mut json, results("run", provenance, json!({})));
-        Ok(json)
+        let first = own["test_poses"][0].clone();
+        let last = json!({
+            "schema": SchemaMessage::new("run"),
+            "gate": scenario.gate,
+            "searches": self.searches[0],
+            "searches_agreeing": self.searches[1],
+            "measurements": own["measurements"],
+            "truth": own["truth"],
+            "test_poses": own["test_poses"],
+            "uncompensated_rms_mm": before_mm,
+            "residual_rms_mm": after_mm,
+            "random_plans": RANDOM_PLANS,
+            "random_median_rho0_mm": self.random_rho0_m.map(|value| value * 1e3),
+            "plans": [own],
+        });
+        let all = [first, serde_json::to_value(plan)?, identification, last];
+        Ok(results("run", provenance, all))
     }
 }

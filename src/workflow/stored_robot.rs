@@ -137,10 +137,7 @@ impl StoredRobot {
     /// # Errors
     /// A parameter does not exist, or its value is none.
     pub fn apply(&self, path: &Path, arm: &ElasticArm) -> Result<ElasticArm, FileError> {
-        let wrong = |index: usize, problem: String| {
-            let wrong = FileError::new(path, problem).at(format!("unknowns[{index}]"));
-            wrong.code(ErrorCode::IdentifiedFile)
-        };
+        let wrong = |index: usize, problem| wrong(path, format!("unknowns[{index}]"), problem);
         let (mut found, mut values) = (Vec::new(), Vec::new());
         let kinds = self.kinds(arm, &[], &[]);
         for (index, (unknown, kind)) in self.message.unknowns.iter().zip(kinds).enumerate() {
@@ -288,9 +285,7 @@ impl StoredRobot {
     ) -> Result<DiscrepancyModel, FileError> {
         let message = &self.message;
         let unknowns = message.unknowns.len();
-        let wrong = |key: String, problem: String| {
-            (FileError::new(path, problem).at(key)).code(ErrorCode::IdentifiedFile)
-        };
+        let wrong = |key, problem| wrong(path, key, problem);
         let kinds = self.kinds(arm, &[], &[]);
         let divisors: Vec<f64> = (message.unknowns.iter().zip(kinds))
             .map(|(unknown, kind)| match kind {
@@ -355,6 +350,11 @@ impl StoredRobot {
             scale: found.scale,
         })
     }
+}
+
+/// What is wrong with a key of an identified file.
+pub(super) fn wrong(path: &Path, key: String, problem: String) -> FileError {
+    (FileError::new(path, problem).at(key)).code(ErrorCode::IdentifiedFile)
 }
 
 /// Whether the unknowns and their covariance agree, as far as it is there.

@@ -11,8 +11,8 @@ use crate::experiment::{Candidate, Plan};
 use crate::files::FileError;
 use crate::plan::Criterion;
 use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
-use crate::plan::search::{CandidatePlan, PlanSize, SearchError, Watch, random_plan};
-use crate::record::json::{merge, results};
+use crate::plan::search::{PlanSize, SearchError, Watch, random_plan};
+use crate::record::messages::results;
 use crate::record::robot_trials::RobotTrials;
 use crate::record::study::StudyPlanMessage;
 use crate::record::tally_file::{Header, PlanHeader};
@@ -147,7 +147,7 @@ fn readings_of<'a>(
         ..*wanted
     };
     let mut is_random = false;
-    let (planning, found) = match &plan.source {
+    let (planning, mut found) = match &plan.source {
         StudySource::File { readings, .. } => {
             let planning = AbsolutePlanning::of_plan(task, groups, &scaled(readings))?;
             let plan = planning.whole();
@@ -174,21 +174,17 @@ fn readings_of<'a>(
             (planning, plan)
         }
     };
+    // As a whole until there are so many, which it is known to divide.
+    let once: u32 = found.iter().map(|(_, times)| times).sum();
+    for (_, times) in &mut found {
+        *times *= (measurements / once.max(1)).max(1);
+    }
     Ok(StudiedReadings {
-        plan: readings_repeated(found, measurements),
+        plan: found,
         planning,
         groups,
         is_random,
     })
-}
-
-/// A plan repeated as a whole until it has so many readings, which it is known to divide.
-fn readings_repeated(mut plan: CandidatePlan, readings: u32) -> CandidatePlan {
-    let once: u32 = plan.iter().map(|(_, times)| times).sum();
-    for (_, times) in &mut plan {
-        *times *= (readings / once.max(1)).max(1);
-    }
-    plan
 }
 
 /// Reads, designs or draws a plan, and repeats it as a whole.
@@ -303,7 +299,7 @@ pub struct Timing {
 
 /// study.json.
 pub fn study_json(header: &Header, plans: &[StudyPlanMessage], timing: Option<Timing>) -> Value {
-    let json = json!({
+    let all = json!({
         "gate": header.gate,
         "trials": header.trials,
         "level": header.level,
@@ -311,19 +307,11 @@ pub fn study_json(header: &Header, plans: &[StudyPlanMessage], timing: Option<Ti
         "reference": header.reference(),
         "plans": plans,
     });
-    let mut json = results("study", &header.provenance, json);
-    if let Some(absolute) = &header.absolute {
-        let accuracy = AccuracyKind::Absolute.name();
+    let absolute = header.absolute.as_ref().map(|absolute| {
         let (test_poses, groups) = (absolute.test_poses, &absolute.groups);
-        merge(
-            &mut json,
-            json!({ "accuracy": accuracy, "test_poses": test_poses, "groups": groups }),
-        );
-    }
-    if let Some(timing) = timing {
-        let runs_per_s = timing.runs as f64 / timing.elapsed_s;
-        let timing = json!({ "elapsed_s": timing.elapsed_s, "runs_per_s": runs_per_s });
-        merge(&mut json, timing);
-    }
-    json
+        json!({ "accuracy": AccuracyKind::Absolute.name(), "test_poses": test_poses, "groups": groups })
+    });
+    let timing = timing.map(|Timing { elapsed_s, runs }| json!({ "elapsed_s": elapsed_s, "runs_per_s": runs as f64 / elapsed_s }));
+    let keys = [Some(all), absolute, timing].into_iter().flatten();
+    results("study", &header.provenance, keys)
 }

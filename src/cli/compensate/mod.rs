@@ -132,8 +132,7 @@ impl Compensate {
         if simulated.is_none() {
             forget_observed(&mut keys);
         }
-        let provenance = self.common.provenance(&scenario)?;
-        let mut report = Report::of("compensate", &provenance, keys, text, conditions);
+        let mut report = (self.common).report("compensate", &scenario, [keys], text, conditions)?;
         if self.static_compliance {
             let Task {
                 belief, test_poses, ..

@@ -138,13 +138,7 @@ impl Compensate {
             "corrects_joint_errors": robot.with_joint_errors.is_some(),
             "targets": list,
         });
-        Ok(Report::of(
-            "compensate",
-            &self.common.provenance(scenario)?,
-            keys,
-            text,
-            conditions,
-        ))
+        Ok((self.common).report("compensate", scenario, [keys], text, conditions)?)
     }
 
     fn tool_of(&self, robot: &CalibratedRobot) -> Result<usize, FileError> {

@@ -7,7 +7,6 @@ use crate::identification::{AbsoluteError, Inconsistencies, ModelSelection, Read
 use crate::measurement::{AbsoluteReading, read_measured};
 use crate::quantities::units::shown_unit;
 use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
-use crate::record::json::merge;
 use crate::record::model_selection::model_selection_json;
 use crate::record::uncertainties::uncertainty_tables;
 use crate::robot::Load;
@@ -15,7 +14,6 @@ use crate::scenario::Scenario;
 use crate::text::wording::counted;
 use crate::view::discrepancy_plots::model_selection_plot;
 use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
-use serde_json::json;
 
 use super::Identify;
 use crate::cli::study::results::noted;
@@ -65,8 +63,7 @@ impl Identify {
                 let title = format!("{}: which model the readings pay for", scenario.name);
                 text += &written.save(path, &model_selection_plot(&title, found)?);
             }
-            let found = model_selection_json(found);
-            merge(&mut json, json!({ "model_selection": found }));
+            json["model_selection"] = model_selection_json(found);
         } else {
             text += &self.draw_patterns(scenario, &identified.patterns, &mut written)?;
         }

@@ -6,7 +6,6 @@ use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::identification::{Identification, IdentificationError, Robustness, UncertainEstimate};
 use crate::measurement::{Measurement, Origin};
-use crate::record::json::merge;
 use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
 use crate::task::Belief;
@@ -64,7 +63,7 @@ impl Identify {
             .filter(|origin| origin.scenario_sha256 == scenario.sha256)
             .and_then(|origin| origin.simulated);
         let mut json = identified.json(scenario, &provenance, self.sigma_from_residuals)?;
-        merge(&mut json, json!({ "simulated": simulated }));
+        json["simulated"] = json!(simulated);
         let (identification, residuals) = (&identified.identification, &identified.residuals);
         let mut text = describe(identification, belief);
         let is_own = measurements.iter().any(|each| each.sigma_m.is_some());

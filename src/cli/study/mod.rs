@@ -9,8 +9,8 @@ use crate::experiment::Candidate;
 use crate::files::{FileError, hexadecimal, make_folder, sha256_of};
 use crate::plan::search::Watch;
 use crate::quantities::limits::{MOST_SHARDS, MOST_TRIALS};
+use crate::record::messages::SchemaMessage;
 use crate::record::tally_file::{AbsoluteStudyHeader, Header, PlanHeader, TallyFile};
-use crate::record::{json::merge, messages::SchemaMessage};
 use crate::scenario::Scenario;
 use crate::study::runner::Runner;
 use crate::study::{Entry, Level, Setting, StudyError};
@@ -133,10 +133,16 @@ impl StudyCommand {
         proceed()?;
         let runner = Runner::new(&settings, scenario.seed, level, &entries)?.stopped_by(ask_work());
         let plans = PlanHeader::of(&runner);
-        let part = self.begun(Header {
+        let (shard, shards) = self.shard.unwrap_or((1, 1));
+        let sizes = [self.trials.unwrap_or(scenario.study.trials), shards];
+        let header = Header {
             absolute: self.readings.header(&scenario)?,
-            ..Header::new(&scenario, level, self.sizes(&scenario), plans)
-        })?;
+            ..Header::new(&scenario, level, sizes, plans)
+        };
+        let part = match &self.resume {
+            Some(path) => TallyFile::resume(path, header, shard)?,
+            None => TallyFile::empty(header, shard),
+        };
         let (trials, title) = (part.header.trials, part.header.title());
         let level = level.words();
         (self.common).say(&format!("{trials} runs of {title}, {level}"));
@@ -161,21 +167,6 @@ impl StudyCommand {
         .concat();
         (self.common).check_files(scenario, Some((&folder, &names)))?;
         make_folder(&folder)
-    }
-
-    /// The numbers of runs and of shards.
-    fn sizes(&self, scenario: &Scenario) -> [u64; 2] {
-        let trials = self.trials.unwrap_or(scenario.study.trials);
-        [trials, self.shard.map_or(1, |(_, shards)| shards)]
-    }
-
-    /// What is done of a study, or of its shard.
-    fn begun(&self, header: Header) -> Result<TallyFile, FileError> {
-        let shard = self.shard.map_or(1, |(shard, _)| shard);
-        match &self.resume {
-            Some(path) => TallyFile::resume(path, header, shard),
-            None => Ok(TallyFile::empty(header, shard)),
-        }
     }
 
     /// Makes what is left of the runs, writes what they come to, and reports it.
@@ -211,28 +202,19 @@ impl StudyCommand {
         if let Some(observer) = observer {
             observer.finish(own_folder, self.rerun.as_ref(), &mut written);
         }
-        let mut report = self.reported(&results, &folder);
+        let mut report = results.report(&folder);
+        if let Some((shard, shards)) = self.shard {
+            let table = describe(&results.messages);
+            report.text = format!("shard {shard} of {shards}:\n{table}");
+            report.json["schema"] = json!(SchemaMessage::new("shard"));
+            report.json["shard"] = json!(shard);
+            report.json["shards"] = json!(shards);
+        }
         if part.header.absolute.is_none() {
             report.conditions.extend(foreign_loads(scenario));
         }
         report.conditions.extend(written.conditions());
         Ok(report)
-    }
-
-    /// What is printed of the results, or of a shard's part of them.
-    fn reported(&self, results: &Results, folder: &Path) -> Report {
-        let mut report = results.report(folder);
-        if let Some((shard, shards)) = self.shard {
-            report.text = format!(
-                "shard {shard} of {shards}:\n{}",
-                describe(&results.messages)
-            );
-            merge(
-                &mut report.json,
-                json!({ "schema": SchemaMessage::new("shard"), "shard": shard, "shards": shards }),
-            );
-        }
-        report
     }
 
     /// Makes what is left of the shard's blocks, and saves and shows it from time to

@@ -16,6 +16,8 @@ mod sample;
 mod tests;
 
 use nalgebra::Matrix2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 pub use process::{Between, FIRST_LENGTH, KnotBlocks, MarkovProcess, knots_among};
 pub use sample::{ProcessPoint, SampledFunction, root};
@@ -24,17 +26,7 @@ pub use sample::{ProcessPoint, SampledFunction, root};
 const FORGOTTEN: f64 = 1e3;
 
 /// How smooth a process is.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    Default,
-    PartialEq,
-    Eq,
-    serde::Deserialize,
-    serde::Serialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Correlation {
     /// exp(-x): of no shape.

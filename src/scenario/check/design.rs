@@ -18,7 +18,8 @@ impl Checker<'_> {
         commands: &Commands,
         loads: &Loads,
     ) -> Result<Design, FileError> {
-        let fewest = fewest(parameters, commands);
+        // As many numbers as there are unknowns.
+        let fewest = commands.reads_along.fewest(parameters);
         let experiments = table.experiments;
         self.at_most(
             "design.experiments",
@@ -87,9 +88,4 @@ impl Checker<'_> {
             })
         })
     }
-}
-
-/// The fewest measurements that give as many numbers as there are unknowns.
-pub(super) fn fewest(parameters: usize, commands: &Commands) -> u32 {
-    commands.reads_along.fewest(parameters)
 }

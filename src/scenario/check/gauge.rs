@@ -2,6 +2,7 @@
 //! one reads.
 
 use nalgebra::Vector3;
+use toml::Table;
 
 use super::Checker;
 use crate::files::FileError;
@@ -15,38 +16,27 @@ use crate::scenario::file::{
 use crate::task::{AccuracyKind, Gauge};
 
 impl Checker<'_> {
-    /// A gauge, where one reads.
-    pub(super) fn gauge(&self, file: &File) -> Result<Option<Gauge>, FileError> {
+    /// A gauge, where one reads; of the table's keys these are given.
+    pub(super) fn gauge(&self, file: &File, given: &Table) -> Result<Option<Gauge>, FileError> {
         use InstrumentReads::{Deflection, Displacement, Distance};
         let table = &file.instrument;
         let reads = table.reads;
-        let rotation =
-            [table.rotation_sigma_mrad, table.rotation_mpe_mrad].map(|each| each.is_some());
-        let keys = [
-            (
-                "directions",
-                table.directions.is_some(),
-                &[Displacement][..],
-            ),
-            ("range_mm", table.range_mm.is_some(), &[Displacement]),
-            (
-                "resolution_mm",
-                table.resolution_mm.is_some(),
-                &[Displacement, Distance],
-            ),
-            ("tracker_site", table.tracker_site.is_some(), &[Deflection]),
-            ("rotation_sigma_mrad", rotation[0], &[Deflection]),
-            ("rotation_mpe_mrad", rotation[1], &[Deflection]),
-            (
-                "unloaded",
-                table.unloaded == Unloaded::Shared,
-                &[Deflection],
-            ),
-            ("gauge", table.gauge.is_some(), &[Deflection]),
-            ("distance", table.distance.is_some(), &[Deflection]),
+        let keys: [(&str, &[InstrumentReads]); 9] = [
+            ("directions", &[Displacement]),
+            ("range_mm", &[Displacement]),
+            ("resolution_mm", &[Displacement, Distance]),
+            ("tracker_site", &[Deflection]),
+            ("rotation_sigma_mrad", &[Deflection]),
+            ("rotation_mpe_mrad", &[Deflection]),
+            ("unloaded", &[Deflection]),
+            ("gauge", &[Deflection]),
+            ("distance", &[Deflection]),
         ];
-        let is_refused = |(_, is_given, of): &&(_, bool, &[_])| *is_given && !of.contains(&reads);
-        if let Some((key, ..)) = keys.iter().find(is_refused) {
+        let is_usual = |key: &str| key == "unloaded" && table.unloaded == Unloaded::Own;
+        let is_refused = |(key, of): &&(&str, &[InstrumentReads])| {
+            given.contains_key(*key) && !is_usual(key) && !of.contains(&reads)
+        };
+        if let Some((key, _)) = keys.iter().find(is_refused) {
             let problem = format!("is given, and instrument.reads is {:?}", reads.word());
             let wrong = self.wrong(&format!("instrument.{key}"), problem);
             return Err(wrong.hint(

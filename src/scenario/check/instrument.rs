@@ -14,9 +14,9 @@ use crate::task::{Gauge, Instrument};
 
 impl Checker<'_> {
     pub(super) fn instrument(&self, file: &File, model: &Model) -> Result<Instrument, FileError> {
-        let gauge = self.gauge(file)?;
         let table = &file.instrument;
         let given = Table::try_from(table).unwrap_or_default();
+        let gauge = self.gauge(file, &given)?;
         self.certificate_is_used("instrument", &given, &NOISE)?;
         let [sigma, rotation] = &NOISE;
         let sigma_m = self

@@ -1,18 +1,16 @@
 //! From the file as written to a checked scenario, a file for each table.
 
+mod additions;
 mod certificate;
 mod design;
 mod error_source;
-mod gate;
 mod gauge;
 mod inputs;
 mod instrument;
 mod laboratory;
 mod load;
-mod mounted;
 mod name;
 mod number;
-mod obstacle;
 mod prior;
 mod region;
 mod repeatability;
@@ -27,9 +25,9 @@ mod uncertainty;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
+use self::additions::Locked;
 use self::error_source::ReadingPlaces;
 use self::inputs::Inputs;
-use self::mounted::Locked;
 use self::prior::sampled_about_earlier;
 use super::Scenario;
 use super::file::{Actuators, File};
@@ -37,6 +35,7 @@ use crate::codes::ErrorCode;
 use crate::experiment::{Plan, read_plan};
 use crate::files::typed::from_toml;
 use crate::files::{FileError, is_plain_name, read_text};
+use crate::gate::Gate;
 use crate::mujoco::Additions;
 use crate::robot::{Commands, Robot};
 use crate::task::{Belief, Task};
@@ -72,7 +71,7 @@ impl Checker<'_> {
         let file = self.parse(text)?;
         let table = toml::from_str(text)
             .map_err(|error| FileError::new(self.path, error.message().to_owned()))?;
-        self.check_names(&table)?;
+        self.check_names("", &table)?;
 
         let additions = self.additions(&file)?;
         let locked = self.locked(&file.robot)?;
@@ -198,13 +197,13 @@ impl Checker<'_> {
         })
     }
 
-    /// What it adds to its models.
-    fn additions(&self, file: &File) -> Result<Additions, FileError> {
-        Ok(Additions {
-            obstacles: self.obstacles(file)?,
-            tools: self.tools(&file.robot)?,
-            payloads: self.payloads(&file.robot)?,
-        })
+    fn gate(&self, gate: Gate) -> Result<Gate, FileError> {
+        let wrong = |(key, problem): (_, String)| {
+            let wrong = self.wrong(&format!("gate.{key}"), &*problem);
+            wrong.hinted(hint_for(&problem))
+        };
+        gate.check().map_err(wrong)?;
+        Ok(gate)
     }
 
     /// The scenario's name, which results and their folder bear: the file's, without ending.

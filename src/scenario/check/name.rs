@@ -8,12 +8,8 @@ use crate::files::FileError;
 use crate::text::{is_unseen, wrong_name};
 
 impl Checker<'_> {
-    /// Checks every text of the file, and every key that names something.
-    pub(super) fn check_names(&self, table: &toml::Table) -> Result<(), FileError> {
-        self.check_table("", table)
-    }
-
-    fn check_table(&self, path: &str, table: &toml::Table) -> Result<(), FileError> {
+    /// Checks every text of a table under its key, and every key that names something.
+    pub(super) fn check_names(&self, path: &str, table: &toml::Table) -> Result<(), FileError> {
         for (key, value) in table {
             let path = match path {
                 "" => key.clone(),
@@ -36,7 +32,7 @@ impl Checker<'_> {
             Value::Array(values) => (values.iter().enumerate()).try_for_each(|(index, each)| {
                 self.check_value(&format!("{path}[{index}]"), key, each)
             }),
-            Value::Table(table) => self.check_table(path, table),
+            Value::Table(table) => self.check_names(path, table),
             _ => Ok(()),
         }
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::Checker;
-use super::mounted::Locked;
+use super::additions::Locked;
 use super::number::names_of;
 use crate::codes::ErrorCode;
 use crate::files::{FileError, read_text};
@@ -232,7 +232,13 @@ impl Checker<'_> {
                 let here: Vec<_> = here.cloned().collect();
                 let mut model = self.lock(&model, &here)?;
                 if is_unactuated {
-                    model = unactuated(&model, commanded.len());
+                    // One that is no chain of as many commanded joints is held by its position actuators.
+                    let without = model.without_actuators();
+                    let chain = SerialChain::from_model(&without);
+                    model = match chain {
+                        Ok(chain) if chain.commanded().count() == commanded.len() => without,
+                        _ => model.with_plain_actuators(),
+                    };
                 }
                 for site in [&file.robot.calibration_site, &file.robot.machining_site] {
                     model
@@ -265,6 +271,11 @@ impl Checker<'_> {
     ) -> Result<TrueRobot, FileError> {
         let own = SerialChain::from_model(&model);
         let believed = &nominal.chain.joints;
+        // They move alike, and are both commanded or both passive.
+        let is_held_alike = |(one, other): (&Joint, &Joint)| {
+            one.drive.slides == other.drive.slides
+                && one.drive.passive_at.is_some() == other.drive.passive_at.is_some()
+        };
         let is_alike = own.as_ref().is_ok_and(|own| {
             let is_elsewhere = |(one, other): (&Joint, &Joint)| {
                 one.name != other.name && believed.iter().any(|each| each.name == one.name)
@@ -314,19 +325,4 @@ impl Checker<'_> {
         }
         Ok(robot)
     }
-}
-
-/// A model whose actuators do not count. One that is no chain of as many commanded joints is held by its position actuators.
-fn unactuated(model: &Model, commanded: usize) -> Model {
-    let without = model.without_actuators();
-    match SerialChain::from_model(&without) {
-        Ok(chain) if chain.commanded().count() == commanded => without,
-        _ => model.with_plain_actuators(),
-    }
-}
-
-/// Whether two joints move alike, and are both commanded or both passive.
-fn is_held_alike((one, other): (&Joint, &Joint)) -> bool {
-    one.drive.slides == other.drive.slides
-        && one.drive.passive_at.is_some() == other.drive.passive_at.is_some()
 }

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use super::Checker;
-use super::design::fewest;
 use crate::experiment::{Candidate, read_candidates};
 use crate::files::FileError;
 use crate::plan::search::SearchError;
@@ -147,7 +146,7 @@ impl Checker<'_> {
     }
 
     fn enough(&self, key: &str, experiments: u32, context: &Context<'_>) -> Result<(), FileError> {
-        let fewest = fewest(context.parameters, context.commands);
+        let fewest = context.commands.reads_along.fewest(context.parameters);
         self.count(key, experiments, fewest..=MOST_EXPERIMENTS)
             .map(drop)
     }

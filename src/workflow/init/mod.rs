@@ -4,7 +4,6 @@
 //! robot's size and marked as a guess.
 
 mod arm;
-mod ends;
 mod pose;
 mod tools;
 mod written;
@@ -49,11 +48,11 @@ pub fn draft(
     let tools = Tools::of(&arm)?;
     let tried = tried(&arm, &tools.calibration);
     let named = named_from(model_path, scenario_path);
-    let written = written::scenario(&arm, &tools, &tried, &named);
-    let scenario = Scenario::check(scenario_path, &written.text)?;
+    let (text, found) = written::scenario(&arm, &tools, &tried, &named);
+    let scenario = Scenario::check(scenario_path, &text)?;
     Ok(Draft {
-        text: written.text,
-        found: written.found,
+        text,
+        found,
         understanding: Understanding::new(&scenario),
     })
 }

@@ -3,7 +3,6 @@
 use nalgebra::{Isometry3, Vector3};
 
 use super::arm::FoundArm;
-use super::ends::called_end;
 use super::pose::last_axis;
 use crate::files::FileError;
 use crate::robot::{SerialChain, Tool};
@@ -49,11 +48,17 @@ impl Tools {
             .filter(|(_, body)| carried.contains(body))
             .map(|(name, _)| name)
             .collect();
-        let tools = if let Some(site) = likeliest(&known) {
+        // One that is called an arm's end, or the last.
+        let called = called_end(known.iter().enumerate()).map(|index| &known[index]);
+        let tools = if let Some(site) = called.or(known.last()) {
             let tool = SerialChain::tool(&arm.model, site)?;
             Self::beside(arm, &tool, site, Vector3::zeros())
         } else {
-            let body = (likeliest_body(arm, &carried)).unwrap_or(arm.last_body);
+            let named: Vec<(usize, String)> = (carried.iter())
+                .filter_map(|&body| Some((body, arm.model.named_body(body)?)))
+                .collect();
+            let called = called_end(named.iter().map(|(body, name)| (*body, name)));
+            let body = called.unwrap_or(arm.last_body);
             let tool = SerialChain::on_body(&arm.model, body)?;
             let (axis, _) = last_axis(arm, &tool);
             let on = arm.model.body_name(body);
@@ -116,17 +121,29 @@ impl Tools {
     }
 }
 
-/// The site that is most likely an arm's end: one that is called so, or the last.
-fn likeliest(sites: &[String]) -> Option<&String> {
-    called_end(sites.iter().enumerate())
-        .map(|index| &sites[index])
-        .or(sites.last())
-}
+/// Names that ends of arms have, the likeliest first.
+const ENDS: [&str; 9] = [
+    "tcp",
+    "tool",
+    "pinch",
+    "attachment",
+    "grip",
+    "end_effector",
+    "ee",
+    "flange",
+    "hand",
+];
 
-/// The body that is called an arm's end, if one is.
-fn likeliest_body(arm: &FoundArm, carried: &[usize]) -> Option<usize> {
-    let named: Vec<(usize, String)> = (carried.iter())
-        .filter_map(|&body| Some((body, arm.model.named_body(body)?)))
-        .collect();
-    called_end(named.iter().map(|(body, name)| (*body, name)))
+/// The first of the names that is called as ends of arms are.
+fn called_end<'a>(names: impl Iterator<Item = (usize, &'a String)>) -> Option<usize> {
+    let names: Vec<(usize, &String)> = names.collect();
+    let has = |name: &str, word: &str| {
+        let name = name.to_lowercase();
+        let mut parts = name.split(|letter: char| !letter.is_alphanumeric());
+        parts.any(|part| part.starts_with(word)) || (word.len() > 3 && name.contains(word))
+    };
+    ENDS.iter().find_map(|word| {
+        let called = names.iter().find(|(_, name)| has(name, word));
+        called.map(|(index, _)| *index)
+    })
 }

@@ -31,25 +31,19 @@ const LINK_MM: f64 = 0.3;
 /// As few measurements as a first plan has.
 const LEAST_MEASUREMENTS: usize = 4;
 
-/// What is written, and what was found on the way, in sentences.
-pub(super) struct WrittenScenario {
-    pub text: String,
-    pub found: Vec<String>,
-}
-
 /// Where a joint's stiffness comes from.
 enum Stiffness {
     Model,
     Guessed(Vec<f64>, String),
 }
 
-/// Writes the scenario.
+/// Writes the scenario, with what was found on the way, in sentences.
 pub(super) fn scenario(
     arm: &FoundArm,
     tools: &Tools,
     tried: &Tried,
     model: &str,
-) -> WrittenScenario {
+) -> (String, Vec<String>) {
     let load_n = load_n(arm);
     let stiffness = stiffness(arm, tried, load_n);
     let mut found = found(arm, tools, tried);
@@ -92,7 +86,7 @@ pub(super) fn scenario(
          [design]\n# Measurements of the plan, repeats counted.\nexperiments = {wanted}\n",
         region(tried)
     );
-    WrittenScenario { text, found }
+    (text, found)
 }
 
 /// The rest of the table `[robot]`.
