@@ -3,10 +3,7 @@
 use std::convert::Infallible;
 use std::ops::Range;
 
-use nalgebra::allocator::Allocator;
-use nalgebra::{
-    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix6xX, OMatrix, Storage, U3, Vector3,
-};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix, Matrix6xX, Storage, U3, Vector3};
 
 use super::case::Case;
 use super::error::IdentificationError;
@@ -253,7 +250,7 @@ pub(super) const fn rows_of(measurement: &Measurement) -> usize {
 }
 
 /// How a measurement was set up, and what was read.
-fn setup_of(measurement: &Measurement) -> (Setup, ReadingKind) {
+pub(super) fn setup_of(measurement: &Measurement) -> (Setup, ReadingKind) {
     let setup = Setup {
         commanded_rad: measurement.configuration_rad.clone(),
         load: measurement.load,
@@ -320,19 +317,4 @@ impl PredictedRows {
         self.values[self.row] = direction.dot(&values);
         self.row += 1;
     }
-}
-
-pub(super) fn stacked<C: Dim>(
-    above: &OMatrix<f64, Dyn, C>,
-    below: &OMatrix<f64, Dyn, C>,
-) -> OMatrix<f64, Dyn, C>
-where
-    DefaultAllocator: Allocator<Dyn, C>,
-{
-    let rows = above.nrows() + below.nrows();
-    let (_, columns) = above.shape_generic();
-    let mut all = OMatrix::zeros_generic(Dyn(rows), columns);
-    all.rows_mut(0, above.nrows()).copy_from(above);
-    all.rows_mut(above.nrows(), below.nrows()).copy_from(below);
-    all
 }

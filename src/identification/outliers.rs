@@ -121,7 +121,7 @@ pub(super) struct LookedOver<'a> {
     /// What it leaves of them.
     pub left: Vec<ReadingResidual>,
     /// Their own covariances.
-    pub own: &'a [Matrix6<f64>],
+    pub own: Vec<Matrix6<f64>>,
     /// The same as they were weighed.
     pub weighed: Vec<Matrix6<f64>>,
     /// The covariances of what is predicted for them; nothing where that is little.
@@ -130,7 +130,7 @@ pub(super) struct LookedOver<'a> {
     pub rejected: Vec<RejectedReading>,
     /// The commanded angles of each.
     pub angles: Vec<&'a [f64]>,
-    /// As in [`Discrepancy::of`](super::Discrepancy::of).
+    /// As in [`discrepancy_of`](super::discrepancy::discrepancy_of).
     pub spare: f64,
     /// Degrees of freedom.
     pub freedom: f64,
@@ -260,7 +260,7 @@ impl LookedOver<'_> {
             .clone()
             .flatten()
             .all(|(_, coordinates)| coordinates == 3);
-        let own = parts.clone().zip(self.own).map(|(left, covariance)| {
+        let own = parts.clone().zip(&self.own).map(|(left, covariance)| {
             let coordinates = left.map_or(3, |(_, coordinates)| coordinates);
             let rows = 3 * part..3 * part + coordinates;
             let sum: f64 = rows.map(|row| covariance[(row, row)]).sum();

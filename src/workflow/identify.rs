@@ -208,8 +208,8 @@ impl Identified {
         let more = json!({
             "residuals": self.residuals,
             "diagnoses": self.input_errors,
-            "discrepancy_mm": discrepancy.map(|discrepancy| discrepancy.position_m * 1e3),
-            "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|discrepancy| discrepancy.rotation_rad * 1e3),
+            "discrepancy_mm": discrepancy.map(|[position_m, _]| position_m * 1e3),
+            "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|[_, rotation_rad]| rotation_rad * 1e3),
             "rejected": rejected,
             "patterns": self.patterns,
             "repeats": self.repeats,

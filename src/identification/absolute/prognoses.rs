@@ -108,7 +108,7 @@ impl AbsoluteCase<'_> {
         };
         let mut case = self.clone();
         case.arm = arm.clone();
-        case.weigh([discrepancy.rest.position_m, discrepancy.rest.rotation_rad]);
+        case.weigh(discrepancy.rest);
         let readings = case.fitted_readings(&all);
         let equations = readings.equations(&all.prior().mean)?;
         let sizes = all.scales();

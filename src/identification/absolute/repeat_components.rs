@@ -77,13 +77,8 @@ pub struct RepeatComponents {
     pub not_separated: Vec<String>,
 }
 
-struct ReturnVariances {
-    /// Which joints have one in common.
-    classes: Vec<Vec<usize>>,
-    /// That of the readings first, where it is estimated, then those of the classes, and their expected information.
-    variances: Vec<f64>,
-    information: DMatrix<f64>,
-}
+/// Which joints have a variance in common.
+type ReturnClasses = Vec<Vec<usize>>;
 
 /// Contrasts of one covariance.
 struct Contrasts {
@@ -135,11 +130,7 @@ impl AbsoluteCase<'_> {
         if poses.is_empty() {
             return None;
         }
-        let ReturnVariances {
-            classes,
-            variances,
-            information,
-        } = components(&contrasts, joints.len(), within > 0)?;
+        let (classes, variances, information) = components(&contrasts, joints.len(), within > 0)?;
         let first = usize::from(within > 0);
         let errors = Cholesky::new(information)?.inverse();
         let chain = &self.arm.chain.joints;
@@ -280,12 +271,13 @@ fn about_mean(
     (mean, of)
 }
 
-/// All variances, and which joints have one in common.
+/// Which joints have a variance in common; that of the readings, where it is estimated, then those of these classes, and their expected
+/// information.
 fn components(
     contrasts: &[Contrasts],
     joints: usize,
     is_reading_estimated: bool,
-) -> Option<ReturnVariances> {
+) -> Option<(ReturnClasses, Vec<f64>, DMatrix<f64>)> {
     let moved = |joint: usize| {
         let columns = contrasts.iter().map(|each| each.joints.column(joint));
         columns.map(|column| column.amax()).fold(0.0, f64::max)
@@ -314,30 +306,23 @@ fn components(
         let variances = model.likeliest()?;
         let information = model.improved(&variances)?.1;
         let inverse = Cholesky::new(information.clone()).map(|factor| factor.inverse());
-        let is_inflated = |place: usize| {
-            let own = information[(place, place)];
-            inverse
-                .as_ref()
-                .is_none_or(|inverse| inverse[(place, place)] * own > INFLATED)
+        let is_inflated = |place: &usize| {
+            let own = information[(*place, *place)];
+            let inverse = inverse.as_ref();
+            inverse.is_none_or(|inverse| inverse[(*place, *place)] * own > INFLATED)
         };
-        let alike = |one: usize, other: usize| {
+        let alike = |&(one, other): &(usize, usize)| {
             let size = information[(one, one)] * information[(other, other)];
             information[(one, other)] / size.sqrt()
         };
-        let inflated = (first..variances.len()).filter(|&place| is_inflated(place));
+        let all = first..variances.len();
         // The two that are told apart worst become one.
-        let pairs = inflated.flat_map(|one| {
-            let others = (first..variances.len()).filter(move |other| *other != one);
-            others.map(move |other| (one, other))
-        });
-        let worst =
-            pairs.max_by(|one, other| alike(one.0, one.1).total_cmp(&alike(other.0, other.1)));
+        let pairs = (all.clone().filter(is_inflated))
+            .flat_map(|one| all.clone().map(move |other| (one, other)))
+            .filter(|(one, other)| one != other);
+        let worst = pairs.max_by(|one, other| alike(one).total_cmp(&alike(other)));
         let Some((one, other)) = worst else {
-            return Some(ReturnVariances {
-                classes,
-                variances,
-                information,
-            });
+            return Some((classes, variances, information));
         };
         let joined = classes.remove(one.max(other) - first);
         let class = &mut classes[one.min(other) - first];

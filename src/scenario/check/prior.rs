@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::Checker;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::identification::{OtherUnknowns, StoredIdentification};
+use crate::identification::StoredIdentification;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, Prior, Source, Uncertainty};
 use crate::robot::Robot;
@@ -64,7 +64,7 @@ impl Checker<'_> {
             )),
         }
         let degrees_of_freedom = stored.degrees_of_freedom;
-        let (joints, posterior, others) = (stored.joints, stored.posterior, stored.others);
+        let (joints, posterior, all) = (stored.joints, stored.posterior, stored.all);
         for (&joint, &mean) in joints.iter().zip(&posterior.mean) {
             if mean <= 0.0 {
                 let name = &nominal.chain.joints[joint].name;
@@ -102,7 +102,7 @@ impl Checker<'_> {
             known: spread.ncols(),
             campaign: Some(PriorCampaign {
                 degrees_of_freedom,
-                ..campaign_of(&posterior, others.as_ref(), &places, count)
+                ..campaign_of(&posterior, all.as_ref(), &places, count)
             }),
             prior: Some(prior),
             doubts,
@@ -139,7 +139,7 @@ pub(super) fn drawn_from_both(
 /// The errors of an identification whose compliances are those at `places` among `count`.
 fn campaign_of(
     posterior: &Posterior,
-    others: Option<&OtherUnknowns>,
+    all: Option<&Posterior>,
     places: &[usize],
     count: usize,
 ) -> PriorCampaign {
@@ -149,21 +149,20 @@ fn campaign_of(
             covariance[(place, other)] = posterior.covariance[(row, column)];
         }
     }
-    let of_others = |others: &OtherUnknowns| {
-        let names = others.names.iter().enumerate();
-        names
-            .map(|(column, name)| {
-                let mut own = DVector::zeros(count);
-                for (row, &place) in places.iter().enumerate() {
-                    own[place] = others.covariance[(row, places.len() + column)];
-                }
-                (name.clone(), own)
-            })
-            .collect()
+    let of_others = |all: &Posterior| {
+        let others = all.names.iter().enumerate().skip(places.len());
+        let with_compliances = others.map(|(column, name)| {
+            let mut own = DVector::zeros(count);
+            for (row, &place) in places.iter().enumerate() {
+                own[place] = all.covariance[(row, column)];
+            }
+            (name.clone(), own)
+        });
+        with_compliances.collect()
     };
     PriorCampaign {
         covariance,
-        others: others.map(of_others).unwrap_or_default(),
+        others: all.map(of_others).unwrap_or_default(),
         degrees_of_freedom: None,
     }
 }

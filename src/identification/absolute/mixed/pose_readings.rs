@@ -1,6 +1,6 @@
 //! Readings of one command pose as a mixed model has them.
 
-use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion};
+use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion, stack};
 
 use super::{MixedSolution, MixedVariances, PoseReadings};
 use crate::experiment::{is_one_configuration, together};
@@ -83,25 +83,14 @@ impl PoseReadings {
     /// The same with a visit more of its pose.
     fn with(self, other: &Self) -> Self {
         let other = other.turned(&(self.axes.inverse() * other.axes));
-        let (rows, more) = (self.coordinates.len(), other.coordinates.len());
-        let stacked = |own: DMatrix<f64>, below: &DMatrix<f64>| {
-            let mut both = own.resize_vertically(rows + more, 0.0);
-            both.rows_mut(rows, more).copy_from(below);
-            both
-        };
-        let mut residual = self.residual.resize_vertically(rows + more, 0.0);
-        residual.rows_mut(rows, more).copy_from(&other.residual);
-        let mut own = self.own.resize(rows + more, rows + more, 0.0);
-        own.view_mut((rows, rows), (more, more))
-            .copy_from(&other.own);
         let next = self.visits.last().map_or(0, |last| last + 1);
         let labels = other.visits.iter().map(|visit| next + visit);
         Self {
-            residual,
-            fixed: stacked(self.fixed, &other.fixed),
-            joints: stacked(self.joints, &other.joints),
-            waves: stacked(self.waves, &other.waves),
-            own,
+            residual: stack![self.residual; other.residual],
+            fixed: stack![self.fixed; other.fixed],
+            joints: stack![self.joints; other.joints],
+            waves: stack![self.waves; other.waves],
+            own: stack![self.own, 0; 0, other.own],
             coordinates: [self.coordinates, other.coordinates].concat(),
             visits: self.visits.into_iter().chain(labels).collect(),
             assumed: [self.assumed, other.assumed].concat(),
