@@ -20,6 +20,15 @@ pub struct ReadingResidual {
 }
 
 impl ReadingResidual {
+    /// Of the rows of a reading: one, three or six.
+    pub(super) fn of_rows(rows: &DVector<f64>) -> Self {
+        Self {
+            position_m: three_rows(rows, 0),
+            coordinates: rows.len().min(3),
+            rotation_rad: (rows.len() > 3).then(|| three_rows(rows, 3)),
+        }
+    }
+
     /// Of the position (0) or of the rotation (1), with how many coordinates of it were read; none of what was not read.
     pub(super) fn part(&self, part: usize) -> Option<(Vector3<f64>, usize)> {
         match part {
@@ -92,9 +101,7 @@ pub(super) fn discrepancy_covariance(discrepancy: [f64; 2]) -> Matrix6<f64> {
 pub(super) fn repeats(measurements: &[Measurement]) -> Vec<[f64; 2]> {
     let mut repeats = vec![[0.0; 2]; measurements.len()];
     for members in by_experiment(measurements) {
-        let rotations = members
-            .iter()
-            .filter(|&&each| measurements[each].rotation.is_some());
+        let rotations = (members.iter()).filter(|&&each| measurements[each].rotation.is_some());
         let counts = [members.len() as f64, rotations.count() as f64];
         for each in members {
             repeats[each] = counts;
@@ -188,11 +195,7 @@ mod tests {
                 .collect();
             // The first joint moves ten times as far: one block for each of its angles.
             assert_eq!(angles.len(), 8);
-            assert!(
-                angles
-                    .windows(2)
-                    .all(|pair| pair[0].to_bits() == pair[1].to_bits())
-            );
+            assert!((angles.windows(2)).all(|pair| pair[0].to_bits() == pair[1].to_bits()));
         }
         // The same configuration twice stays in one block.
         let same = [&grid[3], &grid[3]];

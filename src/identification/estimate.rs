@@ -109,11 +109,8 @@ pub struct Identification {
 impl Identification {
     /// The names of the joints whose compliances the measurements do not determine.
     pub fn unidentifiable(&self) -> Vec<&str> {
-        self.parameters
-            .iter()
-            .filter(|parameter| parameter.estimate.is_none())
-            .map(|parameter| parameter.name.as_str())
-            .collect()
+        let unknown = (self.parameters.iter()).filter(|each| each.estimate.is_none());
+        unknown.map(|each| each.name.as_str()).collect()
     }
 }
 
@@ -245,9 +242,7 @@ impl<'a> PreparedCase<'a> {
         &self,
         measurements: &[Measurement],
     ) -> Result<Identification, IdentificationError> {
-        self.case
-            .with(measurements)
-            .identify_from(&self.start, None)
+        (self.case.with(measurements)).identify_from(&self.start, None)
     }
 }
 

@@ -188,10 +188,7 @@ impl LookedOver<'_> {
                 *most = most.max(squares[reading] / factors[reading] / far[reading]);
             }
         }
-        let far_out = farthest
-            .iter()
-            .enumerate()
-            .filter(|(_, ratio)| **ratio > 1.0);
+        let far_out = (farthest.iter().enumerate()).filter(|(_, ratio)| **ratio > 1.0);
         let found: Vec<RejectedReading> = far_out
             .map(|(reading, ratio)| RejectedReading {
                 reading,
@@ -256,10 +253,7 @@ impl LookedOver<'_> {
     /// What is unexplained of the position (0) or rotation (1) of most readings: a covariance.
     fn robust_discrepancy(&self, part: usize) -> Matrix3<f64> {
         let parts = self.left.iter().map(|left| left.part(part));
-        let is_whole = parts
-            .clone()
-            .flatten()
-            .all(|(_, coordinates)| coordinates == 3);
+        let is_whole = (parts.clone().flatten()).all(|(_, coordinates)| coordinates == 3);
         let own = parts.clone().zip(&self.own).map(|(left, covariance)| {
             let coordinates = left.map_or(3, |(_, coordinates)| coordinates);
             let rows = 3 * part..3 * part + coordinates;
@@ -288,9 +282,7 @@ impl LookedOver<'_> {
         let all = shape * size(&|vector| vector.dot(&(inverse * vector)));
         let mut eigen = SymmetricEigen::new(all);
         // Errors are larger in some directions where they are elsewhere, perhaps: nowhere are they taken for smaller than on the whole.
-        eigen
-            .eigenvalues
-            .apply(|value| *value = value.max(least) - own);
+        (eigen.eigenvalues).apply(|value| *value = value.max(least) - own);
         eigen.recompose()
     }
 }
@@ -313,9 +305,7 @@ fn local_factors(squares: &[f64], angles: &[&[f64]], far: &[f64]) -> Vec<f64> {
         let Some(spread) = spread.flatten() else {
             break;
         };
-        let relative = angles
-            .iter()
-            .map(|angles| spread.logarithm_at(angles, &ranges).exp());
+        let relative = (angles.iter()).map(|angles| spread.logarithm_at(angles, &ranges).exp());
         let relative: Vec<f64> = relative.collect();
         let over = kept.iter().map(|&each| squares[each] / relative[each]);
         let Some(middle) = median(over.collect()) else {

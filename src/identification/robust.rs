@@ -6,7 +6,7 @@
 
 use super::case::{Case, Sigma};
 use super::discrepancy::{
-    ReadingResidual, WEIGHINGS, discrepancy_of, repeats, six_rows, three_rows, with_discrepancy,
+    ReadingResidual, WEIGHINGS, discrepancy_of, repeats, six_rows, with_discrepancy,
 };
 use super::equations::rows_of;
 use super::error::IdentificationError;
@@ -111,10 +111,7 @@ impl<'a> Case<'a> {
             };
             match (with_held.robustly(robustness, gross), &mut found) {
                 (Ok(mut other), before) => {
-                    other
-                        .identification
-                        .stays_nominal
-                        .clone_from(&stays_nominal);
+                    (other.identification.stays_nominal).clone_from(&stays_nominal);
                     if let Ok(before) = before {
                         other.of_all = before.of_all.clone();
                     }
@@ -181,9 +178,7 @@ impl<'a> Case<'a> {
             Sigma::FromResiduals(_) if rejected.is_empty() => of_all.clone(),
             Sigma::FromResiduals(_) => self.with(&kept(self.measurements, &rejected)).identify()?,
         };
-        let is_implausible = identification
-            .consistency
-            .is_some_and(|each| each < IMPLAUSIBLE);
+        let is_implausible = (identification.consistency).is_some_and(|each| each < IMPLAUSIBLE);
         if robustness.counts_discrepancy && is_implausible {
             let plain = identification;
             let own = kept(&self.covariances(), &rejected);
@@ -269,13 +264,9 @@ impl<'a> Case<'a> {
             .sum();
         let freedom = (numbers - used).max(1.0);
         let (mut left, mut known) = (Vec::new(), Vec::new());
-        for (each, own) in weighed.iter().zip(all.rows_of_each()) {
+        for own in all.rows_of_each() {
             let residual = rows.own_left.rows_range(own.clone()).into_owned();
-            left.push(ReadingResidual {
-                position_m: three_rows(&residual, 0),
-                coordinates: residual.len().min(3),
-                rotation_rad: each.rotation.map(|_| three_rows(&residual, 3)),
-            });
+            left.push(ReadingResidual::of_rows(&residual));
             let own = rows.own_matrix.rows_range(own);
             known.push(six_rows(&(own * &posterior.covariance * own.transpose())));
         }
@@ -288,9 +279,7 @@ impl<'a> Case<'a> {
             own,
             known,
             rejected: rejected.to_vec(),
-            angles: angles
-                .map(|each| each.configuration_rad.as_slice())
-                .collect(),
+            angles: (angles.map(|each| each.configuration_rad.as_slice())).collect(),
             spare: freedom / numbers,
             freedom,
             is_drawn: true,
@@ -316,9 +305,7 @@ impl<'a> Case<'a> {
             |fitted: &SomeFitted<'_>| fitted.over.far_out(),
             |rejected| {
                 let fitted = self.fitted(self.measurements, rejected, &first.posterior.mean);
-                fitted
-                    .ok()
-                    .filter(|each| each.identification.rank >= first.rank)
+                (fitted.ok()).filter(|each| each.identification.rank >= first.rank)
             },
         )?;
         fitted.over.rejected = rejected;

@@ -229,23 +229,16 @@ fn read(path: &Path) -> Result<IdentificationFile, FileError> {
 fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>, FileError> {
     let mut joints = Vec::new();
     for name in names {
-        let place = robot
-            .chain
-            .joints
-            .iter()
-            .position(|joint| joint.name == *name);
-        let problem = match place {
+        let known = || robot.chain.joints.iter().map(|joint| &*joint.name);
+        let problem = match known().position(|joint| joint == name) {
             Some(joint) if !joints.contains(&joint) => {
                 joints.push(joint);
                 continue;
             }
             Some(_) => format!("found {name:?} twice"),
             None => {
-                let known: Vec<&str> = robot.chain.joints.iter().map(|each| &*each.name).collect();
-                format!(
-                    "found {name:?}; the robot's joints are: {}",
-                    known.join(", ")
-                )
+                let known = known().collect::<Vec<_>>().join(", ");
+                format!("found {name:?}; the robot's joints are: {known}")
             }
         };
         let wrong = FileError::new(path, problem).at("parameters");
@@ -260,22 +253,14 @@ fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileE
     let (rows, all) = (&stored.covariance_rad2_per_n2m2, &stored.covariance_of_all);
     let has_others = !stored.uncertain.is_empty();
     for (index, value) in stored.compliance_rad_per_nm.iter().enumerate() {
-        let key = |name: &str| format!("{name}_rad_per_nm[{index}]");
-        let [value_key, applied, error, interval] = [
-            "compliance",
-            "compliance_applied",
-            "compliance_std",
-            "compliance_ci95",
-        ]
-        .map(key);
+        let key = |name: &str| format!("compliance{name}_rad_per_nm[{index}]");
+        let [value_key, applied, error, interval] = ["", "_applied", "_std", "_ci95"].map(key);
         let entry = |column: usize| format!("covariance_rad2_per_n2m2[{index}][{column}]");
         if let Some(value) = *value {
             let found = stored.compliance_applied_rad_per_nm[index];
             agree(path, (&applied, found), (&value_key, value))?;
-            let (errors, intervals) = (
-                &stored.compliance_std_rad_per_nm,
-                &stored.compliance_ci95_rad_per_nm,
-            );
+            let errors = &stored.compliance_std_rad_per_nm;
+            let intervals = &stored.compliance_ci95_rad_per_nm;
             let said = SaidEstimate {
                 value: (&value_key, value),
                 variance: (&entry(index), rows[index][index]),
@@ -292,14 +277,14 @@ fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileE
     }
     for (index, each) in stored.uncertain.iter().enumerate() {
         let place = size + index;
-        let variance = all[place][place];
-        let said = SaidEstimate {
-            value: ("", 0.0),
-            variance: (&format!("covariance_of_all[{place}][{place}]"), variance),
-            standard_error: (&format!("uncertain[{index}].std"), each.std),
-            interval95: ("", None),
-        };
-        said.check(path)?;
+        if let Some(error) = each.std {
+            let (key, root) = (
+                format!("uncertain[{index}].std"),
+                all[place][place].max(0.0).sqrt(),
+            );
+            let variance_key = format!("covariance_of_all[{place}][{place}]");
+            agree(path, (&key, error), (&variance_key, root))?;
+        }
     }
     let (key, hidden) = if has_others {
         ("undetermined_of_all", &stored.undetermined_of_all)
@@ -389,9 +374,7 @@ fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, File
     let both = estimates.iter().zip(applied);
     let posterior = Posterior {
         names: names.clone(),
-        mean: both
-            .map(|(estimate, applied)| estimate.unwrap_or(*applied))
-            .collect(),
+        mean: (both.map(|(estimate, applied)| estimate.unwrap_or(*applied))).collect(),
         covariance,
         estimable: Estimable::with_hidden(typical, hidden),
     };

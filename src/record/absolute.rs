@@ -215,8 +215,7 @@ impl AbsoluteMessage {
 }
 
 fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
-    let all: Vec<usize> = (0..case.observations.len()).collect();
-    let kept = fit.of_kept(&all);
+    let kept = fit.kept();
     let joints = case.arm.chain.joints.iter().enumerate();
     joints
         .map(|(joint, each)| {

@@ -271,7 +271,7 @@ pub fn identify_absolute<'a>(
     let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
     let halves = halves(&mut kept, &fit, &joints);
     // These are of three coordinates.
-    let mut repeated = fit.of_kept(&(0..readings.len()).collect::<Vec<usize>>());
+    let mut repeated = fit.kept();
     repeated.retain(|&place| readings[place].distance_m.is_none());
     let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
     Ok(IdentifiedRobot {

@@ -298,9 +298,7 @@ impl<'a> AbsoluteCase<'a> {
 
     /// The fitted frames become those from which their parameters count: the values of a fit (p) there.
     pub(super) fn rebased(&mut self, set: &ParameterSet, fit: &ParameterFit) -> DVector<f64> {
-        self.arm
-            .instrument_from_base
-            .clone_from(&fit.belief.instrument_from_base);
+        (self.arm.instrument_from_base).clone_from(&fit.belief.instrument_from_base);
         self.arm.tools.clone_from(&fit.belief.tools);
         let values = set.parameters().iter().zip(&fit.posterior.mean);
         let rebased = values.map(|(each, &value)| if each.kind.is_mounted() { 0.0 } else { value });
@@ -358,14 +356,19 @@ impl AbsoluteFit {
         Some(errors)
     }
 
+    /// The readings that were fitted, by their places.
+    pub fn kept(&self) -> Vec<usize> {
+        let is_rejected = outliers::rejected_of(self.left.len(), &self.rejected);
+        let is_copy = self.copies.is_copy(self.left.len());
+        (0..self.left.len())
+            .filter(|&place| !is_rejected[place] && !is_copy[place])
+            .collect()
+    }
+
     /// Those of one thing for each reading that belong to the readings that were fitted.
     pub fn of_kept<T: Clone>(&self, all: &[T]) -> Vec<T> {
-        let is_rejected = outliers::rejected_of(all.len(), &self.rejected);
-        let is_copy = self.copies.is_copy(all.len());
-        (all.iter().zip(is_rejected.into_iter().zip(is_copy)))
-            .filter(|(_, (is_rejected, is_copy))| !is_rejected && !is_copy)
-            .map(|(each, _)| each.clone())
-            .collect()
+        let kept = self.kept().into_iter();
+        kept.map(|place| all[place].clone()).collect()
     }
 
     /// The parameters that are no frames of stations or targets, with their places in the set.
@@ -406,9 +409,7 @@ impl AbsoluteFit {
     /// What holds since the fit counts it, and nobody need act on.
     pub fn notes(&self) -> Vec<String> {
         let nominal = self.stays_nominal.iter().cloned();
-        nominal
-            .chain(self.handled().filter_map(Result::err))
-            .collect()
+        (nominal.chain(self.handled().filter_map(Result::err))).collect()
     }
 
     /// The readings that were left out, and residuals that are too large.

@@ -11,11 +11,11 @@
 //! at like angles of one joint share its error, however far apart they are else: that is what makes neighbours alike, and
 //! intervals from independent errors too small.
 
-use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix6};
 
 use statrs::distribution::FisherSnedecor;
 
-use super::super::discrepancy::{six_rows, three_rows};
+use super::super::discrepancy::six_rows;
 use super::super::spread::logarithm;
 use super::ReadingResidual;
 use super::residuals::LinearReading;
@@ -278,17 +278,12 @@ impl DiscrepancyModel {
         covariance: &DMatrix<f64>,
         q: &[f64],
     ) -> ReadingPrognosis {
-        let part = |first| (residual.len() > first).then(|| three_rows(residual, first));
         let is_within = [0, 1].map(|part| {
             let square = region_square(residual, covariance, 3 * part)?;
             Some(square <= SQUARE_95 * self.scale_at(part, q))
         });
         ReadingPrognosis {
-            left: ReadingResidual {
-                position_m: part(0).unwrap_or_else(Vector3::zeros),
-                coordinates: residual.len().min(3),
-                rotation_rad: part(3),
-            },
+            left: ReadingResidual::of_rows(residual),
             covariance: six_rows(covariance),
             is_within,
         }

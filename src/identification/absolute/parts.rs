@@ -162,9 +162,7 @@ impl PartsOfReadings<'_> {
         let rest = discrepancy_covariance(self.known.rest);
         let reading = |(number, (each, rows)): (usize, (&Observation, LinearReading))| {
             let mut by_unknowns = &sizes * rows.columns.transpose();
-            factor
-                .l_dirty()
-                .solve_lower_triangular_mut(&mut by_unknowns);
+            (factor.l_dirty()).solve_lower_triangular_mut(&mut by_unknowns);
             let (count, q) = (rows.own.nrows(), &each.setup.commanded_rad);
             let returns = self.known.returns(&rows.joints);
             CorrelatedReading {
@@ -196,9 +194,7 @@ impl PartsOfReadings<'_> {
         observations: &[Observation],
         chosen: &[usize],
     ) -> Option<PredictedPositions> {
-        let mut part = self
-            .case
-            .part_of(|index| chosen.binary_search(&index).is_ok());
+        let mut part = (self.case).part_of(|index| chosen.binary_search(&index).is_ok());
         for (to, &index) in part.observations.iter_mut().zip(chosen) {
             to.clone_from(&observations[index]);
         }
@@ -274,12 +270,8 @@ impl PartsOfReadings<'_> {
             observations: Vec::new(),
             expected_m: Vec::new(),
         };
-        for (each, (setup, returned)) in self
-            .case
-            .observations
-            .iter()
-            .zip(setups.iter().zip(&returned))
-        {
+        let setups = setups.iter().zip(&returned);
+        for (each, (setup, returned)) in self.case.observations.iter().zip(setups) {
             let kind = each.reading.kind();
             let expected = model.predict(Form::AtRest, setup, kind, &mut derivatives)?;
             let predicted = model.predict(Form::AtRest, returned, kind, &mut derivatives)?;

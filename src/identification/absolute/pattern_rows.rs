@@ -107,15 +107,13 @@ fn placed_columns(
     position_m: Vector3<f64>,
     fit: &AbsoluteFit,
 ) -> Matrix6xX<f64> {
-    let base = fit.arm.instrument_from_base[each.setup.station]
-        .translation
-        .vector;
+    let base = &fit.arm.instrument_from_base[each.setup.station];
     let sight = position_m.try_normalize(0.0).unwrap_or_default();
     let directions = [
         Vector3::x(),
         Vector3::y(),
         Vector3::z(),
-        position_m - base,
+        position_m - base.translation.vector,
         sight,
     ];
     let kind = each.reading.kind();

@@ -206,9 +206,7 @@ impl AbsoluteCase<'_> {
         else {
             return Ok(None);
         };
-        let change = factor
-            .solve(&pull.component_mul(&size))
-            .component_mul(&size);
+        let change = (factor.solve(&pull.component_mul(&size))).component_mul(&size);
         let of_station = read.len().max(1) as f64;
         let displaced = read
             .iter()

@@ -178,8 +178,7 @@ impl AbsoluteCase<'_> {
                 not_separated.push(format!("{} {told}", chain[joint].name));
             }
         }
-        let all: Vec<usize> = (0..fit.left.len()).collect();
-        let rows = fit.of_kept(&all);
+        let rows = fit.kept();
         let pose = |(reading, place): (usize, usize)| {
             let moved = contrasts[place].joints.rows(0, 3);
             let mut covariance = DMatrix::zeros(3, 3);
@@ -215,8 +214,7 @@ fn averaged(
         let target = targets.entry((setup.station, setup.target));
         target.or_default().push(index);
     }
-    let size = targets
-        .values()
+    let size = (targets.values())
         .map(|own| rows[own[0]].residual.len())
         .sum();
     let joints = rows[visit[0]].joints.ncols();
@@ -229,18 +227,14 @@ fn averaged(
     };
     let mut at = 0;
     for own in targets.values() {
-        let parts = own
-            .iter()
-            .map(|&index| (&rows[index].residual, &rows[index].own));
+        let parts = (own.iter()).map(|&index| (&rows[index].residual, &rows[index].own));
         let within = DMatrix::zeros(rows[own[0]].residual.len(), joints);
         let (mean, of_target) = about_mean(&parts.collect::<Vec<_>>(), within);
         let count = mean.len();
         all.residual.rows_mut(at, count).copy_from(&mean);
         (all.own.view_mut((at, at), (count, count)))
             .copy_from(&(&of_target.own / own.len() as f64));
-        all.joints
-            .rows_mut(at, count)
-            .copy_from(&rows[own[0]].joints);
+        (all.joints.rows_mut(at, count)).copy_from(&rows[own[0]].joints);
         at += count;
         contrasts.extend((own.len() > 1).then_some(of_target));
     }
@@ -253,10 +247,8 @@ fn about_mean(
     joints: DMatrix<f64>,
 ) -> (DVector<f64>, Contrasts) {
     let (size, count) = (parts[0].0.len(), parts.len() as f64);
-    let mean = parts
-        .iter()
-        .fold(DVector::zeros(size), |sum, (residual, _)| sum + *residual)
-        / count;
+    let sum = (parts.iter()).fold(DVector::zeros(size), |sum, (residual, _)| sum + *residual);
+    let mean = sum / count;
     let mut of = Contrasts {
         scatter: DMatrix::zeros(size, size),
         count: count - 1.0,
@@ -286,12 +278,9 @@ fn components(
     let moving: Vec<usize> = (0..joints)
         .filter(|&joint| moved(joint) > SHOWN * most)
         .collect();
-    let numbers: f64 = contrasts
-        .iter()
-        .map(|each| each.count * each.own.nrows() as f64)
-        .sum();
-    let mut classes: Vec<Vec<usize>> = if numbers < NUMBERS_PER_VARIANCE * (moving.len() + 1) as f64
-    {
+    let numbers = (contrasts.iter()).map(|each| each.count * each.own.nrows() as f64);
+    let wanted = NUMBERS_PER_VARIANCE * (moving.len() + 1) as f64;
+    let mut classes: ReturnClasses = if numbers.sum::<f64>() < wanted {
         vec![moving]
     } else {
         moving.into_iter().map(|joint| vec![joint]).collect()

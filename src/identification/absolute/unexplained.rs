@@ -98,9 +98,7 @@ impl AbsoluteCase<'_> {
         if self.reads_distances() && self.visits.len() < self.observations.len() {
             return None;
         }
-        let rows = self
-            .rows_at(&self.arm, set, &posterior.mean, &joints)
-            .ok()?;
+        let rows = (self.rows_at(&self.arm, set, &posterior.mean, &joints)).ok()?;
         let mixed = MixedModel::new(self, &rows, joints, (set, posterior), discrepancy);
         Some((rows, mixed))
     }

@@ -61,9 +61,7 @@ impl ParameterGroup {
         let joints = 0..arm.chain.len();
         match self {
             Self::Frames => Vec::new(),
-            Self::Zeros => joints
-                .map(|joint| ParameterKind::JointZero { joint })
-                .collect(),
+            Self::Zeros => (joints.map(|joint| ParameterKind::JointZero { joint })).collect(),
             Self::Links => joints
                 .flat_map(|link| {
                     let position = Axis::ALL.map(|axis| ParameterKind::LinkPosition { link, axis });

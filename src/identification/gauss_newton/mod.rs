@@ -367,10 +367,8 @@ impl FitProblem<'_> {
             Haste::None | Haste::Near => CONVERGED,
             Haste::Weights => FOR_WEIGHTS,
             Haste::Residuals | Haste::Plausibility => {
-                CONVERGED
-                    * (now.equations.square / self.readings.rows().max(1) as f64)
-                        .sqrt()
-                        .max(1.0)
+                let rows = self.readings.rows().max(1) as f64;
+                CONVERGED * (now.equations.square / rows).sqrt().max(1.0)
             }
         }
     }
@@ -406,9 +404,7 @@ impl FitProblem<'_> {
         known: Option<DMatrix<f64>>,
     ) -> Option<DMatrix<f64>> {
         let size = now.gradient.len();
-        let moved = self
-            .basis
-            .tr_mul(&moved.component_div(&self.readings.set.scales()));
+        let moved = (self.basis).tr_mul(&moved.component_div(&self.readings.set.scales()));
         let changed = &before.gradient - &now.gradient - &now.information * &moved;
         let corrected = |mut known: DMatrix<f64>| {
             let unknown = &changed - &known * &moved;

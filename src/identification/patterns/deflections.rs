@@ -36,9 +36,7 @@ pub fn looked_at(
         model.predict_as_planned(&setup, ReadingKind::Deflection, &mut rows);
         let moved = rows.columns(0, joints).into_owned();
         model.predict_as_planned(&setup, ReadingKind::Pose, &mut rows);
-        let sigma = each
-            .sigma_m
-            .unwrap_or_else(|| Vector3::repeat(identification.sigma_m));
+        let sigma = (each.sigma_m).unwrap_or_else(|| Vector3::repeat(identification.sigma_m));
         let mut whitened = Matrix6xX::zeros(moved.ncols());
         let mut placed = Matrix6xX::zeros(5);
         let mut residual = nalgebra::Vector6::zeros();

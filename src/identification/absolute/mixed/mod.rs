@@ -526,12 +526,8 @@ pub(super) fn known_alone(set: &ParameterSet) -> impl Iterator<Item = (Parameter
     let all = set.parameters().iter().enumerate();
     all.filter_map(|(place, each)| {
         let own = precision[(place, place)];
-        let is_alone = precision
-            .column(place)
-            .iter()
-            .filter(|each| **each != 0.0)
-            .count()
-            == 1;
+        let column = precision.column(place);
+        let is_alone = column.iter().filter(|each| **each != 0.0).count() == 1;
         (!each.kind.is_mounted() && is_alone && own > 0.0).then_some((each.kind, place, own))
     })
 }

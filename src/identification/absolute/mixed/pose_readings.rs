@@ -39,9 +39,7 @@ impl PoseReadings {
     ) -> impl Iterator<Item = usize> + use<> {
         let part = self.coordinates[row] / 3;
         let of_visit = is_one_visit.then_some(part);
-        of_visit
-            .into_iter()
-            .chain(of_poses.map(|first| first + part))
+        (of_visit.into_iter()).chain(of_poses.map(|first| first + part))
     }
 
     /// How a joint's error moves the rows of each visit alone (m).
@@ -180,9 +178,7 @@ impl PoseReadings {
         };
         // The joints' errors there, and their covariance with parameters and waves, and with each other.
         let errors = DVector::from_fn(joints, |joint, _| {
-            at(joint)
-                .map(|(knot, weight)| weight * solved.mean[knot])
-                .sum()
+            (at(joint).map(|(knot, weight)| weight * solved.mean[knot])).sum()
         });
         let mut with_dense = DMatrix::zeros(offsets[0], joints);
         for (joint, mut column) in with_dense.column_iter_mut().enumerate() {
@@ -263,9 +259,7 @@ pub(super) fn sums_of(
             }
         }
         let count = visit.residual.len();
-        dense
-            .rows_mut(at, count)
-            .copy_from(&columns.columns(0, first));
+        (dense.rows_mut(at, count)).copy_from(&columns.columns(0, first));
         left.rows_mut(at, count)
             .copy_from(&columns.column(columns.ncols() - 1));
         at += count;
@@ -284,9 +278,7 @@ impl MixedSolution {
         let mut at = 0;
         for visit in visits {
             let count = visit.residual.len();
-            dense
-                .rows_mut(at, count)
-                .copy_from(&visit.columns().columns(0, first));
+            (dense.rows_mut(at, count)).copy_from(&visit.columns().columns(0, first));
             at += count;
         }
         dense * self.covariance.view((0, 0), (first, first))

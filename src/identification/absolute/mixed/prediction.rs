@@ -52,10 +52,7 @@ impl MixedModel {
             joints: joints
                 .map(|(joint, process)| JointError {
                     joint: self.joints[joint],
-                    values: (solved.mean.rows_range(offsets[joint]..offsets[joint + 1]))
-                        .iter()
-                        .copied()
-                        .collect(),
+                    values: solved.mean.as_slice()[offsets[joint]..offsets[joint + 1]].to_vec(),
                     process: process.clone(),
                     deviation: variances.all[2 + joint].sqrt(),
                     repeatability: variances.all[variances.returns() + joint].sqrt(),
@@ -215,9 +212,7 @@ impl DiscrepancyModel {
     /// The same at the angles (of these joints) of one that is none of them.
     fn relative_at(&self, part: usize, angles: &[f64]) -> f64 {
         let joints = self.joints.iter().zip(angles);
-        let logarithm: f64 = joints
-            .map(|(joint, &angle)| joint.spread_at(part, angle))
-            .sum();
+        let logarithm: f64 = (joints.map(|(joint, &angle)| joint.spread_at(part, angle))).sum();
         logarithm.exp()
     }
 }

@@ -123,10 +123,7 @@ impl GradientSums {
         self.parts[0] += weighed.tr_mul(&(&visit.own * &weighed));
         for coordinate in 0..6 {
             let part = coordinate / 3;
-            let rows = weighed
-                .row_iter()
-                .zip(&visit.coordinates)
-                .zip(&visit.visits);
+            let rows = (weighed.row_iter().zip(&visit.coordinates)).zip(&visit.visits);
             let rows = rows.filter(|((_, each), _)| **each == coordinate);
             let mut of_visits: BTreeMap<usize, DVector<f64>> = BTreeMap::new();
             for ((row, _), visit) in rows {
