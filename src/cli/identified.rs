@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
-use crate::identification::{Discrepancy, StoredIdentification, impossible_compliance};
+use crate::identification::{StoredIdentification, impossible_compliance};
 use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::{estimable::Estimable, posterior::Posterior};
 use crate::scenario::Scenario;
@@ -20,8 +20,8 @@ pub struct IdentifiedCompliances {
     pub compliance_rad_per_nm: Vec<f64>,
     /// What is known of the parameters.
     pub posterior: Posterior,
-    /// What the model leaves unexplained.
-    pub discrepancy: Discrepancy,
+    /// What the model leaves unexplained, of positions (m) and rotations (rad).
+    pub discrepancy: [f64; 2],
     /// What speaks against trusting it.
     pub conditions: Vec<Condition>,
 }
@@ -137,20 +137,21 @@ pub fn read_identified(
         }
     }
     if let Some(extended) = &belief.uncertain {
-        let names = extended.other_names();
-        let found = (stored.others.as_ref()).map_or(&[][..], |others| &others.names);
-        if found != names {
+        let found = stored
+            .all
+            .as_ref()
+            .map_or(&[][..], |all| &all.names[expected.len()..]);
+        if found != extended.other_names() {
             let problem = "does not say what is known of the uncertainties that the scenario lists";
             let renew = "identify again under this scenario, or leave them out with --noise-only";
             let wrong = FileError::new(path, problem).at("uncertain").hint(renew);
             return Err(wrong.code(ErrorCode::OtherRobot));
         }
-        if let Some(others) = stored.others {
+        if let Some(all) = stored.all {
+            let hidden = all.estimable.hidden().clone();
             posterior = Posterior {
-                names: posterior.names.into_iter().chain(others.names).collect(),
-                mean: posterior.mean.into_iter().chain(others.values).collect(),
-                covariance: others.covariance,
-                estimable: Estimable::with_hidden(&belief.sizes(), others.hidden),
+                estimable: Estimable::with_hidden(&belief.sizes(), hidden),
+                ..all
             };
         }
         let arm = extended.set().apply(extended.arm(), &posterior.mean);

@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::identification::{DistanceStatistics, Predicted, ReadingResidual};
-use crate::laboratory::validation::{Validation, validate, validation_plan};
+use crate::identification::{
+    DistanceStatistics, Predicted, Predictions, ReadingResidual, with_discrepancy,
+};
+use crate::laboratory::validation::{validate, validation_plan};
 use crate::measurement::{read_measured, read_measurements};
 use crate::plan::write_plan;
 use crate::record::messages::plan_messages;
@@ -140,11 +142,12 @@ fn of_deflections(
     };
     // What the model left unexplained is in other measurements, too.
     let sigma_m = belief.instrument.sigma_m;
-    let validation = beside(&identified.discrepancy.weighed(&measured, sigma_m))?;
+    let weighed = with_discrepancy(identified.discrepancy, &measured, sigma_m);
+    let validation = beside(&weighed)?;
     // The model discrepancy is the robot's, and no uncertainty of the measurement.
     let bare = beside(&measured)?.each;
     let mut conditions = identified.conditions;
-    conditions.extend(prediction_failed(validation.probability));
+    conditions.extend(prediction_failed(validation.probability()));
     let differences = (bare.iter()).map(|each| (each.difference_m, each.reading_m2));
     let report = Report::new(record(&validation), describe(&validation), conditions);
     Ok((report, differences.collect()))
@@ -156,7 +159,7 @@ fn predicted_m(each: &Predicted) -> [f64; 2] {
     [known_m2 + each.reading_m2.trace(), known_m2].map(f64::sqrt)
 }
 
-fn record(validation: &Validation) -> Value {
+fn record(validation: &Predictions) -> Value {
     let milli = |vector: Vector3<f64>| -> Vec<f64> { (vector * 1e3).iter().copied().collect() };
     let each: Vec<Value> = (validation.each.iter().enumerate())
         .map(|(index, each)| {
@@ -173,10 +176,10 @@ fn record(validation: &Validation) -> Value {
             record
         })
         .collect();
-    json!({ "probability": validation.probability, "measurements": each })
+    json!({ "probability": validation.probability(), "measurements": each })
 }
 
-fn describe(validation: &Validation) -> String {
+fn describe(validation: &Predictions) -> String {
     let has_rotation = (validation.each.iter()).any(|each| each.rotation_difference_rad.is_some());
     let rows = (validation.each.iter().enumerate()).map(|(index, each)| {
         let micro = |value_m: f64| in_um(Some(value_m), 1);
@@ -205,7 +208,7 @@ fn describe(validation: &Validation) -> String {
     format!(
         "{}\nPredicted and observed differences: p = {:.2}.\n",
         table_of(&header, rows),
-        validation.probability
+        validation.probability()
     )
 }
 

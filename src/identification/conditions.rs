@@ -1,7 +1,7 @@
 //! The conditions of an identification, by name.
 
 use super::outliers::{IMPLAUSIBLE, RejectedReading};
-use super::{Identification, NominalCompliance, UncertainEstimate};
+use super::{Estimate, Identification, ParameterEstimate, UncertainEstimate};
 use crate::codes::{Condition, ConditionCode};
 use crate::quantities::plausible::ELASTIC_COMPLIANCE;
 use crate::text::wording::p_value;
@@ -10,6 +10,9 @@ use crate::text::wording::p_value;
 const MANY_LEFT_OUT: f64 = 0.05;
 /// Joints that are springs leave less than this share of the deflections of robots (rms of a coordinate).
 const SPRINGS_LEAVE: f64 = 0.05;
+
+/// A compliance that is negative by more standard errors than this is not so by noise (p = 1e-4).
+const BY_NOISE: f64 = 3.719;
 
 /// What is told of a fit: a condition where somebody must act, else what the fit counts, in words.
 pub(crate) type Told = Result<Condition, String>;
@@ -57,6 +60,30 @@ pub fn impossible_compliance(joint: &str, (value, unit): (f64, &str)) -> Option<
     })
 }
 
+/// What a compliance that stays nominal would be; a condition where noise does not explain that it would be negative.
+fn stays_nominal(parameter: &ParameterEstimate) -> Option<Told> {
+    let ParameterEstimate { name, unit, .. } = parameter;
+    let Estimate {
+        value,
+        standard_error,
+        ..
+    } = parameter.estimate?;
+    let is_contradicted = value < -BY_NOISE * standard_error;
+    let why = if is_contradicted {
+        "negative beyond noise"
+    } else {
+        "less certain than that"
+    };
+    let words = format!(
+        "the compliance of {name} stays nominal: its estimate {value:.3e} +- {standard_error:.1e} {unit} is {why}"
+    );
+    Some(told(
+        ConditionCode::NegativeCompliance,
+        words,
+        is_contradicted,
+    ))
+}
+
 impl Identification {
     /// All conditions that do not hold.
     pub fn conditions(&self) -> Vec<Condition> {
@@ -86,10 +113,7 @@ impl Identification {
         let impossible = estimates.filter_map(|(parameter, estimate)| {
             impossible_compliance(&parameter.name, (estimate.value, parameter.unit)).map(Ok)
         });
-        let nominal = (self.stays_nominal.iter()).map(|each: &NominalCompliance| {
-            let code = ConditionCode::NegativeCompliance;
-            told(code, each.words(), each.is_contradicted())
-        });
+        let nominal = (self.stays_nominal.iter()).filter_map(stays_nominal);
         let mut all: Vec<Told> = impossible.chain(nominal).collect();
         if self.is_all_weak {
             let words = "all compliances are uncertain by more than their nominal values";
@@ -101,8 +125,8 @@ impl Identification {
         {
             let p = p_value(probability);
             let words = format!("residuals too large for sigma = {sigma_mm:.4} mm, {p}");
-            let left_and_usual_m = (self.discrepancy)
-                .map(|discrepancy| [discrepancy.position_m, SPRINGS_LEAVE * self.deflection_m]);
+            let left_and_usual_m =
+                (self.discrepancy).map(|[left_m, _]| [left_m, SPRINGS_LEAVE * self.deflection_m]);
             all.push(too_large(&words, left_and_usual_m));
         }
         if let Some(probability) = self.consistency_lower

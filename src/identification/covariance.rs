@@ -3,30 +3,18 @@
 use nalgebra::DMatrix;
 
 use crate::numeric::factorisation::{finite_eigen, symmetric};
-use crate::quantities::plausible::{ANY_VARIANCE, Kind, VARIANCE, shown};
+use crate::quantities::plausible::{Kind, shown};
 
 /// Rounding in what wrote the matrix, an inverse of what is nearly singular, may leave it so far from symmetric and
 /// semidefinite, as a share of the variances.
 const ROUNDING: f64 = 1e-6;
 
-/// The covariance of n compliances ((rad/(N m))^2) from its rows.
+/// The covariance of n parameters from its rows, in their units, whose variances are of a kind.
 ///
 /// # Errors
 /// Where and why it is none: it is not square, a variance is negative, or it is not symmetric and
 /// positive semidefinite.
-pub fn covariance_of(rows: &[Vec<f64>]) -> Result<DMatrix<f64>, (String, String)> {
-    covariance_within(rows, &VARIANCE)
-}
-
-/// The same of parameters of any kinds, in their units.
-///
-/// # Errors
-/// The same.
-pub fn covariance_of_any(rows: &[Vec<f64>]) -> Result<DMatrix<f64>, (String, String)> {
-    covariance_within(rows, &ANY_VARIANCE)
-}
-
-fn covariance_within(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (String, String)> {
+pub fn covariance_of(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (String, String)> {
     let size = rows.len();
     if size == 0 {
         return Ok(DMatrix::zeros(0, 0));
@@ -85,10 +73,11 @@ fn covariance_within(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (St
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::quantities::plausible::VARIANCE;
 
     fn problem(rows: &[[f64; 2]]) -> Option<String> {
         let rows: Vec<Vec<f64>> = rows.iter().map(|row| row.to_vec()).collect();
-        let (place, problem) = covariance_of(&rows).err()?;
+        let (place, problem) = covariance_of(&rows, &VARIANCE).err()?;
         Some(format!("{place}: {problem}"))
     }
 
@@ -114,13 +103,13 @@ mod tests {
         }
         // What rounding left is away, by the variances and not by the number itself.
         let nearly = [vec![1e-16, 1e-24], vec![-1e-24, 1e-16]];
-        let found = covariance_of(&nearly).expect("a covariance");
+        let found = covariance_of(&nearly, &VARIANCE).expect("a covariance");
         assert_eq!(found, found.transpose());
-        assert!(covariance_of(&[]).is_ok_and(|nothing| nothing.is_empty()));
+        assert!(covariance_of(&[], &VARIANCE).is_ok_and(|nothing| nothing.is_empty()));
         // Each pair is possible, but not all three at once.
         let mut rows = vec![vec![-0.9; 3]; 3];
         (0..3).for_each(|index| rows[index][index] = 1.0);
-        let (_, problem) = covariance_of(&rows).expect_err("is none");
+        let (_, problem) = covariance_of(&rows, &VARIANCE).expect_err("is none");
         assert!(problem.contains("eigenvalue -0.8"), "{problem}");
     }
 }

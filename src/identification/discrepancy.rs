@@ -20,6 +20,15 @@ pub struct ReadingResidual {
 }
 
 impl ReadingResidual {
+    /// Of the rows of a reading: one, three or six.
+    pub(super) fn of_rows(rows: &DVector<f64>) -> Self {
+        Self {
+            position_m: three_rows(rows, 0),
+            coordinates: rows.len().min(3),
+            rotation_rad: (rows.len() > 3).then(|| three_rows(rows, 3)),
+        }
+    }
+
     /// Of the position (0) or of the rotation (1), with how many coordinates of it were read; none of what was not read.
     pub(super) fn part(&self, part: usize) -> Option<(Vector3<f64>, usize)> {
         match part {
@@ -39,81 +48,60 @@ pub(super) fn six_rows(covariance: &DMatrix<f64>) -> Matrix6<f64> {
     Matrix6::from_fn(|row, column| covariance.get((row, column)).copied().unwrap_or(0.0))
 }
 
-/// The standard deviations of what no parameter explains, of each coordinate.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Discrepancy {
-    /// Of a position (m).
-    pub position_m: f64,
-    /// Of a rotation vector (rad); nothing where no rotations are read.
-    pub rotation_rad: f64,
-}
-
-impl From<[f64; 2]> for Discrepancy {
-    fn from([position_m, rotation_rad]: [f64; 2]) -> Self {
-        Self {
-            position_m,
-            rotation_rad,
-        }
-    }
-}
-
-impl Discrepancy {
-    /// By how much residuals are larger than the readings' own covariances (m^2, m rad, rad^2) make them. `spare` is the
-    /// share of the numbers that was not used up by the fit: degrees of freedom over numbers.
-    pub fn of(left: &[ReadingResidual], covariances: &[Matrix6<f64>], spare: f64) -> Self {
-        let of = |part: usize| {
-            let (mut all, mut own, mut count) = (0.0, 0.0, 0.0);
-            for (left, covariance) in left.iter().zip(covariances) {
-                if let Some((left, coordinates)) = left.part(part) {
-                    let first = 3 * part;
-                    all += left.norm_squared();
-                    own += (first..first + coordinates)
-                        .map(|row| covariance[(row, row)])
-                        .sum::<f64>();
-                    count += coordinates as f64;
-                }
-            }
-            ((all / spare - own) / f64::max(count, 1.0)).max(0.0).sqrt()
-        };
-        [0, 1].map(of).into()
-    }
-
-    /// Measured deflections with standard deviations that count it; `sigma_m` is that of deflections which bring none of their own.
-    /// Repeats of one experiment share a discrepancy s: each of r counts r s^2 besides its own variance, so that their mean has s^2.
-    pub fn weighed(&self, measurements: &[Measurement], sigma_m: f64) -> Vec<Measurement> {
-        let mut all = measurements.to_vec();
-        for (each, [deflections, rotations]) in all.iter_mut().zip(repeats(measurements)) {
-            let own = each.sigma_m.unwrap_or_else(|| Vector3::repeat(sigma_m));
-            let more = self.position_m * deflections.sqrt();
-            each.sigma_m = Some(own.map(|own| own.hypot(more)));
-            if let Some(rotation) = &mut each.rotation {
-                let more = self.rotation_rad * rotations.sqrt();
-                rotation.sigma_rad = rotation.sigma_rad.map(|own| own.hypot(more));
+/// The standard deviations of what no parameter explains, of each coordinate of a position (m) and of a rotation vector (rad): by how much
+/// residuals are larger than the readings' own covariances (m^2, m rad, rad^2) make them. `spare` is the share of the numbers that was not
+/// used up by the fit: degrees of freedom over numbers.
+pub(super) fn discrepancy_of(
+    left: &[ReadingResidual],
+    covariances: &[Matrix6<f64>],
+    spare: f64,
+) -> [f64; 2] {
+    [0, 1].map(|part| {
+        let (mut all, mut own, mut count) = (0.0, 0.0, 0.0);
+        for (left, covariance) in left.iter().zip(covariances) {
+            if let Some((left, coordinates)) = left.part(part) {
+                let first = 3 * part;
+                all += left.norm_squared();
+                own += (first..first + coordinates)
+                    .map(|row| covariance[(row, row)])
+                    .sum::<f64>();
+                count += coordinates as f64;
             }
         }
-        all
-    }
+        ((all / spare - own) / f64::max(count, 1.0)).max(0.0).sqrt()
+    })
+}
 
-    /// Its covariance in a reading: position above rotation (m^2, rad^2).
-    pub fn covariance(&self) -> Matrix6<f64> {
-        Matrix6::from_diagonal(&Vector6::from_fn(|row, _| {
-            let deviation = if row < 3 {
-                self.position_m
-            } else {
-                self.rotation_rad
-            };
-            deviation * deviation
-        }))
+/// Measured deflections with standard deviations that count a discrepancy; `sigma_m` is that of deflections which bring none of their own.
+/// Repeats of one experiment share a discrepancy s: each of r counts r s^2 besides its own variance, so that their mean has s^2.
+pub fn with_discrepancy(
+    [position_m, rotation_rad]: [f64; 2],
+    measurements: &[Measurement],
+    sigma_m: f64,
+) -> Vec<Measurement> {
+    let mut all = measurements.to_vec();
+    for (each, [deflections, rotations]) in all.iter_mut().zip(repeats(measurements)) {
+        let own = each.sigma_m.unwrap_or_else(|| Vector3::repeat(sigma_m));
+        let more = position_m * deflections.sqrt();
+        each.sigma_m = Some(own.map(|own| own.hypot(more)));
+        if let Some(rotation) = &mut each.rotation {
+            let more = rotation_rad * rotations.sqrt();
+            rotation.sigma_rad = rotation.sigma_rad.map(|own| own.hypot(more));
+        }
     }
+    all
+}
+
+/// The covariance of a discrepancy in a reading: position above rotation (m^2, rad^2).
+pub(super) fn discrepancy_covariance(discrepancy: [f64; 2]) -> Matrix6<f64> {
+    Matrix6::from_diagonal(&Vector6::from_fn(|row, _| discrepancy[row / 3].powi(2)))
 }
 
 /// For each measurement how many are of its experiment, itself among them: deflections and rotations.
 pub(super) fn repeats(measurements: &[Measurement]) -> Vec<[f64; 2]> {
     let mut repeats = vec![[0.0; 2]; measurements.len()];
     for members in by_experiment(measurements) {
-        let rotations = members
-            .iter()
-            .filter(|&&each| measurements[each].rotation.is_some());
+        let rotations = (members.iter()).filter(|&&each| measurements[each].rotation.is_some());
         let counts = [members.len() as f64, rotations.count() as f64];
         for each in members {
             repeats[each] = counts;
@@ -183,13 +171,14 @@ mod tests {
         };
         let left = [residual(5e-4), residual(-5e-4)];
         let own = Matrix6::from_diagonal_element(9e-8);
-        let discrepancy = Discrepancy::of(&left, &[own, own], 1.0);
-        assert!((discrepancy.position_m - 4e-4).abs() < 1e-12);
-        assert!(discrepancy.rotation_rad.abs() < f64::MIN_POSITIVE);
+        let [position_m, rotation_rad] = discrepancy_of(&left, &[own, own], 1.0);
+        assert!((position_m - 4e-4).abs() < 1e-12);
+        assert!(rotation_rad.abs() < f64::MIN_POSITIVE);
         // Half of the numbers were used up.
-        let discrepancy = Discrepancy::of(&left, &[own, own], 0.5);
-        assert!((discrepancy.position_m - (2.0 * 25e-8 - 9e-8_f64).sqrt()).abs() < 1e-12);
-        assert!((discrepancy.covariance()[(1, 1)] - discrepancy.position_m.powi(2)).abs() < 1e-20);
+        let discrepancy = discrepancy_of(&left, &[own, own], 0.5);
+        assert!((discrepancy[0] - (2.0 * 25e-8 - 9e-8_f64).sqrt()).abs() < 1e-12);
+        let covariance = discrepancy_covariance(discrepancy);
+        assert!((covariance[(1, 1)] - discrepancy[0].powi(2)).abs() < 1e-20);
     }
 
     #[test]
@@ -206,11 +195,7 @@ mod tests {
                 .collect();
             // The first joint moves ten times as far: one block for each of its angles.
             assert_eq!(angles.len(), 8);
-            assert!(
-                angles
-                    .windows(2)
-                    .all(|pair| pair[0].to_bits() == pair[1].to_bits())
-            );
+            assert!((angles.windows(2)).all(|pair| pair[0].to_bits() == pair[1].to_bits()));
         }
         // The same configuration twice stays in one block.
         let same = [&grid[3], &grid[3]];

@@ -3,10 +3,7 @@
 use std::convert::Infallible;
 use std::ops::Range;
 
-use nalgebra::allocator::Allocator;
-use nalgebra::{
-    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix, Matrix6xX, OMatrix, Storage, U3, Vector3,
-};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix, Matrix6xX, Storage, U3, Vector3};
 
 use super::case::Case;
 use super::error::IdentificationError;
@@ -54,10 +51,7 @@ impl Case<'_> {
 
     pub(super) fn names(&self) -> Vec<String> {
         let joints = &self.nominal.chain.joints;
-        let own = self
-            .parameters
-            .iter()
-            .map(|&joint| joints[joint].name.clone());
+        let own = (self.parameters.iter()).map(|&joint| joints[joint].name.clone());
         let others = self.uncertain.map(Extended::other_names);
         own.chain(others.into_iter().flatten()).collect()
     }
@@ -112,11 +106,10 @@ impl Case<'_> {
             let [moved, turned] = state.brace_under(compliance, &each.load);
             let observed = ObservationMatrix::new(&state, &each.load, self.parameters);
             let by_all = ObservationMatrix::new(&state, &each.load, &all);
-            let all = moved + &by_all.position * &known;
-            predicted.push_deflection(each, &observed.position, all);
-            if each.rotation.is_some() {
-                predicted.push(&observed.rotation, turned + &by_all.rotation * &known);
-            }
+            let moved = moved + &by_all.position * &known;
+            let turned = || turned + &by_all.rotation * &known;
+            let by = [&observed.position, &observed.rotation];
+            predicted.push(each, by, moved, turned);
         }
         predicted
     }
@@ -147,9 +140,7 @@ impl Case<'_> {
                 solver
                     .solve_near(&mut arm, compliance, commanded, load, near)
                     .map_err(|error| IdentificationError::from((index, error)))?;
-                let sensitivity = solver
-                    .sensitivity(compliance)
-                    .select_columns(self.parameters);
+                let sensitivity = (solver.sensitivity(compliance)).select_columns(self.parameters);
                 let state = solver.state();
                 Ok::<_, IdentificationError>((
                     state.tool_position,
@@ -160,12 +151,9 @@ impl Case<'_> {
             let (unloaded, unloaded_axes, from) = rest(&Load::NONE, &mut torques[0])?;
             let (loaded, loaded_axes, to) = rest(&each.load, &mut torques[1])?;
             let sensitivity = to - from;
-            let own = sensitivity.fixed_rows::<3>(0);
-            predicted.push_deflection(each, &own, loaded - unloaded);
-            if each.rotation.is_some() {
-                let turned = rotation_vector(&(loaded_axes * unloaded_axes.transpose()));
-                predicted.push(&sensitivity.fixed_rows::<3>(3), turned);
-            }
+            let derivatives = [0, 3].map(|row| sensitivity.fixed_rows::<3>(row));
+            let turned = || rotation_vector(&(loaded_axes * unloaded_axes.transpose()));
+            predicted.push(each, derivatives.each_ref(), loaded - unloaded, turned);
         }
         Ok(predicted)
     }
@@ -189,11 +177,9 @@ impl Case<'_> {
         for (index, each) in self.measurements.iter().enumerate() {
             let (setup, kind) = setup_of(each);
             let found = predict(&mut model, index, &setup, kind, &mut derivatives)?;
-            predicted.push_deflection(each, &derivatives.fixed_rows::<3>(0), found.position_m);
-            if each.rotation.is_some() {
-                let turned = rotation_vector(&found.rotation);
-                predicted.push(&derivatives.fixed_rows::<3>(3), turned);
-            }
+            let by = [0, 3].map(|row| derivatives.fixed_rows::<3>(row));
+            let turned = || rotation_vector(&found.rotation);
+            predicted.push(each, by.each_ref(), found.position_m, turned);
         }
         Ok(predicted)
     }
@@ -222,10 +208,8 @@ impl Case<'_> {
         if self.measurements.iter().all(|each| each.sigma_m.is_none()) {
             return self.sigma.weight_m();
         }
-        let squares: f64 = (self.measurements.iter())
-            .map(|each| self.sigma_of(each).norm_squared())
-            .sum();
-        (squares / (3 * self.measurements.len()) as f64).sqrt()
+        let squares = (self.measurements.iter()).map(|each| self.sigma_of(each).norm_squared());
+        (squares.sum::<f64>() / (3 * self.measurements.len()) as f64).sqrt()
     }
 
     pub(super) fn rows_of_each(&self) -> impl Iterator<Item = Range<usize>> {
@@ -237,9 +221,7 @@ impl Case<'_> {
     }
 
     pub(super) fn sigma_of(&self, measurement: &Measurement) -> Vector3<f64> {
-        measurement
-            .sigma_m
-            .unwrap_or(Vector3::repeat(self.sigma.weight_m()))
+        (measurement.sigma_m).unwrap_or(Vector3::repeat(self.sigma.weight_m()))
     }
 }
 
@@ -253,7 +235,7 @@ pub(super) const fn rows_of(measurement: &Measurement) -> usize {
 }
 
 /// How a measurement was set up, and what was read.
-fn setup_of(measurement: &Measurement) -> (Setup, ReadingKind) {
+pub(super) fn setup_of(measurement: &Measurement) -> (Setup, ReadingKind) {
     let setup = Setup {
         commanded_rad: measurement.configuration_rad.clone(),
         load: measurement.load,
@@ -294,45 +276,26 @@ impl PredictedRows {
         }
     }
 
-    /// Adds three of them.
+    /// Adds those of a measurement: of its deflection, or of what is along a direction, and of its rotation, where there is one.
     pub fn push<S: Storage<f64, U3, Dyn>>(
         &mut self,
-        derivatives: &Matrix<f64, U3, Dyn, S>,
-        values: Vector3<f64>,
-    ) {
-        (self.derivatives.fixed_rows_mut::<3>(self.row)).copy_from(derivatives);
-        self.values.fixed_rows_mut::<3>(self.row).copy_from(&values);
-        self.row += 3;
-    }
-
-    /// Adds those of a deflection, or of what is along a direction.
-    pub fn push_deflection<S: Storage<f64, U3, Dyn>>(
-        &mut self,
         of: &Measurement,
-        derivatives: &Matrix<f64, U3, Dyn, S>,
-        values: Vector3<f64>,
+        derivatives: [&Matrix<f64, U3, Dyn, S>; 2],
+        moved: Vector3<f64>,
+        turned: impl FnOnce() -> Vector3<f64>,
     ) {
-        let Some(direction) = &of.direction else {
-            return self.push(derivatives, values);
-        };
-        let along = derivatives.tr_mul(direction).transpose();
-        self.derivatives.set_row(self.row, &along);
-        self.values[self.row] = direction.dot(&values);
-        self.row += 1;
+        if let Some(direction) = &of.direction {
+            let along = derivatives[0].tr_mul(direction).transpose();
+            self.derivatives.set_row(self.row, &along);
+            self.values[self.row] = direction.dot(&moved);
+            self.row += 1;
+            return;
+        }
+        let values = [Some(moved), of.rotation.map(|_| turned())].into_iter();
+        for (by, values) in derivatives.into_iter().zip(values.flatten()) {
+            (self.derivatives.fixed_rows_mut::<3>(self.row)).copy_from(by);
+            self.values.fixed_rows_mut::<3>(self.row).copy_from(&values);
+            self.row += 3;
+        }
     }
-}
-
-pub(super) fn stacked<C: Dim>(
-    above: &OMatrix<f64, Dyn, C>,
-    below: &OMatrix<f64, Dyn, C>,
-) -> OMatrix<f64, Dyn, C>
-where
-    DefaultAllocator: Allocator<Dyn, C>,
-{
-    let rows = above.nrows() + below.nrows();
-    let (_, columns) = above.shape_generic();
-    let mut all = OMatrix::zeros_generic(Dyn(rows), columns);
-    all.rows_mut(0, above.nrows()).copy_from(above);
-    all.rows_mut(above.nrows(), below.nrows()).copy_from(below);
-    all
 }

@@ -5,7 +5,6 @@ use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use super::case::{Case, Sigma};
-use super::discrepancy::Discrepancy;
 use super::discrepancy::three_rows;
 use super::equations::rows_of;
 use super::error::IdentificationError;
@@ -16,9 +15,6 @@ use crate::numeric::quantile::exceeded_with;
 use crate::parameter::ParameterSet;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
-
-/// A compliance that is negative by more standard errors than this is not so by noise (p = 1e-4).
-const BY_NOISE: f64 = 3.719;
 
 /// One joint's estimated compliance.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,12 +87,12 @@ pub struct Identification {
     /// The probability of residuals at least this small if sigma is as known; a small value says that
     /// the measurements, or sigma, are not what they are held to be.
     pub consistency_lower: Option<f64>,
-    /// What the model leaves unexplained besides, where errors count it.
-    pub discrepancy: Option<Discrepancy>,
+    /// What the model leaves unexplained besides, where errors count it: standard deviations of positions (m) and rotations (rad).
+    pub discrepancy: Option<[f64; 2]>,
     /// The rms of the coordinates of the deflections (m).
     pub deflection_m: f64,
-    /// Compliances that were to be identified and stay nominal, since measurements tell less of them.
-    pub stays_nominal: Vec<NominalCompliance>,
+    /// Compliances that were to be identified and stay nominal, since measurements tell less of them; what they would be.
+    pub stays_nominal: Vec<ParameterEstimate>,
     /// Whether all of them should: no compliance is determined better than its nominal value is right.
     pub is_all_weak: bool,
     /// Measured minus modelled deflections (m), three for each measurement, rotations left out.
@@ -113,11 +109,8 @@ pub struct Identification {
 impl Identification {
     /// The names of the joints whose compliances the measurements do not determine.
     pub fn unidentifiable(&self) -> Vec<&str> {
-        self.parameters
-            .iter()
-            .filter(|parameter| parameter.estimate.is_none())
-            .map(|parameter| parameter.name.as_str())
-            .collect()
+        let unknown = (self.parameters.iter()).filter(|each| each.estimate.is_none());
+        unknown.map(|each| each.name.as_str()).collect()
     }
 }
 
@@ -249,9 +242,7 @@ impl<'a> PreparedCase<'a> {
         &self,
         measurements: &[Measurement],
     ) -> Result<Identification, IdentificationError> {
-        self.case
-            .with(measurements)
-            .identify_from(&self.start, None)
+        (self.case.with(measurements)).identify_from(&self.start, None)
     }
 }
 
@@ -368,40 +359,4 @@ pub(super) fn told_degrees(
     let known = set.prior().precision[(index, index)];
     let told = 1.0 - covariance[(index, index)] * known;
     degrees / told.max(f64::EPSILON).powi(2)
-}
-
-/// An identified compliance that stays nominal.
-#[derive(Debug, Clone, PartialEq)]
-pub struct NominalCompliance {
-    /// The joint's name.
-    pub name: String,
-    /// What it would be,
-    pub instead_of: Estimate,
-    /// and its unit.
-    pub unit: &'static str,
-}
-
-impl NominalCompliance {
-    /// Whether noise does not explain that it would be negative.
-    pub fn is_contradicted(&self) -> bool {
-        self.instead_of.value < -BY_NOISE * self.instead_of.standard_error
-    }
-
-    /// What it would be, in words.
-    pub fn words(&self) -> String {
-        let Estimate {
-            value,
-            standard_error,
-            ..
-        } = self.instead_of;
-        let why = if self.is_contradicted() {
-            "negative beyond noise"
-        } else {
-            "less certain than that"
-        };
-        format!(
-            "the compliance of {} stays nominal: its estimate {value:.3e} +- {standard_error:.1e} {} is {why}",
-            self.name, self.unit
-        )
-    }
 }

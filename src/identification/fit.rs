@@ -1,9 +1,9 @@
 //! The fit itself: linear by eq. 9 (or 6), non-linear by Gauss-Newton through the static equilibrium.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, stack};
 
 use super::case::Case;
-use super::equations::{PredictedRows, PriorRows, stacked};
+use super::equations::{PredictedRows, PriorRows};
 use super::error::IdentificationError;
 use super::whitening::Whitening;
 use crate::numeric::estimable::Estimable;
@@ -64,7 +64,7 @@ impl FitStart {
         let prior = source.prior();
         let mut at_nominal = source.predicted_linearly();
         whitening.whiten(&mut at_nominal.derivatives);
-        let estimable = source.estimable(&stacked(&at_nominal.derivatives, &prior.rows));
+        let estimable = source.estimable(&stack![at_nominal.derivatives; prior.rows]);
         let mut torques = Vec::new();
         let at_rest = (source.method == Method::Nonlinear && !is_near)
             .then(|| source.predicted(&nominal, &mut torques).ok());
@@ -93,12 +93,6 @@ impl FitStart {
     /// The number of equations, what was known before among them.
     pub fn equations(&self) -> usize {
         self.at_nominal.values.len() + self.prior.rows.nrows()
-    }
-
-    fn read(&self, source: &Case<'_>) -> DVector<f64> {
-        let mut read = source.read();
-        self.whitening.whiten(&mut read);
-        read
     }
 
     /// The change from nominal values to others, as far as it is determined.
@@ -133,12 +127,7 @@ impl FitStart {
         Ok(self.place(read, predicted, values))
     }
 
-    /// The normal equations there; `None` where they are singular to rounding.
-    fn normal(&self, place: &FitPlace) -> Option<FactoredEquations> {
-        FactoredEquations::new(&place.matrix, &self.before, &self.estimable)
-    }
-
-    /// The step that the equations say, by their normal equations where there are some.
+    /// The step that the equations say: by normal equations where there are some, else by the singular values of all rows.
     fn step(&self, place: &FitPlace, normal: Option<&FactoredEquations>) -> DVector<f64> {
         let Some(normal) = normal else {
             return self.solve(place).solution;
@@ -147,32 +136,33 @@ impl FitStart {
         normal.solution(gradient, &self.estimable)
     }
 
-    /// The same by the singular values of all rows, with its covariance.
     fn solve(&self, place: &FitPlace) -> LeastSquares {
-        let matrix = stacked(&place.matrix, &self.prior.rows);
+        let matrix = stack![place.matrix; self.prior.rows];
         LeastSquares::solve(&matrix, &place.residuals(), &self.estimable)
     }
 
-    /// The covariance of what is determined, and its condition number: by normal equations where there are some.
-    fn known(&self, place: &FitPlace, normal: Option<&FactoredEquations>) -> (DMatrix<f64>, f64) {
-        if let Some(normal) = normal {
-            return (normal.covariance(&self.estimable), normal.condition);
-        }
-        let known = self.solve(place);
-        (known.covariance, known.condition)
-    }
-
-    /// The end of a fit that found a last step.
+    /// The end of a fit, with the last step.
     fn end(
         &self,
         place: &FitPlace,
         mut values: Vec<f64>,
-        step: &DVector<f64>,
-        (covariance, condition): (DMatrix<f64>, f64),
+        normal: Option<&FactoredEquations>,
         iterations: usize,
     ) -> Fit {
-        add(&mut values, step, 1.0);
-        let moved = stacked(&(&place.matrix * step), &(&self.prior.rows * step));
+        let LeastSquares {
+            solution: step,
+            covariance,
+            condition,
+        } = match normal {
+            None => self.solve(place),
+            Some(equations) => LeastSquares {
+                solution: self.step(place, normal),
+                covariance: equations.covariance(&self.estimable),
+                condition: equations.condition,
+            },
+        };
+        add(&mut values, &step, 1.0);
+        let moved = stack![&place.matrix * &step; &self.prior.rows * &step];
         Fit {
             whitened_residuals: place.residuals() - moved,
             values,
@@ -195,7 +185,7 @@ struct FitPlace {
 
 impl FitPlace {
     fn residuals(&self) -> DVector<f64> {
-        stacked(&self.left, &self.before)
+        stack![self.left; self.before]
     }
 
     fn square(&self) -> f64 {
@@ -205,21 +195,12 @@ impl FitPlace {
 
 /// The linear estimate. What is not determined stays nominal: the change from there is solved for.
 pub(super) fn fit_linear(start: &FitStart, source: &Case<'_>) -> Fit {
-    let read = start.read(source);
+    let mut read = source.read();
+    start.whitening.whiten(&mut read);
     let place = start.place(&read, start.at_nominal.clone(), &start.nominal);
     // Where only compliances are unknown, these are few, and may be determined badly.
-    let (step, known) = if source.uncertain.is_some() {
-        let normal = start.normal.as_ref();
-        (start.step(&place, normal), start.known(&place, normal))
-    } else {
-        let LeastSquares {
-            solution,
-            covariance,
-            condition,
-        } = start.solve(&place);
-        (solution, (covariance, condition))
-    };
-    start.end(&place, start.nominal.clone(), &step, known, 1)
+    let normal = start.normal.as_ref().filter(|_| source.uncertain.is_some());
+    start.end(&place, start.nominal.clone(), normal, 1)
 }
 
 /// Gauss-Newton from values that are near, from one step from the nominal values, or from these where there is no equilibrium
@@ -230,7 +211,8 @@ pub(super) fn fit_nonlinear(
     source: &Case<'_>,
     near: Option<&[f64]>,
 ) -> Result<Fit, IdentificationError> {
-    let read = start.read(source);
+    let mut read = source.read();
+    start.whitening.whiten(&mut read);
     let mut torques = start.torques.clone();
     let mut values = start.nominal.clone();
     let first = if let Some(near) = near {
@@ -249,7 +231,7 @@ pub(super) fn fit_nonlinear(
         })?;
     let mut change = f64::INFINITY;
     for iterations in 1..=MAXIMUM_ITERATIONS {
-        let normal = start.normal(&place);
+        let normal = FactoredEquations::new(&place.matrix, &start.before, &start.estimable);
         let step = start.step(&place, normal.as_ref());
         let steps = step.iter().zip(start.estimable.typical());
         change = (steps.map(|(step, typical)| step.abs() / typical)).fold(0.0, f64::max);
@@ -258,8 +240,7 @@ pub(super) fn fit_nonlinear(
         let is_short = source.uncertain.is_some() && length.sqrt() <= CONVERGED_ERRORS;
         if change <= CONVERGED || is_short {
             let normal = normal.as_ref().filter(|_| source.uncertain.is_some());
-            let known = start.known(&place, normal);
-            return Ok(start.end(&place, values, &step, known, iterations));
+            return Ok(start.end(&place, values, normal, iterations));
         }
         let before = place.square();
         let mut share = 1.0;

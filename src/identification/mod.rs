@@ -42,13 +42,11 @@ pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;
 pub(crate) use conditions::{Told, left_out};
 pub use copies::CopiedReadings;
-pub use covariance::{covariance_of, covariance_of_any};
-pub use discrepancy::{Discrepancy, ReadingResidual, joint_space_blocks};
+pub use covariance::covariance_of;
+pub use discrepancy::{ReadingResidual, joint_space_blocks, with_discrepancy};
 pub use error::IdentificationError;
 pub(crate) use estimate::PreparedCase;
-pub use estimate::{
-    Estimate, Identification, NominalCompliance, ParameterEstimate, UncertainEstimate, identify,
-};
+pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate, identify};
 pub use frames::{MountedFrames, RobustFrames, Sight};
 pub use gauss_newton::{ParameterFit, fit_parameters};
 pub use outliers::{IMPLAUSIBLE, RejectedReading};
@@ -57,4 +55,4 @@ pub use repeats::{PlaceDrift, RepeatedPose, Repeats};
 pub use residuals::{MeasurementResidual, residuals};
 pub use robust::{RobustIdentification, Robustness};
 pub use spread::{MOST_SPREAD, SPREAD_ORDERS};
-pub use stored::{OtherUnknowns, StoredIdentification, hold_impossible, nominal_instead};
+pub use stored::{StoredIdentification, hold_impossible, nominal_instead};

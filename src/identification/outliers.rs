@@ -121,7 +121,7 @@ pub(super) struct LookedOver<'a> {
     /// What it leaves of them.
     pub left: Vec<ReadingResidual>,
     /// Their own covariances.
-    pub own: &'a [Matrix6<f64>],
+    pub own: Vec<Matrix6<f64>>,
     /// The same as they were weighed.
     pub weighed: Vec<Matrix6<f64>>,
     /// The covariances of what is predicted for them; nothing where that is little.
@@ -130,7 +130,7 @@ pub(super) struct LookedOver<'a> {
     pub rejected: Vec<RejectedReading>,
     /// The commanded angles of each.
     pub angles: Vec<&'a [f64]>,
-    /// As in [`Discrepancy::of`](super::Discrepancy::of).
+    /// As in [`discrepancy_of`](super::discrepancy::discrepancy_of).
     pub spare: f64,
     /// Degrees of freedom.
     pub freedom: f64,
@@ -188,10 +188,7 @@ impl LookedOver<'_> {
                 *most = most.max(squares[reading] / factors[reading] / far[reading]);
             }
         }
-        let far_out = farthest
-            .iter()
-            .enumerate()
-            .filter(|(_, ratio)| **ratio > 1.0);
+        let far_out = (farthest.iter().enumerate()).filter(|(_, ratio)| **ratio > 1.0);
         let found: Vec<RejectedReading> = far_out
             .map(|(reading, ratio)| RejectedReading {
                 reading,
@@ -256,11 +253,8 @@ impl LookedOver<'_> {
     /// What is unexplained of the position (0) or rotation (1) of most readings: a covariance.
     fn robust_discrepancy(&self, part: usize) -> Matrix3<f64> {
         let parts = self.left.iter().map(|left| left.part(part));
-        let is_whole = parts
-            .clone()
-            .flatten()
-            .all(|(_, coordinates)| coordinates == 3);
-        let own = parts.clone().zip(self.own).map(|(left, covariance)| {
+        let is_whole = (parts.clone().flatten()).all(|(_, coordinates)| coordinates == 3);
+        let own = parts.clone().zip(&self.own).map(|(left, covariance)| {
             let coordinates = left.map_or(3, |(_, coordinates)| coordinates);
             let rows = 3 * part..3 * part + coordinates;
             let sum: f64 = rows.map(|row| covariance[(row, row)]).sum();
@@ -288,9 +282,7 @@ impl LookedOver<'_> {
         let all = shape * size(&|vector| vector.dot(&(inverse * vector)));
         let mut eigen = SymmetricEigen::new(all);
         // Errors are larger in some directions where they are elsewhere, perhaps: nowhere are they taken for smaller than on the whole.
-        eigen
-            .eigenvalues
-            .apply(|value| *value = value.max(least) - own);
+        (eigen.eigenvalues).apply(|value| *value = value.max(least) - own);
         eigen.recompose()
     }
 }
@@ -313,9 +305,7 @@ fn local_factors(squares: &[f64], angles: &[&[f64]], far: &[f64]) -> Vec<f64> {
         let Some(spread) = spread.flatten() else {
             break;
         };
-        let relative = angles
-            .iter()
-            .map(|angles| spread.logarithm_at(angles, &ranges).exp());
+        let relative = (angles.iter()).map(|angles| spread.logarithm_at(angles, &ranges).exp());
         let relative: Vec<f64> = relative.collect();
         let over = kept.iter().map(|&each| squares[each] / relative[each]);
         let Some(middle) = median(over.collect()) else {

@@ -1,6 +1,7 @@
 //! Validation: measurements that were not fitted, with what is predicted for them.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 use thiserror::Error;
 
 use super::Case;
@@ -34,6 +35,13 @@ pub struct Predictions {
     pub square: f64,
     /// Its degrees of freedom.
     pub freedom: usize,
+}
+
+impl Predictions {
+    /// The probability of differences as large as these.
+    pub fn probability(&self) -> f64 {
+        ChiSquared::new(self.freedom as f64).map_or(1.0, |law| law.sf(self.square))
+    }
 }
 
 /// Why there is no prediction.

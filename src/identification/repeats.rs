@@ -145,9 +145,7 @@ impl Repeats {
         }
         let visits = repeated.iter().flat_map(|(_, visits)| from_mean(visits));
         let apart: Vec<RepeatedVisit> = visits.collect();
-        let squares = apart
-            .iter()
-            .map(|each| each.place_m * each.place_m.transpose());
+        let squares = (apart.iter()).map(|each| each.place_m * each.place_m.transpose());
         let scatter: Matrix3<f64> = squares.sum();
         let pooled = (scatter / freedom as f64).resize(3, 3, 0.0);
         Some(Self {
@@ -213,9 +211,7 @@ fn drift(
     Some(PlaceDrift {
         by,
         slope_m,
-        standard_error_m: covariance
-            .diagonal()
-            .map(|variance| variance.max(0.0).sqrt()),
+        standard_error_m: (covariance.diagonal()).map(|variance| variance.max(0.0).sqrt()),
         probability: covariance.cholesky().and_then(|factor| {
             let square = slope_m.dot(&factor.solve(&slope_m));
             let others = freedom - COORDINATES + 1.0;

@@ -2,13 +2,12 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, Matrix6, SymmetricEigen, stack};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
 use super::case::Sigma;
-use super::equations::{rows_of, stacked};
 use super::error::IdentificationError;
 use super::estimate::Identification;
 use super::outliers::{RejectedReading, kept};
@@ -60,29 +59,35 @@ pub fn residuals(
     let mut rows = fitted.against(&posterior.mean)?;
     let prior = case.prior();
     let before = &prior.rows * (prior.mean - DVector::from_column_slice(&posterior.mean));
-    let (matrix, left) = (
-        stacked(&rows.matrix, &prior.rows),
-        stacked(&rows.left, &before),
-    );
+    let (matrix, left) = (stack![rows.matrix; prior.rows], stack![rows.left; before]);
     let fit = LeastSquares::solve(&matrix, &left, &posterior.estimable);
     // What a combination of compliances does that are not determined one by one is fitted, too.
     let left = left - matrix * &fit.solution;
     rows.left -= &rows.matrix * &fit.solution;
     rows.own_left -= &rows.own_matrix * &fit.solution;
     let spare = left.len().saturating_sub(posterior.estimable.rank());
-    let mut judge = Judge::new(&fitted, rows, (&fit.covariance, -1.0));
-    judge.others = is_from_residuals.then(|| (left.norm_squared(), spare));
-    let each = fitted.rows_of_each().map(|rows| judge.residual(rows));
+    let judge = Judge {
+        rows,
+        known: &fit.covariance,
+        sign: -1.0,
+        variance: 1.0,
+        others: is_from_residuals.then(|| (left.norm_squared(), spare)),
+    };
+    let each = fitted.rows_of_each().zip(fitted.covariances());
+    let each = each.map(|(rows, own)| judge.residual(rows, &own));
     let mut residuals: Vec<MeasurementResidual> = each.collect();
     for each in rejected {
         let alone = [case.measurements[each.reading].clone()];
         let alone = case.with(&alone);
-        let rows = alone.against(&posterior.mean)?;
-        let mut judge = Judge::new(&alone, rows, (&posterior.covariance, 1.0));
-        if is_from_residuals {
-            judge.variance = (identification.sigma_m / alone.typical_sigma_m()).powi(2);
-        }
-        let mut judged = judge.residual(0..alone.rows());
+        let ratio = is_from_residuals.then(|| identification.sigma_m / alone.typical_sigma_m());
+        let judge = Judge {
+            rows: alone.against(&posterior.mean)?,
+            known: &posterior.covariance,
+            sign: 1.0,
+            variance: ratio.unwrap_or(1.0).powi(2),
+            others: None,
+        };
+        let mut judged = judge.residual(0..alone.rows(), &alone.covariances()[0]);
         judged.leverage = 0.0;
         residuals.insert(each.reading, judged);
     }
@@ -96,8 +101,6 @@ pub fn residuals(
 struct Judge<'a> {
     /// Correlated coordinates of a reading are weighted together, and each has a standard deviation of its own.
     rows: MeasuredRows,
-    /// The variances of the coordinates by themselves.
-    own_variances: Vec<f64>,
     /// The covariance of the unknowns, and its sign: a fit takes it off the residuals of what it was fitted to.
     known: &'a DMatrix<f64>,
     sign: f64,
@@ -107,28 +110,13 @@ struct Judge<'a> {
     others: Option<(f64, usize)>,
 }
 
-impl<'a> Judge<'a> {
-    fn new(case: &Case<'_>, rows: MeasuredRows, (known, sign): (&'a DMatrix<f64>, f64)) -> Self {
-        let own = case.measurements.iter().zip(case.covariances());
-        let own_variances = own.flat_map(|(each, covariance)| {
-            (0..rows_of(each)).map(move |axis| covariance[(axis, axis)])
-        });
-        Self {
-            own_variances: own_variances.collect(),
-            rows,
-            known,
-            sign,
-            variance: 1.0,
-            others: None,
-        }
-    }
-
-    /// The residual of the measurement in some rows.
-    fn residual(&self, rows: Range<usize>) -> MeasurementResidual {
+impl Judge<'_> {
+    /// The residual of the measurement in some rows, by its own covariance.
+    fn residual(&self, rows: Range<usize>, own: &Matrix6<f64>) -> MeasurementResidual {
         let scale = (self.others).map_or(1.0, |(square, freedom)| (square / freedom as f64).sqrt());
-        let standardised = rows.clone().map(|row| {
+        let standardised = rows.clone().enumerate().map(|(axis, row)| {
             let columns = self.rows.own_matrix.row(row);
-            let own = self.variance * self.own_variances[row];
+            let own = self.variance * own[(axis, axis)];
             let variance = own + self.sign * (columns * self.known).dot(&columns);
             let value = self.rows.own_left[row];
             (variance > NO_VARIANCE * own && scale > 0.0).then(|| value / variance.sqrt() / scale)

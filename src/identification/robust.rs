@@ -1,17 +1,16 @@
 //! Robust fit of deflections: without outliers, with the model discrepancy in the weights.
 //!
 //! The rules are those of absolute readings: who lies far out is decided by [`outliers`], how large a discrepancy is by
-//! [`Discrepancy`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
+//! [`discrepancy_of`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
 //! it, R - A cov A^T, and one that was left out by R + A cov A^T.
 
-use nalgebra::Matrix6;
-
 use super::case::{Case, Sigma};
-use super::discrepancy::{Discrepancy, ReadingResidual, WEIGHINGS, repeats, six_rows, three_rows};
+use super::discrepancy::{
+    ReadingResidual, WEIGHINGS, discrepancy_of, repeats, six_rows, with_discrepancy,
+};
 use super::equations::rows_of;
 use super::error::IdentificationError;
-use super::estimate::NominalCompliance;
-use super::estimate::{Estimate, Identification, in_room, two_sided_student};
+use super::estimate::{Identification, in_room, two_sided_student};
 use super::nominal::UNKNOWN;
 use super::outliers::IMPLAUSIBLE;
 use super::outliers::{self, LookedOver, RejectedReading, kept};
@@ -105,23 +104,14 @@ impl<'a> Case<'a> {
                 break;
             }
             held.extend(&more);
-            stays_nominal.extend(more.iter().filter_map(|&place| {
-                Some(NominalCompliance {
-                    name: now.parameters[place].name.clone(),
-                    instead_of: now.parameters[place].estimate?,
-                    unit: now.parameters[place].unit,
-                })
-            }));
+            stays_nominal.extend(more.iter().map(|&place| now.parameters[place].clone()));
             let with_held = Case {
                 held: &held,
                 ..*self
             };
             match (with_held.robustly(robustness, gross), &mut found) {
                 (Ok(mut other), before) => {
-                    other
-                        .identification
-                        .stays_nominal
-                        .clone_from(&stays_nominal);
+                    (other.identification.stays_nominal).clone_from(&stays_nominal);
                     if let Ok(before) = before {
                         other.of_all = before.of_all.clone();
                     }
@@ -159,52 +149,47 @@ impl<'a> Case<'a> {
             sigma: Sigma::Known(self.sigma.weight_m()),
             ..*self
         };
-        let own = self.covariances();
         let (of_all, mut fitted) = match (gross, self.identify()) {
             (Some(gross), of_all) => {
                 let of_all = of_all.or_else(|_| self.linearised().identify())?;
                 let near = &of_all.posterior.mean;
-                let fitted = known.fitted(self.measurements, gross, near, &own)?;
+                let fitted = known.fitted(self.measurements, gross, near)?;
                 (of_all, fitted)
             }
             (None, Ok(of_all)) => {
-                let near = of_all.posterior.mean.clone();
+                let near = &of_all.posterior.mean;
                 let fitted = match self.sigma {
                     Sigma::Known(_) => {
-                        known.looked_at_all(of_all.clone(), self.measurements, &[], &own)?
+                        known.looked_at_all(of_all.clone(), self.measurements, &[])?
                     }
-                    Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], &near, &own)?,
+                    Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], near)?,
                 };
                 let others = (!robustness.keeps_all)
                     .then(|| known.without(&fitted, fitted.over.suspects()?));
                 (of_all, others.flatten().unwrap_or(fitted))
             }
             (None, Err(error)) if robustness.keeps_all => return Err(error),
-            (None, Err(error)) => known.begun_linearly(&own).ok_or(error)?,
+            (None, Err(error)) => known.begun_linearly().ok_or(error)?,
         };
         let mut weighed = self.measurements.to_vec();
-        let is_implausible = |found: &Identification| {
-            found
-                .consistency
-                .is_some_and(|probability| probability < IMPLAUSIBLE)
-        };
         let rejected = fitted.over.rejected.clone();
         let mut identification = match self.sigma {
             Sigma::Known(_) => fitted.identification.clone(),
             Sigma::FromResiduals(_) if rejected.is_empty() => of_all.clone(),
             Sigma::FromResiduals(_) => self.with(&kept(self.measurements, &rejected)).identify()?,
         };
-        if robustness.counts_discrepancy && is_implausible(&identification) {
+        let is_implausible = (identification.consistency).is_some_and(|each| each < IMPLAUSIBLE);
+        if robustness.counts_discrepancy && is_implausible {
             let plain = identification;
-            let own_kept = kept(&own, &rejected);
+            let own = kept(&self.covariances(), &rejected);
             let mut discrepancy = None;
             for _ in 0..WEIGHINGS {
                 let left = kept(&fitted.over.left, &rejected);
-                let found = Discrepancy::of(&left, &own_kept, fitted.over.spare);
-                weighed = found.weighed(self.measurements, self.sigma.weight_m());
+                let found = discrepancy_of(&left, &own, fitted.over.spare);
+                weighed = with_discrepancy(found, self.measurements, self.sigma.weight_m());
                 discrepancy = Some(found);
                 let near = &fitted.identification.posterior.mean;
-                fitted = known.fitted(&weighed, &rejected, near, &own)?;
+                fitted = known.fitted(&weighed, &rejected, near)?;
             }
             identification = fitted.identification.clone();
             identification.discrepancy = discrepancy;
@@ -230,46 +215,34 @@ impl<'a> Case<'a> {
     }
 
     /// Where there is no fit of all: what all say to first order, and a fit without the measurements that lie far out of that.
-    fn begun_linearly<'b>(self, own: &'b [Matrix6<f64>]) -> Option<(Identification, SomeFitted<'b>)>
-    where
-        'a: 'b,
-    {
+    fn begun_linearly(self) -> Option<(Identification, SomeFitted<'a>)> {
         let linear = self.linearised();
         let of_all = linear.identify().ok()?;
-        let first = linear.looked_at_all(of_all.clone(), self.measurements, &[], own);
-        let first = first.ok()?;
+        let first = (linear.looked_at_all(of_all.clone(), self.measurements, &[])).ok()?;
         let first = linear.without(&first, first.over.suspects()?)?;
         let rejected = first.over.rejected.clone();
         Some((of_all, self.without(&first, rejected)?))
     }
 
     /// Fits those of `weighed` that are not rejected, and looks at what that leaves of all.
-    fn fitted<'b>(
+    fn fitted(
         self,
         weighed: &[Measurement],
         rejected: &[RejectedReading],
         near: &[f64],
-        own: &'b [Matrix6<f64>],
-    ) -> Result<SomeFitted<'b>, IdentificationError>
-    where
-        'a: 'b,
-    {
+    ) -> Result<SomeFitted<'a>, IdentificationError> {
         let of_kept = kept(weighed, rejected);
         let identification = self.with(&of_kept).identify_near(Some(near))?;
-        self.looked_at_all(identification, weighed, rejected, own)
+        self.looked_at_all(identification, weighed, rejected)
     }
 
     /// What was identified from those of `weighed` that are not rejected, with what it leaves of all.
-    fn looked_at_all<'b>(
+    fn looked_at_all(
         self,
         identification: Identification,
         weighed: &[Measurement],
         rejected: &[RejectedReading],
-        own: &'b [Matrix6<f64>],
-    ) -> Result<SomeFitted<'b>, IdentificationError>
-    where
-        'a: 'b,
-    {
+    ) -> Result<SomeFitted<'a>, IdentificationError> {
         let measurements = kept(weighed, rejected);
         let posterior = &identification.posterior;
         let all = self.with(weighed);
@@ -291,27 +264,22 @@ impl<'a> Case<'a> {
             .sum();
         let freedom = (numbers - used).max(1.0);
         let (mut left, mut known) = (Vec::new(), Vec::new());
-        for (each, own) in weighed.iter().zip(all.rows_of_each()) {
+        for own in all.rows_of_each() {
             let residual = rows.own_left.rows_range(own.clone()).into_owned();
-            left.push(ReadingResidual {
-                position_m: three_rows(&residual, 0),
-                coordinates: residual.len().min(3),
-                rotation_rad: each.rotation.map(|_| three_rows(&residual, 3)),
-            });
+            left.push(ReadingResidual::of_rows(&residual));
             let own = rows.own_matrix.rows_range(own);
             known.push(six_rows(&(own * &posterior.covariance * own.transpose())));
         }
         let ratio = (identification.residual_sigma_m).map(|left| left / identification.sigma_m);
         let angles = self.measurements.iter();
+        let own = self.covariances();
         let over = LookedOver {
             left,
+            weighed: own.clone(),
             own,
-            weighed: own.to_vec(),
             known,
             rejected: rejected.to_vec(),
-            angles: angles
-                .map(|each| each.configuration_rad.as_slice())
-                .collect(),
+            angles: (angles.map(|each| each.configuration_rad.as_slice())).collect(),
             spare: freedom / numbers,
             freedom,
             is_drawn: true,
@@ -326,27 +294,18 @@ impl<'a> Case<'a> {
 
     /// Fits without the measurements that lie far out of a first fit, or without some in place of these, until the same do. None where none
     /// does, where too many do, or where the others tell less than all.
-    fn without<'b>(
+    fn without(
         self,
-        first: &SomeFitted<'b>,
+        first: &SomeFitted<'a>,
         rejected: Vec<RejectedReading>,
-    ) -> Option<SomeFitted<'b>>
-    where
-        'a: 'b,
-    {
-        let SomeFitted {
-            identification,
-            over,
-        } = first;
+    ) -> Option<SomeFitted<'a>> {
+        let first = &first.identification;
         let (rejected, mut fitted) = outliers::until_the_same(
             rejected,
             |fitted: &SomeFitted<'_>| fitted.over.far_out(),
             |rejected| {
-                let near = &identification.posterior.mean;
-                let fitted = self
-                    .fitted(self.measurements, rejected, near, over.own)
-                    .ok()?;
-                (fitted.identification.rank >= identification.rank).then_some(fitted)
+                let fitted = self.fitted(self.measurements, rejected, &first.posterior.mean);
+                (fitted.ok()).filter(|each| each.identification.rank >= first.rank)
             },
         )?;
         fitted.over.rejected = rejected;
@@ -360,13 +319,8 @@ impl Identification {
         let quantile = two_sided_student(freedom);
         let estimates = self.parameters.iter_mut().map(|each| &mut each.estimate);
         for estimate in estimates.flatten() {
-            let Estimate {
-                value,
-                standard_error,
-                ..
-            } = *estimate;
-            let half = quantile * standard_error;
-            estimate.interval95 = [value - half, value + half];
+            let half = quantile * estimate.standard_error;
+            estimate.interval95 = [estimate.value - half, estimate.value + half];
         }
     }
 }

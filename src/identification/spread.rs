@@ -67,11 +67,8 @@ fn polynomials(share: f64) -> [f64; SPREAD_ORDERS] {
 /// A joint's function at an angle of a range.
 pub(super) fn logarithm(coefficients: &[f64], at: f64, range: [f64; 2]) -> f64 {
     let values = polynomials(share(at, range));
-    coefficients
-        .iter()
-        .zip(values)
-        .map(|(coefficient, value)| coefficient * value)
-        .sum()
+    let terms = coefficients.iter().zip(values);
+    terms.map(|(coefficient, value)| coefficient * value).sum()
 }
 
 /// Columns of a fit, one of ones before those of each joint, and their products with each other.
@@ -191,10 +188,7 @@ impl ErrorSpread {
             SpreadVariances::first(ranges).likeliest(&columns, &wanted)?;
         // The mean of a square is larger than what its logarithm's mean says, by as much everywhere at first.
         let expected = &columns.columns * &mean;
-        let ratios = squares
-            .iter()
-            .zip(&expected)
-            .map(|(square, one)| square / one.exp());
+        let ratios = (squares.iter().zip(&expected)).map(|(square, one)| square / one.exp());
         let more = ratios.sum::<f64>() / squares.len() as f64;
         mean[0] += more.max(f64::MIN_POSITIVE).ln();
         for _ in 0..STEPS {
@@ -233,9 +227,7 @@ impl ErrorSpread {
     /// The logarithm at other angles.
     pub fn logarithm_at(&self, angles: &[f64], ranges: &[[f64; 2]]) -> f64 {
         let joints = self.of_joints.iter().zip(angles.iter().zip(ranges));
-        joints
-            .map(|(coefficients, (&angle, &range))| logarithm(coefficients, angle, range))
-            .sum()
+        (joints.map(|(coefficients, (&angle, &range))| logarithm(coefficients, angle, range))).sum()
     }
 }
 
@@ -289,10 +281,7 @@ mod tests {
     fn what_errors_depend_on_is_found() {
         let ranges = [[-1.0, 1.0], [0.0, 5.0]];
         let ways = [ErrorSpread::of_logarithms, ErrorSpread::of_means];
-        for (size, way) in [0.0, 1.5]
-            .into_iter()
-            .flat_map(|size| ways.map(|way| (size, way)))
-        {
+        for (size, way) in ([0.0, 1.5].into_iter()).flat_map(|size| ways.map(|way| (size, way))) {
             let law = |angle: f64| size * (2.0 * angle).sin();
             let (squares, angles) = squares(300, law);
             let angles: Vec<&[f64]> = angles.iter().map(<[f64; 2]>::as_slice).collect();

@@ -6,8 +6,7 @@ use nalgebra::DMatrix;
 use serde::Deserialize;
 
 use super::agreement::{SaidEstimate, agree};
-use super::discrepancy::Discrepancy;
-use super::{covariance_of, covariance_of_any};
+use super::covariance::covariance_of;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
 use crate::files::schema::read_results;
@@ -15,7 +14,7 @@ use crate::files::typed::from_json;
 use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
-use crate::quantities::plausible::ELASTIC_COMPLIANCE;
+use crate::quantities::plausible::{ANY_VARIANCE, ELASTIC_COMPLIANCE, VARIANCE};
 use crate::robot::Robot;
 use crate::task::{Fingerprint, Method};
 
@@ -32,31 +31,18 @@ pub struct StoredIdentification {
     pub joints: Vec<usize>,
     /// What is known of their compliances.
     pub posterior: Posterior,
-    /// What else was uncertain, by name, and the covariance of the compliances and of these together.
-    pub others: Option<OtherUnknowns>,
+    /// The same of these and of what else was uncertain together, whose typical sizes the file does not say: as if they were one.
+    pub all: Option<Posterior>,
     /// The conditions with which it was made, besides what is not determined.
     pub conditions: Vec<Condition>,
     /// The names of the error sources with which it was made.
     pub error_sources: Vec<String>,
-    /// What the model leaves unexplained; nothing where the measurements did not show any.
-    pub discrepancy: Discrepancy,
+    /// What the model leaves unexplained, of positions (m) and rotations (rad); nothing where the measurements did not show any.
+    pub discrepancy: [f64; 2],
     /// The degrees of freedom that this was estimated with; `None` where nothing was.
     pub degrees_of_freedom: Option<f64>,
     /// What it rests on; files of earlier versions do not say.
     pub identified_with: Option<Fingerprint>,
-}
-
-/// What a file says of unknowns besides compliances.
-#[derive(Debug, Clone, PartialEq)]
-pub struct OtherUnknowns {
-    /// Their names.
-    pub names: Vec<String>,
-    /// Their values.
-    pub values: Vec<f64>,
-    /// The covariance of the compliances and of these.
-    pub covariance: DMatrix<f64>,
-    /// What is not determined of the compliances and of these, p x (p - r), in relative units.
-    pub hidden: DMatrix<f64>,
 }
 
 #[derive(Deserialize)]
@@ -145,15 +131,13 @@ impl StoredIdentification {
         let mut stored = read(path)?;
         let joints = joints_of(path, &stored.parameters, robot)?;
         let mut posterior = posterior(path, &stored)?;
-        let mut others = others(path, &stored)?;
+        let mut all = posterior_of_all(path, &stored, &posterior)?;
         check_agreement(path, &stored)?;
-        let mut values = posterior.mean.clone();
-        values.extend(others.iter().flat_map(|each| &each.values));
+        let known = all.as_ref().unwrap_or(&posterior);
+        let mut values = known.mean.clone();
         let held = hold_impossible(
             &mut values,
-            others
-                .as_ref()
-                .map_or(&posterior.covariance, |each| &each.covariance),
+            &known.covariance,
             |place| robot.compliance_rad_per_nm[joints[place]],
             |place| place < joints.len() && posterior.standard_error(place).is_some(),
         );
@@ -162,22 +146,21 @@ impl StoredIdentification {
             let name = &stored.parameters[place];
             stored.conditions.push(nominal_instead(name, value, unit));
         }
-        let rest = values.split_off(joints.len());
-        posterior.mean = values;
-        if let Some(others) = &mut others {
-            others.values = rest;
+        posterior.mean.copy_from_slice(&values[..joints.len()]);
+        if let Some(all) = &mut all {
+            all.mean = values;
         }
-        let discrepancy = Discrepancy {
-            position_m: size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
-            rotation_rad: size(path, "discrepancy_mrad", stored.discrepancy_mrad)? * 1e-3,
-        };
+        let discrepancy = [
+            size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
+            size(path, "discrepancy_mrad", stored.discrepancy_mrad)? * 1e-3,
+        ];
         // What the numbers are more than the fit takes up.
         let spare = |each: &StoredResidual| each.standardised.len() as f64 - each.leverage;
         let freedom: f64 = stored.residuals.iter().map(spare).sum();
-        let is_estimated = discrepancy.position_m + discrepancy.rotation_rad > 0.0;
+        let is_estimated = discrepancy.iter().sum::<f64>() > 0.0;
         Ok(Self {
             posterior,
-            others,
+            all,
             joints,
             error_sources: stored.error_sources,
             discrepancy,
@@ -251,23 +234,16 @@ fn read(path: &Path) -> Result<IdentificationFile, FileError> {
 fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>, FileError> {
     let mut joints = Vec::new();
     for name in names {
-        let place = robot
-            .chain
-            .joints
-            .iter()
-            .position(|joint| joint.name == *name);
-        let problem = match place {
+        let known = || robot.chain.joints.iter().map(|joint| &*joint.name);
+        let problem = match known().position(|joint| joint == name) {
             Some(joint) if !joints.contains(&joint) => {
                 joints.push(joint);
                 continue;
             }
             Some(_) => format!("found {name:?} twice"),
             None => {
-                let known: Vec<&str> = robot.chain.joints.iter().map(|each| &*each.name).collect();
-                format!(
-                    "found {name:?}; the robot's joints are: {}",
-                    known.join(", ")
-                )
+                let known = known().collect::<Vec<_>>().join(", ");
+                format!("found {name:?}; the robot's joints are: {known}")
             }
         };
         let wrong = FileError::new(path, problem).at("parameters");
@@ -282,22 +258,14 @@ fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileE
     let (rows, all) = (&stored.covariance_rad2_per_n2m2, &stored.covariance_of_all);
     let has_others = !stored.uncertain.is_empty();
     for (index, value) in stored.compliance_rad_per_nm.iter().enumerate() {
-        let key = |name: &str| format!("{name}_rad_per_nm[{index}]");
-        let [value_key, applied, error, interval] = [
-            "compliance",
-            "compliance_applied",
-            "compliance_std",
-            "compliance_ci95",
-        ]
-        .map(key);
+        let key = |name: &str| format!("compliance{name}_rad_per_nm[{index}]");
+        let [value_key, applied, error, interval] = ["", "_applied", "_std", "_ci95"].map(key);
         let entry = |column: usize| format!("covariance_rad2_per_n2m2[{index}][{column}]");
         if let Some(value) = *value {
             let found = stored.compliance_applied_rad_per_nm[index];
             agree(path, (&applied, found), (&value_key, value))?;
-            let (errors, intervals) = (
-                &stored.compliance_std_rad_per_nm,
-                &stored.compliance_ci95_rad_per_nm,
-            );
+            let errors = &stored.compliance_std_rad_per_nm;
+            let intervals = &stored.compliance_ci95_rad_per_nm;
             let said = SaidEstimate {
                 value: (&value_key, value),
                 variance: (&entry(index), rows[index][index]),
@@ -314,14 +282,14 @@ fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileE
     }
     for (index, each) in stored.uncertain.iter().enumerate() {
         let place = size + index;
-        let variance = all[place][place];
-        let said = SaidEstimate {
-            value: ("", 0.0),
-            variance: (&format!("covariance_of_all[{place}][{place}]"), variance),
-            standard_error: (&format!("uncertain[{index}].std"), each.std),
-            interval95: ("", None),
-        };
-        said.check(path)?;
+        if let Some(error) = each.std {
+            let (key, root) = (
+                format!("uncertain[{index}].std"),
+                all[place][place].max(0.0).sqrt(),
+            );
+            let variance_key = format!("covariance_of_all[{place}][{place}]");
+            agree(path, (&key, error), (&variance_key, root))?;
+        }
     }
     let (key, hidden) = if has_others {
         ("undetermined_of_all", &stored.undetermined_of_all)
@@ -333,8 +301,12 @@ fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileE
     agree(path, ("rank", stored.rank as f64), (key, left))
 }
 
-/// What is known of unknowns besides compliances, where there are any.
-fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknowns>, FileError> {
+/// What is known of the compliances and of other unknowns together, where there are any.
+fn posterior_of_all(
+    path: &Path,
+    stored: &IdentificationFile,
+    compliances: &Posterior,
+) -> Result<Option<Posterior>, FileError> {
     if stored.uncertain.is_empty() {
         return Ok(None);
     }
@@ -345,30 +317,25 @@ fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknow
         let problem = format!("found {} rows; there are {size} unknowns", rows.len());
         return Err(FileError::new(path, problem).at(key));
     }
-    let covariance = covariance_of_any(rows)
+    let covariance = covariance_of(rows, &ANY_VARIANCE)
         .map_err(|(place, problem)| FileError::new(path, problem).at(format!("{key}{place}")))?;
-    let value = |(index, each): (usize, &StoredUncertain)| {
+    let key = "undetermined_of_all";
+    let hidden = orthonormal(path, key, &stored.undetermined_of_all, size)?;
+    let (mut names, mut mean) = (compliances.names.clone(), compliances.mean.clone());
+    for (index, each) in stored.uncertain.iter().enumerate() {
         let value = each.value.unwrap_or(0.0);
-        let problem = format!("found {value}; a finite number is needed");
-        let wrong = || FileError::new(path, problem).at(format!("uncertain[{index}].value"));
-        value.is_finite().then_some(value).ok_or_else(wrong)
-    };
-    Ok(Some(OtherUnknowns {
-        hidden: orthonormal(
-            path,
-            "undetermined_of_all",
-            &stored.undetermined_of_all,
-            size,
-        )?,
-        names: stored
-            .uncertain
-            .iter()
-            .map(|each| each.name.clone())
-            .collect(),
-        values: (stored.uncertain.iter().enumerate())
-            .map(value)
-            .collect::<Result<_, _>>()?,
+        if !value.is_finite() {
+            let problem = format!("found {value}; a finite number is needed");
+            return Err(FileError::new(path, problem).at(format!("uncertain[{index}].value")));
+        }
+        names.push(each.name.clone());
+        mean.push(value);
+    }
+    Ok(Some(Posterior {
+        names,
+        mean,
         covariance,
+        estimable: Estimable::with_hidden(&vec![1.0; size], hidden),
     }))
 }
 
@@ -401,7 +368,7 @@ fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, File
             )
         })?;
     }
-    let covariance = covariance_of(rows)
+    let covariance = covariance_of(rows, &VARIANCE)
         .map_err(|(place, problem)| wrong(&format!("covariance_rad2_per_n2m2{place}"), problem))?;
     if let Some(found) = (typical.iter()).find(|value| value.is_nan() || **value <= 0.0) {
         let problem = format!("found {found}; positive numbers are allowed");
@@ -412,9 +379,7 @@ fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, File
     let both = estimates.iter().zip(applied);
     let posterior = Posterior {
         names: names.clone(),
-        mean: both
-            .map(|(estimate, applied)| estimate.unwrap_or(*applied))
-            .collect(),
+        mean: (both.map(|(estimate, applied)| estimate.unwrap_or(*applied))).collect(),
         covariance,
         estimable: Estimable::with_hidden(typical, hidden),
     };

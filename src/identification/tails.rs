@@ -25,13 +25,6 @@ const FIRST_WRONG: f64 = 0.05;
 /// Wrong readings are so many times as far off as the median is, or less.
 const FARTHEST: f64 = 1000.0;
 
-/// The probability of each of some squares that it is of the tail of the errors and not a wrong reading's, and the logarithm of the
-/// likelihood of all with so many degrees of freedom.
-struct Explained {
-    logarithm: f64,
-    of_tail: Vec<f64>,
-}
-
 /// For each of the squares (of three coordinates, over their computed covariance) of readings that were left out: the probability that it is
 /// of the tail of the errors of all readings, and not wrong. `kept` are those of the others.
 pub(super) fn shares_of_tail(kept: &[f64], left_out: &[f64]) -> Vec<f64> {
@@ -40,19 +33,21 @@ pub(super) fn shares_of_tail(kept: &[f64], left_out: &[f64]) -> Vec<f64> {
     }
     let all: Vec<f64> = kept.iter().chain(left_out).copied().collect();
     let found = FREEDOMS.map(|freedom| explained(&all, freedom));
-    let best = (found.iter().map(|each| each.logarithm)).fold(f64::NEG_INFINITY, f64::max);
-    let weights = found.each_ref().map(|each| (each.logarithm - best).exp());
+    let best = (found.iter().map(|each| each.0)).fold(f64::NEG_INFINITY, f64::max);
+    let weights = found.each_ref().map(|each| (each.0 - best).exp());
     let whole: f64 = weights.iter().sum();
     (kept.len()..all.len())
         .map(|index| {
             let each = found.iter().zip(weights);
-            let shares = each.map(|(each, weight)| weight * each.of_tail[index]);
+            let shares = each.map(|(each, weight)| weight * each.1[index]);
             shares.sum::<f64>() / whole
         })
         .collect()
 }
 
-fn explained(squares: &[f64], freedom: f64) -> Explained {
+/// The logarithm of the likelihood of squares with so many degrees of freedom, and the probability of each that it is of the tail of the
+/// errors and not a wrong reading's.
+fn explained(squares: &[f64], freedom: f64) -> (f64, Vec<f64>) {
     let mut sorted = squares.to_vec();
     sorted.sort_by(f64::total_cmp);
     let middle = sorted[sorted.len() / 2].max(f64::MIN_POSITIVE);
@@ -60,14 +55,11 @@ fn explained(squares: &[f64], freedom: f64) -> Explained {
     let constant =
         ln_gamma(0.5 * (freedom + 3.0)) - ln_gamma(0.5 * freedom) - 1.5 * (freedom * PI).ln();
     let (mut scale, mut wrong) = (middle / 3.0, FIRST_WRONG);
-    let mut found = Explained {
-        logarithm: 0.0,
-        of_tail: Vec::new(),
-    };
+    let (mut logarithm, mut of_tail) = (0.0, Vec::new());
     for _ in 0..ROUNDS {
         let (mut square, mut count) = (0.0, 0.0);
-        found.logarithm = 0.0;
-        found.of_tail.clear();
+        logarithm = 0.0;
+        of_tail.clear();
         for &each in squares {
             let relative = each / scale;
             // Densities of the logarithm of u.
@@ -81,15 +73,15 @@ fn explained(squares: &[f64], freedom: f64) -> Explained {
             };
             let both = (right + other).max(f64::MIN_POSITIVE);
             let share = right / both;
-            found.logarithm += both.ln();
-            found.of_tail.push(share);
+            logarithm += both.ln();
+            of_tail.push(share);
             square += share * (freedom + 3.0) / (freedom + relative) * each;
             count += share;
         }
         scale = (square / (3.0 * count)).max(f64::MIN_POSITIVE);
         wrong = 1.0 - count / squares.len() as f64;
     }
-    found
+    (logarithm, of_tail)
 }
 
 #[cfg(test)]

@@ -158,9 +158,7 @@ fn of_rows_there(whole: &Matrix6<f64>, of: [&Measurement; 2]) -> Matrix6<f64> {
     let shown = of.map(|each| {
         each.direction.map(|direction| {
             let mut shown = Matrix6::zeros();
-            shown
-                .fixed_view_mut::<1, 3>(0, 0)
-                .copy_from(&direction.transpose());
+            (shown.fixed_view_mut::<1, 3>(0, 0)).copy_from(&direction.transpose());
             shown
         })
     });

@@ -2,10 +2,9 @@
 //! weakest.
 
 use nalgebra::DMatrix;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::experiment::{Experiment, Plan};
-use crate::identification::{Case, Predicted, PredictionError, Sigma};
+use crate::identification::{Case, PredictionError, Predictions, Sigma};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::plan::ExperimentModel;
@@ -57,15 +56,6 @@ pub fn validation_plan(
     })
 }
 
-/// What a validation says.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Validation {
-    /// Each measurement beside what was predicted for it.
-    pub each: Vec<Predicted>,
-    /// The probability of differences as large as these, if the prediction is kept.
-    pub probability: f64,
-}
-
 /// Compares measurements of another campaign with what is known of the identified robot.
 ///
 /// # Errors
@@ -74,18 +64,12 @@ pub fn validate(
     belief: &Belief,
     posterior: &Posterior,
     measurements: &[Measurement],
-) -> Result<Validation, PredictionError> {
+) -> Result<Predictions, PredictionError> {
     let sigma = Sigma::Known(belief.instrument.sigma_m);
     let case = Case::of_belief(belief, measurements, sigma, belief.method);
     let posterior = match &belief.uncertain {
         Some(uncertain) => &uncertain.in_another_campaign(posterior),
         None => posterior,
     };
-    let predictions = case.predictions(posterior)?;
-    let distribution =
-        ChiSquared::new(predictions.freedom as f64).map_err(|_| PredictionError::Singular)?;
-    Ok(Validation {
-        each: predictions.each,
-        probability: distribution.sf(predictions.square),
-    })
+    case.predictions(posterior)
 }

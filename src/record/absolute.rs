@@ -223,8 +223,7 @@ impl AbsoluteMessage {
 }
 
 fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
-    let all: Vec<usize> = (0..case.observations.len()).collect();
-    let kept = fit.of_kept(&all);
+    let kept = fit.kept();
     let joints = case.arm.chain.joints.iter().enumerate();
     joints
         .map(|(joint, each)| {
@@ -287,8 +286,8 @@ fn discrepancy_model(
         covariance: (0..factors.len())
             .map(|row| (0..=row).map(|column| entry(row, column)).collect())
             .collect(),
-        remainder_mm: model.rest.position_m * 1e3,
-        remainder_mrad: model.rest.rotation_rad * 1e3,
+        remainder_mm: model.rest[0] * 1e3,
+        remainder_mrad: model.rest[1] * 1e3,
         scale: model.scale,
         predicted_by_others: found.predicted_by_others,
         visits: found.visits,

@@ -11,11 +11,16 @@ use crate::calibration::{
 };
 use crate::compensation::{KnownArm, compensate_arm, predicted_error, uncompensated_rows};
 use crate::files::FileError;
-use crate::identification::{JointError, covariance_of_any};
+use crate::identification::{JointError, covariance_of};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
+<<<<<<< HEAD
+=======
+use crate::quantities::plausible::ANY_VARIANCE;
+use crate::record::absolute::UnexplainedMessage;
+>>>>>>> ident
 use crate::robot::SerialChain;
 use crate::task::{Belief, Method, Task};
 use crate::testbed::TrueRobots;
@@ -194,7 +199,7 @@ impl CalibratedRobot {
                 instrument_from_base: stored.shifted(frame, &station.unknowns),
             });
         }
-        let covariance = covariance_of_any(&message.covariance)
+        let covariance = covariance_of(&message.covariance, &ANY_VARIANCE)
             .map_err(|(place, problem)| wrong(format!("covariance{place}"), problem))?;
         if covariance.nrows() != message.unknowns.len() {
             let (rows, unknowns) = (covariance.nrows(), message.unknowns.len());

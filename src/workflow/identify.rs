@@ -174,8 +174,8 @@ impl Identified {
             "error_sources": scenario.task.belief.source_names(),
             "residuals": self.residuals,
             "diagnoses": self.input_errors,
-            "discrepancy_mm": discrepancy.map(|discrepancy| discrepancy.position_m * 1e3),
-            "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|discrepancy| discrepancy.rotation_rad * 1e3),
+            "discrepancy_mm": discrepancy.map(|[position_m, _]| position_m * 1e3),
+            "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|[_, rotation_rad]| rotation_rad * 1e3),
             "rejected": rejected,
             "patterns": self.patterns,
             "repeats": self.repeats,
@@ -235,7 +235,7 @@ pub fn identify_absolute<'a>(
     let looked = kept.looked_at(&fit, &fit.of_kept(readings))?;
     let halves = halves(&mut kept, &fit);
     // These are of three coordinates.
-    let mut repeated = fit.of_kept(&(0..readings.len()).collect::<Vec<usize>>());
+    let mut repeated = fit.kept();
     repeated.retain(|&place| readings[place].distance_m.is_none());
     let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
     Ok(IdentifiedRobot {

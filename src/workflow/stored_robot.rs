@@ -10,12 +10,13 @@ use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
 use crate::identification::{
-    Discrepancy, DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, SaidEstimate,
-    covariance_of_any, hold_impossible, nominal_instead,
+    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, SaidEstimate, covariance_of,
+    hold_impossible, nominal_instead,
 };
 use crate::measurement::Origin;
 use crate::numeric::markov::{Kernel, MarkovProcess};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
+use crate::quantities::plausible::ANY_VARIANCE;
 use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange};
 use crate::task::Fingerprint;
 use crate::text::wording::counted;
@@ -188,7 +189,7 @@ impl StoredRobot {
         let before: Vec<f64> = unknowns.iter().map(|each| each.value).collect();
         let mut values = before.clone();
         // What is no covariance is refused where it is read.
-        let covariance = covariance_of_any(&self.message.covariance);
+        let covariance = covariance_of(&self.message.covariance, &ANY_VARIANCE);
         let covariance = covariance.ok().filter(|each| each.nrows() == values.len());
         let held = covariance.map(|covariance| {
             let is_compliance =
@@ -295,7 +296,7 @@ impl StoredRobot {
             .collect();
         let divisor = |index: usize| divisors.get(index).copied().unwrap_or(1.0);
         let relative = |key: &str, rows: &[Vec<f64>]| {
-            let found = covariance_of_any(rows)
+            let found = covariance_of(rows, &ANY_VARIANCE)
                 .map_err(|(place, problem)| wrong(format!("{key}{place}"), problem))?;
             let size = found.nrows();
             Ok(DMatrix::from_fn(size, size, |row, column| {
@@ -447,16 +448,12 @@ fn joint_errors(
 }
 
 /// The standard deviations of what joints do not explain, in thousandths.
-fn rest(sizes: [(&str, f64); 2]) -> Result<Discrepancy, KeyProblem> {
+fn rest(sizes: [(&str, f64); 2]) -> Result<[f64; 2], KeyProblem> {
     if let Some((key, size)) = sizes.into_iter().find(|each| each.1 < 0.0) {
         let problem = format!("found {size}; zero or a size is needed");
         return Err((key.to_owned(), problem));
     }
-    let [position, rotation] = sizes.map(|each| each.1 * 1e-3);
-    Ok(Discrepancy {
-        position_m: position,
-        rotation_rad: rotation,
-    })
+    Ok(sizes.map(|each| each.1 * 1e-3))
 }
 
 /// All rows of a symmetric matrix of which the lower triangle is given.

@@ -278,9 +278,9 @@ fn the_side_of_approach_makes_another_experiment() {
             holds_nominal: false,
         };
         let found = case.identify_robustly(asked).expect("identified");
-        let discrepancy = found.identification.discrepancy.expect("a discrepancy");
+        let [position_m, _] = found.identification.discrepancy.expect("a discrepancy");
         let weighed = found.weighed[0].sigma_m.expect("its own").x;
-        weighed.powi(2) / discrepancy.position_m.powi(2)
+        weighed.powi(2) / position_m.powi(2)
     };
     assert!((counted(&silent) - 2.0).abs() < 0.02);
     assert!((counted(&other) - 1.0).abs() < 0.02);

@@ -213,10 +213,10 @@ pub fn describe(identification: &Identification, belief: &Belief) -> String {
     if let Some(both) = belief.instrument.both_sigmas(shown) {
         text += &format!("  (sigma is the rms over all that is read: given are {both})\n");
     }
-    if let Some(discrepancy) = identification.discrepancy {
+    if let Some([position_m, _]) = identification.discrepancy {
         text += &format!(
             "  Model discrepancy {:.4} mm in each coordinate, which the standard errors count.\n",
-            discrepancy.position_m * 1e3
+            position_m * 1e3
         );
     }
     text

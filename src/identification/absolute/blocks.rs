@@ -53,13 +53,8 @@ impl AbsoluteCase<'_> {
             stations: self.stations.clone(),
             targets: self.targets.clone(),
             observations: (places.iter().map(|&index| self.observations[index].clone())).collect(),
-            covariances: places
-                .iter()
-                .map(|&index| self.covariances[index])
-                .collect(),
-            visits: visits
-                .filter(|visit: &Vec<usize>| !visit.is_empty())
-                .collect(),
+            covariances: (places.iter().map(|&index| self.covariances[index])).collect(),
+            visits: (visits.filter(|visit: &Vec<usize>| !visit.is_empty())).collect(),
             within: self.within,
             shared: self.shared.as_ref().map(|shared| shared.among(&places)),
             is_sharing_known: self.is_sharing_known,

@@ -200,10 +200,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     fn station(&mut self, name: Option<&str>) -> usize {
-        let known = self
-            .stations
-            .iter()
-            .position(|each| each.as_deref() == name);
+        let known = (self.stations.iter()).position(|each| each.as_deref() == name);
         known.unwrap_or_else(|| {
             self.stations.push(name.map(str::to_owned));
             self.stations.len() - 1
@@ -386,9 +383,7 @@ fn spread(sights: &[Sight]) -> f64 {
     let off = groups(sights).into_values().flat_map(|group| {
         let sum: Vector3<f64> = group.iter().map(|each| each.position_m).sum();
         let mean = sum / group.len() as f64;
-        group
-            .into_iter()
-            .map(move |each| (each.position_m - mean).norm_squared())
+        (group.into_iter()).map(move |each| (each.position_m - mean).norm_squared())
     });
     (off.sum::<f64>() / sights.len().max(1) as f64).sqrt()
 }

@@ -3,12 +3,12 @@
 
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
-use super::super::discrepancy::WEIGHINGS;
+use super::super::discrepancy::{WEIGHINGS, discrepancy_of};
 use super::super::error::IdentificationError;
 use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit, fit_parameters};
 use super::case::whitener;
 use super::visits::LEAST_VISITS;
-use super::{AbsoluteCase, AbsoluteError, Discrepancy, ReadingResidual};
+use super::{AbsoluteCase, AbsoluteError, ReadingResidual};
 use crate::experiment::{is_one_configuration, together};
 use crate::observation::{SharedErrors, SharingReadings};
 use crate::parameter::{ElasticArm, ParameterSet};
@@ -137,12 +137,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and
-    /// rotation (rad).
-    pub(super) fn discrepancy(&self, fit: &ParameterFit) -> Result<[f64; 2], IdentificationError> {
-        Ok(self.discrepancy_of(&self.left(&fit.belief)?, fit))
-    }
-
-    /// The same, and what of it readings of one visit do not share.
+    /// rotation (rad); and notes what of it readings of one visit do not share.
     pub(super) fn estimated_discrepancy(
         &mut self,
         fit: &ParameterFit,
@@ -170,38 +165,32 @@ impl AbsoluteCase<'_> {
         } else {
             fit.spare()
         };
-        let discrepancy = Discrepancy::of(left, &self.covariances, spare);
-        [discrepancy.position_m, discrepancy.rotation_rad]
+        discrepancy_of(left, &self.covariances, spare)
     }
 
     /// By how much residuals within visits differ more than the readings' own covariances make them: standard deviations of each
     /// coordinate of the position (m) and of the rotation (rad). `spare` is the share of the numbers that the fit did not use up.
     fn within_visits(&self, left: &[ReadingResidual], spare: f64) -> [f64; 2] {
-        let mut sums = [[0.0; 3]; 2];
         let groups = self.sharing_discrepancy();
-        for visit in groups.iter().filter(|group| group.len() > 1) {
-            for (number, sum) in sums.iter_mut().enumerate() {
-                let part = visit.iter().filter_map(|&index| {
-                    let (left, coordinates) = left[index].part(number)?;
-                    Some((index, left, coordinates))
-                });
-                let part: Vec<(usize, Vector3<f64>, usize)> = part.collect();
-                let count = part.len() as f64;
-                let Some((.., coordinates)) = part.first().filter(|_| part.len() > 1) else {
+        [0, 1].map(|number| {
+            let (mut square, mut own, mut freedom) = (0.0, 0.0, 0.0);
+            for visit in &groups {
+                let part = visit.iter();
+                let part = part.filter_map(|&index| Some((index, left[index].part(number)?)));
+                let part: Vec<(usize, (Vector3<f64>, usize))> = part.collect();
+                let [(_, (_, coordinates)), _, ..] = part[..] else {
                     continue;
                 };
-                let mean = part.iter().map(|(_, each, _)| each).sum::<Vector3<f64>>() / count;
-                for (index, each, coordinates) in &part {
-                    let own = &self.covariances[*index];
+                let count = part.len() as f64;
+                let mean = part.iter().map(|(_, each)| each.0).sum::<Vector3<f64>>() / count;
+                for (index, (each, coordinates)) in &part {
                     let rows = 3 * number..3 * number + coordinates;
-                    let own: f64 = rows.map(|row| own[(row, row)]).sum();
-                    sum[0] += (each - mean).norm_squared();
-                    sum[1] += own * (1.0 - 1.0 / count);
+                    let variances = rows.map(|row| self.covariances[*index][(row, row)]);
+                    square += (each - mean).norm_squared();
+                    own += variances.sum::<f64>() * (1.0 - 1.0 / count);
                 }
-                sum[2] += *coordinates as f64 * (count - 1.0);
+                freedom += coordinates as f64 * (count - 1.0);
             }
-        }
-        sums.map(|[square, own, freedom]| {
             ((square / spare - own) / f64::max(freedom, 1.0))
                 .max(0.0)
                 .sqrt()

@@ -92,18 +92,13 @@ pub struct AbsoluteFit {
 /// A fit to those readings of a case that were kept, with its weights.
 pub(super) struct KeptFit<'a> {
     pub case: AbsoluteCase<'a>,
+    pub set: ParameterSet,
     pub rejected: Vec<RejectedReading>,
     pub fit: ParameterFit,
     /// As in [`AbsoluteFit`].
     pub discrepancy: Option<[f64; 2]>,
+    pub discrepancy_model: Option<Unexplained>,
     pub consistency: Option<f64>,
-}
-
-/// A fit of which it is decided which readings are gross errors and which compliances stay nominal.
-struct SettledFit<'a> {
-    found: KeptFit<'a>,
-    set: ParameterSet,
-    unexplained: Option<Unexplained>,
 }
 
 impl<'a> AbsoluteCase<'a> {
@@ -116,16 +111,16 @@ impl<'a> AbsoluteCase<'a> {
         self.check_frames()?;
         let (set, left_out) = self.told_apart(groups, &[])?;
         let start = self.far_from_frames();
-        let mut settled = self.settled(&set, weights, &start, self.keeps_all)?;
-        let (nominal, rejected) = (settled.set.nominal().len(), &settled.found.rejected);
-        if nominal > set.nominal().len() && rejected.len() > start.len() {
+        let mut found = self.settled(&set, weights, &start, self.keeps_all)?;
+        let nominal = found.set.nominal().len();
+        if nominal > set.nominal().len() && found.rejected.len() > start.len() {
             // Compliances that stay nominal beside gross errors may be determined without.
-            let without = self.settled(&set, weights, rejected, true).ok();
+            let without = self.settled(&set, weights, &found.rejected, true).ok();
             if let Some(without) = without.filter(|each| each.set.nominal().len() < nominal) {
-                settled = without;
+                found = without;
             }
         }
-        self.told(settled, left_out)
+        self.told(found, left_out)
     }
 
     /// A fit without the readings that lie far out, or without given ones alone, in which compliances stay nominal that it does not tell.
@@ -135,62 +130,46 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
         start: &[RejectedReading],
         are_given: bool,
-    ) -> Result<SettledFit<'a>, AbsoluteError> {
+    ) -> Result<KeptFit<'a>, AbsoluteError> {
         let mut set = free.clone();
         loop {
             let mut found = self.fit_without(start, &set, weights, None)?;
-            if !are_given && let Some(others) = self.without_far_out(&set, weights, &found) {
+            if !are_given && let Some(others) = self.without_far_out(weights, &found) {
                 found = others;
             }
             let mean = found.fit.posterior.mean.clone();
             let nominal =
                 |covariance: &DMatrix<f64>, unknown| with_nominal(&set, &mean, covariance, unknown);
             let mut other = nominal(&found.fit.posterior.covariance, UNKNOWN);
-            let mut unexplained = None;
             if other.is_none() {
-                unexplained = self.unexplained(&set, &mut found);
-                other = (unexplained.as_ref())
+                found.discrepancy_model = self.unexplained(&mut found);
+                other = (found.discrepancy_model.as_ref())
                     .and_then(|model| nominal(&model.covariance, UNKNOWN_TOGETHER));
             }
             let Some(other) = other else {
-                return Ok(SettledFit {
-                    found,
-                    set,
-                    unexplained,
-                });
+                return Ok(found);
             };
             set = other;
         }
     }
 
     /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
-    fn unexplained(&self, set: &ParameterSet, found: &mut KeptFit<'a>) -> Option<Unexplained> {
+    fn unexplained(&self, found: &mut KeptFit<'a>) -> Option<Unexplained> {
         let is_rejected = outliers::rejected_of(self.observations.len(), &found.rejected);
-        let KeptFit {
-            case,
-            fit,
-            discrepancy,
-            ..
-        } = found;
-        let told = discrepancy.and_then(|discrepancy| {
+        let (case, set, fit) = (&found.case, &found.set, &mut found.fit);
+        let told = found.discrepancy.and_then(|discrepancy| {
             let far_out = self.part_of(|index| is_rejected[index]);
             case.discrepancy_model(set, fit, discrepancy, &far_out)
         });
-        let rest = told.as_ref().map(|told| &told.model.rest);
-        let rest = rest.map_or([0.0; 2], |rest| [rest.position_m, rest.rotation_rad]);
-        let Some(known) = self.known_components(rest) else {
-            return told;
-        };
-        let Some(found_beside) = case.with_known(set, fit, &known) else {
+        let known = self.known_components(told.as_ref().map_or([0.0; 2], |told| told.model.rest));
+        let Some(beside) = known.and_then(|known| case.with_known(set, fit, &known)) else {
             return told;
         };
         // What is left beside the functions may be more than readings were weighed by.
-        if let Some(discrepancy) = discrepancy {
-            let rest = &found_beside.model.rest;
-            let rest = [rest.position_m, rest.rotation_rad];
-            *discrepancy = [0, 1].map(|part| discrepancy[part].max(rest[part]));
+        if let Some(discrepancy) = &mut found.discrepancy {
+            *discrepancy = [0, 1].map(|part| discrepancy[part].max(beside.model.rest[part]));
         }
-        Some(found_beside)
+        Some(beside)
     }
 
     /// The readings that no fit begins with.
@@ -204,25 +183,12 @@ impl<'a> AbsoluteCase<'a> {
     /// All that is told of a fit to those readings that were kept.
     fn told(
         &mut self,
-        settled: SettledFit<'a>,
+        found: KeptFit<'a>,
         left_out: Vec<LeftOut>,
     ) -> Result<AbsoluteFit, AbsoluteError> {
-        let SettledFit {
-            found,
-            set,
-            unexplained: discrepancy_model,
-        } = settled;
-        let KeptFit {
-            case,
-            rejected,
-            mut fit,
-            discrepancy,
-            consistency,
-        } = found;
-        if let Some(discrepancy_model) = &discrepancy_model {
-            fit.posterior
-                .covariance
-                .clone_from(&discrepancy_model.covariance);
+        let (case, mut fit, discrepancy) = (found.case, found.fit, found.discrepancy);
+        if let Some(model) = &found.discrepancy_model {
+            fit.posterior.covariance.clone_from(&model.covariance);
         }
         let degrees = discrepancy.map(|_| case.degrees_of(&fit));
         (self.arm, self.within) = (case.arm, case.within);
@@ -237,17 +203,17 @@ impl<'a> AbsoluteCase<'a> {
             undetermined: undetermined.into_iter().map(|each| each.sentence).collect(),
             stays_nominal: nominal.into_iter().map(|each| each.sentence).collect(),
             left,
-            rejected,
+            rejected: found.rejected,
             copies: self.copies.clone(),
             reach_m: reach(&self.sights()),
             degrees: degrees.unwrap_or(f64::INFINITY),
             discrepancy,
-            discrepancy_model,
+            discrepancy_model: found.discrepancy_model,
             rows: fit.rows,
             square: fit.square,
-            consistency,
+            consistency: found.consistency,
             iterations: fit.iterations,
-            set,
+            set: found.set,
         })
     }
 
@@ -284,9 +250,11 @@ impl<'a> AbsoluteCase<'a> {
         };
         Ok(KeptFit {
             case,
+            set: set.clone(),
             rejected: rejected.to_vec(),
             fit,
             discrepancy,
+            discrepancy_model: None,
             consistency,
         })
     }
@@ -295,32 +263,28 @@ impl<'a> AbsoluteCase<'a> {
     /// many do, or where the others determine less than all.
     pub(super) fn without_far_out(
         &self,
-        set: &ParameterSet,
         weights: ReadingWeights,
         first: &KeptFit<'a>,
     ) -> Option<KeptFit<'a>> {
-        let rank = first.fit.posterior.estimable.rank();
-        let looked_over = |fit: &ParameterFit, of: &KeptFit<'a>| {
-            self.looked_over(set, (fit, of.discrepancy), &of.rejected)
-        };
-        let mut rejected = looked_over(&first.fit, first)?.suspects()?;
+        let (set, rank) = (&first.set, first.fit.posterior.estimable.rank());
+        let mut rejected = self.looked_over(first, &first.fit)?.suspects()?;
         if rejected.is_empty() && !first.rejected.is_empty() {
             // Geometry and elasticity explain what frames alone do not.
             let all = self.fit_without(&[], set, weights, Some(&first.fit)).ok()?;
-            return Some(self.without_far_out(set, weights, &all).unwrap_or(all));
+            return Some(self.without_far_out(weights, &all).unwrap_or(all));
         }
         let mut robust = None;
         if rejected.is_empty() && first.discrepancy.is_some() {
             // Many that err alike draw the fit to themselves, too.
             robust = self.robust_fit(set, &first.fit);
             if let Some(robust) = &robust {
-                rejected = looked_over(robust, first)?.far_out()?;
+                rejected = self.looked_over(first, robust)?.far_out()?;
             }
         }
         let near = robust.as_ref().unwrap_or(&first.fit);
         let (rejected, mut found) = outliers::until_the_same(
             rejected,
-            |found: &KeptFit<'a>| looked_over(&found.fit, found)?.far_out(),
+            |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
             |rejected| {
                 let fitted = |near| self.fit_without(rejected, set, weights, near);
                 // Gross errors may have led the first fit to where none converges.
@@ -334,9 +298,7 @@ impl<'a> AbsoluteCase<'a> {
 
     /// The fitted frames become those from which their parameters count: the values of a fit (p) there.
     pub(super) fn rebased(&mut self, set: &ParameterSet, fit: &ParameterFit) -> DVector<f64> {
-        self.arm
-            .instrument_from_base
-            .clone_from(&fit.belief.instrument_from_base);
+        (self.arm.instrument_from_base).clone_from(&fit.belief.instrument_from_base);
         self.arm.tools.clone_from(&fit.belief.tools);
         let values = set.parameters().iter().zip(&fit.posterior.mean);
         let rebased = values.map(|(each, &value)| if each.kind.is_mounted() { 0.0 } else { value });
@@ -394,14 +356,19 @@ impl AbsoluteFit {
         Some(errors)
     }
 
+    /// The readings that were fitted, by their places.
+    pub fn kept(&self) -> Vec<usize> {
+        let is_rejected = outliers::rejected_of(self.left.len(), &self.rejected);
+        let is_copy = self.copies.is_copy(self.left.len());
+        (0..self.left.len())
+            .filter(|&place| !is_rejected[place] && !is_copy[place])
+            .collect()
+    }
+
     /// Those of one thing for each reading that belong to the readings that were fitted.
     pub fn of_kept<T: Clone>(&self, all: &[T]) -> Vec<T> {
-        let is_rejected = outliers::rejected_of(all.len(), &self.rejected);
-        let is_copy = self.copies.is_copy(all.len());
-        (all.iter().zip(is_rejected.into_iter().zip(is_copy)))
-            .filter(|(_, (is_rejected, is_copy))| !is_rejected && !is_copy)
-            .map(|(each, _)| each.clone())
-            .collect()
+        let kept = self.kept().into_iter();
+        kept.map(|place| all[place].clone()).collect()
     }
 
     /// The parameters that are no frames of stations or targets, with their places in the set.
@@ -442,9 +409,7 @@ impl AbsoluteFit {
     /// What holds since the fit counts it, and nobody need act on.
     pub fn notes(&self) -> Vec<String> {
         let nominal = self.stays_nominal.iter().cloned();
-        nominal
-            .chain(self.handled().filter_map(Result::err))
-            .collect()
+        (nominal.chain(self.handled().filter_map(Result::err))).collect()
     }
 
     /// The readings that were left out, and residuals that are too large.

@@ -13,7 +13,7 @@
 //! Student's t of the difference, over all parameters that are compared (Bonferroni), says whether both can be right; by that variance
 //! which makes it more probable.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -23,7 +23,8 @@ use super::mixed::{MixedModel, SumVariances, known_alone};
 use super::unknowns::is_geometry;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::codes::{Condition, ConditionCode};
-use crate::parameter::{ElasticArm, Parameter, ParameterKind};
+use crate::numeric::posterior::Posterior;
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::quantities::units::shown_unit;
 use crate::text::wording::p_value;
 
@@ -34,28 +35,14 @@ const BLOCKS: usize = 16;
 /// A standard error of a difference below this share of those of what differs is rounding: of sums that cancel, and of where fits end.
 const RESOLVED: f64 = 1e-4;
 
-/// What a series says of a parameter.
-#[derive(Debug, Clone)]
-struct SeriesEstimate {
-    parameter: Parameter,
-    /// Its place among all that were fitted.
-    place: usize,
-    value: f64,
-    /// What leaving out each block changes of it.
-    changes: Vec<f64>,
-}
-
-/// What a series says of the robot's own parameters.
+/// What a series says of a robot.
 #[derive(Debug, Clone)]
 pub struct SeriesEstimates {
-    /// Those that it determines.
-    parameters: Vec<SeriesEstimate>,
-    /// The covariance of all that were fitted, those of frames among them, as readings were weighed.
-    covariance: DMatrix<f64>,
-    /// The robot's parameters of which something is known before: places and precisions.
-    known_before: Vec<(ParameterKind, usize, f64)>,
-    /// The number of blocks that were left out,
-    blocks: usize,
+    set: ParameterSet,
+    /// What it says of the parameters, as readings were weighed,
+    posterior: Posterior,
+    /// and the values without each block of them,
+    without: Vec<DVector<f64>>,
     /// and whether the other series has the same ones.
     has_common_blocks: bool,
     /// Its readings with what their errors have in common, where there are enough to tell.
@@ -174,22 +161,10 @@ impl AbsoluteCase<'_> {
             let (_, mixed) = self.mixed(set, &fit, discrepancy)?;
             Some(mixed.with_waves(&self.commanded_turns()))
         });
-        let estimate = |(place, parameter): (usize, &Parameter)| {
-            fit.posterior.standard_error(place)?;
-            let value = fit.posterior.mean[place];
-            let changes = without.iter().map(|each| each.values[place] - value);
-            Some(SeriesEstimate {
-                parameter: parameter.clone(),
-                place,
-                value,
-                changes: changes.collect(),
-            })
-        };
         Ok(SeriesEstimates {
-            parameters: of_all.of_the_robot().filter_map(estimate).collect(),
-            known_before: known_alone(set).collect(),
-            covariance: fit.posterior.covariance,
-            blocks: blocks.len(),
+            set: set.clone(),
+            posterior: fit.posterior,
+            without: without.into_iter().map(|each| each.values).collect(),
             has_common_blocks,
             mixed,
             reference: self.arm.clone(),
@@ -208,18 +183,24 @@ impl SeriesEstimates {
     /// Where this series and another contradict each other. Geometry is compared where both were fitted with the same
     /// parameters of it: what one of them leaves out as redundant is in the others'.
     pub fn beside(&self, other: &Self) -> Inconsistencies {
-        let is_same = geometry(self) == geometry(other);
-        let twins = self.parameters.iter().filter_map(|one| {
-            let kind = one.parameter.kind;
-            let twin = (other.parameters.iter()).find(|each| each.parameter.kind == kind)?;
-            (is_same || !is_geometry(kind)).then_some([one, twin])
+        let (own, others): (Vec<_>, Vec<_>) =
+            (self.determined().collect(), other.determined().collect());
+        let geometry = |all: &[(ParameterKind, usize)]| -> Vec<ParameterKind> {
+            let kinds = all.iter().map(|each| each.0);
+            kinds.filter(|kind| is_geometry(*kind)).collect()
+        };
+        let is_same = geometry(&own) == geometry(&others);
+        let twins = own.iter().filter_map(|&(kind, place)| {
+            let (_, twin) = others.iter().find(|each| each.0 == kind)?;
+            (is_same || !is_geometry(kind)).then_some([place, *twin])
         });
-        let twins: Vec<[&SeriesEstimate; 2]> = twins.collect();
+        let twins: Vec<[usize; 2]> = twins.collect();
         let together = self.together(other, &twins);
-        let degrees = self.blocks.min(other.blocks) as f64 - 1.0;
+        let (both, degrees) = ([self, other], self.without.len().min(other.without.len()));
+        let degrees = degrees as f64 - 1.0;
         let mut beside = Inconsistencies::default();
-        for (at, both) in twins.iter().enumerate() {
-            let ([one, second], parameter) = (*both, &both[0].parameter);
+        for (at, &places) in twins.iter().enumerate() {
+            let parameter = &self.set.parameters()[places[0]];
             // Standard errors with their degrees of freedom, by blocks and by the model of both together: of the difference, the one and
             // the other.
             let yardsticks = |error: f64, which: usize| {
@@ -230,13 +211,14 @@ impl SeriesEstimates {
                 [Some([error, degrees]), together].into_iter().flatten()
             };
             // By leaving out blocks, and no less than what the weights say; where what both share is counted, that is not needed.
-            let mut apart = self.apart(other, *both);
+            let mut apart = self.apart(other, places);
             if !(self.has_common_blocks && together.is_some()) {
-                apart = apart.max(self.weighed(other, *both));
+                apart = apart.max(self.weighed(other, places));
             }
-            let own = [self.error(one), other.error(second)];
+            let own = [0, 1].map(|side| both[side].error(places[side]));
+            let values = [0, 1].map(|side| both[side].posterior.mean[places[side]]);
             let least = RESOLVED * own[0].hypot(own[1]);
-            let difference = one.value - second.value;
+            let difference = values[0] - values[1];
             let (mut largest, mut probability) = (0.0_f64, 0.0_f64);
             for [error, degrees] in yardsticks(apart, 0).filter(|[error, _]| *error > least) {
                 largest = largest.max(error);
@@ -253,14 +235,14 @@ impl SeriesEstimates {
             let interval = |side: usize| {
                 let halves = yardsticks(own[side], 1 + side);
                 let halves = halves.map(|[error, degrees]| error * two_sided_student(degrees));
-                let (value, half) = (both[side].value, halves.fold(0.0, f64::max));
+                let (value, half) = (values[side], halves.fold(0.0, f64::max));
                 [value - half, value + half].map(quantity)
             };
             beside.found.push(Inconsistency {
                 name: parameter.name.clone(),
                 kind: parameter.kind,
                 unit: parameter.quantity_unit(),
-                values: both.map(|each| quantity(each.value)),
+                values: values.map(quantity),
                 intervals95: [interval(0), interval(1)],
                 probability,
             });
@@ -274,35 +256,45 @@ impl SeriesEstimates {
         beside
     }
 
+    /// The robot's own parameters that it determines, with their places.
+    fn determined(&self) -> impl Iterator<Item = (ParameterKind, usize)> {
+        let all = self.set.parameters().iter().enumerate();
+        let own = all.filter(|(_, parameter)| !parameter.kind.is_mounted());
+        own.filter(|(place, _)| self.posterior.standard_error(*place).is_some())
+            .map(|(place, parameter)| (parameter.kind, place))
+    }
+
+    /// What leaving out each block changes of a parameter.
+    fn changes(&self, place: usize) -> impl ExactSizeIterator<Item = f64> {
+        let value = self.posterior.mean[place];
+        self.without.iter().map(move |values| values[place] - value)
+    }
+
     /// The standard error of an estimate by leaving out blocks, and no less than what the weights say.
-    fn error(&self, each: &SeriesEstimate) -> f64 {
-        let own = self.covariance[(each.place, each.place)].sqrt();
-        own.max(jackknife(each.changes.iter().copied()))
+    fn error(&self, place: usize) -> f64 {
+        let own = self.posterior.covariance[(place, place)].sqrt();
+        own.max(jackknife(self.changes(place)))
     }
 
     /// The standard error of a difference by leaving out blocks, of both series together where they have the same.
-    fn apart(&self, other: &Self, [one, second]: [&SeriesEstimate; 2]) -> f64 {
+    fn apart(&self, other: &Self, [one, second]: [usize; 2]) -> f64 {
         if self.has_common_blocks && other.has_common_blocks {
-            let both = one.changes.iter().zip(&second.changes);
+            let both = self.changes(one).zip(other.changes(second));
             return jackknife(both.map(|(one, second)| one - second));
         }
-        let alone = |each: &SeriesEstimate| jackknife(each.changes.iter().copied());
-        alone(one).hypot(alone(second))
+        jackknife(self.changes(one)).hypot(jackknife(other.changes(second)))
     }
 
     /// The same as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to one prior, which moves
     /// the difference by C1 - C2 alone. Summed as squares, so that it is never negative.
-    fn weighed(&self, other: &Self, [one, second]: [&SeriesEstimate; 2]) -> f64 {
-        let mut of_readings = [(self, one), (other, second)]
-            .map(|(series, each)| series.covariance[(each.place, each.place)]);
+    fn weighed(&self, other: &Self, [one, second]: [usize; 2]) -> f64 {
+        let [own, others] = [self, other].map(|series| &series.posterior.covariance);
+        let mut of_readings = [own[(one, one)], others[(second, second)]];
         let mut of_priors = 0.0;
-        for (kind, place, precision) in &self.known_before {
-            let twin = other.known_before.iter().find(|(each, ..)| each == kind);
+        for (kind, place, precision) in known_alone(&self.set) {
+            let twin = known_alone(&other.set).find(|(each, ..)| *each == kind);
             if let Some((_, twin, _)) = twin {
-                let pulled = [
-                    self.covariance[(one.place, *place)],
-                    other.covariance[(second.place, *twin)],
-                ];
+                let pulled = [own[(one, place)], others[(second, twin)]];
                 of_priors += precision * (pulled[0] - pulled[1]).powi(2);
                 for (own, pulled) in of_readings.iter_mut().zip(pulled) {
                     *own -= precision * pulled * pulled;
@@ -314,25 +306,16 @@ impl SeriesEstimates {
     }
 
     /// What one mixed model of both says: of the differences of what is compared, then of what the one says, then of the other.
-    fn together(&self, other: &Self, compared: &[[&SeriesEstimate; 2]]) -> Option<SumVariances> {
-        let count = compared.len();
-        let mut sums = DMatrix::zeros(
-            self.covariance.nrows() + other.covariance.nrows(),
-            3 * count,
-        );
+    fn together(&self, other: &Self, compared: &[[usize; 2]]) -> Option<SumVariances> {
+        let (size, count) = (self.set.len(), compared.len());
+        let mut sums = DMatrix::zeros(size + other.set.len(), 3 * count);
         for (at, [one, second]) in compared.iter().enumerate() {
-            let (one, second) = (one.place, self.covariance.nrows() + second.place);
-            sums[(one, at)] = 1.0;
-            sums[(second, at)] = -1.0;
-            sums[(one, count + at)] = 1.0;
-            sums[(second, 2 * count + at)] = 1.0;
+            sums[(*one, at)] = 1.0;
+            sums[(size + second, at)] = -1.0;
+            sums[(*one, count + at)] = 1.0;
+            sums[(size + second, 2 * count + at)] = 1.0;
         }
         let (one, second) = (self.mixed.as_ref()?, other.mixed.as_ref()?);
         one.beside(second).of_sums(&sums)
     }
-}
-
-fn geometry(series: &SeriesEstimates) -> Vec<ParameterKind> {
-    let kinds = series.parameters.iter().map(|each| each.parameter.kind);
-    kinds.filter(|kind| is_geometry(*kind)).collect()
 }

@@ -11,14 +11,14 @@
 //! at like angles of one joint share its error, however far apart they are else: that is what makes neighbours alike, and
 //! intervals from independent errors too small.
 
-use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix6};
 
 use statrs::distribution::FisherSnedecor;
 
-use super::super::discrepancy::{six_rows, three_rows};
+use super::super::discrepancy::six_rows;
 use super::super::spread::logarithm;
+use super::ReadingResidual;
 use super::residuals::LinearReading;
-use super::{Discrepancy, ReadingResidual};
 use crate::numeric::markov::{Between, MarkovProcess};
 use crate::numeric::quantile::exceeded_with;
 use crate::numeric::tolerance::{CHI_SQUARE_95, ends};
@@ -101,8 +101,8 @@ pub struct DiscrepancyModel {
     pub shift: DVector<f64>,
     /// The covariance of the parameters and of the joints' values at their knots, one joint after the other.
     pub covariance: DMatrix<f64>,
-    /// What joints do not explain.
-    pub rest: Discrepancy,
+    /// What joints do not explain: standard deviations of each coordinate of positions (m) and rotations (rad).
+    pub rest: [f64; 2],
     /// By how much larger than computed the squares of errors are that were seen where visits were
     /// predicted by a fit to the others: of positions and of rotations, where joints do not say that they are larger or smaller. Regions are
     /// larger by the root.
@@ -139,7 +139,7 @@ pub struct Unexplained {
 
 impl DiscrepancyModel {
     /// Only parameters with their covariance, and what is new in each reading.
-    pub fn plain(covariance: DMatrix<f64>, rest: Discrepancy) -> Self {
+    pub fn plain(covariance: DMatrix<f64>, rest: [f64; 2]) -> Self {
         Self {
             joints: Vec::new(),
             shift: DVector::zeros(covariance.nrows()),
@@ -240,9 +240,8 @@ impl DiscrepancyModel {
             let variance = joint.deviation.powi(2) * between.spare + joint.repeatability.powi(2);
             new.ger(variance, &moved, &moved, 1.0);
         }
-        let rest = self.rest.covariance();
         for row in 0..left.len() {
-            new[(row, row)] += rest[(row, row)];
+            new[(row, row)] += self.rest[row / 3].powi(2);
         }
         LocalRows {
             index,
@@ -279,17 +278,12 @@ impl DiscrepancyModel {
         covariance: &DMatrix<f64>,
         q: &[f64],
     ) -> ReadingPrognosis {
-        let part = |first| (residual.len() > first).then(|| three_rows(residual, first));
         let is_within = [0, 1].map(|part| {
             let square = region_square(residual, covariance, 3 * part)?;
             Some(square <= SQUARE_95 * self.scale_at(part, q))
         });
         ReadingPrognosis {
-            left: ReadingResidual {
-                position_m: part(0).unwrap_or_else(Vector3::zeros),
-                coordinates: residual.len().min(3),
-                rotation_rad: part(3),
-            },
+            left: ReadingResidual::of_rows(residual),
             covariance: six_rows(covariance),
             is_within,
         }
@@ -351,7 +345,7 @@ mod tests {
                     values,
                     spread: [Vec::new(), Vec::new()],
                 }],
-                ..DiscrepancyModel::plain(DMatrix::from_diagonal(&all), [0.0; 2].into())
+                ..DiscrepancyModel::plain(DMatrix::from_diagonal(&all), [0.0; 2])
             };
             let model = DiscrepancyModel {
                 shift: DVector::zeros(1),

@@ -26,7 +26,7 @@ mod unknowns;
 mod visits;
 
 use super::copies::CopiedReadings;
-use super::discrepancy::{Discrepancy, ReadingResidual, joint_space_blocks};
+use super::discrepancy::{ReadingResidual, joint_space_blocks};
 use super::outliers::RejectedReading;
 pub use blocks::FEWEST_BLOCKS;
 pub use case::AbsoluteCase;

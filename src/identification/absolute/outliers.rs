@@ -2,11 +2,12 @@
 
 use nalgebra::Matrix6;
 
-use super::super::discrepancy::six_rows;
+use super::super::discrepancy::{discrepancy_covariance, six_rows};
 use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit};
 use super::super::outliers::LookedOver;
+use super::AbsoluteCase;
 use super::case::whitener;
-use super::{AbsoluteCase, Discrepancy, RejectedReading};
+use super::fit::KeptFit;
 use crate::numeric::tolerance::median;
 use crate::parameter::ParameterSet;
 
@@ -62,21 +63,21 @@ impl AbsoluteCase<'_> {
         Some(fit)
     }
 
-    /// What a fit to all readings but those that were rejected says of all.
-    pub(super) fn looked_over<'a>(
-        &'a self,
-        set: &ParameterSet,
-        (fit, found): (&ParameterFit, Option<[f64; 2]>),
-        rejected: &[RejectedReading],
-    ) -> Option<LookedOver<'a>> {
-        let discrepancy = Discrepancy::from(found.unwrap_or_default());
+    /// What a fit to all readings but those that were rejected, or another one of these that is robust, says of all.
+    pub(super) fn looked_over(
+        &self,
+        found: &KeptFit<'_>,
+        fit: &ParameterFit,
+    ) -> Option<LookedOver<'_>> {
+        let discrepancy = discrepancy_covariance(found.discrepancy.unwrap_or_default());
         let own = &self.covariances;
         let mut known = vec![Matrix6::zeros(); own.len()];
         let is_pulled = is_pulled(fit);
         if is_pulled {
             let mut here = self.clone();
-            let values = here.rebased(set, fit);
-            let rows = here.rows_at(&here.arm, set, values.as_slice(), &[]).ok()?;
+            let values = here.rebased(&found.set, fit);
+            let rows = here.rows_at(&here.arm, &found.set, values.as_slice(), &[]);
+            let rows = rows.ok()?;
             for (known, rows) in known.iter_mut().zip(&rows) {
                 let predicted =
                     &rows.columns * &fit.posterior.covariance * rows.columns.transpose();
@@ -86,13 +87,10 @@ impl AbsoluteCase<'_> {
         let angles = (self.observations.iter()).map(|each| each.setup.commanded_rad.as_slice());
         Some(LookedOver {
             left: self.left(&fit.belief).ok()?,
-            weighed: own
-                .iter()
-                .map(|own| own + discrepancy.covariance())
-                .collect(),
-            own,
+            weighed: own.iter().map(|own| own + discrepancy).collect(),
+            own: own.clone(),
             known,
-            rejected: rejected.to_vec(),
+            rejected: found.rejected.clone(),
             angles: angles.collect(),
             spare: fit.spare(),
             // Of readings enough for a fit with frames their number makes next to no difference.
@@ -101,7 +99,7 @@ impl AbsoluteCase<'_> {
             } else {
                 f64::INFINITY
             },
-            is_drawn: is_pulled && found.is_some() && rejected.is_empty(),
+            is_drawn: is_pulled && found.discrepancy.is_some() && found.rejected.is_empty(),
             plausible: None,
         })
     }

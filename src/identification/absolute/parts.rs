@@ -5,12 +5,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::super::IdentificationError;
-use super::super::discrepancy::three_rows;
+use super::super::discrepancy::{discrepancy_covariance, three_rows};
 use super::mixed::VarianceComponents;
 use super::residuals::LinearReading;
 use super::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy, DiscrepancyModel, ParameterGroup,
-    ReadingWeights,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, DiscrepancyModel, ParameterGroup, ReadingWeights,
 };
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::markov::{ProcessPoint, SampledFunction};
@@ -70,9 +69,7 @@ impl<'a> AbsoluteCase<'a> {
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
         let model = all.discrepancy_model.as_ref();
-        let rest = model.map_or(all.discrepancy.unwrap_or_default(), |each| {
-            [each.model.rest.position_m, each.model.rest.rotation_rad]
-        });
+        let rest = model.map_or(all.discrepancy.unwrap_or_default(), |each| each.model.rest);
         // What readings share by the planner's model is in their weights already.
         let known = self.known_components(rest);
         let left = match (&known, model) {
@@ -162,12 +159,10 @@ impl PartsOfReadings<'_> {
         let deviations = self.known.functions.iter().map(|each| each.deviation_rad);
         let deviations: Vec<f64> = deviations.collect();
         let deviations = DMatrix::from_diagonal(&deviations.into());
-        let rest = Discrepancy::from(self.known.rest).covariance();
+        let rest = discrepancy_covariance(self.known.rest);
         let reading = |(number, (each, rows)): (usize, (&Observation, LinearReading))| {
             let mut by_unknowns = &sizes * rows.columns.transpose();
-            factor
-                .l_dirty()
-                .solve_lower_triangular_mut(&mut by_unknowns);
+            (factor.l_dirty()).solve_lower_triangular_mut(&mut by_unknowns);
             let (count, q) = (rows.own.nrows(), &each.setup.commanded_rad);
             let returns = self.known.returns(&rows.joints);
             CorrelatedReading {
@@ -199,9 +194,7 @@ impl PartsOfReadings<'_> {
         observations: &[Observation],
         chosen: &[usize],
     ) -> Option<PredictedPositions> {
-        let mut part = self
-            .case
-            .part_of(|index| chosen.binary_search(&index).is_ok());
+        let mut part = (self.case).part_of(|index| chosen.binary_search(&index).is_ok());
         for (to, &index) in part.observations.iter_mut().zip(chosen) {
             to.clone_from(&observations[index]);
         }
@@ -209,7 +202,7 @@ impl PartsOfReadings<'_> {
         let fit = part.fit_near(set, set.prior().mean.as_slice()).ok()?;
         let joints = self.known.joints();
         let model = if joints.is_empty() {
-            DiscrepancyModel::plain(fit.posterior.covariance.clone(), self.known.rest.into())
+            DiscrepancyModel::plain(fit.posterior.covariance.clone(), self.known.rest)
         } else {
             let (_, mixed) = part.mixed_of(set, &fit.posterior, joints.clone(), self.known.rest)?;
             mixed.with_known(&self.known)?
@@ -223,7 +216,7 @@ impl PartsOfReadings<'_> {
             let q = each.setup.commanded_rad.as_slice();
             let (left, covariance) = model.prognosis(rows, &places, q);
             if chosen.binary_search(&index).is_err() {
-                let new = model.rest.covariance() + self.case.covariances[index];
+                let new = discrepancy_covariance(model.rest) + self.case.covariances[index];
                 let coordinates = left.len().min(3);
                 let returns = self.known.returns(&rows.joints).diagonal();
                 let [all, new] = [
@@ -277,12 +270,8 @@ impl PartsOfReadings<'_> {
             observations: Vec::new(),
             expected_m: Vec::new(),
         };
-        for (each, (setup, returned)) in self
-            .case
-            .observations
-            .iter()
-            .zip(setups.iter().zip(&returned))
-        {
+        let setups = setups.iter().zip(&returned);
+        for (each, (setup, returned)) in self.case.observations.iter().zip(setups) {
             let kind = each.reading.kind();
             let expected = model.predict(Form::AtRest, setup, kind, &mut derivatives)?;
             let predicted = model.predict(Form::AtRest, returned, kind, &mut derivatives)?;

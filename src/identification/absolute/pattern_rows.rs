@@ -2,10 +2,11 @@
 
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
+use super::super::discrepancy::discrepancy_covariance;
 use super::super::error::IdentificationError;
 use super::super::patterns::{BLOCKS, LookedAt, ReadingRows};
 use super::case::whitener;
-use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy};
+use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{Form, Observation, ObservationModel, ReadingKind};
 use crate::parameter::ParameterKind;
@@ -34,12 +35,12 @@ impl AbsoluteCase<'_> {
         let scales = set.scales();
         let mut model = ObservationModel::new(&set, &fit.reference, values.as_slice());
         let [mut rows, mut other] = [(); 2].map(|()| Matrix6xX::zeros(set.len()));
-        let discrepancy = Discrepancy::from(fit.discrepancy.unwrap_or_default());
+        let discrepancy = discrepancy_covariance(fit.discrepancy.unwrap_or_default());
         let blocks = self.blocks(BLOCKS.min(self.different() / 2).max(1));
         let mut all = Vec::new();
         for (index, reading) in readings.iter().enumerate() {
             // As if it shared no discrepancy with others.
-            let covariance = self.covariances[index] + discrepancy.covariance();
+            let covariance = self.covariances[index] + discrepancy;
             let each = Observation {
                 whitener: whitener(&covariance),
                 ..self.observations[index].clone()
@@ -106,15 +107,13 @@ fn placed_columns(
     position_m: Vector3<f64>,
     fit: &AbsoluteFit,
 ) -> Matrix6xX<f64> {
-    let base = fit.arm.instrument_from_base[each.setup.station]
-        .translation
-        .vector;
+    let base = &fit.arm.instrument_from_base[each.setup.station];
     let sight = position_m.try_normalize(0.0).unwrap_or_default();
     let directions = [
         Vector3::x(),
         Vector3::y(),
         Vector3::z(),
-        position_m - base,
+        position_m - base.translation.vector,
         sight,
     ];
     let kind = each.reading.kind();

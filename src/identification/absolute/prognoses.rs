@@ -108,7 +108,7 @@ impl AbsoluteCase<'_> {
         };
         let mut case = self.clone();
         case.arm = arm.clone();
-        case.weigh([discrepancy.rest.position_m, discrepancy.rest.rotation_rad]);
+        case.weigh(discrepancy.rest);
         let readings = case.fitted_readings(&all);
         let equations = readings.equations(&all.prior().mean)?;
         let sizes = all.scales();
@@ -206,9 +206,7 @@ impl AbsoluteCase<'_> {
         else {
             return Ok(None);
         };
-        let change = factor
-            .solve(&pull.component_mul(&size))
-            .component_mul(&size);
+        let change = (factor.solve(&pull.component_mul(&size))).component_mul(&size);
         let of_station = read.len().max(1) as f64;
         let displaced = read
             .iter()

@@ -77,13 +77,8 @@ pub struct RepeatComponents {
     pub not_separated: Vec<String>,
 }
 
-struct ReturnVariances {
-    /// Which joints have one in common.
-    classes: Vec<Vec<usize>>,
-    /// That of the readings first, where it is estimated, then those of the classes, and their expected information.
-    variances: Vec<f64>,
-    information: DMatrix<f64>,
-}
+/// Which joints have a variance in common.
+type ReturnClasses = Vec<Vec<usize>>;
 
 /// Contrasts of one covariance.
 struct Contrasts {
@@ -135,11 +130,7 @@ impl AbsoluteCase<'_> {
         if poses.is_empty() {
             return None;
         }
-        let ReturnVariances {
-            classes,
-            variances,
-            information,
-        } = components(&contrasts, joints.len(), within > 0)?;
+        let (classes, variances, information) = components(&contrasts, joints.len(), within > 0)?;
         let first = usize::from(within > 0);
         let errors = Cholesky::new(information)?.inverse();
         let chain = &self.arm.chain.joints;
@@ -187,8 +178,7 @@ impl AbsoluteCase<'_> {
                 not_separated.push(format!("{} {told}", chain[joint].name));
             }
         }
-        let all: Vec<usize> = (0..fit.left.len()).collect();
-        let rows = fit.of_kept(&all);
+        let rows = fit.kept();
         let pose = |(reading, place): (usize, usize)| {
             let moved = contrasts[place].joints.rows(0, 3);
             let mut covariance = DMatrix::zeros(3, 3);
@@ -224,8 +214,7 @@ fn averaged(
         let target = targets.entry((setup.station, setup.target));
         target.or_default().push(index);
     }
-    let size = targets
-        .values()
+    let size = (targets.values())
         .map(|own| rows[own[0]].residual.len())
         .sum();
     let joints = rows[visit[0]].joints.ncols();
@@ -238,18 +227,14 @@ fn averaged(
     };
     let mut at = 0;
     for own in targets.values() {
-        let parts = own
-            .iter()
-            .map(|&index| (&rows[index].residual, &rows[index].own));
+        let parts = (own.iter()).map(|&index| (&rows[index].residual, &rows[index].own));
         let within = DMatrix::zeros(rows[own[0]].residual.len(), joints);
         let (mean, of_target) = about_mean(&parts.collect::<Vec<_>>(), within);
         let count = mean.len();
         all.residual.rows_mut(at, count).copy_from(&mean);
         (all.own.view_mut((at, at), (count, count)))
             .copy_from(&(&of_target.own / own.len() as f64));
-        all.joints
-            .rows_mut(at, count)
-            .copy_from(&rows[own[0]].joints);
+        (all.joints.rows_mut(at, count)).copy_from(&rows[own[0]].joints);
         at += count;
         contrasts.extend((own.len() > 1).then_some(of_target));
     }
@@ -262,10 +247,8 @@ fn about_mean(
     joints: DMatrix<f64>,
 ) -> (DVector<f64>, Contrasts) {
     let (size, count) = (parts[0].0.len(), parts.len() as f64);
-    let mean = parts
-        .iter()
-        .fold(DVector::zeros(size), |sum, (residual, _)| sum + *residual)
-        / count;
+    let sum = (parts.iter()).fold(DVector::zeros(size), |sum, (residual, _)| sum + *residual);
+    let mean = sum / count;
     let mut of = Contrasts {
         scatter: DMatrix::zeros(size, size),
         count: count - 1.0,
@@ -280,12 +263,13 @@ fn about_mean(
     (mean, of)
 }
 
-/// All variances, and which joints have one in common.
+/// Which joints have a variance in common; that of the readings, where it is estimated, then those of these classes, and their expected
+/// information.
 fn components(
     contrasts: &[Contrasts],
     joints: usize,
     is_reading_estimated: bool,
-) -> Option<ReturnVariances> {
+) -> Option<(ReturnClasses, Vec<f64>, DMatrix<f64>)> {
     let moved = |joint: usize| {
         let columns = contrasts.iter().map(|each| each.joints.column(joint));
         columns.map(|column| column.amax()).fold(0.0, f64::max)
@@ -294,12 +278,9 @@ fn components(
     let moving: Vec<usize> = (0..joints)
         .filter(|&joint| moved(joint) > SHOWN * most)
         .collect();
-    let numbers: f64 = contrasts
-        .iter()
-        .map(|each| each.count * each.own.nrows() as f64)
-        .sum();
-    let mut classes: Vec<Vec<usize>> = if numbers < NUMBERS_PER_VARIANCE * (moving.len() + 1) as f64
-    {
+    let numbers = (contrasts.iter()).map(|each| each.count * each.own.nrows() as f64);
+    let wanted = NUMBERS_PER_VARIANCE * (moving.len() + 1) as f64;
+    let mut classes: ReturnClasses = if numbers.sum::<f64>() < wanted {
         vec![moving]
     } else {
         moving.into_iter().map(|joint| vec![joint]).collect()
@@ -314,30 +295,23 @@ fn components(
         let variances = model.likeliest()?;
         let information = model.improved(&variances)?.1;
         let inverse = Cholesky::new(information.clone()).map(|factor| factor.inverse());
-        let is_inflated = |place: usize| {
-            let own = information[(place, place)];
-            inverse
-                .as_ref()
-                .is_none_or(|inverse| inverse[(place, place)] * own > INFLATED)
+        let is_inflated = |place: &usize| {
+            let own = information[(*place, *place)];
+            let inverse = inverse.as_ref();
+            inverse.is_none_or(|inverse| inverse[(*place, *place)] * own > INFLATED)
         };
-        let alike = |one: usize, other: usize| {
+        let alike = |&(one, other): &(usize, usize)| {
             let size = information[(one, one)] * information[(other, other)];
             information[(one, other)] / size.sqrt()
         };
-        let inflated = (first..variances.len()).filter(|&place| is_inflated(place));
+        let all = first..variances.len();
         // The two that are told apart worst become one.
-        let pairs = inflated.flat_map(|one| {
-            let others = (first..variances.len()).filter(move |other| *other != one);
-            others.map(move |other| (one, other))
-        });
-        let worst =
-            pairs.max_by(|one, other| alike(one.0, one.1).total_cmp(&alike(other.0, other.1)));
+        let pairs = (all.clone().filter(is_inflated))
+            .flat_map(|one| all.clone().map(move |other| (one, other)))
+            .filter(|(one, other)| one != other);
+        let worst = pairs.max_by(|one, other| alike(one).total_cmp(&alike(other)));
         let Some((one, other)) = worst else {
-            return Some(ReturnVariances {
-                classes,
-                variances,
-                information,
-            });
+            return Some((classes, variances, information));
         };
         let joined = classes.remove(one.max(other) - first);
         let class = &mut classes[one.min(other) - first];

@@ -107,9 +107,7 @@ impl AbsoluteCase<'_> {
     /// Which of these turn; the others slide.
     pub(super) fn commanded_turns(&self) -> Vec<bool> {
         let joints = self.arm.chain.commanded();
-        joints
-            .map(|joint| !self.arm.chain.joints[joint].drive.slides)
-            .collect()
+        (joints.map(|joint| !self.arm.chain.joints[joint].drive.slides)).collect()
     }
 
     /// All readings at the values (p) of a set's parameters, which count from `reference`.
@@ -120,9 +118,7 @@ impl AbsoluteCase<'_> {
         values: &[f64],
         joints: &[usize],
     ) -> Result<Vec<LinearReading>, IdentificationError> {
-        let zeros = joints
-            .iter()
-            .map(|&joint| ParameterKind::JointZero { joint });
+        let zeros = (joints.iter()).map(|&joint| ParameterKind::JointZero { joint });
         // Zeros are parameters of any chain.
         let (all, places) = set
             .with_more(reference, zeros)

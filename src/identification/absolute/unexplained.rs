@@ -98,9 +98,7 @@ impl AbsoluteCase<'_> {
         if self.reads_distances() && self.visits.len() < self.observations.len() {
             return None;
         }
-        let rows = self
-            .rows_at(&self.arm, set, &posterior.mean, &joints)
-            .ok()?;
+        let rows = (self.rows_at(&self.arm, set, &posterior.mean, &joints)).ok()?;
         let mixed = MixedModel::new(self, &rows, joints, (set, posterior), discrepancy);
         Some((rows, mixed))
     }
@@ -117,17 +115,17 @@ impl AbsoluteCase<'_> {
         let (rows, mixed) = self.mixed(set, fit, discrepancy)?;
         let values = &fit.posterior.mean;
         let others = left_out.rows_at(&self.arm, set, values, &self.commanded_joints());
-        let found = mixed.fit(&mixed.visits_of(left_out, &others.ok()?))?;
+        let (model, predicted_by_others) = mixed.fit(&mixed.visits_of(left_out, &others.ok()?))?;
         let turns = self.commanded_turns();
         let (covariance, degrees) = mixed.with_waves(&turns).of_parameters()?;
         Some(Unexplained {
-            left: self.left_of(&rows, &found.model),
+            left: self.left_of(&rows, &model),
             visits: self.visits.len(),
             effective_sample_size: self.effective_sample_size(&fit.posterior, &covariance),
-            predicted_by_others: found.predicted_by_others,
+            predicted_by_others,
             covariance: symmetric(&covariance),
             degrees,
-            model: found.model,
+            model,
         })
     }
 

@@ -61,9 +61,7 @@ impl ParameterGroup {
         let joints = 0..arm.chain.len();
         match self {
             Self::Frames => Vec::new(),
-            Self::Zeros => joints
-                .map(|joint| ParameterKind::JointZero { joint })
-                .collect(),
+            Self::Zeros => (joints.map(|joint| ParameterKind::JointZero { joint })).collect(),
             Self::Links => joints
                 .flat_map(|link| {
                     let position = Axis::ALL.map(|axis| ParameterKind::LinkPosition { link, axis });
@@ -84,20 +82,13 @@ impl ParameterGroup {
                 })
                 .collect(),
             Self::Payload => {
-                let link = arm.chain.len().saturating_sub(1);
-                if arm
-                    .chain
-                    .joints
-                    .get(link)
-                    .is_none_or(|joint| joint.mass_kg <= 0.0)
-                {
-                    return Vec::new();
-                }
-                let centre = Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis });
-                [ParameterKind::LinkMass { link }]
-                    .into_iter()
-                    .chain(centre)
-                    .collect()
+                let last = arm.chain.joints.iter().enumerate().next_back();
+                let heavy = last.filter(|(_, joint)| joint.mass_kg > 0.0);
+                let kinds = heavy.map(|(link, _)| {
+                    let centre = Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis });
+                    [&[ParameterKind::LinkMass { link }][..], &centre].concat()
+                });
+                kinds.unwrap_or_default()
             }
             Self::All => of_all(
                 &[
@@ -144,12 +135,8 @@ pub struct LeftOut {
     pub sentence: String,
 }
 
-/// What is unknown, with the deviation of what is known of each by itself.
-struct NamedUnknowns {
-    unknowns: Vec<(ParameterKind, Option<f64>)>,
-    /// What is known of the first of them.
-    before: Prior,
-}
+/// A parameter that is unknown, with the deviation of what is known of it by itself.
+type Unknown = (ParameterKind, Option<f64>);
 
 impl AbsoluteCase<'_> {
     /// The frames of stations and targets; how a target is turned shows in poses alone.
@@ -200,18 +187,18 @@ impl AbsoluteCase<'_> {
 
     /// The names of what the belief leaves open and groups leave out: it is as the scenario has it.
     pub fn unasked(&self, groups: &[ParameterGroup]) -> Vec<String> {
-        let asked = self.named_unknowns(groups).unknowns;
-        let open = self.named_unknowns(&[]).unknowns.into_iter();
-        let left = open.filter(|(kind, _)| asked.iter().all(|(each, _)| each != kind));
+        let (asked, _) = self.named_unknowns(groups);
+        let (open, _) = self.named_unknowns(&[]);
+        let left = open
+            .into_iter()
+            .filter(|(kind, _)| asked.iter().all(|(each, _)| each != kind));
         left.map(|(kind, _)| kind.name(&self.arm)).collect()
     }
 
-    fn named_unknowns(&self, groups: &[ParameterGroup]) -> NamedUnknowns {
+    /// What is unknown, and what is known of the first of it.
+    fn named_unknowns(&self, groups: &[ParameterGroup]) -> (Vec<Unknown>, Prior) {
         let named = of_all(groups, &self.arm);
-        let is_loaded = self
-            .observations
-            .iter()
-            .any(|each| each.setup.load != Load::NONE);
+        let is_loaded = (self.observations.iter()).any(|each| each.setup.load != Load::NONE);
         let precision = self.belief.precision();
         let wanted = |place: &usize, kind: ParameterKind| match kind {
             // These have no part in readings.
@@ -226,8 +213,7 @@ impl AbsoluteCase<'_> {
         let places: Vec<usize> = (0..before.len())
             .filter(|place| wanted(place, before[*place].0))
             .collect();
-        let mut unknowns: Vec<(ParameterKind, Option<f64>)> =
-            places.iter().map(|&place| before[place]).collect();
+        let mut unknowns: Vec<Unknown> = places.iter().map(|&place| before[place]).collect();
         let more = named.into_iter().chain(self.whole_frames());
         for kind in more {
             if !unknowns.iter().any(|(known, _)| *known == kind) {
@@ -239,7 +225,7 @@ impl AbsoluteCase<'_> {
             mean: values.select_rows(&places),
             precision: precision.select_rows(&places).select_columns(&places),
         };
-        NamedUnknowns { unknowns, before }
+        (unknowns, before)
     }
 
     /// The same with what was left out.
@@ -248,30 +234,18 @@ impl AbsoluteCase<'_> {
         groups: &[ParameterGroup],
         asked: &[PlannedReading],
     ) -> Result<(ParameterSet, Vec<LeftOut>), AbsoluteError> {
-        let NamedUnknowns { unknowns, before } = self.named_unknowns(groups);
-        let with = |unknowns: &[(ParameterKind, Option<f64>)], before: &Prior| {
-            let first: Vec<usize> = (0..before.mean.len()).collect();
-            ParameterSet::new(&self.arm, unknowns.iter().copied())
-                .map(|set| set.with_earlier(&first, &before.mean, &before.precision))
-        };
-        let all = with(&unknowns, &before)?;
+        let (unknowns, before) = self.named_unknowns(groups);
+        let first: Vec<usize> = (0..before.mean.len()).collect();
+        let all = ParameterSet::new(&self.arm, unknowns)?
+            .with_earlier(&first, &before.mean, &before.precision);
         let left_out = self.redundant(&all, asked);
         let is_kept = |place: &usize| {
-            left_out.iter().all(|each| each.0 != *place) && self.shows(unknowns[*place].0)
+            let is_left_out = left_out.iter().any(|each| each.0 == *place);
+            !is_left_out && self.shows(all.parameters()[*place].kind)
         };
-        let kept: Vec<usize> = (0..unknowns.len()).filter(is_kept).collect();
-        let known: Vec<usize> = kept
-            .iter()
-            .copied()
-            .filter(|&place| place < before.mean.len())
-            .collect();
-        let before = Prior {
-            mean: before.mean.select_rows(&known),
-            precision: before.precision.select_rows(&known).select_columns(&known),
-        };
-        let unknowns: Vec<_> = kept.iter().map(|&place| unknowns[place]).collect();
+        let kept: Vec<usize> = (0..all.len()).filter(is_kept).collect();
         let left_out = left_out.into_iter().map(|(_, each)| each).collect();
-        Ok((with(&unknowns, &before)?, left_out))
+        Ok((all.subset(&kept), left_out))
     }
 
     /// The parameters of geometry, by their places in a set, that no reading of a rigid robot can tell from the others, and that no
@@ -302,7 +276,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// The belief's unknowns, with the deviations of those that are uncertain.
-    fn known_before(&self) -> Vec<(ParameterKind, Option<f64>)> {
+    fn known_before(&self) -> Vec<Unknown> {
         match &self.belief.uncertain {
             Some(extended) => (extended.set().parameters().iter())
                 .map(|each| (each.kind, each.prior_deviation))

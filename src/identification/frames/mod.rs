@@ -68,7 +68,7 @@ impl MountedFrames {
     }
 
     /// What is left of one (m^2).
-    pub(super) fn square(&self, sight: &Sight) -> f64 {
+    fn square(&self, sight: &Sight) -> f64 {
         let seen = self.instrument_from_base[sight.station]
             * sight.base_from_link
             * self.link_from_tool[sight.target];
@@ -76,6 +76,12 @@ impl MountedFrames {
             (rotation - seen.rotation.to_rotation_matrix().matrix()).norm_squared() / 2.0
         });
         (sight.position_m - seen.translation.vector).norm_squared() + turned * LENGTH_M * LENGTH_M
+    }
+
+    /// What is left of each (m).
+    pub(super) fn left(&self, sights: &[Sight]) -> Vec<f64> {
+        let left = sights.iter().map(|sight| self.square(sight).sqrt());
+        left.collect()
     }
 
     /// Turns each tool as the orientations have it where the stations are.

@@ -79,16 +79,12 @@ fn place_stations(frames: &mut MountedFrames, sights: &[Sight]) {
         let weights: f64 = pairs.iter().map(|pair| pair.2).sum();
         let weights = if weights > 0.0 { weights } else { 1.0 };
         let mean = |of: fn(&WeighedPair) -> Vector3<f64>| {
-            pairs
-                .iter()
-                .map(|pair| of(pair) * pair.2)
-                .sum::<Vector3<f64>>()
-                / weights
+            let sum: Vector3<f64> = pairs.iter().map(|pair| of(pair) * pair.2).sum();
+            sum / weights
         };
         let (here, seen) = (mean(|pair| pair.0), mean(|pair| pair.1));
-        let products = pairs
-            .iter()
-            .map(|pair| (pair.1 - seen) * (pair.0 - here).transpose() * pair.2);
+        let products =
+            (pairs.iter()).map(|pair| (pair.1 - seen) * (pair.0 - here).transpose() * pair.2);
         let rotation = nearest(&products.sum::<Matrix3<f64>>());
         *base = isometry(&rotation, seen - rotation * here);
     }
@@ -101,9 +97,7 @@ pub(super) fn translate(frames: &mut MountedFrames, sights: &[Sight], tools: &[I
     let size = 3 * (stations + frames.link_from_tool.len());
     let mut sums = LinearSums::zeros(size);
     for sight in sights {
-        let base = frames.instrument_from_base[sight.station]
-            .rotation
-            .to_rotation_matrix();
+        let base = (frames.instrument_from_base[sight.station].rotation).to_rotation_matrix();
         let link = base * sight.base_from_link.rotation.to_rotation_matrix();
         let right = sight.position_m - base * sight.base_from_link.translation.vector;
         let mut row = DMatrix::zeros(3, size);
@@ -175,12 +169,8 @@ fn relaxed(sights: &[Sight], stations: usize, tools: &[Isometry3<f64>]) -> Mount
         let target = 12 * stations + of_target * sight.target;
         (row.fixed_view_mut::<3, 3>(0, target)).copy_from(&-link.matrix());
         sums.add(&row, &sight.base_from_link.translation.vector, sight.weight);
-        for (read, column) in sight
-            .rotation
-            .iter()
-            .flat_map(Matrix3::column_iter)
-            .zip(1..)
-        {
+        let columns = sight.rotation.iter().flat_map(Matrix3::column_iter);
+        for (read, column) in columns.zip(1..) {
             let mut row = DMatrix::zeros(3, size);
             for (by, read) in read.iter().enumerate() {
                 let mut turned = row.fixed_view_mut::<3, 3>(0, 12 * sight.station + 3 * by);
@@ -231,11 +221,8 @@ impl LinearSums {
         let eigen = SymmetricEigen::new(self.information.clone());
         let least = UNSEEN * eigen.eigenvalues.amax();
         let mut solved = known.clone();
-        for (&value, vector) in eigen
-            .eigenvalues
-            .iter()
-            .zip(eigen.eigenvectors.column_iter())
-        {
+        let vectors = eigen.eigenvectors.column_iter();
+        for (&value, vector) in eigen.eigenvalues.iter().zip(vectors) {
             if value > least {
                 solved.axpy(vector.dot(&gap) / value, &vector, 1.0);
             }

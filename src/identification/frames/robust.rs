@@ -40,10 +40,7 @@ impl RobustFrames {
         let mut some: Vec<Sight> = evenly(sights);
         let mut found = all.frames.clone();
         for step in 0..STEPS {
-            let left: Vec<f64> = some
-                .iter()
-                .map(|sight| found.square(sight).sqrt())
-                .collect();
+            let left = found.left(&some);
             // The bend from squares to absolute values comes nearer to the median.
             let bend = median_or_zero(left.clone()).max(f64::MIN_POSITIVE) * 0.7_f64.powi(step);
             for (sight, left) in some.iter_mut().zip(left) {
@@ -83,10 +80,7 @@ impl RobustFrames {
     }
 
     fn of(frames: MountedFrames, sights: &[Sight]) -> Self {
-        let left: Vec<f64> = sights
-            .iter()
-            .map(|sight| frames.square(sight).sqrt())
-            .collect();
+        let left = frames.left(sights);
         let median_m = median_or_zero(left.clone());
         let least = median_m.max(LEAST_M);
         Self {

@@ -212,10 +212,9 @@ impl FittedReadings<'_> {
         if is_none || is_frame.len() == self.set.len() {
             return start;
         }
-        let others_nominal = self.set.apply(self.nominal, start.as_slice());
         let frames = self.set.subset(&is_frame);
         // Their nominal values are applied already; the subset's values count from the nominal belief.
-        let mut belief = others_nominal;
+        let mut belief = self.set.apply(self.nominal, start.as_slice());
         belief.tools.clone_from(&self.nominal.tools);
         (belief.instrument_from_base).clone_from(&self.nominal.instrument_from_base);
         let readings = FittedReadings {
@@ -224,19 +223,10 @@ impl FittedReadings<'_> {
             observations: self.observations,
             shared: None,
         };
-        let (_, estimable) = readings.determined();
-        if estimable.rank() > 0 {
-            let problem = FitProblem {
-                readings,
-                prior: relative_precision(&frames),
-                basis: estimable.basis(),
-                haste: Haste::None,
-            };
-            // Where they cannot be found alone, all parameters may still be.
-            if let Ok((values, _, _)) = problem.solve(&frames.prior().mean) {
-                for (&index, value) in is_frame.iter().zip(&values) {
-                    start[index] = *value;
-                }
+        // Where they cannot be found alone, all parameters may still be.
+        if let Ok(fit) = readings.fit_from(&frames.prior().mean, Haste::None) {
+            for (&index, value) in is_frame.iter().zip(&fit.posterior.mean) {
+                start[index] = *value;
             }
         }
         start
@@ -256,15 +246,6 @@ pub(super) struct FitProblem<'a> {
     pub prior: DMatrix<f64>,
     pub basis: &'a DMatrix<f64>,
     pub haste: Haste,
-}
-
-struct StepBefore {
-    values: DVector<f64>,
-    gradient: DVector<f64>,
-    /// The undamped step's length in standard errors.
-    steps: f64,
-    /// The smallest sum of squares there is, if the model is linear.
-    predicted: f64,
 }
 
 /// The problem at one vector of values, with the next step in coordinates of the basis.
@@ -291,63 +272,64 @@ impl FitProblem<'_> {
         &self,
         start: &DVector<f64>,
     ) -> Result<(DVector<f64>, Solved, usize), IdentificationError> {
-        let mut values = start.clone();
-        let mut now = self.at(&values)?;
+        let mut place = (start.clone(), self.at(start)?);
         let mut damping = 0.0;
         let mut curvature: Option<DMatrix<f64>> = None;
-        let mut before: Option<StepBefore> = None;
+        let mut before: Option<(DVector<f64>, Solved)> = None;
         for iterations in 1..=MAXIMUM_ITERATIONS {
+            let (values, now) = &place;
             let is_slow = iterations > PATIENCE && now.steps <= SHORT;
-            if now.steps <= self.tolerance(&now) || is_slow {
-                return Ok((values, now, iterations));
+            if now.steps <= self.tolerance(now) || is_slow {
+                return Ok((place.0, place.1, iterations));
             }
-            if let Some(before) = &before {
-                if self.is_hopeless(before, &now) {
+            if let Some((last, before)) = &before {
+                if self.is_hopeless(before, now) {
                     return Ok((start.clone(), self.at(start)?, iterations));
                 }
                 let is_slow = iterations > self.fast_steps() && now.steps > SLOW * before.steps;
                 if is_slow || curvature.is_some() {
-                    curvature = self.learnt(before, &values, &now, curvature);
+                    curvature = self.learnt(&(values - last), before, now, curvature);
                 }
             }
-            before = Some(StepBefore {
-                values: values.clone(),
-                gradient: now.gradient.clone(),
-                steps: now.steps,
-                predicted: now.predicted(),
-            });
             let curved = curvature.as_ref();
-            if let Some(found) = curved.and_then(|curved| self.curved_step(curved, &values, &now)) {
-                (values, now) = found;
-                continue;
+            let curved = curved.and_then(|curved| self.curved_step(curved, values, now));
+            let next = if let Some(next) = curved {
+                next
+            } else {
+                curvature = None;
+                self.plain_step(values, now, &mut damping)?
+            };
+            before = Some(std::mem::replace(&mut place, next));
+        }
+        Err(not_converged(place.1.steps))
+    }
+
+    /// The next values by the linear model, damped as far as it has to be, with the problem there.
+    fn plain_step(
+        &self,
+        values: &DVector<f64>,
+        now: &Solved,
+        damping: &mut f64,
+    ) -> Result<(DVector<f64>, Solved), IdentificationError> {
+        loop {
+            let step = if *damping > 0.0 {
+                self.damped_step(now, *damping)
+            } else {
+                Some(self.step(now))
+            };
+            if let Some(next) = step.map(|step| values + step)
+                && let Ok(found) = self.at(&next)
+                && (found.cost <= now.cost || now.steps <= SHORT)
+            {
+                let is_damped = *damping > FIRST_DAMPING;
+                *damping = if is_damped { *damping / 10.0 } else { 0.0 };
+                return Ok((next, found));
             }
-            curvature = None;
-            loop {
-                let step = if damping > 0.0 {
-                    self.damped_step(&now, damping)
-                } else {
-                    Some(self.step(&now))
-                };
-                let next = step.map(|step| &values + step);
-                let found = next.map(|next| (self.at(&next), next));
-                if let Some((Ok(found), next)) = found
-                    && (found.cost <= now.cost || now.steps <= SHORT)
-                {
-                    (values, now) = (next, found);
-                    damping = if damping > FIRST_DAMPING {
-                        damping / 10.0
-                    } else {
-                        0.0
-                    };
-                    break;
-                }
-                damping = FIRST_DAMPING.max(damping * 10.0);
-                if damping > LARGEST_DAMPING {
-                    return Err(not_converged(now.steps));
-                }
+            *damping = FIRST_DAMPING.max(*damping * 10.0);
+            if *damping > LARGEST_DAMPING {
+                return Err(not_converged(now.steps));
             }
         }
-        Err(not_converged(now.steps))
     }
 
     /// The problem at values (p).
@@ -385,10 +367,8 @@ impl FitProblem<'_> {
             Haste::None | Haste::Near => CONVERGED,
             Haste::Weights => FOR_WEIGHTS,
             Haste::Residuals | Haste::Plausibility => {
-                CONVERGED
-                    * (now.equations.square / self.readings.rows().max(1) as f64)
-                        .sqrt()
-                        .max(1.0)
+                let rows = self.readings.rows().max(1) as f64;
+                CONVERGED * (now.equations.square / rows).sqrt().max(1.0)
             }
         }
     }
@@ -402,12 +382,12 @@ impl FitProblem<'_> {
 
     /// Whether the smallest sum of squares that the linear model predictions is one that no noise makes, by far, and was the same
     /// a step before.
-    fn is_hopeless(&self, before: &StepBefore, now: &Solved) -> bool {
+    fn is_hopeless(&self, before: &Solved, now: &Solved) -> bool {
         if self.haste != Haste::Plausibility {
             return false;
         }
         let predicted = now.predicted();
-        let is_said_again = (predicted - before.predicted).abs() <= SAID_AGAIN * predicted;
+        let is_said_again = (predicted - before.predicted()).abs() <= SAID_AGAIN * predicted;
         let spare = self.readings.rows().saturating_sub(self.basis.ncols());
         let chance = ChiSquared::new(spare as f64).map(|chi| chi.sf(HOPELESS * predicted));
         is_said_again && chance == Ok(0.0)
@@ -418,14 +398,13 @@ impl FitProblem<'_> {
     /// make that matter. What was learnt far away is forgotten where it would make the sum of squares a saddle.
     fn learnt(
         &self,
-        before: &StepBefore,
-        values: &DVector<f64>,
+        moved: &DVector<f64>,
+        before: &Solved,
         now: &Solved,
         known: Option<DMatrix<f64>>,
     ) -> Option<DMatrix<f64>> {
         let size = now.gradient.len();
-        let moved = (values - &before.values).component_div(&self.readings.set.scales());
-        let moved = self.basis.tr_mul(&moved);
+        let moved = (self.basis).tr_mul(&moved.component_div(&self.readings.set.scales()));
         let changed = &before.gradient - &now.gradient - &now.information * &moved;
         let corrected = |mut known: DMatrix<f64>| {
             let unknown = &changed - &known * &moved;

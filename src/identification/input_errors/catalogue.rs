@@ -167,9 +167,7 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
     let degrees = 1_f64.to_degrees();
     [
         sets.into_iter().map(reversed).collect(),
-        turning()
-            .flat_map(|joint| [1, -1, 2].map(|quarters| offset(joint, quarters)))
-            .collect(),
+        (turning().flat_map(|joint| [1, -1, 2].map(|quarters| offset(joint, quarters)))).collect(),
         vec![
             unit("are the angles in radians instead of degrees", degrees),
             unit(

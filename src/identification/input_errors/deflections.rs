@@ -67,23 +67,20 @@ pub fn conditions_of_table(case: &Case<'_>) -> Vec<Condition> {
 
 fn outside_limits(case: &Case<'_>) -> Option<Condition> {
     let chain = &case.nominal.chain;
-    let mut farthest = (0.0, 0, 0);
-    let mut count = 0;
-    for (place, each) in case.measurements.iter().enumerate() {
-        let beyond = |joint: usize| {
-            let [from, to] = chain.joints[joint].range_rad;
-            let angle = each.configuration_rad[joint];
-            ((from - angle).max(angle - to), place, joint)
-        };
-        let most = (0..chain.len())
-            .map(beyond)
-            .reduce(|one, other| if other.0 >= one.0 { other } else { one })?;
-        count += usize::from(most.0 > RANGE_SLACK_RAD);
-        farthest = if most.0 >= farthest.0 { most } else { farthest };
-    }
-    let (_, place, joint) = farthest;
+    let beyond = |place: usize, joint: usize| {
+        let [from, to] = chain.joints[joint].range_rad;
+        let angle = case.measurements[place].configuration_rad[joint];
+        (from - angle).max(angle - to)
+    };
+    let (places, joints) = (0..case.measurements.len(), 0..chain.len());
+    let is_outside =
+        |&place: &usize| (joints.clone()).any(|joint| beyond(place, joint) > RANGE_SLACK_RAD);
+    let count = places.clone().filter(is_outside).count();
+    let all = places.flat_map(|place| joints.clone().map(move |joint| (place, joint)));
+    let (place, joint) =
+        all.max_by(|one, other| beyond(one.0, one.1).total_cmp(&beyond(other.0, other.1)))?;
     let each = &chain.joints[joint];
-    let angle = case.measurements.get(place)?.configuration_rad[joint];
+    let angle = case.measurements[place].configuration_rad[joint];
     let [angle, from, to] =
         [angle, each.range_rad[0], each.range_rad[1]].map(|value| each.drive.shown(value).0);
     let unit = each.drive.shown(0.0).1;
@@ -144,11 +141,7 @@ pub fn suspected_input_errors(
 /// on top of the other, whether the measurements are suspicious or not; none of displacements along a direction.
 pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
     let mut found = Vec::new();
-    if case
-        .measurements
-        .iter()
-        .any(|each| each.direction.is_some())
-    {
+    if (case.measurements.iter()).any(|each| each.direction.is_some()) {
         return found;
     }
     let step = case.measurements.len().div_ceil(MOST_MEASUREMENTS).max(1);
@@ -237,9 +230,7 @@ fn best(case: &Case<'_>, read: &[Measurement], as_it_is: &ReadingEvidence) -> Ve
     let largest = decisive.first().map_or(0.0, |first| first.gain);
     decisive.retain(|each| largest - each.gain < AS_GOOD);
     // Joints whose signs do not show are no other explanation.
-    let first = decisive
-        .first()
-        .map_or_else(Vec::new, |first| first.error.reversed.clone());
+    let first = (decisive.first()).map_or_else(Vec::new, |first| first.error.reversed.clone());
     decisive.retain(|LikelyError { error, .. }| {
         let is_more = first.iter().all(|joint| error.reversed.contains(joint));
         first.is_empty() || first == error.reversed || !is_more
@@ -265,9 +256,7 @@ fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -
 fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError, f64)> {
     let chain = &case.nominal.chain;
     let [reversed, _, units, swapped, _] = catalogue::of_commands(chain);
-    let kinds = catalogue::of_deflections()
-        .into_iter()
-        .chain([units, swapped]);
+    let kinds = (catalogue::of_deflections().into_iter()).chain([units, swapped]);
     let price = |count: usize| 2.0 * (count as f64).ln();
     let mut all: Vec<(InputError, f64)> = Vec::new();
     for errors in kinds {
@@ -275,10 +264,8 @@ fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError,
         all.extend(errors.into_iter().map(|error| (error, price)));
     }
     let as_large = |size: usize| {
-        reversed
-            .iter()
-            .filter(|error| error.reversed.len() == size)
-            .count()
+        let own = reversed.iter().filter(|error| error.reversed.len() == size);
+        own.count()
     };
     let sizes: Vec<usize> = (0..=chain.len()).map(as_large).collect();
     all.extend(reversed.into_iter().map(|error| {

@@ -125,10 +125,7 @@ fn log_stretch(file: &[Measurement], read: &[Measurement]) -> f64 {
         let turn = each.rotation.map_or(0.0, |each| each.vector_rad.norm());
         [each.deflection_m.norm(), turn]
     };
-    let both = file
-        .iter()
-        .flat_map(lengths)
-        .zip(read.iter().flat_map(lengths));
+    let both = (file.iter().flat_map(lengths)).zip(read.iter().flat_map(lengths));
     let both = both.filter(|(before, after)| *before > 0.0 && *after > 0.0);
     both.map(|(before, after)| 3.0 * (after / before).ln())
         .sum()

@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::super::absolute::AbsoluteCase;
-use super::super::frames::{MountedFrames, RobustFrames, Sight, median_or_zero, reach};
+use super::super::frames::{MountedFrames, RobustFrames, median_or_zero, reach};
 use super::catalogue::{self, Correction, InputError};
 use super::condition;
 use crate::codes::Condition;
@@ -91,7 +91,6 @@ impl AbsoluteCase<'_> {
         let stations = sights.iter().map(|sight| sight.station + 1);
         let stations = stations.fold(self.stations.len(), usize::max);
         let frames = MountedFrames::guessed(&sights, stations, &self.link_from_tools());
-        let left = |sight: &Sight| frames.square(sight).sqrt();
-        median_or_zero(sights.iter().map(left).collect())
+        median_or_zero(frames.left(&sights))
     }
 }

@@ -85,10 +85,7 @@ impl LookedAt {
         all.retain(|against| match against {
             Against::Angle { .. } | Against::Torque { .. } => true,
             Against::Range => self.readings.iter().any(|each| each.range_m.is_some()),
-            _ => self
-                .standardised(*against)
-                .iter()
-                .any(|factor| *factor != 0.0),
+            _ => (self.standardised(*against).iter()).any(|factor| *factor != 0.0),
         });
         all
     }

@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix6xX, Vector3};
 
+use super::super::equations::setup_of;
 use super::super::{Case, Identification};
 use super::{LookedAt, ReadingRows};
-use crate::observation::{ObservationModel, ReadingKind, Setup};
+use crate::observation::{ObservationModel, ReadingKind};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
 /// The positions' residuals of what was identified (m), each over its own standard deviation. `blocks` are the measurements'
@@ -24,34 +25,25 @@ pub fn looked_at(
     }
     let arm = ElasticArm::new(chain.clone(), compliances, vec![case.tool.clone()]);
     let joints = chain.len();
-    let compliances = (0..joints).map(|joint| ParameterKind::JointCompliance { joint });
-    let zeros = (0..joints).map(|joint| ParameterKind::JointZero { joint });
-    let all = compliances.chain(zeros).map(|kind| (kind, None));
+    let compliances = (0..joints).map(|joint| (ParameterKind::JointCompliance { joint }, None));
+    let all =
+        compliances.chain((0..joints).map(|joint| (ParameterKind::JointZero { joint }, None)));
     let set = ParameterSet::new(&arm, all).unwrap_or_else(|_| ParameterSet::empty());
     let mut model = ObservationModel::new(&set, &arm, set.prior().mean.as_slice());
     let mut rows = Matrix6xX::zeros(set.len());
     let readings = case.measurements.iter().enumerate().map(|(index, each)| {
-        let setup = Setup {
-            commanded_rad: each.configuration_rad.clone(),
-            load: each.load,
-            hangs_on: None,
-            target: 0,
-            station: 0,
-            approach: None,
-        };
+        let (setup, _) = setup_of(each);
         model.predict_as_planned(&setup, ReadingKind::Deflection, &mut rows);
         let moved = rows.columns(0, joints).into_owned();
         model.predict_as_planned(&setup, ReadingKind::Pose, &mut rows);
-        let sigma = each
-            .sigma_m
-            .unwrap_or_else(|| Vector3::repeat(identification.sigma_m));
+        let sigma = (each.sigma_m).unwrap_or_else(|| Vector3::repeat(identification.sigma_m));
         let mut whitened = Matrix6xX::zeros(moved.ncols());
         let mut placed = Matrix6xX::zeros(5);
         let mut residual = nalgebra::Vector6::zeros();
-        let axes = (each.direction).map_or_else(
-            || [0, 1, 2].map(|axis| Vector3::ith(axis, 1.0)).to_vec(),
-            |direction| vec![direction],
-        );
+        let axes = match each.direction {
+            Some(direction) => vec![direction],
+            None => vec![Vector3::x(), Vector3::y(), Vector3::z()],
+        };
         for (row, axis) in axes.iter().enumerate() {
             let along = moved.fixed_rows::<3>(0).tr_mul(axis).transpose();
             whitened.set_row(row, &(along / sigma[row]));

@@ -86,16 +86,10 @@ impl LookedAt {
                 .collect()
         };
         let mut seen: Vec<Seen> = Vec::new();
-        for (index, (reading, effect)) in self
-            .readings
-            .iter()
-            .zip(self.effects(against, coefficients))
-            .enumerate()
-        {
-            let base: Vector6<f64> = parts
-                .iter()
-                .map(|(base, share)| base.of(reading) * *share)
-                .sum();
+        let effects = self.effects(against, coefficients);
+        for (index, (reading, effect)) in self.readings.iter().zip(effects).enumerate() {
+            let shares = parts.iter();
+            let base: Vector6<f64> = shares.map(|(base, share)| base.of(reading) * *share).sum();
             let weight = base.norm_squared();
             if let Some(at) = self.at(against, index).filter(|_| weight > 0.0) {
                 let value = effect + base.dot(&left.fixed_rows::<6>(6 * index)) / weight;
@@ -130,9 +124,7 @@ fn binned(seen: &[Seen], shown: f64) -> Vec<PatternPoint> {
             let values = all.iter().map(|each| value(each) * each.weight);
             values.sum::<f64>() / weight
         };
-        let squares = all
-            .iter()
-            .map(|each| (each.weight * (each.value - each.effect)).powi(2));
+        let squares = (all.iter()).map(|each| (each.weight * (each.value - each.effect)).powi(2));
         (weight > 0.0).then(|| PatternPoint {
             at: mean(|each| each.at) * shown,
             seen: mean(|each| each.value),

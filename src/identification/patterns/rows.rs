@@ -76,9 +76,7 @@ impl LookedAt {
         let joints = chain.joints.iter();
         Self {
             readings,
-            joints: joints
-                .map(|joint| (joint.name.clone(), turns(&joint.drive)))
-                .collect(),
+            joints: (joints.map(|joint| (joint.name.clone(), turns(&joint.drive)))).collect(),
             is_of_deflections,
         }
     }
@@ -160,10 +158,7 @@ pub(super) fn orthonormal(
     }
     let eigen = SymmetricEigen::new(scaled);
     let least = least(eigen.eigenvalues.max());
-    let kept = eigen
-        .eigenvalues
-        .iter()
-        .zip(eigen.eigenvectors.column_iter());
+    let kept = (eigen.eigenvalues.iter()).zip(eigen.eigenvectors.column_iter());
     let columns: Vec<DVector<f64>> = kept
         .filter(|(value, _)| **value > least)
         .map(|(value, vector)| vector.component_mul(&scale) / value.sqrt())

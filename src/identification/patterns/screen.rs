@@ -26,7 +26,7 @@ use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::against::{Against, PatternColumn};
-use super::rows::{Base, LookedAt, Projected, orthonormal};
+use super::rows::{Base, LookedAt, Projected, ReadingRows, orthonormal};
 use crate::experiment::numbered;
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
@@ -128,23 +128,17 @@ fn tested(
         projected.seen(looked, base) * DMatrix::from_iterator(rows, count, factors.copied())
     });
     let seen: Vec<DMatrix<f64>> = seen.collect();
-    let pairs = bases
-        .iter()
-        .flat_map(|one| bases.iter().map(move |other| (one, other)));
+    let pairs = (bases.iter()).flat_map(|one| bases.iter().map(move |other| (one, other)));
     let product = |(one, other): (&Base, &Base)| -> Vec<f64> {
-        let readings = looked.readings.iter();
-        readings
-            .map(|each| one.of(each).dot(&other.of(each)))
-            .collect()
+        let of = |each: &ReadingRows| one.of(each).dot(&other.of(each));
+        looked.readings.iter().map(of).collect()
     };
     let products: Vec<Vec<f64>> = pairs.map(product).collect();
     let candidate = |(number, (against, columns)): (usize, &(Against, Vec<PatternColumn>))| {
         let whole = DMatrix::from_fn(columns.len(), columns.len(), |one, other| {
             let factors = columns[one].1.iter().zip(&columns[other].1);
             let terms = factors.zip(&products[bases.len() * one + other]);
-            terms
-                .map(|((one, other), product)| one * other * product)
-                .sum()
+            (terms.map(|((one, other), product)| one * other * product)).sum()
         });
         let own: Vec<_> = seen.iter().map(|seen| seen.column(number)).collect();
         let own = DMatrix::from_columns(&own);

@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector};
 use super::Checker;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::identification::{OtherUnknowns, StoredIdentification};
+use crate::identification::StoredIdentification;
+use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, Prior, Source, Uncertainty};
 use crate::robot::Robot;
 use crate::task::{Belief, Extended, PriorCampaign, robot_sha256};
@@ -89,12 +90,12 @@ impl Checker<'_> {
             return Err(self.wrong(key, format!("{} determined nothing", path.display())));
         }
         let count = means.len();
-        let (others, sources) = (stored.others, stored.error_sources);
+        let (found, sources) = (stored.all, stored.error_sources);
         Ok(Before {
             known: spread.ncols(),
             campaign: Some(campaign_of(
                 sources,
-                others,
+                found,
                 &places,
                 count,
                 stored.degrees_of_freedom,
@@ -176,15 +177,18 @@ pub(super) fn sampled_about_earlier(
 /// What an identification found besides compliances; its own are those at `places` among `count`.
 fn campaign_of(
     sources: Vec<String>,
-    others: Option<OtherUnknowns>,
+    found: Option<Posterior>,
     places: &[usize],
     count: usize,
     degrees_of_freedom: Option<f64>,
 ) -> PriorCampaign {
     let own = places.len();
-    let (names, values, all) = others.map_or_else(
+    let (names, values, all) = found.map_or_else(
         || (Vec::new(), Vec::new(), DMatrix::zeros(own, own)),
-        |others| (others.names, others.values, others.covariance),
+        |mut found| {
+            let (names, values) = (found.names.split_off(own), found.mean.split_off(own));
+            (names, values, found.covariance)
+        },
     );
     let mut cross = DMatrix::zeros(count, names.len());
     for (row, &place) in places.iter().enumerate() {

@@ -153,12 +153,8 @@ impl MixedModel {
             .flat_map(|visit| visit.fixed.row_iter())
             .collect();
         let fixed = DMatrix::from_rows(&rows);
-        let residual = self
-            .visits
-            .iter()
-            .flat_map(|visit| &visit.residual)
-            .copied();
-        let residual = DVector::from_iterator(rows.len(), residual);
+        let residual = self.visits.iter().flat_map(|visit| &visit.residual);
+        let residual = DVector::from_iterator(rows.len(), residual.copied());
         // How V changes with each logarithm, that of a variance and then that of a length: of what is new at a visit or a pose in
         // blocks, of a joint's error everywhere.
         let alone = |place: usize| {

@@ -59,18 +59,17 @@ impl MixedModel {
     /// The same where what is new at visits and at configurations is as the readings show it, and no smaller than is said; with the degrees
     /// of freedom of that, infinite where it is as said.
     pub fn with_remainder(&self, known: &VarianceComponents) -> Option<(DiscrepancyModel, f64)> {
-        let model = self;
-        let mut variances = model.known_variances(known);
+        let mut variances = self.known_variances(known);
         let said = [variances.all[0], variances.all[1]];
         let mut places = vec![0, 1];
-        if model.visits.iter().any(PoseReadings::is_visited_again) {
+        if self.visits.iter().any(PoseReadings::is_visited_again) {
             let first = 2 + known.functions.len();
             variances.all.splice(first..first, said);
             variances.all[..2].fill(LEAST);
             variances.of_poses = Some(first);
             places.extend([first, first + 1]);
         }
-        let own = model.own_variance();
+        let own = self.own_variance();
         let least: Vec<f64> = places.iter().map(|&place| variances.all[place]).collect();
         for (&place, least) in places.iter().zip(&least) {
             // Of rotations the readings' own errors are small numbers, too.
@@ -78,20 +77,20 @@ impl MixedModel {
         }
         let mut told = 0.0;
         for _ in 0..REMAINDER_ROUNDS {
-            let solved = model.solved(&variances)?;
-            let improved = model.improved(&variances, &solved)?;
+            let solved = self.solved(&variances)?;
+            let (next, numbers) = self.improved(&variances, &solved)?;
             let before = variances.clone();
             for (&place, &least) in places.iter().zip(&least) {
-                variances.all[place] = improved.next.all[place].max(least);
+                variances.all[place] = next.all[place].max(least);
             }
             told = (places.iter().step_by(2))
-                .map(|&place| improved.told[place])
+                .map(|&place| numbers[place])
                 .sum();
             if variances.change_from(&before) < REMAINDER_FOUND {
                 break;
             }
         }
-        let solved = model.solved(&variances)?;
+        let solved = self.solved(&variances)?;
         let found = variances.of_unread(0);
         let is_said = found <= 1.01 * said[0] && said[0] > LEAST;
         let degrees = if is_said {
@@ -99,7 +98,7 @@ impl MixedModel {
         } else {
             (told * (found + own) / found).max(1.0)
         };
-        Some((model.model(&variances, &solved), degrees))
+        Some((self.model(&variances, &solved), degrees))
     }
 
     /// The mean variance of the readings' own errors of positions (m^2).

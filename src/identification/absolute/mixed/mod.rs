@@ -18,11 +18,10 @@ mod pose_readings;
 mod prediction;
 mod standard_errors;
 
-use nalgebra::{Cholesky, DMatrix, DVector, RowDVector, UnitQuaternion};
+use nalgebra::{Cholesky, DMatrix, DVector, RowDVector, UnitQuaternion, stack};
 use rayon::prelude::*;
 
 use super::AbsoluteCase;
-use super::joint_errors::DiscrepancyModel;
 use super::residuals::LinearReading;
 use crate::numeric::factorisation::inverse_of;
 use crate::numeric::markov::{Kernel, KnotBlocks, MarkovProcess, knots_among};
@@ -126,22 +125,10 @@ pub(super) struct MixedModel {
     waving: Vec<usize>,
 }
 
-struct ImprovedVariances {
-    next: MixedVariances,
-    /// How many numbers told each of those before.
-    told: Vec<f64>,
-}
-
 /// What the model says with some variances.
 struct MixedSolution {
     mean: DVector<f64>,
     covariance: DMatrix<f64>,
-}
-
-pub(super) struct MixedFit {
-    pub model: DiscrepancyModel,
-    /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by a fit to the others.
-    pub predicted_by_others: [Option<f64>; 2],
 }
 
 impl MixedModel {
@@ -272,14 +259,6 @@ impl MixedModel {
     /// Two series of one robot, which share the errors of its joints, what is new at configurations that both visit, and what is known
     /// before of the robot: all parameters of the one (p) above all of the other.
     pub fn beside(&self, other: &Self) -> Self {
-        let corner = |one: &DMatrix<f64>, other: &DMatrix<f64>| {
-            let (rows, columns) = (one.nrows(), one.ncols());
-            let mut both = DMatrix::zeros(rows + other.nrows(), columns + other.ncols());
-            both.view_mut((0, 0), one.shape()).copy_from(one);
-            both.view_mut((rows, columns), other.shape())
-                .copy_from(other);
-            both
-        };
         let (own, others) = (self.units.ncols(), other.units.ncols());
         let wide = |visit: &PoseReadings, before: usize| PoseReadings {
             fixed: (visit.fixed.clone())
@@ -289,9 +268,7 @@ impl MixedModel {
         };
         let visits = self.visits.iter().map(|each| wide(each, 0));
         let visits = visits.chain(other.visits.iter().map(|each| wide(each, own)));
-        let mut pull = self.pull.clone().resize_vertically(own + others, 0.0);
-        pull.rows_mut(own, others).copy_from(&other.pull);
-        let mut pulls = corner(&self.pulls, &other.pulls);
+        let mut pulls = stack![self.pulls, 0; 0, other.pulls];
         for (kind, row) in &self.priors {
             if let Some((_, twin)) = other.priors.iter().find(|(each, _)| each == kind) {
                 let common = row.tr_mul(twin);
@@ -303,12 +280,12 @@ impl MixedModel {
         }
         Self {
             visits: by_pose(&visits.collect::<Vec<_>>()),
-            prior: corner(&self.prior, &other.prior),
-            pull,
+            prior: stack![self.prior, 0; 0, other.prior],
+            pull: stack![self.pull; other.pull],
             priors: Vec::new(),
             pulls,
             joints: self.joints.clone(),
-            units: corner(&self.units, &other.units),
+            units: stack![self.units, 0; 0, other.units],
             shared: [0, 1].map(|part| f64::midpoint(self.shared[part], other.shared[part])),
             within: [0, 1].map(|part| f64::midpoint(self.within[part], other.within[part])),
             most_knots: self.most_knots.min(other.most_knots),
@@ -340,7 +317,7 @@ impl MixedModel {
         limit(&mut variances);
         let mut solved = sample.solved(&variances)?;
         for _ in 0..ROUNDS {
-            let ImprovedVariances { mut next, .. } = sample.improved(&variances, &solved)?;
+            let (mut next, _) = sample.improved(&variances, &solved)?;
             limit(&mut next);
             let change = next.change_from(&variances);
             variances = next;
@@ -452,11 +429,12 @@ impl MixedModel {
         self.visits.par_chunks(size)
     }
 
+    /// Likelier variances, and how many numbers told each of those before.
     fn improved(
         &self,
         variances: &MixedVariances,
         solved: &MixedSolution,
-    ) -> Option<ImprovedVariances> {
+    ) -> Option<(MixedVariances, Vec<f64>)> {
         let offsets = self.offsets(variances);
         // Numerators and denominators of what improves each variance.
         let nothing = vec![[0.0; 2]; variances.all.len()];
@@ -518,7 +496,7 @@ impl MixedModel {
             let ratio = if trace > 0.0 { square / trace } else { 1.0 };
             *variance = (*variance * ratio.max(0.0).sqrt()).max(LEAST);
         }
-        Some(ImprovedVariances { next, told })
+        Some((next, told))
     }
 }
 
@@ -548,12 +526,8 @@ pub(super) fn known_alone(set: &ParameterSet) -> impl Iterator<Item = (Parameter
     let all = set.parameters().iter().enumerate();
     all.filter_map(|(place, each)| {
         let own = precision[(place, place)];
-        let is_alone = precision
-            .column(place)
-            .iter()
-            .filter(|each| **each != 0.0)
-            .count()
-            == 1;
+        let column = precision.column(place);
+        let is_alone = column.iter().filter(|each| **each != 0.0).count() == 1;
         (!each.kind.is_mounted() && is_alone && own > 0.0).then_some((each.kind, place, own))
     })
 }

@@ -1,6 +1,6 @@
 //! Readings of one command pose as a mixed model has them.
 
-use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion};
+use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion, stack};
 
 use super::{MixedSolution, MixedVariances, PoseReadings};
 use crate::experiment::{is_one_configuration, together};
@@ -39,9 +39,7 @@ impl PoseReadings {
     ) -> impl Iterator<Item = usize> + use<> {
         let part = self.coordinates[row] / 3;
         let of_visit = is_one_visit.then_some(part);
-        of_visit
-            .into_iter()
-            .chain(of_poses.map(|first| first + part))
+        (of_visit.into_iter()).chain(of_poses.map(|first| first + part))
     }
 
     /// How a joint's error moves the rows of each visit alone (m).
@@ -83,25 +81,14 @@ impl PoseReadings {
     /// The same with a visit more of its pose.
     fn with(self, other: &Self) -> Self {
         let other = other.turned(&(self.axes.inverse() * other.axes));
-        let (rows, more) = (self.coordinates.len(), other.coordinates.len());
-        let stacked = |own: DMatrix<f64>, below: &DMatrix<f64>| {
-            let mut both = own.resize_vertically(rows + more, 0.0);
-            both.rows_mut(rows, more).copy_from(below);
-            both
-        };
-        let mut residual = self.residual.resize_vertically(rows + more, 0.0);
-        residual.rows_mut(rows, more).copy_from(&other.residual);
-        let mut own = self.own.resize(rows + more, rows + more, 0.0);
-        own.view_mut((rows, rows), (more, more))
-            .copy_from(&other.own);
         let next = self.visits.last().map_or(0, |last| last + 1);
         let labels = other.visits.iter().map(|visit| next + visit);
         Self {
-            residual,
-            fixed: stacked(self.fixed, &other.fixed),
-            joints: stacked(self.joints, &other.joints),
-            waves: stacked(self.waves, &other.waves),
-            own,
+            residual: stack![self.residual; other.residual],
+            fixed: stack![self.fixed; other.fixed],
+            joints: stack![self.joints; other.joints],
+            waves: stack![self.waves; other.waves],
+            own: stack![self.own, 0; 0, other.own],
             coordinates: [self.coordinates, other.coordinates].concat(),
             visits: self.visits.into_iter().chain(labels).collect(),
             assumed: [self.assumed, other.assumed].concat(),
@@ -191,9 +178,7 @@ impl PoseReadings {
         };
         // The joints' errors there, and their covariance with parameters and waves, and with each other.
         let errors = DVector::from_fn(joints, |joint, _| {
-            at(joint)
-                .map(|(knot, weight)| weight * solved.mean[knot])
-                .sum()
+            (at(joint).map(|(knot, weight)| weight * solved.mean[knot])).sum()
         });
         let mut with_dense = DMatrix::zeros(offsets[0], joints);
         for (joint, mut column) in with_dense.column_iter_mut().enumerate() {
@@ -274,9 +259,7 @@ pub(super) fn sums_of(
             }
         }
         let count = visit.residual.len();
-        dense
-            .rows_mut(at, count)
-            .copy_from(&columns.columns(0, first));
+        (dense.rows_mut(at, count)).copy_from(&columns.columns(0, first));
         left.rows_mut(at, count)
             .copy_from(&columns.column(columns.ncols() - 1));
         at += count;
@@ -295,9 +278,7 @@ impl MixedSolution {
         let mut at = 0;
         for visit in visits {
             let count = visit.residual.len();
-            dense
-                .rows_mut(at, count)
-                .copy_from(&visit.columns().columns(0, first));
+            (dense.rows_mut(at, count)).copy_from(&visit.columns().columns(0, first));
             at += count;
         }
         dense * self.covariance.view((0, 0), (first, first))

@@ -1,14 +1,13 @@
 //! Prediction regions of a mixed model: how large the errors of readings are that were not fitted.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, stack};
 use rayon::prelude::*;
 use statrs::distribution::{Beta, ContinuousCDF};
 
 use super::super::super::spread::ErrorSpread;
 use super::super::super::tails::shares_of_tail;
-use super::super::Discrepancy;
 use super::super::joint_errors::{DiscrepancyModel, JointError, SQUARE_95, region_square};
-use super::{MixedFit, MixedModel, MixedSolution, MixedVariances, PoseReadings};
+use super::{MixedModel, MixedSolution, MixedVariances, PoseReadings};
 
 /// From so many readings on, regions are scaled by quantiles of what was seen: of 19 the largest stays above 95 % of further ones in the mean,
 const SCALED_FROM: usize = 19;
@@ -24,8 +23,9 @@ const LEAST_HELD: f64 = 0.92;
 const SELDOM: f64 = 0.1;
 
 impl MixedModel {
-    /// The likeliest variances with what follows from them; of some readings that were left out, too. None where the numbers have no factorisation.
-    pub fn fit(&self, left_out: &[PoseReadings]) -> Option<MixedFit> {
+    /// What the likeliest variances say, of some readings that were left out, too; and the shares of readings, and of rotations, that lie in
+    /// their regions of 95 % as computed, each predicted by a fit to the others. None where the numbers have no factorisation.
+    pub fn fit(&self, left_out: &[PoseReadings]) -> Option<(DiscrepancyModel, [Option<f64>; 2])> {
         let (variances, solved) = self.likeliest()?;
         let mut model = self.model(&variances, &solved);
         let kept = self.squares_by_others();
@@ -33,10 +33,7 @@ impl MixedModel {
             .flat_map(|visit| self.squares_at(visit, &variances, &solved))
             .collect();
         let predicted_by_others = [0, 1].map(|part| model.seen(part, &kept, &left_out));
-        Some(MixedFit {
-            model,
-            predicted_by_others,
-        })
+        Some((model, predicted_by_others))
     }
 
     pub(super) fn model(
@@ -46,25 +43,16 @@ impl MixedModel {
     ) -> DiscrepancyModel {
         let offsets = self.offsets(variances);
         let fixed = self.units.ncols();
-        let (parameters, knots) = (self.units.nrows(), solved.mean.len() - fixed);
-        let mut units = DMatrix::zeros(parameters + knots, fixed + knots);
-        let mut own = units.view_mut((0, 0), (parameters, fixed));
-        own.copy_from(&self.units);
-        let mut rest = units.view_mut((parameters, fixed), (knots, knots));
-        rest.fill_with_identity();
+        let knots = solved.mean.len() - fixed;
+        let units = stack![self.units, 0; 0, DMatrix::identity(knots, knots)];
         let joints = variances.process.iter().enumerate();
-        let [position_m, rotation_rad] =
-            [0, 1].map(|part| (variances.of_unread(part) + self.within[part]).sqrt());
         let mut coordinates = self.visits.iter().flat_map(|visit| &visit.coordinates);
         let has_rotations = coordinates.any(|coordinate| *coordinate >= 3);
         DiscrepancyModel {
             joints: joints
                 .map(|(joint, process)| JointError {
                     joint: self.joints[joint],
-                    values: (solved.mean.rows_range(offsets[joint]..offsets[joint + 1]))
-                        .iter()
-                        .copied()
-                        .collect(),
+                    values: solved.mean.as_slice()[offsets[joint]..offsets[joint + 1]].to_vec(),
                     process: process.clone(),
                     deviation: variances.all[2 + joint].sqrt(),
                     repeatability: variances.all[variances.returns() + joint].sqrt(),
@@ -73,10 +61,11 @@ impl MixedModel {
                 .collect(),
             shift: &self.units * solved.mean.rows(0, fixed),
             covariance: &units * &solved.covariance * units.transpose(),
-            rest: Discrepancy {
-                position_m,
-                rotation_rad: if has_rotations { rotation_rad } else { 0.0 },
-            },
+            rest: [0, 1].map(|part| {
+                let is_read = part == 0 || has_rotations;
+                let variance = variances.of_unread(part) + self.within[part];
+                if is_read { variance.sqrt() } else { 0.0 }
+            }),
             scale: [1.0; 2],
         }
     }
@@ -223,9 +212,7 @@ impl DiscrepancyModel {
     /// The same at the angles (of these joints) of one that is none of them.
     fn relative_at(&self, part: usize, angles: &[f64]) -> f64 {
         let joints = self.joints.iter().zip(angles);
-        let logarithm: f64 = joints
-            .map(|(joint, &angle)| joint.spread_at(part, angle))
-            .sum();
+        let logarithm: f64 = (joints.map(|(joint, &angle)| joint.spread_at(part, angle))).sum();
         logarithm.exp()
     }
 }

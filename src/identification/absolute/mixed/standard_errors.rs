@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
-use super::{HIDDEN_WAVES, ImprovedVariances, MixedModel, MixedVariances, PoseReadings};
+use super::{HIDDEN_WAVES, MixedModel, MixedVariances, PoseReadings};
 use crate::numeric::factorisation::inverse_of;
 
 /// The variances of some sums of parameters, and how well they are known.
@@ -19,6 +19,7 @@ pub(in super::super) struct SumVariances {
 
 /// Sums over visits: the curvature of the fit (r x r), the parts of the variance of its gradient (r x r each) that visits have for
 /// themselves, and how waves and knots move that (r x k).
+#[derive(Clone)]
 struct GradientSums {
     curvature: DMatrix<f64>,
     parts: Vec<DMatrix<f64>>,
@@ -60,28 +61,26 @@ impl MixedModel {
     /// themselves, then one of each variance, with how many numbers told it.
     fn parts(&self) -> Option<(Vec<DMatrix<f64>>, Vec<f64>)> {
         let (variances, solved) = self.likeliest()?;
-        let ImprovedVariances { told, .. } = self.improved(&variances, &solved)?;
+        let (_, told) = self.improved(&variances, &solved)?;
         let offsets = self.offsets(&variances);
         let fixed = self.units.ncols();
-        let mut sums = GradientSums {
-            curvature: self.prior.clone(),
+        let nothing = GradientSums {
+            curvature: DMatrix::zeros(fixed, fixed),
             parts: vec![DMatrix::zeros(fixed, fixed); 1 + variances.all.len()],
             through: DMatrix::zeros(fixed, offsets.last()? - fixed),
         };
-        sums.parts[0] += &self.pulls;
         let pieces: Vec<Option<GradientSums>> = (self.pieces())
             .map(|visits| {
-                let mut own = GradientSums {
-                    curvature: DMatrix::zeros(fixed, fixed),
-                    parts: vec![DMatrix::zeros(fixed, fixed); sums.parts.len()],
-                    through: DMatrix::zeros(fixed, sums.through.ncols()),
-                };
+                let mut own = nothing.clone();
                 for visit in visits {
                     own.add(visit, &variances, &offsets)?;
                 }
                 Some(own)
             })
             .collect();
+        let mut sums = nothing;
+        sums.curvature += &self.prior;
+        sums.parts[0] += &self.pulls;
         for piece in pieces {
             let piece = piece?;
             sums.curvature += piece.curvature;
@@ -124,10 +123,7 @@ impl GradientSums {
         self.parts[0] += weighed.tr_mul(&(&visit.own * &weighed));
         for coordinate in 0..6 {
             let part = coordinate / 3;
-            let rows = weighed
-                .row_iter()
-                .zip(&visit.coordinates)
-                .zip(&visit.visits);
+            let rows = (weighed.row_iter().zip(&visit.coordinates)).zip(&visit.visits);
             let rows = rows.filter(|((_, each), _)| **each == coordinate);
             let mut of_visits: BTreeMap<usize, DVector<f64>> = BTreeMap::new();
             for ((row, _), visit) in rows {

@@ -117,12 +117,15 @@ impl AbsoluteCase<'_> {
         let far_out = (steps.last()).filter(|_| !self.keeps_all).and_then(|top| {
             let first = KeptFit {
                 case: case.clone(),
+                set: top.set.clone(),
                 rejected: start.clone(),
-                discrepancy: case.discrepancy(&top.fit).ok(),
+                discrepancy: (case.left(&top.fit.belief).ok())
+                    .map(|left| case.discrepancy_of(&left, &top.fit)),
                 fit: top.fit.clone(),
+                discrepancy_model: None,
                 consistency: None,
             };
-            self.without_far_out(&top.set, weights, &first)
+            self.without_far_out(weights, &first)
         });
         let mut rejected = start;
         if let Some(found) = far_out {
