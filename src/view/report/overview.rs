@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{RunRecord, bound_card, checks_card, random_card};
-use crate::codes::{Condition, ConditionCode};
+use crate::codes::Condition;
 use crate::plan::search::{BoundKind, RepeatsNeeded};
 use crate::plan::{Assessment, UncertaintyBudget};
 use crate::text::wording::{counted, micrometres, shell_path};
@@ -25,16 +25,27 @@ const ALL_HOLD: &str = "On the virtual robot: every compliance that was asked fo
 /// Title and cards.
 pub fn overview(run: &RunRecord<'_>, own: &TriedPlan, conditions: &[Condition]) -> String {
     let (outcome, assessment) = (run.outcome, &own.assessment);
-    let count = assessment.violations.len() as u64;
-    let words = format!("the plan has {}", counted(count, "violation"));
-    let violated = (count > 0).then(|| ConditionCode::Violation.with(words));
-    let conditions: Vec<Condition> = conditions.iter().cloned().chain(violated).collect();
+    let others = outcome.tried.iter().skip(1);
+    let violating: Vec<&str> = others
+        .filter(|plan| plan.assessment.violated().is_some())
+        .map(|plan| &*plan.record.name)
+        .collect();
+    let (answer, of_others) = match &violating[..] {
+        [] => ("all hold", String::new()),
+        names => (
+            "all hold for this plan",
+            format!(
+                " Of the plans beside it, {} keep not all of them.",
+                names.join(", ")
+            ),
+        ),
+    };
     let cards = [
         plan_card(run, own),
         accuracy_card(own),
         proof_card(run, &own.assessment),
         random_card(outcome.random_rho0_m, assessment.rho0_m, "", &repeats(run)),
-        checks_card(&conditions, ALL_HOLD),
+        checks_card(conditions, (answer, &format!("{ALL_HOLD}{of_others}"))),
     ];
     let title = format!("Calibration plan: {}", run.scenario.name);
     heading(&title, &run.scenario.description, &cards.concat())
