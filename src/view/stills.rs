@@ -220,6 +220,10 @@ impl<'a> Stills<'a> {
             let torque = listed(load.torque_nm.iter().copied(), 1);
             let _ = write!(loads, ", {}", unbroken(&format!("T = {torque} N m")));
         }
+        if let Some(direction) = &experiment.direction {
+            let along = unbroken(&listed(direction.iter().copied(), 4));
+            let _ = write!(loads, "; read along {along}");
+        }
         if let Some(row) = row {
             let own = &self.scenario.task.belief.calibration_tool.name;
             let _ = write!(
@@ -360,20 +364,24 @@ fn line_of_sight(svg: &mut String, camera: &Camera, scene: &Scene, from: &Point3
         }
         return;
     }
-    // Where the line leaves the picture.
+    // In the lower corner on that side, where there is floor.
     let [width, height] = camera.size_px;
-    let share = |at: f64, to: f64, end: f64| ((if to < at { 0.0 } else { end }) - at) / (to - at);
-    let share = share(x, from_x, width).min(share(y, from_y, height));
-    let [edge_x, edge_y] = [x + share * (from_x - x), y + share * (from_y - y)];
-    let anchor = if edge_x > width / 2.0 { "end" } else { "start" };
+    let metres = (from - scene.read).norm();
+    let name = escaped(scene.station.as_deref().unwrap_or("tracker"));
+    let (x, anchor, words) = if from_x < x {
+        (8.0, "start", format!("\u{25c2} {name}, {metres:.1} m"))
+    } else {
+        (
+            width - 8.0,
+            "end",
+            format!("{name}, {metres:.1} m \u{25b8}"),
+        )
+    };
     let _ = write!(
         svg,
-        "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"12\" fill=\"{GREEN}\" stroke=\"{GROUND}\" stroke-width=\"4\" \
-         paint-order=\"stroke\" text-anchor=\"{anchor}\">{}, {:.1} m</text>",
-        edge_x.clamp(6.0, width - 6.0),
-        (edge_y - 7.0).clamp(14.0, height - 8.0),
-        escaped(scene.station.as_deref().unwrap_or("tracker")),
-        (from - scene.read).norm()
+        "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"12\" fill=\"{GREEN}\" stroke=\"{GROUND}\" stroke-width=\"4\" \
+         paint-order=\"stroke\" text-anchor=\"{anchor}\">{words}</text>",
+        height - 9.0
     );
 }
 

@@ -5,7 +5,6 @@ use nalgebra::Isometry3;
 use super::{Body, ShownTool, Surface, tool_name};
 use crate::calibration::CalibrationError;
 use crate::mujoco::{Geometry, Model, Shape, State};
-use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
 use crate::task::Instrument;
 use crate::view::mesh::Mesh;
@@ -75,11 +74,10 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
     Ok((surroundings, links))
 }
 
-/// What is drawn of a model in groups up to one: no tracker where a gauge or a ballbar reads in its place.
+/// What is drawn of a model in groups up to one: its tracker only where the scenario names the site.
 pub fn drawn(model: &Model, instrument: &Instrument, last_group: i32) -> Vec<Geometry> {
-    let has_tracker =
-        instrument.reads_along() != ReadsAlong::Always && instrument.reads_positions();
-    let tracker = model.site(TRACKER).ok().filter(|_| !has_tracker);
+    let tracker = model.site(TRACKER).ok();
+    let tracker = tracker.filter(|_| instrument.tracker_site.is_none());
     let tracker = tracker.map(|site| model.site_body(site).0);
     let is_drawn = |each: &Geometry| {
         each.group <= last_group

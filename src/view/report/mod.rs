@@ -52,30 +52,18 @@ pub struct PlanPage<'a> {
     pub command: &'a str,
 }
 
-/// What the report of a run is made of.
-#[derive(Debug, Clone, Copy)]
-struct RunRecord<'a> {
-    scenario: &'a Scenario,
-    /// What it comes to.
-    outcome: &'a RunOutcome,
-}
-
 /// What a budget's contributions are.
 const CONTRIBUTIONS: &str = "Contributions are what the noise and each error source leave after compensation, rms, to first order; \
                              squares add up.";
 
 /// The report of a run as HTML.
 pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, PlotError> {
-    let run = &RunRecord {
-        scenario: shown.scenario,
-        outcome,
-    };
+    let (scenario, evidence) = (shown.scenario, &outcome.evidence);
     let Some(own) = outcome.tried.first() else {
         return Ok(page("elastocal", ""));
     };
     let (calibration, assessment) = (&own.record, &own.assessment);
-    let evidence = &run.outcome.evidence;
-    let mut body = overview::overview(run, own, shown.conditions);
+    let mut body = overview::overview(shown, outcome, own);
     body += &distances(evidence)?;
     body += &sources::budget_section(assessment.uncertainty_budget.as_ref(), CONTRIBUTIONS);
     let poses = &calibration.test_poses;
@@ -83,26 +71,21 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
     let all_mm = assessment.rho0_m.map(|value| value * 1e3);
     if poses.len() > 1 {
         let observed = Some((&**poses, "uncompensated"));
-        body += &test_poses(
-            &run.scenario.task.test_poses,
-            &predicted_mm,
-            all_mm,
-            observed,
-        )?;
+        body += &test_poses(&scenario.task.test_poses, &predicted_mm, all_mm, observed)?;
     }
     body += &pair(&[
         section(
             "compliances",
             "Compliances",
-            &compliances(&run.scenario.task.belief, calibration)?,
+            &compliances(&scenario.task.belief, calibration)?,
         ),
         section(
             "residuals",
             "Standardised residuals",
-            &residuals(&run.scenario.task.belief.instrument, calibration)?,
+            &residuals(&scenario.task.belief.instrument, calibration)?,
         ),
     ]);
-    body += &section("plans", "The plans in this run", &plans(run));
+    body += &section("plans", "The plans in this run", &plans(&outcome.tried));
     let accuracy = accuracy_figure(
         (&evidence.accuracy, &evidence.repeated),
         &evidence.lower_bounds_rho0_mm,
@@ -120,7 +103,10 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
             &figure(&accuracy, &accuracy_caption(assessment.experiments)),
         ),
     ]);
-    body += &overview::next_steps(&run.scenario.path, overview::more_accurate(run, assessment));
+    body += &overview::next_steps(
+        &scenario.path,
+        overview::more_accurate(evidence, assessment),
+    );
     body += &section(
         "configurations",
         "What to measure",
@@ -128,7 +114,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
     );
     body += &provenance(shown.provenance, shown.command);
     Ok(page(
-        &format!("{}: calibration report", run.scenario.name),
+        &format!("{}: calibration report", scenario.name),
         &body,
     ))
 }
@@ -346,7 +332,7 @@ fn residuals(
 }
 
 /// Every plan's prediction and what came of it.
-fn plans(run: &RunRecord<'_>) -> String {
+fn plans(tried: &[TriedPlan]) -> String {
     let row = |plan: &TriedPlan| {
         let (calibration, assessment) = (&plan.record, &plan.assessment);
         let [_, residual_m] = rms_m(&plan.calibration.1.poses);
@@ -359,7 +345,7 @@ fn plans(run: &RunRecord<'_>) -> String {
             assessment.violations.len().to_string(),
         ]
     };
-    let rows = run.outcome.tried.iter().map(row);
+    let rows = tried.iter().map(row);
     let header = "plan | measurements | predicted rms \u{3c1}\u{2080} [\u{b5}m] | efficiency | observed in this run [\u{b5}m] | violations";
     table(header, rows)
 }

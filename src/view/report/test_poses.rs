@@ -82,7 +82,9 @@ pub(super) fn test_poses(
     let values_um: Vec<f64> = values_mm().map(|value_mm| value_mm * 1e3).collect();
     let names: Vec<&str> = poses.iter().map(|pose| &*pose.name).collect();
     let svg = path_figure(&names, &values_um, all_mm.map(|all| all * 1e3))?;
-    let numbers = format!("<details><summary>The numbers</summary>\n{numbers}</details>\n");
+    let numbers = format!(
+        "<details><summary>The test poses by their numbers</summary>\n{numbers}</details>\n"
+    );
     Ok(section(
         "poses",
         TITLE,
