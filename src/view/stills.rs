@@ -141,7 +141,7 @@ impl<'a> Stills<'a> {
             let words = self.words(index, experiment);
             caption(&mut svg, &words, index + 1, experiment.repeats, still_width);
             let _ = write!(svg, "<g transform=\"translate(0 {CAPTION_PX})\">");
-            self.picture(&mut svg, scene);
+            self.picture(&mut svg, scene, true);
             svg.push_str("</g></g>\n");
         }
         svg.push_str("</svg>\n");
@@ -166,6 +166,7 @@ impl<'a> Stills<'a> {
 
     /// A scene as a drawing of its own: all of it, or what is in a box.
     fn framed(&self, scene: &Scene, within: Option<[f64; 4]>, label: &str) -> String {
+        let is_whole = within.is_none();
         let [width, height] = self.camera.size_px;
         let [x, y, width, height] = within.unwrap_or([0.0, 0.0, width, height]);
         let mut svg = format!(
@@ -173,7 +174,7 @@ impl<'a> Stills<'a> {
              height=\"{height:.0}\" style=\"background: {GROUND}\" role=\"img\" aria-label=\"{}\">",
             escaped(label)
         );
-        self.picture(&mut svg, scene);
+        self.picture(&mut svg, scene, is_whole);
         svg + "</svg>"
     }
 
@@ -238,8 +239,8 @@ impl<'a> Stills<'a> {
         [format!("q = {} {}", listed(q, 1), commands.unit()), loads]
     }
 
-    /// A still: the floor, the robot, the tracker's line, the force.
-    fn picture(&self, svg: &mut String, scene: &Scene) {
+    /// A still: the floor, the robot, the line of sight or the gauge, the force; of a whole one with the name of what reads from outside.
+    fn picture(&self, svg: &mut String, scene: &Scene, is_whole: bool) {
         let camera = &self.camera;
         let mut painter = Painter::new(camera);
         for (part, mesh) in self.scenery.surfaces(scene) {
@@ -259,7 +260,7 @@ impl<'a> Stills<'a> {
         let is_gauge = scene.sight.is_some_and(|sight| sight.is_gauge());
         let sight = scene.sight_ends();
         if let Some([from, _]) = sight.filter(|_| !is_gauge) {
-            line_of_sight(svg, camera, scene, &from);
+            line_of_sight(svg, camera, scene, &from, is_whole);
         }
         arrow(
             svg,
@@ -347,7 +348,13 @@ fn floor(camera: &Camera) -> String {
 }
 
 /// The line from an instrument to what it reads; where the instrument is not in the picture, with what it is and how far away.
-fn line_of_sight(svg: &mut String, camera: &Camera, scene: &Scene, from: &Point3<f64>) {
+fn line_of_sight(
+    svg: &mut String,
+    camera: &Camera,
+    scene: &Scene,
+    from: &Point3<f64>,
+    is_named: bool,
+) {
     let [x, y, _] = camera.see(&scene.read);
     let [from_x, from_y, _] = camera.see(from);
     let _ = write!(
@@ -362,6 +369,9 @@ fn line_of_sight(svg: &mut String, camera: &Camera, scene: &Scene, from: &Point3
                 "<circle class=\"station\" cx=\"{from_x:.1}\" cy=\"{from_y:.1}\" r=\"5\" fill=\"{GREEN}\"/>"
             );
         }
+        return;
+    }
+    if !is_named {
         return;
     }
     // In the lower corner on that side, where there is floor.

@@ -54,7 +54,6 @@ fn marks(scene: &Scene) -> Value {
     json!({
         "tool": millimetres(&scene.tool),
         "arrow_end": millimetres(&scene.arrow_end),
-        "read": millimetres(&scene.read),
         "sight": scene.sight_ends().map(|ends| ends.each_ref().map(millimetres)),
         "is_gauge": scene.sight.is_some_and(|sight| sight.is_gauge()),
     })
