@@ -1,5 +1,6 @@
 //! What the figures are made of: a drawing that fits any width, and charts of series.
 
+mod palette;
 mod rows;
 
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
@@ -11,36 +12,11 @@ use crate::numeric::tolerance::ends;
 use crate::text::wording::{listed, shortened};
 use crate::view::markup::escaped;
 
+pub use palette::{COLOURS, plan_colours};
 pub use rows::Rows;
 
 /// The size of a plot that is a file of its own.
 pub const SIZE: (u32, u32) = (1500, 840);
-/// Colours that the colour-blind can tell apart (Okabe and Ito).
-pub const COLOURS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(230, 159, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(213, 94, 0),
-    RGBColor(148, 103, 189),
-];
-
-/// The vermilion of what others are compared with: random plans.
-const REFERENCE: RGBColor = COLOURS[5];
-
-/// The colours of plans beside each other, in their order and by whether others are compared with each: the same on pages and in
-/// recordings.
-pub fn plan_colours(is_reference: impl IntoIterator<Item = bool>) -> Vec<RGBColor> {
-    let others = COLOURS.into_iter().filter(|colour| *colour != REFERENCE);
-    let mut others = others.cycle();
-    let colour = |is_reference: bool| {
-        let other = (!is_reference).then(|| others.next());
-        other.flatten().unwrap_or(REFERENCE)
-    };
-    is_reference.into_iter().map(colour).collect()
-}
-
 /// A plot could not be drawn.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("the plot could not be drawn: {0}")]
@@ -593,12 +569,5 @@ mod tests {
         let narrow = ChartAxis::logarithmic(0.36..0.77);
         assert_eq!([narrow.ticks.len(), narrow.minor.len()], [3, 0]);
         assert!(ChartAxis::logarithmic(0.62..0.68).ticks.len() >= 3);
-    }
-
-    #[test]
-    fn plans_have_colours_of_their_own_and_the_reference_its_own() {
-        let colours = plan_colours([true, false, false]);
-        assert_eq!(colours, [REFERENCE, COLOURS[0], COLOURS[1]]);
-        assert_eq!(plan_colours([false, true])[0], colours[1]);
     }
 }

@@ -584,7 +584,7 @@ fn assert_layout_fits(bytes: &[u8], messages: &[Message]) {
             let (topic, keys) = path.split_once('.').unwrap_or((path, ""));
             assert!(types.contains_key(topic), "{panel}: {topic}");
             shown.insert(topic);
-            // A seventh joint, and what a gauge reads, are of other robots and instruments.
+            // A seventh joint is of other robots.
             let pointer = format!("/{}", keys.replace(['.', '['], "/").replace(']', ""));
             let has = |each: &Message| keys.is_empty() || each.json.pointer(&pointer).is_some();
             assert!(

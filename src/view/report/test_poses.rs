@@ -23,23 +23,17 @@ pub(super) fn test_poses(
     let observed = run.map_or(&[][..], |(observed, _)| observed);
     let values_mm = || predicted_mm.iter().map(|rho0_mm| rho0_mm.unwrap_or(0.0));
     let is_drawn = poses.len() > FEW_POSES;
-    let has_weights =
-        (poses.windows(2)).any(|pair| (pair[0].weight / pair[1].weight - 1.0).abs() > 1e-9);
+    let differ = |pair: &[TestPose]| (pair[0].weight - pair[1].weight).abs() > 1e-9;
+    let has_weights = poses.windows(2).any(differ);
+    let [order, weighted] = [
+        ["in their order", "by their numbers in the table"][usize::from(is_drawn)],
+        ["", ", by their weights,"][usize::from(has_weights)],
+    ];
     let caption = match poses.len() {
         1 => "\u{3c1}\u{2080} at the test pose.".to_owned(),
         count => format!(
-            "\u{3c1}\u{2080} at each of {}, {}; over all{} it is {}.",
+            "\u{3c1}\u{2080} at each of {}, {order}; over all{weighted} it is {}.",
             counted(count as u64, "test pose"),
-            if is_drawn {
-                "by their numbers in the table"
-            } else {
-                "in their order"
-            },
-            if has_weights {
-                ", by their weights,"
-            } else {
-                ""
-            },
             micrometres(all_mm)
         ),
     };
@@ -54,18 +48,13 @@ pub(super) fn test_poses(
             let without = cell(&micrometres(Some(seen.uncompensated_mm)));
             barred(Some(seen.residual_mm), true) + &without
         });
-        let weight = percent(has_weights.then_some(pose.weight), 1);
-        let weight = if has_weights {
-            cell(&weight)
-        } else {
-            String::new()
-        };
+        let weight = has_weights.then(|| cell(&percent(Some(pose.weight), 1)));
         let name = if is_drawn {
             format!("{}: {}", index + 1, pose.name)
         } else {
             pose.name.clone()
         };
-        cell(&name) + &weight + &barred(*rho0_mm, false) + &seen
+        cell(&name) + &weight.unwrap_or_default() + &barred(*rho0_mm, false) + &seen
     });
     let mut header = vec!["test pose"];
     header.extend(has_weights.then_some("weight"));
