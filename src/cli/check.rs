@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::experiment::read_candidates;
 use crate::plan::absolute::AbsolutePlanning;
-use crate::plan::{Feasibility, read_plan};
+use crate::plan::{Feasibility, read_plan, violated};
 use crate::record::messages::SchemaMessage;
 use crate::record::understanding::{understanding_json, unknowns_json};
 use crate::task::{AccuracyKind, Task};
@@ -94,7 +94,7 @@ impl Check {
         } else {
             describe(&understanding) + &verdict
         };
-        let violated = (!violations.is_empty()).then(|| super::planned::violated(violations.len()));
+        let violated = (!violations.is_empty()).then(|| violated(violations.len() as u64));
         let found = impossible.iter().map(|each| each.text.clone());
         let problems: Vec<String> = violations.into_iter().chain(found).collect();
         let conditions = violated.into_iter().chain(impossible).collect();

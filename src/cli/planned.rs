@@ -465,21 +465,13 @@ pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<Condition
     let mut conditions: Vec<Condition> = (undetermined.iter())
         .map(|words| undetermined_by_plan(words))
         .collect();
-    if assessment.violations.is_empty() {
-        conditions.extend(below_bound(assessment.criterion_efficiency()));
-    } else {
-        // The bound is of plans without any.
-        conditions.push(violated(assessment.violations.len()));
-    }
+    // The bound is of plans without violations.
+    let violated = assessment.violated();
+    let below = || below_bound(assessment.criterion_efficiency());
+    conditions.extend(violated.or_else(below));
     conditions.extend(assessment.conditions.iter().cloned());
     conditions.extend(implausible(scenario));
     conditions
-}
-
-/// That a plan has violations.
-pub fn violated(count: usize) -> Condition {
-    let violations = counted(count as u64, "violation");
-    ConditionCode::Violation.with(format!("the plan has {violations}"))
 }
 
 /// That a plan does not determine something, in words.

@@ -30,6 +30,8 @@ pub struct Stop {
     pub changes_station: bool,
     /// What is read, once each, of absolute readings: as many as experiments.
     pub targets: Vec<String>,
+    /// The distance (m) that each of them is about, where that is read.
+    pub distances_m: Vec<Option<f64>>,
     /// How often the instrument is read.
     pub readings: u32,
     /// The side from which it is approached.
@@ -78,6 +80,7 @@ impl Group {
             changes_station: self.station.is_some()
                 && last.is_none_or(|last| last.station != self.station),
             targets: Vec::new(),
+            distances_m: Vec::new(),
             readings: *readings,
             side: side.clone(),
             is_in_place: self.is_in_place,
@@ -85,6 +88,16 @@ impl Group {
             way: Way::default(),
         }
     }
+}
+
+/// The first of the loads met so far that is set alike: one weight is hung once, whatever digits nobody sets.
+fn first_alike(met: &mut Vec<Load>, load: Load) -> Load {
+    let alike = |each: &Load| each.as_set() == load.as_set();
+    if let Some(first) = met.iter().copied().find(alike) {
+        return first;
+    }
+    met.push(load);
+    load
 }
 
 /// Whether the robot is approached alike for two experiments before a load is hung: to the bit, since a deflection is a
@@ -101,7 +114,7 @@ pub(super) fn groups_of_loads(
     keep_order: bool,
 ) -> Vec<Group> {
     let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
-    let mut loaded: Vec<Group> = Vec::new();
+    let (mut loaded, mut met) = (Vec::<Group>::new(), Vec::new());
     for index in places {
         let experiment = &plan.experiments[index];
         let same = (unloaded.iter_mut())
@@ -119,14 +132,15 @@ pub(super) fn groups_of_loads(
             None => unloaded.push((vec![index], needed)),
         }
         let member = (vec![index], experiment.repeats);
+        let load = Some(first_alike(&mut met, experiment.load));
         let known = (loaded.iter().enumerate())
             .filter(|(place, _)| !keep_order || place + 1 == loaded.len())
-            .find(|(_, group)| group.load == Some(experiment.load))
+            .find(|(_, group)| group.load == load)
             .map(|(place, _)| place);
         match known {
             Some(place) => loaded[place].members.push(member),
             None => loaded.push(Group {
-                load: Some(experiment.load),
+                load,
                 station: None,
                 is_in_place: false,
                 members: vec![member],
@@ -159,7 +173,7 @@ fn visits(planning: &AbsolutePlanning<'_>, plan: &[(usize, u32)]) -> Vec<Planned
             .position(|(each, _)| *each == place)
             .unwrap_or(0)
     };
-    let mut all: Vec<PlannedVisit> = Vec::new();
+    let (mut all, mut met) = (Vec::<PlannedVisit>::new(), Vec::new());
     for group in planning.by_configuration(plan) {
         let first = all.len();
         for alike in group.chunk_by(|one, other| one.visits == other.visits) {
@@ -168,6 +182,7 @@ fn visits(planning: &AbsolutePlanning<'_>, plan: &[(usize, u32)]) -> Vec<Planned
             let seen = alike.iter().find(|each| !planning.is_distance(each.place));
             let station = planning.station_of(seen.unwrap_or(&alike[0]).place);
             let load = candidate.load.filter(|load| *load != Load::NONE);
+            let load = load.map(|load| first_alike(&mut met, load));
             for _ in 0..alike[0].times {
                 let before = all[first..].iter();
                 let before = before.filter(|each| (each.station, each.load) == (station, load));

@@ -75,14 +75,7 @@ pub fn hung_kg(load: &Load, gravity_m_s2: &Vector3<f64>) -> Option<f64> {
 
 /// How a load takes the place of that of the stop before, if one is there, under gravity (m/s^2).
 pub fn change_load(before: Option<&Load>, load: &Load, gravity_m_s2: &Vector3<f64>) -> String {
-    // Thousandths are as much as anybody sets.
-    let rounded = |load: &Load| {
-        let three = |vector: Vector3<f64>| vector.map(|value| (value * 1e3).round() * 1e-3);
-        in_words(&Load {
-            force_n: three(load.force_n),
-            torque_nm: three(load.torque_nm),
-        })
-    };
+    let rounded = |load: &Load| in_words(&load.as_set());
     let hangs = hang_or_apply(load, gravity_m_s2);
     let first = before.map_or_else(String::new, |before| {
         format!("take the load {} off, then ", rounded(before))

@@ -7,9 +7,10 @@ use super::search::{Bound, NoBound, PlanBound, Problem};
 use super::{
     Criterion, Feasibility, Plan, UncertaintyBudget, Violation, posterior, quantile95_m, rho0_m,
 };
-use crate::codes::Condition;
+use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
 use crate::task::{Belief, Task};
+use crate::text::wording::counted;
 
 /// A plan judged against a task.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,6 +59,12 @@ pub struct FurtherError {
     pub standard_error: Option<f64>,
 }
 
+/// That a plan has so many violations.
+pub fn violated(count: u64) -> Condition {
+    let violations = counted(count, "violation");
+    ConditionCode::Violation.with(format!("the plan has {violations}"))
+}
+
 impl Assessment {
     /// Judges a plan, beside the bound of `rho_0` for the task's plans where it is given.
     pub fn new(task: &Task, plan: &Plan, bound: Option<&Bound>) -> Self {
@@ -91,6 +98,12 @@ impl Assessment {
             criterion_bound: None,
             violations: Feasibility::new(task).violations(plan),
         }
+    }
+
+    /// That the plan has violations, if it has.
+    pub fn violated(&self) -> Option<Condition> {
+        let count = self.violations.len() as u64;
+        (count > 0).then(|| violated(count))
     }
 
     /// The same beside the bound of the plan's values by another criterion.

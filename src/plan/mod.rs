@@ -17,7 +17,7 @@ mod uncertainty_budget;
 
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
 pub use accuracy::{ExperimentModel, hung, sharing_groups, stand_at};
-pub use assessment::{Assessment, FurtherError};
+pub use assessment::{Assessment, FurtherError, violated};
 pub use criterion::{Criterion, CriterionFunction, no_wider_than_high};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, LookingAt, Violation};

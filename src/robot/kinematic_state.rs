@@ -45,6 +45,15 @@ impl Load {
         }
     }
 
+    /// As it is written and set: nobody sets more than thousandths (N, N m).
+    pub fn as_set(&self) -> Self {
+        let three = |vector: Vector3<f64>| vector.map(|value| (value * 1e3).round() * 1e-3);
+        Self {
+            force_n: three(self.force_n),
+            torque_nm: three(self.torque_nm),
+        }
+    }
+
     /// The wrench W as six numbers, force then torque.
     pub fn wrench(&self) -> Vector6<f64> {
         let (f, t) = (&self.force_n, &self.torque_nm);

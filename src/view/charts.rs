@@ -1,5 +1,6 @@
 //! What the figures are made of: a drawing that fits any width, and charts of series.
 
+mod palette;
 mod rows;
 
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
@@ -7,24 +8,15 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use thiserror::Error;
 
+use crate::numeric::tolerance::ends;
 use crate::text::wording::{listed, shortened};
 use crate::view::markup::escaped;
 
+pub use palette::{COLOURS, plan_colours};
 pub use rows::Rows;
 
 /// The size of a plot that is a file of its own.
 pub const SIZE: (u32, u32) = (1500, 840);
-/// Colours that the colour-blind can tell apart (Okabe and Ito).
-pub const COLOURS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(230, 159, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(213, 94, 0),
-    RGBColor(148, 103, 189),
-];
-
 /// A plot could not be drawn.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("the plot could not be drawn: {0}")]
@@ -141,9 +133,16 @@ impl ChartAxis {
                 .collect()
         };
         let (mut ticks, mut minor) = (at(&[1, 2, 5]), at(&[3, 4, 6, 7, 8, 9]));
-        // Where these are few, all have numbers.
+        // Where these are few, all have numbers; where those are, round numbers in between.
         if ticks.len() < 3 {
             ticks.append(&mut minor);
+        }
+        if ticks.len() < 3 {
+            let [low, high] = [range.start, range.end].map(|end| 10_f64.powf(end));
+            ticks = self::ticks(low, high, 6)
+                .into_iter()
+                .map(f64::log10)
+                .collect();
         }
         Self {
             range,
@@ -192,6 +191,30 @@ pub struct Chart {
 }
 
 impl Chart {
+    /// The rms residual error (um) over numbers of measurements, both logarithmic, as far as the series go.
+    pub fn of_accuracy(mut series: Vec<Series>) -> Self {
+        for (x, y) in series.iter_mut().flat_map(|each| &mut each.points) {
+            (*x, *y) = (x.log10(), y.log10());
+        }
+        let axis = |of: fn(&(f64, f64)) -> f64| {
+            let [low, high] = ends(series.iter().flat_map(|each| &each.points).map(of));
+            let margin = (0.05 * (high - low)).max(0.02);
+            ChartAxis::logarithmic(low - margin..high + margin)
+        };
+        let mut axes = [axis(|point| point.0), axis(|point| point.1)];
+        let is_whole = |tick: &f64| (10_f64.powf(*tick) + 0.5).fract() - 0.5;
+        axes[0].ticks.retain(|tick| is_whole(tick).abs() < 1e-9);
+        let names = [
+            "measurements",
+            "\u{3c1}\u{2080}, rms residual error [\u{b5}m]",
+        ];
+        Self {
+            axes,
+            names: names.map(str::to_owned),
+            series,
+        }
+    }
+
     /// A chart as a figure of a page, under a name.
     pub fn figure(&self, size: (u32, u32), name: &str) -> Result<String, PlotError> {
         drawing(size, name, |area| self.draw(area))
@@ -545,5 +568,6 @@ mod tests {
         assert_eq!([wide.ticks.len(), wide.minor.len()], [6, 12]);
         let narrow = ChartAxis::logarithmic(0.36..0.77);
         assert_eq!([narrow.ticks.len(), narrow.minor.len()], [3, 0]);
+        assert!(ChartAxis::logarithmic(0.62..0.68).ticks.len() >= 3);
     }
 }

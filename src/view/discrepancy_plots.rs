@@ -81,12 +81,7 @@ pub fn patterns_plot(title: &str, patterns: &Patterns) -> Result<String, PlotErr
     let rows = found.len().div_ceil(columns).max(1);
     let [wide, high] = [columns, rows].map(|count| u32::try_from(count).unwrap_or(1));
     let size = (PANEL.0 * wide, PANEL.1 * high + HEAD);
-    let title = if found.is_empty() {
-        format!("{title}: none of {} looked at", patterns.looked_at)
-    } else {
-        title.to_owned()
-    };
-    plot(size, &title, |area| {
+    plot(size, title, |area| {
         let panels = area.split_evenly((rows, columns));
         (found.iter().zip(&panels)).try_for_each(|(pattern, panel)| draw_pattern(pattern, panel))
     })

@@ -21,6 +21,24 @@ pub fn escaped(text: &str) -> String {
     safe
 }
 
+/// Text that no line ends inside: a vector.
+pub fn unbroken(text: &str) -> String {
+    text.replace(' ', "\u{a0}")
+}
+
+/// Text whose lines do not end between parentheses, where it has vectors.
+pub fn with_unbroken_vectors(text: &str) -> String {
+    let parts = text.split_inclusive(['(', ')']);
+    let whole = |part: &str| {
+        if part.ends_with(')') {
+            unbroken(part)
+        } else {
+            part.to_owned()
+        }
+    };
+    parts.map(whole).collect()
+}
+
 /// A unit as pages print it, not as terminals do.
 pub fn micro_sign(unit: &str) -> String {
     unit.replace("1e-6 ", "\u{b5}").replace("um", "\u{b5}m")

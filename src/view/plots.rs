@@ -1,11 +1,11 @@
 //! Plots of budgets of measurements as SVG.
 
-use super::charts::{COLOURS, Chart, ChartAxis, INK, Mark, PlotError, SOFT, Series};
+use super::charts::{COLOURS, Chart, INK, Mark, PlotError, SOFT, Series};
 use crate::plan::search::{BudgetPoint, repeated_configurations};
 use crate::text::wording::counted;
 
-/// How far lines stand beside each other, in measurements.
-const ASIDE: f64 = 0.07;
+/// By what factor lines stand beside each other.
+const ASIDE: f64 = 1.01;
 
 /// `rho_0` against the number of measurements: a line for each number of configurations, the bound that no plan can beat, and the
 /// accuracy that is wanted (m). Returns the SVG text.
@@ -42,35 +42,22 @@ pub fn budget_plot(
     let mut series = Vec::new();
     for (index, (name, line)) in lines.iter().enumerate() {
         // Beside each other, since many of them nearly agree.
-        let aside = (index as f64 - middle) * ASIDE;
+        let aside = ASIDE.powf(index as f64 - middle);
         let beside = line.iter().map(|point| micro(point, point.rho0_m));
-        let beside: Vec<(f64, f64)> = beside.map(|(m, rho0)| (m + aside, rho0)).collect();
+        let beside: Vec<(f64, f64)> = beside.map(|(m, rho0)| (m * aside, rho0)).collect();
         let colour = COLOURS[index % COLOURS.len()];
         series.push(Series::new("", colour, Mark::Dot, beside.clone()));
         series.push(Series::new(name, colour, Mark::Line, beside));
     }
     let mut bound: Vec<(f64, f64)> = (points.iter())
         .filter_map(|point| Some(micro(point, point.lower_bound_m()?)))
+        .filter(|(_, bound)| *bound > 0.0)
         .collect();
     bound.dedup();
     series.push(Series::new("no plan is below", INK, Mark::Dashed, bound));
-    let (low, high) = (fewest - 0.3, most.max(fewest + 1.0) + 0.3);
-    let is_near = wanted_m < 2.0 * top;
-    if is_near {
-        let wanted = [low, high].map(|at| (at, wanted_m * 1e6));
+    if wanted_m < 2.0 * top {
+        let wanted = [fewest, most.max(fewest + 1.0)].map(|at| (at, wanted_m * 1e6));
         series.push(Series::new("wanted", SOFT, Mark::Line, wanted.into()));
     }
-    let top = if is_near { top.max(wanted_m) } else { top };
-    let chart = Chart {
-        axes: [
-            ChartAxis::whole(low..high),
-            ChartAxis::linear(0.0..top * 1.05e6, 8),
-        ],
-        names: [
-            "measurements".to_owned(),
-            "\u{3c1}\u{2080}, rms residual error [\u{b5}m]".to_owned(),
-        ],
-        series,
-    };
-    chart.file(title)
+    Chart::of_accuracy(series).file(title)
 }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use nalgebra::DVector;
 
-use super::markup::{escaped, page, paragraph, section, table_of};
+use super::markup::{escaped, page, paragraph, section, table_of, with_unbroken_vectors};
 use super::stills::{Pictures, Stills};
 use crate::experiment::Plan;
 use crate::laboratory::{Campaign, Stop, change_load, hung_kg, set_gauge, set_up, take_off};
@@ -42,7 +42,7 @@ pub fn run_sheet(
     has_program: bool,
 ) -> String {
     let pictures = stills.pictures();
-    let places = places(campaign);
+    let places = places(&scenario.task.belief.commands(), campaign);
     let title = format!("{}: run sheet", scenario.name);
     let instrument = &scenario.task.belief.instrument;
     let has_reflector =
@@ -75,13 +75,14 @@ pub fn run_sheet(
     page(&title, &body)
 }
 
-/// The stops at each configuration that is approached from one side, in the order of the first visits.
-fn places(campaign: &Campaign) -> Vec<Vec<usize>> {
+/// The stops at each configuration, as it is printed, that is approached from one side, in the order of the first visits.
+fn places(commands: &Commands, campaign: &Campaign) -> Vec<Vec<usize>> {
     let mut places: Vec<Vec<usize>> = Vec::new();
     for (index, stop) in campaign.stops.iter().enumerate() {
+        let printed = |stop: &Stop| angles(commands, &stop.configuration);
         let is_here = |place: &&mut Vec<usize>| {
             let first = &campaign.stops[place[0]];
-            (&first.configuration, &first.side) == (&stop.configuration, &stop.side)
+            first.side == stop.side && printed(first) == printed(stop)
         };
         match places.iter_mut().find(is_here) {
             Some(place) => place.push(index),
@@ -373,7 +374,7 @@ fn hang(
     let mut text = format!(
         "<p><strong>Before stop {stop}: {}, {}.</strong></p>\n\
          <p>It acts at {}: ({x:.1}, {y:.1}, {z:.1}) mm in the frame of the link{}. Its direction is that in the world frame.</p>\n",
-        escaped(&change_load(before, load, gravity)),
+        with_unbroken_vectors(&escaped(&change_load(before, load, gravity))),
         mass.map_or_else(
             || format!("{} N together", significant(load.force_n.norm(), 5)),
             |mass| format!("{} kg", significant(mass, 5))
@@ -412,7 +413,8 @@ fn of_stop(
         over += &line(&format!("over {}", angles(commands, via)));
     }
     if let (Some(direction), None) = (&stop.direction, &stop.load) {
-        over += &line(&format!("At the stop, {}.", set_gauge(direction)));
+        let words = format!("At the stop, {}.", set_gauge(direction));
+        over += &line(&with_unbroken_vectors(&words));
     }
     // What each line is: of absolute readings each its own, of deflections the readings of all experiments here.
     let lines: Vec<[String; 2]> = if stop.targets.is_empty() {
@@ -434,10 +436,15 @@ fn of_stop(
             .collect()
     };
     // Where a gauge is set to zero nothing is written down.
-    let blank = if stop.sets_gauge() {
-        format!("<td colspan=\"{fields}\">to zero</td>")
-    } else {
-        "<td class=\"fill\"></td>".repeat(fields)
+    let blanks = |nominal_m: Option<f64>| match nominal_m {
+        _ if stop.sets_gauge() => format!("<td colspan=\"{fields}\">to zero</td>"),
+        // Distances have the last column.
+        Some(nominal_m) => format!(
+            "{}<td class=\"fill\"><small>near {:.2}</small></td>",
+            "<td class=\"fill\"></td>".repeat(fields - 1),
+            nominal_m * 1e3
+        ),
+        None => "<td class=\"fill\"></td>".repeat(fields),
     };
     let tick = format!(
         "<td><span class=\"tick\" title=\"done\"></span></td><td><strong>{index}</strong></td><td>{place}</td>"
@@ -451,7 +458,8 @@ fn of_stop(
         };
         let _ = writeln!(
             rows,
-            "<tr class=\"line\">{first}<td>{experiment}</td><td>{reading}</td>{blank}</tr>"
+            "<tr class=\"line\">{first}<td>{experiment}</td><td>{reading}</td>{}</tr>",
+            blanks(stop.distances_m.get(number).copied().flatten())
         );
     }
     let rest = (stop.readings as usize).saturating_sub(lines.len());

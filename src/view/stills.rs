@@ -13,7 +13,7 @@ use nalgebra::{Point3, Vector3};
 
 use self::painter::{Camera, Painter};
 use self::scene::{Scene, Scenery};
-use super::markup::escaped;
+use super::markup::{escaped, unbroken};
 use crate::experiment::Candidate;
 use crate::plan::{Experiment, Plan};
 use crate::record::messages::ProvenanceMessage;
@@ -31,6 +31,9 @@ const HEADING_PX: f64 = 62.0;
 const COLUMNS: usize = 3;
 /// The side of a square of the floor's grid (m).
 const GRID_M: f64 = 0.5;
+/// What stands behind the floor, and how lines of sight and gauges are drawn.
+const GROUND: &str = "#eef1f4";
+const GREEN: &str = "#08693f";
 
 /// The robot in each configuration of a plan.
 pub struct Stills<'a> {
@@ -101,7 +104,7 @@ impl<'a> Stills<'a> {
             let drawing = self.framed(scene, None, &format!("Experiment {number}"));
             let _ = writeln!(
                 figures,
-                "<figure class=\"still\"><figcaption><b>{number}</b> {angles}; <b>{} x</b><br><span class=\"{class}\">{loads}</span>\
+                "<figure class=\"still\"><figcaption><b>{number}</b> {angles}; <b>{}\u{a0}x</b><br><span class=\"{class}\">{loads}</span>\
                  </figcaption>{}</figure>",
                 experiment.repeats,
                 with_shared(drawing, index, &self.camera)
@@ -138,7 +141,7 @@ impl<'a> Stills<'a> {
             let words = self.words(index, experiment);
             caption(&mut svg, &words, index + 1, experiment.repeats, still_width);
             let _ = write!(svg, "<g transform=\"translate(0 {CAPTION_PX})\">");
-            self.picture(&mut svg, scene);
+            self.picture(&mut svg, scene, true);
             svg.push_str("</g></g>\n");
         }
         svg.push_str("</svg>\n");
@@ -163,14 +166,15 @@ impl<'a> Stills<'a> {
 
     /// A scene as a drawing of its own: all of it, or what is in a box.
     fn framed(&self, scene: &Scene, within: Option<[f64; 4]>, label: &str) -> String {
+        let is_whole = within.is_none();
         let [width, height] = self.camera.size_px;
         let [x, y, width, height] = within.unwrap_or([0.0, 0.0, width, height]);
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"{x:.1} {y:.1} {width:.1} {height:.1}\" width=\"{width:.0}\" \
-             height=\"{height:.0}\" role=\"img\" aria-label=\"{}\">",
+             height=\"{height:.0}\" style=\"background: {GROUND}\" role=\"img\" aria-label=\"{}\">",
             escaped(label)
         );
-        self.picture(&mut svg, scene);
+        self.picture(&mut svg, scene, is_whole);
         svg + "</svg>"
     }
 
@@ -208,11 +212,18 @@ impl<'a> Stills<'a> {
         let (load, row) = (&experiment.load, self.rows.get(index));
         let mut loads = match row {
             Some(_) if *load == Load::NONE => "no load".to_owned(),
-            _ => format!("F = {} N", listed(load.force_n.iter().copied(), 1)),
+            _ => unbroken(&format!(
+                "F = {} N",
+                listed(load.force_n.iter().copied(), 1)
+            )),
         };
         if load.torque_nm != Vector3::zeros() {
             let torque = listed(load.torque_nm.iter().copied(), 1);
-            let _ = write!(loads, ", T = {torque} N m");
+            let _ = write!(loads, ", {}", unbroken(&format!("T = {torque} N m")));
+        }
+        if let Some(direction) = &experiment.direction {
+            let along = unbroken(&listed(direction.iter().copied(), 4));
+            let _ = write!(loads, "; read along {along}");
         }
         if let Some(row) = row {
             let own = &self.scenario.task.belief.calibration_tool.name;
@@ -228,8 +239,8 @@ impl<'a> Stills<'a> {
         [format!("q = {} {}", listed(q, 1), commands.unit()), loads]
     }
 
-    /// A still: the floor, the robot, the tracker's line, the force.
-    fn picture(&self, svg: &mut String, scene: &Scene) {
+    /// A still: the floor, the robot, the line of sight or the gauge, the force; of a whole one with the name of what reads from outside.
+    fn picture(&self, svg: &mut String, scene: &Scene, is_whole: bool) {
         let camera = &self.camera;
         let mut painter = Painter::new(camera);
         for (part, mesh) in self.scenery.surfaces(scene) {
@@ -246,21 +257,20 @@ impl<'a> Stills<'a> {
             painter.paint()
         );
         let [x, y, _] = camera.see(&scene.read);
-        if let Some(tracker) = &scene.tracker {
-            let [from_x, from_y, _] = camera.see(tracker);
-            let _ = write!(
-                svg,
-                "<path stroke=\"#0a7d4f\" stroke-width=\"1.2\" stroke-dasharray=\"5 3\" \
-                 d=\"M{from_x:.1},{from_y:.1}L{x:.1},{y:.1}\"/>"
-            );
-            if scene.is_planned {
-                let _ = write!(
-                    svg,
-                    "<circle class=\"station\" cx=\"{from_x:.1}\" cy=\"{from_y:.1}\" r=\"5\" fill=\"#0a7d4f\"/>"
-                );
-            }
+        let is_gauge = scene.sight.is_some_and(|sight| sight.is_gauge());
+        let sight = scene.sight_ends();
+        if let Some([from, _]) = sight.filter(|_| !is_gauge) {
+            line_of_sight(svg, camera, scene, &from, is_whole);
         }
-        arrow(svg, camera, scene);
+        arrow(
+            svg,
+            camera,
+            [&scene.tool, &scene.arrow_end],
+            ("#d32f2f", 3.0),
+        );
+        if let Some([from, to]) = sight.filter(|_| is_gauge) {
+            arrow(svg, camera, [&from, &to], (GREEN, 2.4));
+        }
         let _ = write!(
             svg,
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.2\" fill=\"#fff\" stroke=\"#111\" stroke-width=\"1.2\"/></g>"
@@ -314,7 +324,7 @@ fn caption(
 fn floor(camera: &Camera) -> String {
     const LINES: i32 = 30;
     let [width, height] = camera.size_px;
-    let mut svg = format!("<rect width=\"{width:.1}\" height=\"{height:.1}\" fill=\"#eef1f4\"/>");
+    let mut svg = format!("<rect width=\"{width:.1}\" height=\"{height:.1}\" fill=\"{GROUND}\"/>");
     let reach = f64::from(LINES) * GRID_M;
     let corner = |x: f64, y: f64| {
         let [x, y, _] = camera.see(&Point3::new(x, y, 0.0));
@@ -337,11 +347,58 @@ fn floor(camera: &Camera) -> String {
     svg
 }
 
-/// The force as an arrow that starts at the tool.
-fn arrow(svg: &mut String, camera: &Camera, scene: &Scene) {
+/// The line from an instrument to what it reads; where the instrument is not in the picture, with what it is and how far away.
+fn line_of_sight(
+    svg: &mut String,
+    camera: &Camera,
+    scene: &Scene,
+    from: &Point3<f64>,
+    is_named: bool,
+) {
+    let [x, y, _] = camera.see(&scene.read);
+    let [from_x, from_y, _] = camera.see(from);
+    let _ = write!(
+        svg,
+        "<path stroke=\"{GREEN}\" stroke-width=\"1.2\" stroke-dasharray=\"5 3\" \
+         d=\"M{from_x:.1},{from_y:.1}L{x:.1},{y:.1}\"/>"
+    );
+    if camera.is_seen(from) {
+        if scene.station.is_some() {
+            let _ = write!(
+                svg,
+                "<circle class=\"station\" cx=\"{from_x:.1}\" cy=\"{from_y:.1}\" r=\"5\" fill=\"{GREEN}\"/>"
+            );
+        }
+        return;
+    }
+    if !is_named {
+        return;
+    }
+    // In the lower corner on that side, where there is floor.
+    let [width, height] = camera.size_px;
+    let metres = (from - scene.read).norm();
+    let name = escaped(scene.station.as_deref().unwrap_or("tracker"));
+    let (x, anchor, words) = if from_x < x {
+        (8.0, "start", format!("\u{25c2} {name}, {metres:.1} m"))
+    } else {
+        (
+            width - 8.0,
+            "end",
+            format!("{name}, {metres:.1} m \u{25b8}"),
+        )
+    };
+    let _ = write!(
+        svg,
+        "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"12\" fill=\"{GREEN}\" stroke=\"{GROUND}\" stroke-width=\"4\" \
+         paint-order=\"stroke\" text-anchor=\"{anchor}\">{words}</text>",
+        height - 9.0
+    );
+}
+
+/// An arrow in a colour, so thick (px).
+fn arrow(svg: &mut String, camera: &Camera, ends: [&Point3<f64>; 2], (colour, thick): (&str, f64)) {
     const HEAD_PX: f64 = 11.0;
-    let [x, y, _] = camera.see(&scene.tool);
-    let [end_x, end_y, _] = camera.see(&scene.arrow_end);
+    let [[x, y, _], [end_x, end_y, _]] = ends.map(|end| camera.see(end));
     let (dx, dy) = (end_x - x, end_y - y);
     let length = dx.hypot(dy);
     if length < 1.0 {
@@ -352,8 +409,8 @@ fn arrow(svg: &mut String, camera: &Camera, scene: &Scene) {
     let half = 0.42 * HEAD_PX;
     let _ = write!(
         svg,
-        "<path stroke=\"#d32f2f\" stroke-width=\"3\" d=\"M{x:.1},{y:.1}L{back_x:.1},{back_y:.1}\"/>\
-         <path fill=\"#d32f2f\" d=\"M{end_x:.1},{end_y:.1}L{:.1},{:.1}L{:.1},{:.1}z\"/>",
+        "<path stroke=\"{colour}\" stroke-width=\"{thick}\" d=\"M{x:.1},{y:.1}L{back_x:.1},{back_y:.1}\"/>\
+         <path fill=\"{colour}\" d=\"M{end_x:.1},{end_y:.1}L{:.1},{:.1}L{:.1},{:.1}z\"/>",
         back_x - dy * half,
         back_y + dx * half,
         back_x + dy * half,

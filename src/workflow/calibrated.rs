@@ -16,11 +16,8 @@ use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
-<<<<<<< HEAD
-=======
 use crate::quantities::plausible::ANY_VARIANCE;
 use crate::record::absolute::UnexplainedMessage;
->>>>>>> ident
 use crate::robot::SerialChain;
 use crate::task::{Belief, Method, Task};
 use crate::testbed::TrueRobots;

@@ -151,6 +151,7 @@ pub fn run(
     let mut conditions = main.identification.conditions();
     conditions.extend(pose_conditions(&task.belief, &main.poses));
     conditions.extend(loads_outside);
+    conditions.extend(tried[0].assessment.violated());
     conditions.extend(tried[0].assessment.conditions.iter().cloned());
     conditions.extend(implausible(scenario));
     Ok(RunOutcome {

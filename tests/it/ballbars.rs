@@ -164,6 +164,15 @@ fn distances_go_to_the_laboratory() {
         empty.contains("target,visit,station,distance_mm\n"),
         "{empty}"
     );
+    // What is about to be read stands beside each blank.
+    let sheet = place.read("out/s/lab/run_sheet.html");
+    let near: Vec<f64> = (sheet.split("<small>near ").skip(1))
+        .filter_map(|rest| rest.split('<').next()?.parse().ok())
+        .collect();
+    assert!(
+        near.len() == 24 && near.iter().all(|mm| (297.9..302.1).contains(mm)),
+        "{near:?}"
+    );
     fits_alike(&place, "s", "");
 }
 

@@ -705,7 +705,8 @@ fn the_run_sheet_looks_well() {
         .ends_with(0);
     let sheet = workplace.read("out/s/lab/run_sheet.html");
     assert_eq!(sheet.matches("class=\"stop\"").count(), 8);
-    assert_eq!(sheet.matches("hang the load (0, 0, -2500) N").count(), 1);
+    let hang = "hang the load (0,\u{a0}0,\u{a0}-2500) N";
+    assert_eq!(sheet.matches(hang).count(), 1);
     assert_eq!(sheet.matches("class=\"tick\"").count(), 8);
     // Each configuration once, though it is visited twice, and where the load hangs.
     assert_eq!(sheet.matches("class=\"place\"").count(), 4);
@@ -717,6 +718,19 @@ fn the_run_sheet_looks_well() {
         assert_eq!(sheet.matches(said).count(), 1, "{said}");
     }
     crate::browser::looks_well(&workplace.path("out/s/lab/run_sheet.html"), 5);
+}
+
+/// Loads and configurations that differ by less than what is printed are hung and shown once.
+#[test]
+fn what_is_printed_alike_is_one() {
+    let workplace = behind_a_pillar();
+    let again = "-50.00001,-90,90,0,30,0,0,0,-2500.00001,0,0,0,1\n";
+    workplace.write("plan.csv", workplace.read("plan.csv") + again);
+    let json = workplace.json("lab s.toml --plan plan.csv");
+    assert_eq!(json["load_changes"], 1);
+    assert_eq!(json["stops"].as_array().map(Vec::len), Some(10));
+    let sheet = workplace.read("out/s/lab/run_sheet.html");
+    assert_eq!(sheet.matches("class=\"place\"").count(), 4);
 }
 
 /// Where one load of a list serves all, there is more time than for a load a configuration: a plan by minutes is no worse than one of

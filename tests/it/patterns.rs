@@ -145,6 +145,10 @@ fn the_command_names_and_draws_them() {
     let command = "identify s.toml --quiet --measurements m.csv --parameters frames";
     let nothing = place.run(command).ends_with(0).stdout;
     assert!(nothing.contains("No pattern in the residuals"), "{nothing}");
+    let nothing = place.run(&format!("{command} --plot-out none.svg"));
+    let said = "there are no patterns in the residuals to draw: none.svg is not written";
+    assert!(nothing.ends_with(0).stdout.contains(said));
+    assert!(!place.path("none.svg").exists());
     for (index, reading) in readings.iter_mut().enumerate() {
         reading.position_m.y += 1e-5 * index as f64;
     }

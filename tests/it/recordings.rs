@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use elastocal::calibration::calibrate;
-use elastocal::plan::Plan;
+use elastocal::plan::{Plan, read_plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::rerun_file::write_rerun;
+use elastocal::view::stills::Stills;
 use foxglove::Decode;
 use foxglove::messages::{
     FrameTransform, FrameTransforms, JointState, JointStates, SceneEntity, SceneEntityDeletion,
@@ -301,17 +302,7 @@ fn mcap_holds_the_calibration_in_messages_that_meet_their_schemas() {
             assert!((position.to_degrees() - deg).abs() < 1e-9, "{joint}");
         }
     }
-    // The layout shows what there is.
-    let layout =
-        std::fs::read_to_string(project("docs/foxglove_layout.json")).expect("it is there");
-    let shown: BTreeSet<&str> = (layout.split('"').skip(1).step_by(2))
-        .filter(|text| text.starts_with('/'))
-        .map(|path| path.split(['.', '[']).next().unwrap_or_default())
-        .collect();
-    assert!(
-        shown.len() >= 5 && shown.iter().all(|topic| counts.contains_key(topic)),
-        "{shown:?}"
-    );
+    assert_layout_fits(&bytes, &messages);
     let identified = &on(&messages, "/identification")
         .next()
         .expect("there is")
@@ -572,6 +563,61 @@ fn rerun_reads_the_stream() {
     write_rerun(&again, &recording).expect("it can be written");
     let again = again.to_str().expect("UTF-8");
     rerun(&["rrd", "compare", "--unordered", again], &path);
+}
+
+/// The layout for Foxglove shows topics that there are, each in a panel for its type, and keys that messages have.
+fn assert_layout_fits(bytes: &[u8], messages: &[Message]) {
+    let text = std::fs::read_to_string(project("docs/foxglove_layout.json")).expect("it is there");
+    let layout: Value = serde_json::from_str(&text).expect("JSON");
+    let summary = mcap::Summary::read(bytes).expect("whole").expect("there");
+    let types: BTreeMap<&str, &str> = (summary.channels.values())
+        .map(|each| (&*each.topic, &*each.schema.as_ref().expect("a schema").name))
+        .collect();
+    let mut shown = BTreeSet::new();
+    let panels = layout["configById"].as_object().expect("panels");
+    for (panel, config) in panels {
+        let topics = config["topics"].as_object().into_iter().flatten();
+        let drawn = topics.map(|(topic, _)| (topic.as_str(), "foxglove.SceneUpdate"));
+        let paths = config["paths"].as_array().into_iter().flatten();
+        let raw = config["topicPath"].as_str();
+        for path in paths.filter_map(|each| each["value"].as_str()).chain(raw) {
+            let (topic, keys) = path.split_once('.').unwrap_or((path, ""));
+            assert!(types.contains_key(topic), "{panel}: {topic}");
+            shown.insert(topic);
+            // A seventh joint is of other robots.
+            let pointer = format!("/{}", keys.replace(['.', '['], "/").replace(']', ""));
+            let has = |each: &Message| keys.is_empty() || each.json.pointer(&pointer).is_some();
+            assert!(
+                path.contains("joints[6]") || on(messages, topic).any(has),
+                "{path}"
+            );
+        }
+        for (topic, of_type) in drawn {
+            assert_eq!(types.get(topic), Some(&of_type), "{panel}");
+            shown.insert(topic);
+        }
+    }
+    assert!(shown.len() >= 5, "{shown:?}");
+    // A 3D panel takes the frames from wherever they are, and joints are a type that other panels know.
+    assert_eq!(types["/tf"], "foxglove.FrameTransforms");
+    assert_eq!(types["/joint_states"], "foxglove.JointStates");
+}
+
+#[test]
+fn the_stream_shows_a_gauge_and_no_tracker_where_a_gauge_reads() {
+    let scenario = scenario("kr270_gauge");
+    let plan = project("scenarios/plans/kr270_gauge_m9.csv");
+    let plan = read_plan(&plan, scenario.task.belief.commands()).expect("a plan");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.rrd");
+    let steps = plan.experiments.len() + 2;
+    write_rerun(&path, &recorded(&scenario, &[("plan", plan.clone())])).expect("written");
+    let rows = rows(&rerun(&["rrd", "print"], &path));
+    assert_eq!(rows["/world/gauge"], steps);
+    assert!(!rows.contains_key("/world/tracker_line"));
+    assert!(!rows.contains_key("/world/surroundings/tracker"));
+    let sheet = Stills::of_plan(&scenario, &plan).sheet();
+    assert!(!sheet.contains("stroke-dasharray"));
 }
 
 #[test]

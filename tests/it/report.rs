@@ -182,6 +182,20 @@ fn a_planar_arm_has_a_report_that_looks_well() {
     looks_well_with_stills(&workplace, &page, &results);
 }
 
+/// The published plan keeps not all bounds, and is not the one that the page is about.
+#[test]
+fn what_a_plan_beside_violates_is_said_where_all_hold() {
+    let text = scenario_text("klimchik2012");
+    let (page, results) = run(&Workplace::new(), &text, 0);
+    let violations = &results["plans"][1]["assessment"]["violations"];
+    assert_eq!(violations.as_array().map(Vec::len), Some(1));
+    let said = "Of the plans beside it, klimchik2012_m3 keep not all of them.";
+    assert_has(
+        &page,
+        &["all hold for this plan".to_owned(), said.to_owned()],
+    );
+}
+
 #[test]
 fn a_single_measurement_has_a_report_that_looks_well() {
     let workplace = Workplace::new();

@@ -106,6 +106,12 @@ impl Identify {
         let Some(path) = &self.plot_out else {
             return Ok(String::new());
         };
+        if patterns.found.is_empty() {
+            let file = path.display();
+            return Ok(format!(
+                "there are no patterns in the residuals to draw: {file} is not written\n"
+            ));
+        }
         let title = format!("{}: patterns in the residuals", scenario.name);
         Ok(written.save(path, &patterns_plot(&title, patterns)?))
     }

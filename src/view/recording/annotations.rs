@@ -3,13 +3,53 @@
 use nalgebra::Vector3;
 
 use super::{Body, Recording, ShownTool, Step};
+use crate::mujoco::State;
+use crate::task::Instrument;
 
 /// How far labels are from what they name (m).
 const LABEL_AWAY_M: f64 = 0.3;
 // Labels take the colour of what they name, and viewers put them on dark ground.
 const FORCE_RGB: [u8; 3] = [255, 100, 100];
 const DEFLECTION_RGB: [u8; 3] = [255, 200, 40];
-const TRACKER_RGB: [u8; 3] = [40, 200, 110];
+const SIGHT_RGB: [u8; 3] = [40, 200, 110];
+/// How long the arrow of a gauge is drawn (m).
+const GAUGE_M: f64 = 0.35;
+
+/// How a target is read, as all pictures show it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Sight {
+    /// By an instrument that stands there (m).
+    From(Vector3<f64>),
+    /// By a gauge along this direction (unit vector).
+    Along(Vector3<f64>),
+}
+
+impl Sight {
+    /// Along a gauge's direction, or from a station (m), or from the model's tracker, if something says so.
+    pub fn new(
+        instrument: &Instrument,
+        state: &State,
+        direction: Option<Vector3<f64>>,
+        station_m: Option<Vector3<f64>>,
+    ) -> Option<Self> {
+        let tracker_m = || Some(state.site(instrument.tracker_site?).0);
+        let along = direction.map(Self::Along);
+        along.or_else(|| station_m.or_else(tracker_m).map(Self::From))
+    }
+
+    /// Whether a gauge reads.
+    pub const fn is_gauge(&self) -> bool {
+        matches!(self, Self::Along(_))
+    }
+
+    /// From where to where it is drawn at a target (m): a line of sight, or an arrow the way that a gauge reads.
+    pub fn ends_m(&self, target_m: Vector3<f64>) -> [Vector3<f64>; 2] {
+        match self {
+            Self::From(place_m) => [*place_m, target_m],
+            Self::Along(direction) => [target_m, target_m + direction * GAUGE_M],
+        }
+    }
+}
 
 /// An arrow or a line.
 #[derive(Debug, Clone)]
@@ -29,7 +69,7 @@ pub struct Annotation {
 }
 
 impl Recording {
-    /// Deflection, force and, where one is known in any step, line of sight.
+    /// Deflection, force and, where one is known in any step, line of sight or gauge.
     pub fn annotations(&self, step: &Step) -> Vec<Annotation> {
         let tool_m = step.unloaded.tool_m;
         let label = displacement_label(step);
@@ -58,16 +98,22 @@ impl Recording {
                 }),
             },
         ];
-        if self.has_lines_of_sight {
-            drawn.push(Annotation {
-                name: "tracker_line",
-                is_arrow: false,
-                ends_m: step.instrument_m.map(|from| [from, tool_m]),
-                radius_m: 0.006,
-                rgb: TRACKER_RGB,
-                label: None,
-            });
-        }
+        let sights = [("tracker_line", false, 0.006_f32), ("gauge", true, 0.022)];
+        let known = sights.into_iter().zip(self.has_sights);
+        drawn.extend(known.filter(|(_, is_known)| *is_known).map(
+            |((name, is_arrow, radius_m), _)| {
+                Annotation {
+                    name,
+                    is_arrow,
+                    ends_m: (step.sight)
+                        .filter(|sight| sight.is_gauge() == is_arrow)
+                        .map(|sight| sight.ends_m(tool_m)),
+                    radius_m,
+                    rgb: SIGHT_RGB,
+                    label: None,
+                }
+            },
+        ));
         drawn
     }
 

@@ -6,10 +6,13 @@ use super::{Body, ShownTool, Surface, tool_name};
 use crate::calibration::CalibrationError;
 use crate::mujoco::{Geometry, Model, Shape, State};
 use crate::scenario::Scenario;
+use crate::task::Instrument;
 use crate::view::mesh::Mesh;
 
 /// Geometries of the model in groups up to this one are drawn, as MuJoCo does by default.
 pub const LAST_SHOWN_GROUP: i32 = 2;
+/// The site where a model has its tracker.
+const TRACKER: &str = "tracker";
 /// The group of the tool that is not mounted; drawn where that tool is at work.
 const UNMOUNTED_GROUP: i32 = 3;
 /// What a plane looks like if its colour comes from a texture, which is not drawn.
@@ -36,7 +39,7 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
     };
     let mut state = State::new(model);
     state.update_kinematics();
-    let scenery = model.scenery();
+    let scenery = drawn(model, &scenario.task.belief.instrument, UNMOUNTED_GROUP);
     let (mut surroundings, mut links) = (Vec::new(), Vec::new());
     for id in 0..model.bodies() {
         let moves = is_moved(model, id);
@@ -47,8 +50,7 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
         };
         let shown = |each: &&Geometry| {
             model.geometry_body(each.id) == id
-                && (each.group <= LAST_SHOWN_GROUP
-                    || each.group == UNMOUNTED_GROUP && only_with(id).is_some())
+                && (each.group <= LAST_SHOWN_GROUP || only_with(id).is_some())
         };
         let surfaces: Vec<_> = (scenery.iter())
             .filter(shown)
@@ -70,6 +72,18 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
         if moves { &mut links } else { &mut surroundings }.push(body);
     }
     Ok((surroundings, links))
+}
+
+/// What is drawn of a model in groups up to one: its tracker only where the scenario names the site.
+pub fn drawn(model: &Model, instrument: &Instrument, last_group: i32) -> Vec<Geometry> {
+    let tracker = model.site(TRACKER).ok();
+    let tracker = tracker.filter(|_| instrument.tracker_site.is_none());
+    let tracker = tracker.map(|site| model.site_body(site).0);
+    let is_drawn = |each: &Geometry| {
+        each.group <= last_group
+            && tracker.is_none_or(|body| body == 0 || model.geometry_body(each.id) != body)
+    };
+    model.scenery().into_iter().filter(is_drawn).collect()
 }
 
 /// The model's colour, except that of a textured plane, which would be plain white.

@@ -18,9 +18,9 @@ use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::study::carried_out::CarriedOut;
-pub use annotations::Annotation;
+pub use annotations::{Annotation, Sight};
 use bodies::bodies;
-pub use bodies::{LAST_SHOWN_GROUP, is_moved};
+pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
 pub use record::PlanRecord;
 use steps::{Stage, enlarge};
 
@@ -42,8 +42,8 @@ pub struct Recording {
     pub links: Vec<Body>,
     /// How long work takes.
     pub costs: Costs,
-    /// Whether somebody says from where an instrument reads.
-    pub has_lines_of_sight: bool,
+    /// Whether lines of sight are known, and whether a gauge reads.
+    pub has_sights: [bool; 2],
     /// The calibrations; the first is the main one.
     pub calibrations: Vec<RecordedCalibration>,
 }
@@ -120,8 +120,8 @@ pub struct Step {
     pub enlarged: Stance,
     /// Its force as an arrow (m), if there is one: the largest of all steps with the same tool has a fixed length.
     pub force_arrow_m: Option<Vector3<f64>>,
-    /// From where an instrument reads it (m), if somebody says.
-    pub instrument_m: Option<Vector3<f64>>,
+    /// How it is read, if somebody says.
+    pub sight: Option<Sight>,
 }
 
 /// What a step is.
@@ -244,7 +244,11 @@ impl Recording {
         for tool in [ShownTool::Calibration, ShownTool::Machining] {
             enlarge(scenario, tool, &mut calibrations, &mut stage)?;
         }
-        let mut steps = calibrations.iter().flat_map(|each| &each.steps);
+        let steps = || calibrations.iter().flat_map(|each| &each.steps);
+        let has = |is_gauge| {
+            let mut sights = steps().filter_map(|step| step.sight);
+            sights.any(|sight| sight.is_gauge() == is_gauge)
+        };
         Ok(Self {
             provenance: ProvenanceMessage::new(scenario),
             description: scenario.description.clone(),
@@ -252,7 +256,7 @@ impl Recording {
             surroundings,
             links,
             costs: scenario.laboratory.costs,
-            has_lines_of_sight: steps.any(|step| step.instrument_m.is_some()),
+            has_sights: [false, true].map(has),
             calibrations,
         })
     }

@@ -2,13 +2,14 @@
 
 use nalgebra::{DVector, Vector3};
 
-use super::{Body, RecordedCalibration, ShownTool, Stance, Step, StepKind, tool_name};
+use super::{Body, RecordedCalibration, ShownTool, Sight, Stance, Step, StepKind, tool_name};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::mujoco::State;
 use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::robot::Load;
 use crate::scenario::Scenario;
 use crate::study::carried_out::{AtRest, CarriedOut};
+use crate::task::Instrument;
 use crate::testbed::{MeasurementError, TrueRobots};
 
 /// The largest deflection of experiments, and that of test poses, is drawn about this long (m).
@@ -21,7 +22,7 @@ const FORCE_ARROW_M: f64 = 0.6;
 pub(super) struct Stage {
     state: State,
     links: Vec<usize>,
-    tracker: Option<usize>,
+    instrument: Instrument,
 }
 
 impl Stage {
@@ -29,7 +30,7 @@ impl Stage {
         Self {
             state: State::new(&scenario.truth.robot.model),
             links: links.iter().map(|body| body.id).collect(),
-            tracker: scenario.task.belief.instrument.tracker_site,
+            instrument: scenario.task.belief.instrument,
         }
     }
 
@@ -47,16 +48,17 @@ impl Stage {
         }
     }
 
-    /// A step from a rest without load to one under it, read from a station (m) or the model's tracker.
+    /// A step from a rest without load to one under it, read along a gauge's direction, from a station (m) or by the model's tracker.
     fn step(
         &mut self,
         kind: StepKind,
         (commanded_rad, load): (&DVector<f64>, Load),
         rests: [AtRest; 2],
-        station_m: Option<Vector3<f64>>,
+        [direction, station_m]: [Option<Vector3<f64>>; 2],
     ) -> Step {
         let [unloaded, loaded] = rests.map(|rest| self.stance(rest));
-        let tracker = (self.tracker).filter(|_| matches!(kind, StepKind::Experiment { .. }));
+        let sight = Sight::new(&self.instrument, &self.state, direction, station_m)
+            .filter(|_| matches!(kind, StepKind::Experiment { .. }));
         Step {
             kind,
             commanded_rad: commanded_rad.clone(),
@@ -66,7 +68,7 @@ impl Stage {
             unloaded,
             loaded,
             force_arrow_m: None,
-            instrument_m: station_m.or_else(|| tracker.map(|site| self.state.site(site).0)),
+            sight,
         }
     }
 }
@@ -107,7 +109,8 @@ pub(super) fn of_deflections(
             measurements,
         };
         let commanded = (&experiment.configuration_rad, experiment.load);
-        steps.push(stage.step(kind, commanded, [unloaded, loaded], None));
+        let read = [experiment.direction, None];
+        steps.push(stage.step(kind, commanded, [unloaded, loaded], read));
     }
     let poses = scenario.task.test_poses.iter().zip(&calibration.poses);
     for (index, (pose, compensated_pose)) in poses.enumerate() {
@@ -125,7 +128,7 @@ pub(super) fn of_deflections(
             let loaded_m = (robots.machining_tool_at_work(commanded_rad, pose)).map_err(at_pose)?;
             let rests = [wanted.clone(), AtRest::of(robots.machining(), loaded_m)];
             let kind = StepKind::TestPose { index, compensated };
-            steps.push(stage.step(kind, (commanded_rad, pose.load), rests, None));
+            steps.push(stage.step(kind, (commanded_rad, pose.load), rests, [None; 2]));
         }
     }
     Ok(steps)
@@ -145,7 +148,8 @@ pub(super) fn of_readings(
             measurements: row.readings.clone(),
         };
         let commanded = (&row.commanded_rad, row.load);
-        steps.push(stage.step(kind, commanded, row.rests.clone(), row.station_m));
+        let read = [None, row.station_m];
+        steps.push(stage.step(kind, commanded, row.rests.clone(), read));
     }
     let poses = (scenario.task.test_poses.iter())
         .zip(&carried_out.test_poses)
@@ -161,7 +165,8 @@ pub(super) fn of_readings(
             };
             let kind = StepKind::TestPose { index, compensated };
             let commanded = (&pose.configuration_rad, pose.load);
-            steps.push(stage.step(kind, commanded, [predicted, rest.clone()], None));
+            let rests = [predicted, rest.clone()];
+            steps.push(stage.step(kind, commanded, rests, [None; 2]));
         }
     }
     steps

@@ -1,6 +1,6 @@
 //! The page of a plan of absolute readings: what is predicted, of what it is made, what to read, and what virtual robots make of it.
 
-use super::distances::{Line, Role, distances_figure, distances_table};
+use super::distances::{distances_figure, distances_table, lines};
 use super::overview::next_steps;
 use super::test_poses::test_poses;
 use super::{
@@ -56,9 +56,10 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
                  disturbs these.";
     body += &sources::budget_section(plan.uncertainty_budget.as_ref(), about);
     if plan.test_poses.len() > 1 || shown.run.is_some() {
-        let predicted = (plan.test_poses.iter()).map(|pose| (&*pose.name, pose.rho0_mm));
+        let predicted_mm: Vec<_> = plan.test_poses.iter().map(|pose| pose.rho0_mm).collect();
         let observed = (shown.run).map(|run| (&*run.record.test_poses, "of the nominal robot"));
-        body += &test_poses(&predicted.collect::<Vec<_>>(), plan.rho0_mm, observed)?;
+        let poses = &scenario.task.test_poses;
+        body += &test_poses(poses, &predicted_mm, plan.rho0_mm, observed)?;
     }
     body += &shown.run.map_or_else(String::new, identified);
     body += &next_steps(&scenario.path, None);
@@ -91,7 +92,7 @@ fn cards(shown: &AbsolutePageRecord<'_>) -> String {
             &about,
         );
     }
-    cards + &checks_card(shown.page.conditions, "")
+    cards + &checks_card(shown.page.conditions, ("", ""))
 }
 
 fn plan_card(plan: &AbsolutePlanMessage) -> String {
@@ -185,7 +186,7 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
         let failed = counted(runs.failed, "robot");
         said += &format!(" {failed} could not be evaluated.");
     }
-    let lines = [Line::new(runs, Role::Own)];
+    let lines = lines(std::slice::from_ref(runs), |_, _| false);
     let caption = "Distance of the loaded tool from where the identified model predicts it, rms over the test poses, of each virtual robot. The area is the distribution; the vertical line is the mean.";
     let hidden: Vec<String> = (runs.contributions.iter())
         .filter(|each| each.hidden)
@@ -222,12 +223,8 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
     } else {
         "row | reflector | station | times"
     };
-    let about = format!(
-        "Green: the line of sight from the instrument to the reflector that is read. Loads act at the calibration \
-         tool, in the world frame, z up. {} the same numbers.",
-        shown.run.map_or("--plan-out writes", |_| "plan.csv has")
-    );
-    plan_table(&shown.page, &about, own, rows)
+    let same = shown.run.map_or("--plan-out writes", |_| "plan.csv has");
+    plan_table(&shown.page, same, own, rows)
 }
 
 /// All unknowns, with how well each is known afterwards.

@@ -5,7 +5,9 @@ use plotters::style::RGBColor;
 use crate::numeric::tolerance::ends;
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::micrometres;
-use crate::view::charts::{COLOURS, Chart, ChartAxis, INK, Mark, PlotError, Rows, Series, WHOLE};
+use crate::view::charts::{
+    COLOURS, Chart, ChartAxis, INK, Mark, PlotError, Rows, Series, WHOLE, plan_colours,
+};
 use crate::view::{markup::figure, tables};
 
 /// The share of a row that the highest distribution fills.
@@ -14,43 +16,22 @@ const FILL: f64 = 0.86;
 const MARGIN: f64 = 0.08;
 /// What figures are over.
 const ERRORS: &str = "residual error at the test pose [\u{b5}m], logarithmic";
-/// The vermilion of random plans.
-const RANDOM: RGBColor = RGBColor(213, 94, 0);
 
-/// What a plan is compared as; each has its colour.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Role {
-    /// The plan that the page is about.
-    Own,
-    /// A plan beside it.
-    Other,
-    /// Random plans.
-    Random,
-}
-
-impl Role {
-    const fn colour(self) -> RGBColor {
-        match self {
-            Self::Own => COLOURS[0],
-            Self::Other => COLOURS[4],
-            Self::Random => RANDOM,
-        }
-    }
-}
-
-/// A plan's runs, with what they are drawn and listed as.
+/// A plan's runs, with their colour.
 pub struct Line<'a> {
-    /// Its runs.
-    pub runs: &'a StudyPlanMessage,
-    /// What it is compared as.
-    pub role: Role,
+    runs: &'a StudyPlanMessage,
+    colour: RGBColor,
 }
 
-impl<'a> Line<'a> {
-    /// A plan's.
-    pub const fn new(runs: &'a StudyPlanMessage, role: Role) -> Self {
-        Self { runs, role }
-    }
+/// Lines of plans beside each other; `is_reference` says of each, by its place, whether the others are compared with it.
+pub fn lines(
+    plans: &[StudyPlanMessage],
+    is_reference: impl Fn(usize, &StudyPlanMessage) -> bool,
+) -> Vec<Line<'_>> {
+    let is_reference = |(place, runs)| is_reference(place, runs);
+    let colours = plan_colours(plans.iter().enumerate().map(is_reference));
+    let both = plans.iter().zip(colours);
+    both.map(|(runs, colour)| Line { runs, colour }).collect()
 }
 
 /// Lines that have runs.
@@ -108,9 +89,8 @@ pub fn means_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
         axis: ChartAxis::logarithmic(low - MARGIN..high + MARGIN),
         title: "mean residual error [\u{b5}m], logarithmic",
     };
-    let intervals = (means.iter().enumerate()).flat_map(|(row, (line, ends))| {
-        Series::interval(*ends, rows.middle(row), line.role.colour())
-    });
+    let intervals = (means.iter().enumerate())
+        .flat_map(|(row, (line, ends))| Series::interval(*ends, rows.middle(row), line.colour));
     let title = "Mean residual error of each plan with its 95 % interval";
     let svg = rows.figure(title, &intervals.collect::<Vec<_>>())?;
     Ok(figure(
@@ -125,21 +105,16 @@ pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
     if lines.is_empty() {
         return Ok(String::new());
     }
-    let is_free = |colour: &RGBColor| ![Role::Own.colour(), RANDOM].contains(colour);
-    let others: Vec<RGBColor> = COLOURS.into_iter().filter(is_free).collect();
     let inside = range(&lines);
     let series = |(index, line): (usize, &&Line<'_>)| {
-        let colour = match line.role {
-            Role::Other => others[index % others.len()],
-            role => role.colour(),
-        };
-        let mark = if index < others.len() {
+        // Colours come again.
+        let mark = if index < COLOURS.len() {
             Mark::Line
         } else {
             Mark::Dashed
         };
         let points = below(line.runs).filter(|(x, _)| inside.contains(x));
-        Series::new(&line.runs.name, colour, mark, points.collect())
+        Series::new(&line.runs.name, line.colour, mark, points.collect())
     };
     let chart = Chart {
         series: lines.iter().enumerate().map(series).collect(),
@@ -166,7 +141,7 @@ fn below(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
 
 /// A plan's hill in a row, with its mean; `highest` is the highest share of any plan.
 fn hill(rows: &Rows<'_>, row: usize, line: &Line<'_>, highest: f64) -> [Series; 3] {
-    let (colour, foot) = (line.role.colour(), rows.middle(row) - 0.46);
+    let (colour, foot) = (line.colour, rows.middle(row) - 0.46);
     let inside = |x: &f64| rows.axis.range.contains(x);
     let shape: Vec<(f64, f64)> = shares(line.runs)
         .filter(|(x, _)| inside(x))

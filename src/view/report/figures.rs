@@ -11,6 +11,8 @@ use crate::view::charts::{
 
 /// The height of the figures that are no row charts.
 const HEIGHT: u32 = 620;
+/// At so many test poses at most each has its number under the figure.
+const MOST_TICKS: usize = 36;
 /// The half width of a 95 % interval of a standard normal.
 const NORMAL_95: f64 = 1.96;
 /// Name, colour, mark (the colour is not all that tells them apart) and shift from the measurement's place of each coordinate, and of
@@ -35,9 +37,8 @@ pub fn accuracy_figure(
     let first = found.first().map_or(1.0, |point| point.0);
     let bound = (1..).map(f64::from).zip(bounds_mm);
     let bound = bound.filter_map(|(m, bound)| Some((m, (*bound)? * 1e3)));
-    let bound: Vec<(f64, f64)> = bound.filter(|point| point.0 >= first).collect();
-    let all = found.iter().chain(&bound).map(|point| point.1);
-    let top = all.fold(0.0, f64::max) * 1.12;
+    let bound = bound.filter(|(m, bound)| *m >= first && *bound > 0.0);
+    let bound: Vec<(f64, f64)> = bound.collect();
     let repeated = repeated.iter().map(micro).collect();
     let own = own.map(micro).into_iter().collect();
     let [blue, orange, ..] = COLOURS;
@@ -48,44 +49,48 @@ pub fn accuracy_figure(
         Series::new("this plan", INK, Mark::Ring, own),
     ];
     let tip = |name: &str, x: f64, y: f64| format!("{name}, {x}: {y:.2} \u{b5}m");
-    let chart = Chart {
-        axes: [
-            ChartAxis::whole((first - 0.4).max(0.0)..bounds_mm.len() as f64 + 0.4),
-            ChartAxis::linear(0.0..top, 5),
-        ],
-        names: [
-            "measurements".to_owned(),
-            "\u{3c1}\u{2080}, rms residual error [\u{b5}m]".to_owned(),
-        ],
-        series: series.map(|each| each.tipped(tip)).into(),
-    };
-    chart.figure(
+    let tipped = series.map(|each| each.tipped(tip));
+    Chart::of_accuracy(tipped.into()).figure(
         (HALF, HEIGHT),
         "Accuracy against the number of measurements",
     )
 }
 
-/// What is predicted along a path, or over a region (um), by the number of each pose, and over all of them.
-pub fn path_figure(values_um: &[f64], over_all_um: Option<f64>) -> Result<String, PlotError> {
+/// What is predicted along a path, or over a region (um), by the number of each pose, which has a name, and over all of them.
+pub fn path_figure(
+    names: &[&str],
+    values_um: &[f64],
+    over_all_um: Option<f64>,
+) -> Result<String, PlotError> {
     let values = values_um.iter().copied();
     let points: Vec<(f64, f64)> = (1..).map(f64::from).zip(values).collect();
     let top = values_um.iter().copied().fold(0.0, f64::max) * 1.12;
     let x = 0.0..values_um.len() as f64 + 1.0;
     let across = over_all_um.map_or_else(Vec::new, |all| vec![(x.start, all), (x.end, all)]);
     let dots = Series::new("", COLOURS[0], Mark::Dot, points.clone());
+    let mut across_axis = ChartAxis::whole(x);
+    if points.len() <= MOST_TICKS {
+        across_axis.ticks = points.iter().map(|point| point.0).collect();
+    }
+    let tip = |_: &str, x: f64, y: f64| {
+        let place = points.iter().position(|point| point.0 >= x);
+        let name = place.and_then(|place| names.get(place)).unwrap_or(&"");
+        format!("{x}, {name}: {y:.2} \u{b5}m")
+    };
+    let dots = dots.tipped(tip);
     let chart = Chart {
         axes: [
-            ChartAxis::whole(x),
+            across_axis,
             ChartAxis::linear(0.0..top.max(f64::MIN_POSITIVE), 5),
         ],
         names: [
-            "test pose".to_owned(),
+            "number of the test pose".to_owned(),
             "\u{3c1}\u{2080} [\u{b5}m]".to_owned(),
         ],
         series: vec![
             Series::new("", INK, Mark::Dashed, across),
             Series::new("", COLOURS[0], Mark::Line, points),
-            dots.tipped(|_, x, y| format!("{x}: {y:.2} \u{b5}m")),
+            dots,
         ],
     };
     chart.figure((WHOLE, HEIGHT), "Accuracy along the test poses")

@@ -15,17 +15,20 @@ mod study;
 mod test_poses;
 
 use super::charts::PlotError;
-use super::markup::{card, cell, escaped, figure, page, paragraph, section, table, table_of_cells};
+use super::markup::{
+    card, cell, escaped, figure, page, paragraph, section, table, table_of_cells, unbroken,
+};
 use super::tables;
 use crate::calibration::rms_m;
 use crate::codes::Condition;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
+use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
 use crate::task::{Belief, Instrument};
 use crate::text::wording::{counted, dash, listed, micrometres, number, percent};
 use crate::workflow::run::{RANDOM_PLANS, RunOutcome, TriedPlan};
-use distances::{Line, Role, distances_figure, distances_table};
+use distances::{distances_figure, distances_table, lines};
 use figures::{
     RelativeEstimate, accuracy_figure, compliances_figure, criteria_names, residuals_figure,
 };
@@ -49,53 +52,40 @@ pub struct PlanPage<'a> {
     pub command: &'a str,
 }
 
-/// What the report of a run is made of.
-#[derive(Debug, Clone, Copy)]
-struct RunRecord<'a> {
-    scenario: &'a Scenario,
-    /// What it comes to.
-    outcome: &'a RunOutcome,
-}
-
 /// What a budget's contributions are.
 const CONTRIBUTIONS: &str = "Contributions are what the noise and each error source leave after compensation, rms, to first order; \
                              squares add up.";
 
 /// The report of a run as HTML.
 pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, PlotError> {
-    let run = &RunRecord {
-        scenario: shown.scenario,
-        outcome,
-    };
+    let (scenario, evidence) = (shown.scenario, &outcome.evidence);
     let Some(own) = outcome.tried.first() else {
         return Ok(page("elastocal", ""));
     };
     let (calibration, assessment) = (&own.record, &own.assessment);
-    let evidence = &run.outcome.evidence;
-    let mut body = overview::overview(run, own, shown.conditions);
-    body += &distances(evidence, &calibration.name)?;
+    let mut body = overview::overview(shown, outcome, own);
+    body += &distances(evidence)?;
     body += &sources::budget_section(assessment.uncertainty_budget.as_ref(), CONTRIBUTIONS);
     let poses = &calibration.test_poses;
-    let predicted: Vec<_> = (poses.iter())
-        .map(|pose| (&*pose.name, pose.rho0_mm))
-        .collect();
+    let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
     let all_mm = assessment.rho0_m.map(|value| value * 1e3);
     if poses.len() > 1 {
-        body += &test_poses(&predicted, all_mm, Some((poses, "uncompensated")))?;
+        let observed = Some((&**poses, "uncompensated"));
+        body += &test_poses(&scenario.task.test_poses, &predicted_mm, all_mm, observed)?;
     }
     body += &pair(&[
         section(
             "compliances",
             "Compliances",
-            &compliances(&run.scenario.task.belief, calibration)?,
+            &compliances(&scenario.task.belief, calibration)?,
         ),
         section(
             "residuals",
             "Standardised residuals",
-            &residuals(&run.scenario.task.belief.instrument, calibration)?,
+            &residuals(&scenario.task.belief.instrument, calibration)?,
         ),
     ]);
-    body += &section("plans", "The plans in this run", &plans(run));
+    body += &section("plans", "The plans in this run", &plans(&outcome.tried));
     let accuracy = accuracy_figure(
         (&evidence.accuracy, &evidence.repeated),
         &evidence.lower_bounds_rho0_mm,
@@ -113,7 +103,10 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
             &figure(&accuracy, &accuracy_caption(assessment.experiments)),
         ),
     ]);
-    body += &overview::next_steps(&run.scenario.path, overview::more_accurate(run, assessment));
+    body += &overview::next_steps(
+        &scenario.path,
+        overview::more_accurate(evidence, assessment),
+    );
     body += &section(
         "configurations",
         "What to measure",
@@ -121,7 +114,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
     );
     body += &provenance(shown.provenance, shown.command);
     Ok(page(
-        &format!("{}: calibration report", run.scenario.name),
+        &format!("{}: calibration report", scenario.name),
         &body,
     ))
 }
@@ -142,18 +135,12 @@ fn pair(sections: &[String; 2]) -> String {
     format!("<div class=\"pair\">\n{}</div>\n", sections.concat())
 }
 
-/// Many runs of every plan; `own` is the designed one.
-fn distances(evidence: &EvidenceMessage, own: &str) -> Result<String, PlotError> {
+/// Many runs of every plan, the designed one first.
+fn distances(evidence: &EvidenceMessage) -> Result<String, PlotError> {
     // Random plans come last.
-    let last = evidence.study.len().saturating_sub(1);
-    let role = |index: usize, name: &str| match index {
-        _ if index == last => Role::Random,
-        _ if name == own => Role::Own,
-        _ => Role::Other,
-    };
-    let lines: Vec<Line<'_>> = (evidence.study.iter().enumerate())
-        .map(|(index, runs)| Line::new(runs, role(index, &runs.name)))
-        .collect();
+    let lines = lines(&evidence.study, |place, _| {
+        place + 1 == evidence.study.len()
+    });
     let caption = format!(
         "{} runs of each plan by the linear model, all with the same noise; \u{201c}random\u{201d} is a fresh \
          feasible plan in every run. Each area is the distribution of the residual error; the vertical line is the mean.",
@@ -225,7 +212,7 @@ fn configurations(shown: &PlanPage<'_>, calibration: &CalibrationMessage) -> Str
     let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
         let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
         if reads_along {
-            let along = experiment.direction.map(|each| listed(each, 4));
+            let along = experiment.direction.map(|each| unbroken(&listed(each, 4)));
             row.push(along.unwrap_or_else(|| "all coordinates".to_owned()));
         }
         row.push(experiment.repeats.to_string());
@@ -236,16 +223,27 @@ fn configurations(shown: &PlanPage<'_>, calibration: &CalibrationMessage) -> Str
     } else {
         "experiment | times"
     };
-    let about = "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up.";
-    plan_table(shown, about, own, rows)
+    plan_table(shown, "plan.csv has", own, rows)
 }
 
-/// Stills, what is to be known of them, and the rows of a plan; `own` names the rows and the columns that follow angles and load.
+/// What is drawn green in the robot's pictures.
+fn green(instrument: &Instrument) -> &'static str {
+    match instrument.reads_along() {
+        ReadsAlong::Never => "the line of sight from the instrument to the reflector that is read",
+        ReadsAlong::Always => "the way that the gauge reads",
+        ReadsAlong::Sometimes => {
+            "the line of sight from the instrument to the reflector, or the way that the gauge reads"
+        }
+    }
+}
+
+/// Stills, what is to be known of them and where the same numbers are, and the rows of a plan; `own` names the rows and the columns that
+/// follow angles and load.
 fn plan_table(
     PlanPage {
         scenario, stills, ..
     }: &PlanPage<'_>,
-    about: &str,
+    same: &str,
     own: &str,
     rows: impl Iterator<Item = Vec<String>>,
 ) -> String {
@@ -255,7 +253,11 @@ fn plan_table(
     let angles: Vec<String> = angles.collect();
     let angles = angles.join(" | ");
     let header = format!("{row} | {angles} | force [N] | torque [N m] | {own}");
-    format!("<div class=\"stills\">{stills}</div>\n") + &paragraph(about) + &table(&header, rows)
+    let about = format!(
+        "Red: the load, which acts at the calibration tool; forces are in the world frame, z up. Green: {}. {same} the same numbers.",
+        green(&scenario.task.belief.instrument)
+    );
+    format!("<div class=\"stills\">{stills}</div>\n") + &paragraph(&about) + &table(&header, rows)
 }
 
 /// A row of it: number, angles and load, where there is one.
@@ -263,7 +265,8 @@ fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<Strin
     let mut row = vec![(index + 1).to_string()];
     row.extend(q_deg.iter().map(|&angle| number(Some(angle), 3)));
     for half in [0..3, 3..6] {
-        row.push(wrench.map_or_else(dash, |wrench| listed(wrench[half].iter().copied(), 4)));
+        let vector = wrench.map(|wrench| listed(wrench[half].iter().copied(), 4));
+        row.push(vector.map_or_else(dash, |vector| unbroken(&vector)));
     }
     row
 }
@@ -329,7 +332,7 @@ fn residuals(
 }
 
 /// Every plan's prediction and what came of it.
-fn plans(run: &RunRecord<'_>) -> String {
+fn plans(tried: &[TriedPlan]) -> String {
     let row = |plan: &TriedPlan| {
         let (calibration, assessment) = (&plan.record, &plan.assessment);
         let [_, residual_m] = rms_m(&plan.calibration.1.poses);
@@ -342,7 +345,7 @@ fn plans(run: &RunRecord<'_>) -> String {
             assessment.violations.len().to_string(),
         ]
     };
-    let rows = run.outcome.tried.iter().map(row);
+    let rows = tried.iter().map(row);
     let header = "plan | measurements | predicted rms \u{3c1}\u{2080} [\u{b5}m] | efficiency | observed in this run [\u{b5}m] | violations";
     table(header, rows)
 }
@@ -365,12 +368,12 @@ fn verdict_card(is_kept: bool, verdict: &str, about: &str) -> String {
     card(tone, "Does the prediction hold?", verdict, about)
 }
 
-/// A card of what must be looked at; where there is nothing, of what holds, if anything is said of that.
-fn checks_card(conditions: &[Condition], holds: &str) -> String {
+/// A card of what must be looked at; where there is nothing, an answer with what holds, if anything is said of that.
+fn checks_card(conditions: &[Condition], (answer, holds): (&str, &str)) -> String {
     let all: Vec<String> = conditions.iter().map(ToString::to_string).collect();
-    match (all.len(), holds) {
+    match (all.len(), answer) {
         (0, "") => String::new(),
-        (0, _) => card("good", "Checks", "all hold", holds),
+        (0, _) => card("good", "Checks", answer, holds),
         (count, _) => {
             let count = counted(count as u64, "condition") + " to look at";
             card("bad", "Checks", &count, &(all.join("; ") + "."))

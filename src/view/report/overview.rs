@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use super::{RunRecord, bound_card, checks_card, random_card};
-use crate::codes::{Condition, ConditionCode};
+use super::{PlanPage, bound_card, checks_card, random_card};
 use crate::plan::search::{BoundKind, RepeatsNeeded};
 use crate::plan::{Assessment, UncertaintyBudget};
+use crate::record::evidence::EvidenceMessage;
+use crate::scenario::Scenario;
 use crate::text::wording::{counted, micrometres, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};
-use crate::workflow::run::TriedPlan;
+use crate::workflow::run::{RunOutcome, TriedPlan};
 
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
@@ -23,27 +24,46 @@ const ALL_HOLD: &str = "On the virtual robot: every compliance that was asked fo
                         the plan keeps all bounds of the scenario.";
 
 /// Title and cards.
-pub fn overview(run: &RunRecord<'_>, own: &TriedPlan, conditions: &[Condition]) -> String {
-    let (outcome, assessment) = (run.outcome, &own.assessment);
-    let count = assessment.violations.len() as u64;
-    let words = format!("the plan has {}", counted(count, "violation"));
-    let violated = (count > 0).then(|| ConditionCode::Violation.with(words));
-    let conditions: Vec<Condition> = conditions.iter().cloned().chain(violated).collect();
+pub fn overview(shown: &PlanPage<'_>, outcome: &RunOutcome, own: &TriedPlan) -> String {
+    let (scenario, assessment) = (shown.scenario, &own.assessment);
+    let others = outcome.tried.iter().skip(1);
+    let violating: Vec<&str> = others
+        .filter(|plan| plan.assessment.violated().is_some())
+        .map(|plan| &*plan.record.name)
+        .collect();
+    let (answer, of_others) = match &violating[..] {
+        [] => ("all hold", String::new()),
+        names => (
+            "all hold for this plan",
+            format!(
+                " Of the plans beside it, {} keep not all of them.",
+                names.join(", ")
+            ),
+        ),
+    };
     let cards = [
-        plan_card(run, own),
+        plan_card(scenario, own),
         accuracy_card(own),
-        proof_card(run, &own.assessment),
-        random_card(outcome.random_rho0_m, assessment.rho0_m, "", &repeats(run)),
-        checks_card(&conditions, ALL_HOLD),
+        proof_card(&outcome.evidence, assessment),
+        random_card(
+            outcome.random_rho0_m,
+            assessment.rho0_m,
+            "",
+            &repeats(outcome.random_repeats),
+        ),
+        checks_card(
+            shown.conditions,
+            (answer, &format!("{ALL_HOLD}{of_others}")),
+        ),
     ];
-    let title = format!("Calibration plan: {}", run.scenario.name);
-    heading(&title, &run.scenario.description, &cards.concat())
+    let title = format!("Calibration plan: {}", scenario.name);
+    heading(&title, &scenario.description, &cards.concat())
 }
 
-fn plan_card(run: &RunRecord<'_>, own: &TriedPlan) -> String {
+fn plan_card(scenario: &Scenario, own: &TriedPlan) -> String {
     let measurements = counted(own.assessment.experiments.into(), "measurement");
     let configurations = counted(own.record.plan.len() as u64, "configuration");
-    let parameters = run.scenario.task.belief.parameter_names().join(", ");
+    let parameters = scenario.task.belief.parameter_names().join(", ");
     card(
         "",
         "Plan",
@@ -77,11 +97,8 @@ fn accuracy_card(own: &TriedPlan) -> String {
     )
 }
 
-fn proof_card(run: &RunRecord<'_>, assessment: &Assessment) -> String {
-    let (searches, agreeing) = (
-        run.outcome.evidence.bound_searches,
-        run.outcome.evidence.bound_searches_agreeing,
-    );
+fn proof_card(evidence: &EvidenceMessage, assessment: &Assessment) -> String {
+    let (searches, agreeing) = (evidence.bound_searches, evidence.bound_searches_agreeing);
     let (Some(bound), Some(efficiency)) = (assessment.bound_m(), assessment.efficiency()) else {
         return card(
             "bad",
@@ -132,8 +149,8 @@ fn proved_of_it(assessment: &Assessment) -> String {
 }
 
 /// How often a random plan is to be repeated for the accuracy of the designed one.
-fn repeats(run: &RunRecord<'_>) -> String {
-    match run.outcome.random_repeats {
+fn repeats(needed: Option<RepeatsNeeded>) -> String {
+    match needed {
         Some(RepeatsNeeded::Times(times)) => {
             format!(" That plan gets as far if it is measured {times} times as a whole.")
         }
@@ -184,9 +201,12 @@ pub fn next_steps(scenario: &Path, more: Option<(String, String)>) -> String {
 }
 
 /// The next larger plan that was searched.
-pub fn more_accurate(run: &RunRecord<'_>, assessment: &Assessment) -> Option<(String, String)> {
-    let larger = (run.outcome.evidence.accuracy.iter())
-        .find(|point| point.experiments > assessment.experiments)?;
+pub fn more_accurate(
+    evidence: &EvidenceMessage,
+    assessment: &Assessment,
+) -> Option<(String, String)> {
+    let larger =
+        (evidence.accuracy.iter()).find(|point| point.experiments > assessment.experiments)?;
     let m = larger.experiments;
     let text = format!(
         "If {} is not enough: {m} measurements reach {}.",

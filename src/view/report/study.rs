@@ -1,9 +1,7 @@
 //! The page of a Monte Carlo study.
 
 use super::absolute::ABSOLUTE_ACCURACY;
-use super::distances::{
-    Line, Role, distances_figure, distances_table, means_figure, shares_figure,
-};
+use super::distances::{distances_figure, distances_table, lines, means_figure, shares_figure};
 use super::{checks_card, provenance, sources, verdict_card};
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
@@ -41,9 +39,7 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
     let (header, plans) = (study.header, &study.header.plans);
     let reference = header.reference();
     let is_absolute = header.accuracy() == AccuracyKind::Absolute;
-    let best = best(study.plans, reference);
-    let line = |runs| Line::new(runs, role(runs, best, reference));
-    let lines: Vec<Line<'_>> = study.plans.iter().map(line).collect();
+    let lines = lines(study.plans, |_, runs| Some(&*runs.name) == reference);
     let caption = format!(
         "{} runs of each plan {}, {} each, all with the same noise. Each area is the distribution of the residual error; the vertical line is the mean.",
         header.trials,
@@ -70,16 +66,6 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
         &format!("{}: study", header.provenance.scenario),
         &body,
     ))
-}
-
-fn role(runs: &StudyPlanMessage, best: Option<&StudyPlanMessage>, reference: Option<&str>) -> Role {
-    if Some(runs.name.as_str()) == reference {
-        Role::Random
-    } else if best.is_some_and(|best| best.name == runs.name) {
-        Role::Own
-    } else {
-        Role::Other
-    }
 }
 
 /// Which accuracy the study is about.
@@ -128,5 +114,5 @@ fn cards(study: &StudyPageRecord<'_>) -> String {
         &format!("off by {largest:.1} sigma at most"),
         about,
     );
-    cards + &checks_card(study.conditions, "")
+    cards + &checks_card(study.conditions, ("", ""))
 }

@@ -14,22 +14,12 @@ use super::blueprint::{Clock, Layout, text};
 use super::{Logged, STEP, begin, log_step, scene, study_text, write_stream};
 use crate::files::FileError;
 use crate::record::study::HistogramMessage;
+use crate::view::charts::plan_colours;
 use crate::view::recording::ShownTool;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
 /// The timeline of the number of runs so far.
 const RUN: &str = "run";
-/// The plans' colours, which the colour-blind can tell apart (Okabe and Ito).
-const COLOURS: [[u8; 3]; 8] = [
-    [213, 94, 0],
-    [86, 180, 233],
-    [230, 159, 0],
-    [0, 158, 115],
-    [240, 228, 66],
-    [204, 121, 167],
-    [0, 114, 178],
-    [170, 170, 170],
-];
 /// The opacity of bars, which lie over one another.
 const BAR_ALPHA: u8 = 150;
 
@@ -95,7 +85,7 @@ impl StudyStream {
         if let Some(sources) = study_text::sources(snapshot) {
             stream.log("text/sources", &TextDocument::from_markdown(sources))?;
         }
-        for (index, plan) in snapshot.plans.iter().enumerate() {
+        for (plan, colour) in snapshot.plans.iter().zip(colours(study)) {
             if let (Some(mean), Some([low, high])) = (plan.mean_mm, plan.mean_ci95_mm)
                 && snapshot.runs >= study.header.trials / UNSETTLED
             {
@@ -103,7 +93,7 @@ impl StudyStream {
                 stream.log(mean_path(&plan.name), &Scalars::new(values))?;
             }
             if let Some(bars) = bars(&plan.histogram) {
-                let bars = bars.with_color(translucent(colour(index)));
+                let bars = bars.with_color(translucent(colour));
                 stream.log(distance_path(&plan.name), &bars)?;
             }
         }
@@ -123,8 +113,7 @@ fn log_beginning(stream: &RecordingStream, study: &StudyRecording) -> Logged {
     }
     let about = TextDocument::from_markdown(study_text::about(study));
     stream.log_static("text/about", &about)?;
-    for (index, name) in study.header.labels().iter().enumerate() {
-        let colour = colour(index);
+    for (name, colour) in study.header.labels().iter().zip(colours(study)) {
         // One name for the mean and its band makes one entry in the legend.
         let lines = SeriesLines::new()
             .with_colors([colour; 3])
@@ -196,8 +185,13 @@ fn distance_path(plan: &str) -> EntityPath {
     entity_path!["distance_um", plan.to_owned()]
 }
 
-fn colour(plan: usize) -> [u8; 3] {
-    COLOURS[plan % COLOURS.len()]
+/// The plans' colours, as on the study's page.
+fn colours(study: &StudyRecording) -> impl Iterator<Item = [u8; 3]> {
+    let plans = study.header.plans.iter().enumerate();
+    let colours = plan_colours(plans.map(|(place, plan)| plan.reference == Some(place)));
+    colours
+        .into_iter()
+        .map(|colour| [colour.0, colour.1, colour.2])
 }
 
 const fn translucent([red, green, blue]: [u8; 3]) -> [u8; 4] {

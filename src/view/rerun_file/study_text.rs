@@ -37,7 +37,7 @@ pub(super) fn about(study: &StudyRecording) -> String {
     if study.arms.shows_robot() {
         text += "The robot walks through the plans' experiments and the test poses, one a snapshot; the \
                  timeline `step` has all of them. Red: force. Yellow: enlarged deflection. Translucent: \
-                 the loaded arm. Green: the tracker's line of sight.\n\n";
+                 the loaded arm. Green: the instrument's line of sight, or the way that a gauge reads.\n\n";
     }
     text + &origin(provenance)
 }

@@ -11,7 +11,7 @@ use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
 use crate::task::station_named;
 use crate::view::mesh::Mesh;
-use crate::view::recording::{LAST_SHOWN_GROUP, is_moved};
+use crate::view::recording::{LAST_SHOWN_GROUP, Sight, drawn, is_moved};
 
 /// How far above the horizontal the viewer stands (rad).
 const ELEVATION: f64 = 0.33;
@@ -19,9 +19,8 @@ const ELEVATION: f64 = 0.33;
 const ARROW_M: f64 = 0.55;
 /// Fixed things whose middle is nearer to axis 1 than this are always in the picture (m).
 const NEAR_M: f64 = 1.0;
-/// A station that is further away from what is read is not in the picture, but so much of the line of sight (m).
-const FAR_M: f64 = 5.0;
-const LEAVES_M: f64 = 1.5;
+/// So much of a line of sight is in the picture, from what is read (m): the robot would be lost between it and a far instrument.
+const LEAVES_M: f64 = 0.6;
 
 /// What is drawn of the model, and where it is in each configuration of a plan.
 pub struct Scenery {
@@ -53,10 +52,10 @@ pub struct Scene {
     pub arrow_end: Point3<f64>,
     /// What is read (m).
     pub read: Point3<f64>,
-    /// Where the instrument stands (m).
-    pub tracker: Option<Point3<f64>>,
-    /// Whether the plan says so: the model has nothing there.
-    pub is_planned: bool,
+    /// How that is read.
+    pub sight: Option<Sight>,
+    /// The name of the station that the instrument stands at, if the plan says so: the model has nothing there.
+    pub station: Option<String>,
 }
 
 impl Scenery {
@@ -64,9 +63,9 @@ impl Scenery {
     pub fn new(scenario: &Scenario, plan: &Plan, rows: &[&Candidate]) -> Self {
         let robot = &scenario.task.belief.nominal;
         let calibration = &scenario.task.belief.calibration_tool;
-        let shown: Vec<Geometry> = (robot.model.scenery().into_iter())
-            .filter(|each| each.group <= LAST_SHOWN_GROUP && each.shape != Shape::Plane)
-            .collect();
+        let instrument = &scenario.task.belief.instrument;
+        let mut shown = drawn(&robot.model, instrument, LAST_SHOWN_GROUP);
+        shown.retain(|each| each.shape != Shape::Plane);
         let largest_n = (plan.experiments.iter())
             .map(|each| each.load.force_n.norm())
             .fold(f64::MIN_POSITIVE, f64::max);
@@ -92,12 +91,13 @@ impl Scenery {
                 tool,
                 read: target.as_ref().map_or(tool, place),
                 // Where no station has a place of its own, the model's tracker is where all are.
-                tracker: match station {
-                    Some(station) => Some(Point3::from(station.position_m)),
-                    None => (scenario.task.belief.instrument.tracker_site)
-                        .map(|site| Point3::from(state.site(site).0)),
-                },
-                is_planned: station.is_some(),
+                sight: Sight::new(
+                    instrument,
+                    &state,
+                    experiment.direction,
+                    station.map(|station| station.position_m),
+                ),
+                station: station.map(|station| station.name.clone()),
             });
         }
         let part = |each: &Geometry| {
@@ -161,22 +161,20 @@ impl Scenery {
             for (_, mesh) in self.surfaces(scene).filter(|(part, _)| part.is_robot) {
                 points.extend(&mesh.vertices);
             }
-            // A place for the arrow and the tripod.
+            // A place for the arrows.
             points.extend([scene.arrow_end, scene.read]);
-            let Some(tracker) = scene.tracker else {
-                continue;
-            };
-            let away = tracker - scene.read;
-            if scene.is_planned && away.norm() > FAR_M {
-                // The line leaves the picture: the robot would be lost in it.
-                points.push(scene.read + away * (LEAVES_M / away.norm()));
-                continue;
-            }
-            for (x, y) in [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)] {
-                points.push(tracker + Vector3::new(x, y, 0.2));
-                points.push(Point3::new(tracker.x + x, tracker.y + y, 0.0));
+            for end in scene.sight_ends().into_iter().flatten() {
+                let away = end - scene.read;
+                points.push(scene.read + away * (LEAVES_M / away.norm()).min(1.0));
             }
         }
         points
+    }
+}
+
+impl Scene {
+    /// From where to where the line of sight, or the arrow of a gauge, is drawn (m).
+    pub fn sight_ends(&self) -> Option<[Point3<f64>; 2]> {
+        Some((self.sight?.ends_m(self.read.coords)).map(Point3::from))
     }
 }

@@ -92,20 +92,23 @@ addEventListener("DOMContentLoaded", () => {
   };
 
   const marks = see => {
-    const { tool, arrow_end, read, instrument } = scenes[scene];
-    const [from, to, at] = [tool, arrow_end, read].map(see);
-    if (instrument) line(see(instrument), at, "#0f9d63", 1.2, [5, 3]);
+    const { tool, arrow_end, sight, is_gauge } = scenes[scene];
+    if (sight && !is_gauge) line(...sight.map(see), "#0f9d63", 1.2, [5, 3]);
+    arrow(...[tool, arrow_end].map(see), "#d32f2f", 3);
+    if (is_gauge) arrow(...sight.map(see), "#0f9d63", 2.4);
+  };
+
+  const arrow = (from, to, colour, width) => {
     const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
-    if (length > FINENESS) {
-      const [x, y] = [0, 1].map(axis => (to[axis] - from[axis]) / length * 11 * FINENESS);
-      line(from, [to[0] - x, to[1] - y], "#d32f2f", 3);
-      paper.fillStyle = "#d32f2f";
-      paper.beginPath();
-      paper.moveTo(to[0], to[1]);
-      paper.lineTo(to[0] - x - 0.42 * y, to[1] - y + 0.42 * x);
-      paper.lineTo(to[0] - x + 0.42 * y, to[1] - y - 0.42 * x);
-      paper.fill();
-    }
+    if (length <= FINENESS) return;
+    const [x, y] = [0, 1].map(axis => (to[axis] - from[axis]) / length * 11 * FINENESS);
+    line(from, [to[0] - x, to[1] - y], colour, width);
+    paper.fillStyle = colour;
+    paper.beginPath();
+    paper.moveTo(to[0], to[1]);
+    paper.lineTo(to[0] - x - 0.42 * y, to[1] - y + 0.42 * x);
+    paper.lineTo(to[0] - x + 0.42 * y, to[1] - y - 0.42 * x);
+    paper.fill();
   };
 
   const draw = () => {

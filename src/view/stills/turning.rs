@@ -54,8 +54,8 @@ fn marks(scene: &Scene) -> Value {
     json!({
         "tool": millimetres(&scene.tool),
         "arrow_end": millimetres(&scene.arrow_end),
-        "read": millimetres(&scene.read),
-        "instrument": scene.tracker.as_ref().map(millimetres),
+        "sight": scene.sight_ends().map(|ends| ends.each_ref().map(millimetres)),
+        "is_gauge": scene.sight.is_some_and(|sight| sight.is_gauge()),
     })
 }
 
