@@ -17,7 +17,6 @@ use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
 use crate::quantities::plausible::ANY_VARIANCE;
-use crate::record::absolute::UnexplainedMessage;
 use crate::robot::SerialChain;
 use crate::task::{Belief, Method, Task};
 use crate::testbed::TrueRobots;

@@ -236,8 +236,11 @@ impl AbsoluteCase<'_> {
     ) -> Result<(ParameterSet, Vec<LeftOut>), AbsoluteError> {
         let (unknowns, before) = self.named_unknowns(groups);
         let first: Vec<usize> = (0..before.mean.len()).collect();
-        let all = ParameterSet::new(&self.arm, unknowns)?
-            .with_earlier(&first, &before.mean, &before.precision);
+        let all = ParameterSet::new(&self.arm, unknowns)?.with_earlier(
+            &first,
+            &before.mean,
+            &before.precision,
+        );
         let left_out = self.redundant(&all, asked);
         let is_kept = |place: &usize| {
             let is_left_out = left_out.iter().any(|each| each.0 == *place);
