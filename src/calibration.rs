@@ -166,12 +166,12 @@ pub fn measure(
     })
 }
 
-/// Identifies the parameters of a belief by its method, with its sigma.
+/// Identifies the parameters of a belief by its method, with its sigma. Compliances of which the measurements tell less stay nominal.
 pub fn identify_as_planned(
     belief: &Belief,
     measurements: &[Measurement],
 ) -> Result<Identification, IdentificationError> {
-    case_of(belief, measurements).identify()
+    case_of(belief, measurements).identify_holding()
 }
 
 /// The same over and over from measurements of one plan.

@@ -28,6 +28,11 @@ MASKED: Any = np.ma.MaskedArray
 
 WRENCH = ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"]
 DEFLECTION = ["dx_mm", "dy_mm", "dz_mm"]
+#: What a gauge reads along, and what it shows.
+DIRECTION = ["direction_x", "direction_y", "direction_z"]
+DISPLACEMENT = ["displacement_mm"]
+#: Columns of words.
+WORDS = ["approach", "station", "target"]
 #: No joint of a robot turns further than two turns (rad): what is larger is in degrees.
 MOST_RAD = 4 * np.pi
 #: Where no angle of several configurations is larger (deg), they are in radians: plans spread over the joints' ranges.
@@ -91,7 +96,7 @@ def angles(values: ArrayLike, unit: Unit | None, columns: Sequence[str] | None =
     return found
 
 
-def _table(text: str, wanted: Sequence[str], what: str) -> tuple[list[str], Array]:
+def _table(text: str, wanted: Sequence[str], what: str) -> tuple[list[str], list[list[str]]]:
     """The columns of a CSV that elastocal has written, and its rows."""
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     rows = list(csv.reader(io.StringIO("\n".join(lines)))) or [[]]
@@ -100,12 +105,23 @@ def _table(text: str, wanted: Sequence[str], what: str) -> tuple[list[str], Arra
         hint = "methods take files of absolute readings, and of plans of them, by their paths" if "target" in rows[0] else None
         has = ", ".join(rows[0]) or "no columns"
         raise UsageError(f"{what} has the columns q1_deg and so on, {', '.join(wanted)}; found {has}", hint)
-    return rows[0], np.array(rows[1:], dtype=float).reshape(len(rows) - 1, len(rows[0]))
+    return rows[0], rows[1:]
+
+
+def _columns(table: tuple[list[str], list[list[str]]], names: Sequence[str], what: str) -> Array:
+    """The numbers of some columns of a table; not a number where a cell is empty."""
+    columns, rows = table
+    places = [columns.index(name) for name in names]
+    try:
+        found = [[float(row[place] or "nan") for place in places] for row in rows]
+    except (ValueError, IndexError) as error:
+        raise UsageError(f"{what} wants numbers in {', '.join(names)}: {error}") from None
+    return np.array(found, dtype=float).reshape(len(rows), len(names))
 
 
 def _written(columns: list[str], rows: Array) -> str:
     lines = [",".join(columns)]
-    lines += [",".join(repr(float(value)) for value in row) for row in rows]
+    lines += [",".join("" if np.isnan(value) else repr(float(value)) for value in row) for row in rows]
     return "\n".join(lines) + "\n"
 
 
@@ -155,6 +171,8 @@ class Plan:
     ``q_deg`` (m, n): commanded angles (deg; slides mm; with ``unit="rad"`` they are given in rad, and slides, which ``columns`` then
     must name, in m). ``wrench`` (m, 6), or (6,) for all: force (N) and torque (N m) at the calibration tool in the world frame.
     ``repeats`` (m,), or one number: how often each is measured. ``columns`` names the joints' (``Scenario.columns``).
+    ``direction`` (m, 3), or (3,) for all: what a gauge reads along, not a number where positions are read. ``approach``: the side of
+    each joint, such as ``"+-+-+-"``, of each experiment or one for all.
     """
 
     def __init__(
@@ -165,6 +183,8 @@ class Plan:
         *,
         unit: Unit | None = None,
         columns: Sequence[str] | None = None,
+        direction: ArrayLike | None = None,
+        approach: str | Sequence[str] | None = None,
     ) -> None:
         self.q_deg: Array = angles(q_deg, unit, columns)
         self._joints = _known(columns, unit, self.q_deg.shape[1])
@@ -174,14 +194,27 @@ class Plan:
         if (often < 1).any() or (often % 1 != 0).any():
             raise UsageError("repeats are whole numbers from 1 on", "an experiment that is not made has no row")
         self.repeats: NDArray[np.int64] = for_each("repeats", often, count)[:, 0].astype(np.int64)
+        self.direction: Array | None = None
+        if direction is not None:
+            along = np.atleast_2d(np.asarray(direction, dtype=float))
+            if along.shape[1] != 3:
+                raise UsageError(f"direction has the shape {np.shape(direction)}; rows of 3 are wanted")
+            self.direction = for_each("direction", along, count)
+        self.approach: list[str] = [approach] * count if isinstance(approach, str) else list(approach or [])
+        if self.approach and len(self.approach) != count:
+            raise UsageError(f"approach has {len(self.approach)} sides, and q_deg has {count} rows", "give as many, or one for all")
 
     @classmethod
     def load(cls, path: FilePath) -> Plan:
         """Reads a plan CSV as elastocal writes it."""
-        columns, rows = _table(Path(path).read_text(encoding="utf-8"), [*WRENCH, "repeats"], f"{path}: a plan")
+        what = f"{path}: a plan"
+        table = _table(Path(path).read_text(encoding="utf-8"), [*WRENCH, "repeats"], what)
+        columns, rows = table
         own = of_joints(columns)
-        q, wrench = ([columns.index(name) for name in names] for names in (own, WRENCH))
-        return cls(rows[:, q], rows[:, wrench], rows[:, columns.index("repeats")], unit="deg", columns=own)
+        q, wrench, repeats = (_columns(table, names, what) for names in (own, WRENCH, ["repeats"]))
+        direction = _columns(table, DIRECTION, what) if DIRECTION[0] in columns else None
+        approach = [row[columns.index("approach")] for row in rows] if "approach" in columns else None
+        return cls(q, wrench, repeats[:, 0], unit="deg", columns=own, direction=direction, approach=approach)
 
     @classmethod
     def from_record(cls, record: list[dict[str, Any]]) -> Plan:
@@ -191,6 +224,8 @@ class Plan:
             [each["wrench"] or [0.0] * 6 for each in record],
             [each["repeats"] for each in record],
             unit="deg",
+            direction=[each.get("direction") or [np.nan] * 3 for each in record] if any("direction" in each for each in record) else None,
+            approach=[each.get("approach") or "" for each in record] if any("approach" in each for each in record) else None,
         )
 
     def _named(self, columns: list[str] | None = None) -> list[str]:
@@ -198,9 +233,12 @@ class Plan:
 
     def csv(self, columns: list[str] | None = None) -> str:
         """The text of a plan CSV; ``columns`` names the joints' (``Scenario.columns``), which are hinges if nothing does."""
-        lines = [",".join([*self._named(columns), *WRENCH, "repeats"])]
-        for q, wrench, repeats in self:
-            lines.append(",".join([*(repr(float(value)) for value in (*q, *wrench)), str(repeats)]))
+        along = DIRECTION if self.direction is not None else []
+        lines = [",".join([*self._named(columns), *WRENCH, *along, "repeats", *(["approach"] if self.approach else [])])]
+        for row, (q, wrench, repeats) in enumerate(self):
+            direction = [] if self.direction is None else self.direction[row]
+            cells = ["" if np.isnan(value) else repr(float(value)) for value in (*q, *wrench, *direction)]
+            lines.append(",".join([*cells, str(repeats), *self.approach[row : row + 1]]))
         return "\n".join(lines) + "\n"
 
     def save(self, path: FilePath, columns: list[str] | None = None) -> None:
@@ -222,7 +260,10 @@ class Plan:
     def __getitem__(self, rows: int | slice | Sequence[int]) -> Plan:
         """Some of the experiments, as a plan."""
         chosen = [rows] if isinstance(rows, int) else rows
-        return Plan(self.q_deg[chosen], self.wrench[chosen], self.repeats[chosen], unit="deg", columns=self._joints)
+        approach = list(np.array(self.approach)[chosen]) if self.approach else None
+        direction = None if self.direction is None else self.direction[chosen]
+        its = (self.q_deg[chosen], self.wrench[chosen], self.repeats[chosen])
+        return Plan(*its, unit="deg", columns=self._joints, direction=direction, approach=approach)
 
     def __add__(self, other: Plan) -> Plan:
         """This plan, and then another."""
@@ -233,12 +274,19 @@ class Plan:
         if other._joints:
             other._named(own)
         both = ([getattr(self, name), getattr(other, name)] for name in ("q_deg", "wrench", "repeats"))
-        return Plan(*map(np.concatenate, both), unit="deg", columns=own)
+        along = [np.full((len(each), 3), np.nan) if each.direction is None else each.direction for each in (self, other)]
+        has = self.direction is not None or other.direction is not None
+        sides = [side for each in (self, other) for side in each.approach or [""] * len(each)]
+        q, wrench, repeats = map(np.concatenate, both)
+        direction = np.concatenate(along) if has else None
+        return Plan(q, wrench, repeats, unit="deg", columns=own, direction=direction, approach=sides if any(sides) else None)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Plan) and all(
-            np.array_equal(mine, its)
-            for mine, its in [(self.q_deg, other.q_deg), (self.wrench, other.wrench), (self.repeats, other.repeats)]
+        return (
+            isinstance(other, Plan)
+            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("q_deg", "wrench", "repeats", "approach"))
+            and (self.direction is None) == (other.direction is None)
+            and (self.direction is None or np.array_equal(self.direction, np.asarray(other.direction), equal_nan=True))
         )
 
     def __repr__(self) -> str:
@@ -261,12 +309,12 @@ class Plan:
 
 def absolute_plan(rows: list[dict[str, Any]], columns: list[str]) -> str:
     """The text of a CSV of a plan of absolute readings, of the key ``plan`` of a record."""
-    words = [name for name in ("target", "station") if any(row.get(name) for row in rows)]
+    words = [name for name in ("target", "station", "approach") if any(row.get(name) for row in rows)]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*columns, *WRENCH, "repeats", *words])
     for row in rows:
-        writer.writerow([*row["q_deg"], *(row["wrench"] or [0.0] * 6), row["repeats"], *(row[name] for name in words)])
+        writer.writerow([*row["q_deg"], *(row["wrench"] or [0.0] * 6), row["repeats"], *(row.get(name) or "" for name in words)])
     return text.getvalue()
 
 
@@ -308,7 +356,10 @@ class Measurements:
     def from_text(cls, text: str, what: str = "a table of measurements") -> Measurements:
         """Of the text of a measurement CSV; messages say ``what`` it is."""
         made = cls.__new__(cls)
-        made.columns, made.rows = _table(text, [*WRENCH, *DEFLECTION], what)
+        reads = DISPLACEMENT if DISPLACEMENT[0] in text else DEFLECTION
+        table = _table(text, [*WRENCH, *reads], what)
+        made.columns = [name for name in table[0] if name not in WORDS]
+        made.rows = _columns(table, made.columns, what)
         made._text, made._joints = text, of_joints(made.columns)
         return made
 
@@ -337,7 +388,16 @@ class Measurements:
     @property
     def deflection_mm(self) -> Array:
         """Deflections (k, 3), mm, world frame."""
+        if DEFLECTION[0] not in self.columns:
+            raise UsageError("a gauge's table has no deflections", "displacement_mm is what the gauge shows")
         return self._of(DEFLECTION)
+
+    @property
+    def displacement_mm(self) -> Array:
+        """What a gauge shows (k,), mm, along its direction; not a number where positions are read."""
+        if DISPLACEMENT[0] not in self.columns:
+            raise UsageError("the table has no displacements", "deflection_mm is what was read")
+        return self._of(DISPLACEMENT)[:, 0]
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -356,8 +416,10 @@ class Measurements:
     def __repr__(self) -> str:
         if not len(self):
             return "<Measurements: none>"
-        size = np.linalg.norm(self.deflection_mm, axis=1)
-        return f"<Measurements: {_views.counted(len(self), 'deflection')} of {size.min():.3g} to {size.max():.3g} mm>"
+        is_gauge = DEFLECTION[0] not in self.columns
+        size = np.linalg.norm(self._of(DISPLACEMENT if is_gauge else DEFLECTION), axis=1)
+        counted = _views.counted(len(self), "displacement" if is_gauge else "deflection")
+        return f"<Measurements: {counted} of {np.nanmin(size):.3g} to {np.nanmax(size):.3g} mm>"
 
     def to_dataframe(self) -> pd.DataFrame:
         """A row for each measurement, with the columns of the measurement CSV."""

@@ -236,7 +236,7 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
     let rows = stops().filter_map(|(place, stop)| Some((place + 1, stop, stop.load.as_ref()?)));
     let rows = rows.flat_map(|(place, stop, load)| {
         (stop.experiments.iter()).flat_map(move |&index| {
-            let (unloaded, before) = campaign.without_load(plan, index);
+            let (unloaded, before) = campaign.without_load(plan, index, place - 1);
             (1..=stop.readings as usize).map(move |reading| RowToFillIn {
                 unloaded: match belief.instrument.unloaded {
                     Unloaded::Own => [unloaded + 1, before as usize + reading],

@@ -14,14 +14,13 @@ use crate::plan::absolute::{
     AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
 };
 use crate::plan::{
-    Assessment, Feasibility, Plan, Violation, posterior, read_plan, rho0_m, take_nearest_turns,
-    write_plan,
+    Assessment, Feasibility, Plan, Violation, read_plan, rho0_m, take_nearest_turns, write_plan,
 };
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use crate::record::absolute_plan::planned_readings;
 use crate::record::messages::plan_messages;
 use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Task};
+use crate::task::AccuracyKind;
 use crate::text::wording::counted;
 use crate::workflow::identify::{HowIdentified, identify_measurements};
 use clap::Args;
@@ -151,7 +150,7 @@ impl Next {
         };
         let empty = Plan::default();
         let next = found.as_ref().map_or(&empty, |found| &found.plan);
-        let old_m = (given.as_ref()).and_then(|plan| self.old(&left.task, plan, &so_far, next));
+        let old_m = (given.as_ref()).and_then(|plan| self.old(&left, plan, &so_far, next));
         if let Some(found) = &found {
             text += &tell(found, old_m);
             let all = measured + found.plan.measurements();
@@ -284,13 +283,13 @@ impl Next {
     }
 
     /// The accuracy that what is left of a plan would give (m), where it is as much work as the new rest.
-    fn old(&self, left: &Task, plan: &Plan, measured: &Plan, next: &Plan) -> Option<f64> {
+    fn old(&self, left: &Remaining, plan: &Plan, measured: &Plan, next: &Plan) -> Option<f64> {
         let is_kept = |(index, _): &(usize, &Experiment)| !self.skip.contains(&(index + 1));
         let kept = plan.experiments.iter().enumerate().filter(is_kept);
         let experiments = kept.map(|(_, each)| each.clone()).collect();
         let old = not_measured(&Plan { experiments }, measured);
         let is_as_large = old.measurements() == next.measurements();
-        rho0_m(left, &posterior(&left.belief, &old)).filter(|_| is_as_large)
+        left.rho0_m(&old).filter(|_| is_as_large)
     }
 
     /// That the goal is not reached, where it is not.

@@ -290,11 +290,14 @@ impl PlanCommand {
             (designed, Some(approximate.certificate))
         };
         let plan = &mut designed.exact.plan;
+        let turned = |plan: &mut Plan| {
+            if candidates.is_none() {
+                take_nearest_turns(task, scenario.laboratory.home(), plan);
+            }
+        };
+        turned(plan);
         let minutes = (self.minutes.zip(timed.first()))
-            .map(|(most, timed)| keep_in_time(scenario, plan, timed, most));
-        if candidates.is_none() {
-            take_nearest_turns(task, scenario.laboratory.home(), plan);
-        }
+            .map(|(most, timed)| keep_in_time(scenario, plan, timed, &turned, most));
         let assessment = designed.assessment(task);
         let size = wanted.size();
         let mut json = json!({
@@ -348,12 +351,26 @@ impl PlanCommand {
 
 /// Takes the plan of a larger search where it keeps within so many minutes, too, and else the one that is known to; and
 /// tells how many it takes.
-fn keep_in_time(scenario: &Scenario, plan: &mut Plan, timed: &TimedPlan, most: f64) -> f64 {
-    match Campaign::new(&scenario.task, &scenario.laboratory, plan, false) {
-        Ok(campaign) if campaign.minutes <= most => campaign.minutes,
-        _ => {
-            *plan = timed.plan.clone();
-            timed.minutes
-        }
-    }
+fn keep_in_time(
+    scenario: &Scenario,
+    plan: &mut Plan,
+    timed: &TimedPlan,
+    turned: &dyn Fn(&mut Plan),
+    most: f64,
+) -> f64 {
+    let in_time = |plan: &Plan| {
+        let campaign = Campaign::new(&scenario.task, &scenario.laboratory, plan, false);
+        let minutes = campaign.ok().map(|campaign| campaign.minutes);
+        minutes.filter(|minutes| *minutes <= most)
+    };
+    let mut smaller = timed.plan.clone();
+    turned(&mut smaller);
+    // Nearer turns may take longer ways.
+    let plans = [plan.clone(), smaller, timed.plan.clone()];
+    let found = plans
+        .into_iter()
+        .find_map(|each| Some((in_time(&each)?, each)));
+    let (minutes, kept) = found.unwrap_or_else(|| (timed.minutes, timed.plan.clone()));
+    *plan = kept;
+    minutes
 }

@@ -409,6 +409,8 @@ fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     };
     if let Some(reason) = assessment.no_bound() {
         text += &format!("no bound and no efficiency: {reason}\n");
+    } else if scenario.task.has_one_load_each() {
+        text += "The bound is of plans that hang one load in each configuration.\n";
     }
     if let Some(quantile_m) = assessment.quantile95_m {
         text += &format!("95 % stay below {}\n", shown(quantile_m));

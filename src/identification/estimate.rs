@@ -242,7 +242,8 @@ impl<'a> PreparedCase<'a> {
         &self,
         measurements: &[Measurement],
     ) -> Result<Identification, IdentificationError> {
-        (self.case.with(measurements)).identify_from(&self.start, None)
+        let case = self.case.with(measurements);
+        case.or_holding(case.identify_from(&self.start, None))
     }
 }
 

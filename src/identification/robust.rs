@@ -78,6 +78,31 @@ impl<'a> Case<'a> {
         )
     }
 
+    /// Identifies what is unknown from all measurements, with the standard deviations that are believed; compliances of which they tell
+    /// less stay nominal.
+    ///
+    /// # Errors
+    /// As [`identify`](Self::identify).
+    pub fn identify_holding(&self) -> Result<Identification, IdentificationError> {
+        self.or_holding(self.identify())
+    }
+
+    /// What was identified, unless compliances are to stay nominal: then what is identified beside these.
+    pub(super) fn or_holding(
+        &self,
+        found: Result<Identification, IdentificationError>,
+    ) -> Result<Identification, IdentificationError> {
+        if (found.as_ref()).is_ok_and(|found| self.places_to_hold(found).is_empty()) {
+            return found;
+        }
+        let held = self.identify_robustly(Robustness {
+            keeps_all: true,
+            counts_discrepancy: false,
+            holds_nominal: true,
+        });
+        held.map_or(found, |held| Ok(held.identification))
+    }
+
     /// The same with more and more compliances nominal; the gross errors may be given.
     fn held_and_robust(
         &self,

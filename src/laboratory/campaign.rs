@@ -234,11 +234,19 @@ impl Campaign {
         self.stops.iter().map(|stop| stop.readings).sum()
     }
 
-    /// At which stop an experiment is measured without a load, as an index, and how many readings of other experiments
-    /// come before its own there, where readings are no one else's.
-    pub fn without_load(&self, plan: &Plan, experiment: usize) -> (usize, u32) {
-        let is_here = |stop: &Stop| stop.load.is_none() && stop.experiments.contains(&experiment);
-        let place = self.stops.iter().position(is_here).unwrap_or(0);
+    /// At which stop an experiment is measured without a load for what is read under it at a stop, both as indices, and how many
+    /// readings of other experiments come before its own there, where readings are no one else's.
+    pub fn without_load(&self, plan: &Plan, experiment: usize, loaded: usize) -> (usize, u32) {
+        let is_of = |stop: &&Stop| stop.experiments.contains(&experiment);
+        let before = self.stops[..loaded].iter().filter(is_of);
+        let visit = before.filter(|stop| stop.load.is_some()).count();
+        let numbered = self.stops.iter().enumerate();
+        let unloaded = numbered.filter(|(_, stop)| is_of(stop) && stop.load.is_none());
+        let unloaded: Vec<usize> = unloaded.map(|(place, _)| place).collect();
+        let place = unloaded
+            .get(visit)
+            .or(unloaded.first())
+            .map_or(0, |place| *place);
         let others = self
             .stops
             .get(place)

@@ -9,7 +9,7 @@ use crate::plan::search::{
     Bound, PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
 };
 use crate::plan::{Criterion, posterior, rho0_m};
-use crate::task::{Forbidden, Method, Task};
+use crate::task::{Belief, Extended, Forbidden, Method, Task};
 
 /// The plan that measurements have carried out: experiments in the order of their first measurement.
 pub fn measured_plan(measurements: &[Measurement]) -> Plan {
@@ -61,6 +61,9 @@ pub struct Remaining {
     pub task: Task,
     /// The number of measurements that are made.
     pub measured: u32,
+    /// The robot without what the measurements tell, and what they carried out, where deflections of one configuration share errors:
+    /// more readings there are then worth less.
+    pub together: Option<(Belief, Plan)>,
 }
 
 impl Remaining {
@@ -81,7 +84,12 @@ impl Remaining {
         let case = Case::of_belief(&identified, measurements, sigma, Method::Linear);
         let mut left = task.clone();
         left.belief = belief.informed(compliance, &case.information());
-        left.design.mandatory = not_measured(&task.design.mandatory, &measured_plan(measurements));
+        let carried_out = measured_plan(measurements);
+        left.design.mandatory = not_measured(&task.design.mandatory, &carried_out);
+        let has_own_sigma = measurements.iter().any(|each| each.sigma_m.is_some());
+        let extended = identified.uncertain.as_ref();
+        let is_shared = extended.is_some_and(Extended::is_shared_by_configuration);
+        let together = (is_shared && !has_own_sigma).then(|| (identified.clone(), carried_out));
         let is_possible = |each: &Experiment| {
             let near =
                 |other: &DVector<f64>| (&each.configuration_rad - other).amax() <= within_rad;
@@ -98,7 +106,19 @@ impl Remaining {
         Self {
             task: left,
             measured: u32::try_from(measurements.len()).unwrap_or(u32::MAX),
+            together,
         }
+    }
+
+    /// The accuracy that more measurements predict together with those that are made (m).
+    pub fn rho0_m(&self, more: &Plan) -> Option<f64> {
+        let Some((belief, measured)) = &self.together else {
+            return rho0_m(&self.task, &posterior(&self.task.belief, more));
+        };
+        let mut all = measured.clone();
+        all.experiments.extend_from_slice(&more.experiments);
+        all.put_repeats_together();
+        rho0_m(&self.task, &posterior(belief, &all))
     }
 }
 
@@ -139,7 +159,7 @@ pub fn rest(
     };
     let mut result = None;
     for count in first..=last {
-        match planned(&left.task, count, seed, watch) {
+        match planned(left, count, seed, watch) {
             Ok(mut rest) => {
                 rest.is_reached = match goal {
                     Goal::Measurements(_) => true,
@@ -165,8 +185,8 @@ pub fn rest(
     }))
 }
 
-fn planned(task: &Task, count: u32, seed: u64, watch: Watch<'_>) -> Result<Rest, SearchError> {
-    let mut task = task.clone();
+fn planned(left: &Remaining, count: u32, seed: u64, watch: Watch<'_>) -> Result<Rest, SearchError> {
+    let mut task = left.task.clone();
     task.design.experiments = count;
     let problem = Problem::new(&task, Criterion::TestPose);
     let approximate = approximate_design(&problem, seed)?;
@@ -179,7 +199,7 @@ fn planned(task: &Task, count: u32, seed: u64, watch: Watch<'_>) -> Result<Rest,
     )?;
     let bound = Bound::new(&task, &approximate);
     // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
-    let prediction = rho0_m(&task, &posterior(&task.belief, &design.plan));
+    let prediction = left.rho0_m(&design.plan);
     Ok(Rest {
         rho0_m: prediction.unwrap_or(design.cost.sqrt()),
         bound_m: bound.of_size(count).ok().map(|bound| bound.best),

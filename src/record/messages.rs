@@ -16,7 +16,7 @@ use crate::identification::{Identification, MeasurementResidual, UncertainEstima
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
-use crate::robot::{Commands, Load};
+use crate::robot::{Approach, Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Method};
 use crate::testbed::{RunTruth, SampledValue};
@@ -126,6 +126,9 @@ pub struct ExperimentMessage {
     pub wrench: [f64; 6],
     /// How often it is measured.
     pub repeats: u32,
+    /// The side from which each joint comes to its command, `+` or `-`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub approach: Option<String>,
     /// The direction that a gauge reads along: a unit vector in the world frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direction: Option<[f64; 3]>,
@@ -137,6 +140,7 @@ pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage>
         q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
         wrench: wrench(&experiment.load),
         repeats: experiment.repeats,
+        approach: experiment.approach.as_ref().map(Approach::word),
         direction: experiment.direction.map(Into::into),
     };
     plan.experiments.iter().map(message).collect()

@@ -165,6 +165,7 @@ impl<'a> ReadingRuns<'a> {
         Outcome {
             square: square_m2 / self.task.belief.instrument.sigma_m.powi(2),
             nees,
+            freedom: self.freedom(),
             intervals: [
                 u32::try_from(self.regions.len()).unwrap_or(u32::MAX),
                 inside,

@@ -117,7 +117,9 @@ impl<'a> RobotRuns<'a> {
         let values = posterior.mean.iter().zip(&truth);
         let error = DVector::from_iterator(truth.len(), values.map(|(value, truth)| value - truth));
         let is_determined = |pose: &DMatrix<f64>| posterior.variance_of(pose).is_ok();
-        if !posterior.estimable.is_complete() && !self.test_poses.iter().all(is_determined) {
+        // What stays nominal is compensated so.
+        let is_open = identification.stays_nominal.is_empty() && !posterior.estimable.is_complete();
+        if is_open && !self.test_poses.iter().all(is_determined) {
             return Err(Failure::Undetermined.into());
         }
         let nees = (posterior.normalised_square(&error)).ok_or(Failure::Undetermined)?;
@@ -133,6 +135,7 @@ impl<'a> RobotRuns<'a> {
         Ok(Outcome {
             square: square_m2 / belief.instrument.sigma_m.powi(2),
             nees,
+            freedom: posterior.estimable.rank(),
             intervals: intervals(&identification, &truth),
         })
     }

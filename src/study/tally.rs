@@ -115,8 +115,10 @@ pub const BINS: usize = 48 * BINS_PER_OCTAVE;
 pub struct Outcome {
     /// The squared distance in sigma^2, weighted over the test poses.
     pub square: f64,
-    /// The normalised estimation error squared.
+    /// The normalised estimation error squared,
     pub nees: f64,
+    /// and its degrees of freedom.
+    pub freedom: usize,
     /// The 95 % intervals, and how many of them hold the truth.
     pub intervals: [u32; 2],
 }
@@ -145,6 +147,7 @@ impl Batch {
     pub fn put(&mut self, lane: usize, outcome: &Outcome) {
         self.square[lane] = outcome.square;
         self.nees[lane] = outcome.nees;
+        self.freedom[lane] = outcome.freedom;
         self.intervals[lane] = outcome.intervals;
     }
 

@@ -46,6 +46,89 @@ pub struct Extended {
     unloaded: Unloaded,
 }
 
+/// Unknowns as the uncertainties list them.
+struct Listed {
+    /// How many are to be found, whatever uncertainties say of them; they come first.
+    wanted: usize,
+    /// All, with the deviation of what is known of each by itself.
+    unknowns: Vec<(ParameterKind, Option<f64>)>,
+    shared: Vec<(String, Vec<usize>)>,
+    kept: Vec<(String, Vec<usize>)>,
+    /// The places of those that an earlier campaign found, here and there.
+    both: Vec<(usize, usize)>,
+    /// What uncertainties say of those that are to be found: places and deviations.
+    own_priors: Vec<(usize, f64)>,
+}
+
+impl Listed {
+    fn new(wanted: impl Iterator<Item = ParameterKind>) -> Self {
+        let unknowns: Vec<_> = wanted.map(|kind| (kind, None)).collect();
+        Self {
+            wanted: unknowns.len(),
+            unknowns,
+            shared: Vec::new(),
+            kept: Vec::new(),
+            both: Vec::new(),
+            own_priors: Vec::new(),
+        }
+    }
+
+    /// Adds what an uncertainty lists that the whole plan shares. What an earlier campaign knows of a compliance that it estimated is in its
+    /// estimate.
+    fn add(
+        &mut self,
+        arm: &ElasticArm,
+        uncertainty: &Uncertainty,
+        campaign: Option<&PriorCampaign>,
+        is_estimated: &dyn Fn(usize) -> bool,
+    ) -> Result<(), ParameterError> {
+        let Source::Plan(parameters) = &uncertainty.source else {
+            return Ok(());
+        };
+        let (mut places, mut kept) = (Vec::new(), Vec::new());
+        let campaign = campaign.filter(|_| !uncertainty.is_replaced);
+        let is_common = campaign.is_some_and(|each| each.sources.contains(&uncertainty.name));
+        for &(kind, deviation) in parameters {
+            let wanted = &self.unknowns[..self.wanted];
+            let Some(place) = wanted.iter().position(|each| each.0 == kind) else {
+                let name = kind.name(arm);
+                let found = campaign.filter(|_| kind.is_kept_between_campaigns());
+                let found = found.and_then(|each| each.names.iter().position(|own| *own == name));
+                let place = self.unknowns.len();
+                self.both.extend(found.map(|found| (place, found)));
+                if found.is_some() {
+                    kept.push(place);
+                } else {
+                    places.push(place);
+                }
+                self.unknowns.push((kind, Some(deviation)));
+                continue;
+            };
+            let mut known = self.kept.iter().flat_map(|(_, places)| places).chain(&kept);
+            if known.any(|own| *own == place)
+                || self.own_priors.iter().any(|(own, _)| *own == place)
+            {
+                return Err(ParameterError::Twice(kind.name(arm)));
+            }
+            if is_common && is_estimated(place) {
+                kept.push(place);
+                continue;
+            }
+            // A compliance stays linear, as in the paper.
+            self.own_priors.push((place, deviation * kind.whole(arm)));
+            places.push(place);
+        }
+        let name = &uncertainty.name;
+        if !places.is_empty() || parameters.is_empty() {
+            self.shared.push((name.clone(), places));
+        }
+        if !kept.is_empty() {
+            self.kept.push((name.clone(), kept));
+        }
+        Ok(())
+    }
+}
+
 impl Extended {
     /// The vector of the compliances of an arm's `identified` joints, with what is known of these before, of what
     /// else is to be found (`further`), of which nothing is known but what the uncertainties say, and of these. A source that the
@@ -62,74 +145,28 @@ impl Extended {
         uncertainties: &[Uncertainty],
     ) -> Result<Self, ParameterError> {
         let compliance = |&joint: &usize| ParameterKind::JointCompliance { joint };
-        let own = identified.iter().map(compliance);
-        let mut unknowns: Vec<(ParameterKind, Option<f64>)> = own
-            .chain(further.iter().copied())
-            .map(|kind| (kind, None))
-            .collect();
-        let (mut shared, mut kept) = (Vec::new(), Vec::new());
-        let mut own_priors: Vec<(usize, f64)> = Vec::new();
-        // Parameters that the earlier campaign found: their places here and there.
-        let mut both: Vec<(usize, usize)> = Vec::new();
+        let wanted = identified.iter().map(compliance);
+        let mut listed = Listed::new(wanted.chain(further.iter().copied()));
         let is_estimated = |place: usize| {
-            place < identified.len()
-                && prior.is_some_and(|prior| prior.precision[(place, place)] > 0.0)
+            let own = prior.filter(|_| place < identified.len());
+            own.is_some_and(|prior| prior.precision[(place, place)] > 0.0)
         };
-        let (mut source_names, mut sources) = (Vec::new(), Vec::new());
         for each in uncertainties {
-            match &each.source {
-                Source::Reading(source) => {
-                    source_names.push(each.name.clone());
-                    sources.push(source.clone());
-                }
-                Source::Plan(parameters) => {
-                    let (mut places, mut own_kept) = (Vec::new(), Vec::new());
-                    let campaign = campaign.filter(|_| !each.is_replaced);
-                    for &(kind, deviation) in parameters {
-                        let wanted = identified.len() + further.len();
-                        let place = unknowns[..wanted].iter().position(|each| each.0 == kind);
-                        let known = kept
-                            .iter()
-                            .flat_map(|(_, places): &(String, Vec<usize>)| places);
-                        let known = own_priors.iter().map(|(own, _)| own).chain(known);
-                        if known.chain(&own_kept).any(|own| Some(*own) == place) {
-                            return Err(ParameterError::Twice(kind.name(&arm)));
-                        }
-                        let found = campaign.filter(|_| kind.is_kept_between_campaigns());
-                        if let Some(place) = place {
-                            if found.is_some_and(|found| found.sources.contains(&each.name))
-                                && is_estimated(place)
-                            {
-                                // It is in the estimate.
-                                own_kept.push(place);
-                                continue;
-                            }
-                            // A compliance stays linear, as in the paper.
-                            own_priors.push((place, deviation * kind.whole(&arm)));
-                            places.push(place);
-                        } else {
-                            let name = kind.name(&arm);
-                            let found = found
-                                .and_then(|found| found.names.iter().position(|own| *own == name));
-                            both.extend(found.map(|found| (unknowns.len(), found)));
-                            let own = if found.is_some() {
-                                &mut own_kept
-                            } else {
-                                &mut places
-                            };
-                            own.push(unknowns.len());
-                            unknowns.push((kind, Some(deviation)));
-                        }
-                    }
-                    if !own_kept.is_empty() {
-                        kept.push((each.name.clone(), own_kept));
-                    }
-                    if !places.is_empty() || parameters.is_empty() {
-                        shared.push((each.name.clone(), places));
-                    }
-                }
-            }
+            listed.add(&arm, each, campaign, &is_estimated)?;
         }
+        let Listed {
+            unknowns,
+            shared,
+            kept,
+            both,
+            own_priors,
+            ..
+        } = listed;
+        let readings = uncertainties.iter().filter_map(|each| match &each.source {
+            Source::Reading(source) => Some((each.name.clone(), source.clone())),
+            Source::Plan(_) => None,
+        });
+        let (source_names, sources) = readings.unzip();
         let mut set = ParameterSet::new(&arm, unknowns)?;
         let mut own_precision: Vec<f64> = (set.parameters().iter())
             .map(|each| {

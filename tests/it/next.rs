@@ -279,6 +279,7 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
         let all = Remaining {
             task: scenario.task.clone(),
             measured: 0,
+            together: None,
         };
         let found = rest(&all, Goal::Measurements(count), seed, watch);
         found.expect("a plan").plan

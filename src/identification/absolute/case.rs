@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::super::copies::{CopiedReadings, ReadBits};
-use super::super::frames::{MountedFrames, RobustFrames, Sight, groups, reach};
+use super::super::frames::{MountedFrames, RobustFrames, Sight, groups, median_or_zero};
 use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
 use super::visits::visits;
@@ -19,6 +19,8 @@ use crate::task::{Belief, station_named};
 
 /// Readings spread by more, or by less, than this many times what the robot does are in another unit.
 const OTHER_UNIT: f64 = 8.0;
+/// Of a station and a target so many readings are looked at for that.
+const APART_AMONG: usize = 60;
 /// Less than this is no sign of anything (m).
 const LITTLE_M: f64 = 1e-3;
 /// With more than this share of the spread left, frames explain nothing.
@@ -388,9 +390,25 @@ fn spread(sights: &[Sight]) -> f64 {
     (off.sum::<f64>() / sights.len().max(1) as f64).sqrt()
 }
 
-/// Distances between positions do not depend on frames: they tell another unit.
+/// How far apart a station's readings of a target lie: the median of the distances among some of them (m). It does not depend on frames.
+fn apart(sights: &[Sight]) -> f64 {
+    let among = groups(sights).into_values().flat_map(|group| {
+        let step = group.len().div_ceil(APART_AMONG);
+        let some: Vec<Vector3<f64>> = group
+            .iter()
+            .step_by(step)
+            .map(|each| each.position_m)
+            .collect();
+        let pairs = (1..some.len()).flat_map(|one| (0..one).map(move |other| (one, other)));
+        let distance = |(one, other): (usize, usize)| (some[one] - some[other]).norm();
+        pairs.map(distance).collect::<Vec<f64>>()
+    });
+    median_or_zero(among.collect())
+}
+
+/// Distances between positions tell another unit.
 fn check_units(sights: &[Sight], arm: &ElasticArm) -> Result<(), AbsoluteError> {
-    let found = reach(sights);
+    let found = apart(sights);
     let believed: Vec<Sight> = (sights.iter())
         .map(|sight| {
             let tool = arm.tools[sight.target].link_from_tool;
@@ -401,7 +419,7 @@ fn check_units(sights: &[Sight], arm: &ElasticArm) -> Result<(), AbsoluteError> 
             }
         })
         .collect();
-    let expected = reach(&believed);
+    let expected = apart(&believed);
     // A target that is not where it is believed to be adds its own.
     let is_other =
         found > OTHER_UNIT * expected.max(1e-2) || expected > OTHER_UNIT * found.max(1e-2);

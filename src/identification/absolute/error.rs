@@ -35,7 +35,7 @@ pub enum AbsoluteError {
     NoRotationSigma,
     /// Positions that the robot cannot reach, or angles that it does not have.
     #[error(
-        "the positions lie {found} mm about their mean (rms), and the robot's own, at the commanded angles, {expected} mm"
+        "half of the positions lie more than {found} mm apart, and the robot's own, at the commanded angles, {expected} mm"
     )]
     Units {
         /// What the readings say (mm).

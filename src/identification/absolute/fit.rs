@@ -415,6 +415,14 @@ impl AbsoluteFit {
     /// The readings that were left out, and residuals that are too large.
     fn handled(&self) -> impl Iterator<Item = Told> {
         let rejected = left_out(&self.rejected, self.left.len(), "reading");
+        let lower = self.consistency.map(|each| 1.0 - each);
+        let too_small = lower.filter(|each| *each < IMPLAUSIBLE).map(|lower| {
+            let (what, p) = (
+                "too small for the readings' standard deviations",
+                p_value(lower),
+            );
+            Told::Ok(ConditionCode::ResidualsTooSmall.with(format!("residuals {what}, {p}")))
+        });
         let improbable = self.consistency.filter(|each| *each < IMPLAUSIBLE);
         let residuals = improbable.map(|probability| {
             let p = p_value(probability);
@@ -425,7 +433,7 @@ impl AbsoluteFit {
                 left.map(|[left_m, _]| [left_m, ROBOTS_LEAVE * self.reach_m]),
             )
         });
-        rejected.into_iter().chain(residuals)
+        rejected.into_iter().chain(too_small).chain(residuals)
     }
 
     /// Corrections of geometry that no maker's tolerances explain; and masses and centres that are further from what is believed than

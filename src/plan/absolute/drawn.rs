@@ -334,6 +334,11 @@ impl AbsolutePlanning<'_> {
         let mut random = generator(seed, random_readings(index));
         let frames = self.frames();
         let machining = &self.case.belief.machining_tool.name;
+        if self.unread().is_some() {
+            let problem = format!("no candidate reads {machining}, whose place counts");
+            let hint = format!("give candidates with the target {machining}");
+            return Err(AbsolutePlanError::other(problem, Some(&hint)));
+        }
         for _ in 0..RANDOM_PLANS {
             let station = frames[random.random_range(0..frames.len())];
             let mut places = self.places();
