@@ -13,7 +13,7 @@ use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning};
 use elastocal::plan::search::{PlanSize, Watch, random_plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use nalgebra::{DVector, Isometry3, Matrix6xX};
+use nalgebra::{DVector, Isometry3, Matrix6xX, UnitQuaternion};
 
 use crate::support::{Workplace, absolute_scenario_text, scenario, scenario_text};
 
@@ -77,6 +77,35 @@ fn readings(scenario: &Scenario, rows: &[Candidate]) -> Vec<AbsoluteReading> {
             }
         })
         .collect()
+}
+
+/// Whether positions are in another unit is seen in the distances among them, whichever way a station's frame is turned: also where half
+/// of a target's are at one configuration.
+#[test]
+fn units_do_not_depend_on_the_frame() {
+    let scenario = scenario("ur10");
+    let rows = rows(&scenario, 6);
+    let at = |(row, target): (usize, usize)| Candidate {
+        target: rows[target].target.clone(),
+        ..rows[row].clone()
+    };
+    let chosen = [(0, 0), (0, 0), (1, 1), (1, 1), (2, 1), (3, 1)].map(at);
+    let read = readings(&scenario, &chosen);
+    let refused = |times: f64, turn: &UnitQuaternion<f64>| {
+        let mut turned = read.clone();
+        for each in &mut turned {
+            each.position_m = turn * each.position_m * times;
+        }
+        let case = AbsoluteCase::new(&scenario.task.belief, &turned);
+        case.err()
+            .is_some_and(|error| error.to_string().contains("mm apart"))
+    };
+    for turn in 0..40 {
+        let turn = f64::from(turn);
+        let turn = UnitQuaternion::from_euler_angles(turn, 0.7 * turn, -1.9 * turn);
+        assert!(!refused(1.0, &turn), "{turn}");
+        assert!(refused(1e-3, &turn) && refused(1e3, &turn), "{turn}");
+    }
 }
 
 /// The prediction is the variance of the tool's place by the covariance of the fit, whichever unknowns either leaves out.

@@ -443,6 +443,19 @@ fn loads_may_be_hung_where_the_robot_stands() {
         assert_eq!(pair[0]["q_deg"], pair[1]["q_deg"]);
         assert!(pair[0]["wrench"].is_null() && pair[1]["wrench"].is_array());
     }
+    // Each loaded reading has the unloaded one before it.
+    let table = workplace.read("out/t/lab/measurements.csv");
+    let rows = table.lines().filter(|line| !line.starts_with('#')).skip(1);
+    let stops = rows.map(|row| {
+        row.split(',')
+            .take(4)
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+    });
+    for (place, row) in stops.enumerate() {
+        let [unloaded, loaded] = [2 * place + 1, 2 * place + 2].map(|stop| stop.to_string());
+        assert_eq!(row, [&*unloaded, "1", &*loaded, "1"]);
+    }
     let hours = |of: f64| of / 60e-3;
     assert!(
         (hours(in_place.1) - 11.0 / 60.0).abs() < 1e-9,

@@ -365,3 +365,38 @@ fn replanned_from_wrong_beliefs_is_as_good_as_planned_at_once() {
         assert!((replanned / at_once - 1.0).abs() < 0.2 && half > 1.2 * replanned);
     }
 }
+
+/// What deflections of one configuration share is one error of those that are measured and those that are to be: what the rest would give
+/// is what the whole plan predicts, whether half of it is measured or none.
+#[test]
+fn what_a_configuration_shares_is_counted_once() {
+    let place = Workplace::new();
+    let source = "\n[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.1\n";
+    place.write("s.toml", scenario_text("klimchik2012") + source);
+    place
+        .run("plan s.toml --quiet --no-proof --experiments 2 --plan-out two.csv")
+        .ends_with(0);
+    let two = place.read("two.csv");
+    for (name, repeats) in [("half.csv", "3"), ("whole.csv", "6")] {
+        let rows = two.lines().map(|line| match line.strip_suffix(",1") {
+            Some(row) => format!("{row},{repeats}\n"),
+            None => format!("{line}\n"),
+        });
+        place.write(name, rows.collect::<String>());
+    }
+    place
+        .run("measure s.toml --quiet --plan half.csv --measurements-out m.csv")
+        .ends_with(0);
+    let whole = place
+        .run("evaluate s.toml --plan whole.csv --no-proof --json --quiet")
+        .json();
+    let next = place
+        .run("next s.toml --measurements m.csv --plan whole.csv --experiments 12 --json --quiet")
+        .json();
+    let [whole_um, rest_um] = [micro(&whole, "rho0_mm"), micro(&next, "old_rest_rho0_mm")];
+    // Planned about what was identified.
+    assert!(
+        (rest_um / whole_um - 1.0).abs() < 0.05,
+        "{rest_um}, {whole_um}"
+    );
+}
