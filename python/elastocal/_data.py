@@ -260,7 +260,7 @@ class Plan:
     def __getitem__(self, rows: int | slice | Sequence[int]) -> Plan:
         """Some of the experiments, as a plan."""
         chosen = [rows] if isinstance(rows, int) else rows
-        approach = list(np.array(self.approach)[chosen]) if self.approach else None
+        approach = [str(side) for side in np.array(self.approach)[chosen]] if self.approach else None
         direction = None if self.direction is None else self.direction[chosen]
         its = (self.q_deg[chosen], self.wrench[chosen], self.repeats[chosen])
         return Plan(*its, unit="deg", columns=self._joints, direction=direction, approach=approach)

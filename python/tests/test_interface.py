@@ -175,6 +175,24 @@ def test_plans_are_sequences(scenario: ec.Scenario, design: ec.Design) -> None:
         scenario.evaluate(ec.Plan([[10, 20, 30, 40]], DOWN))
 
 
+def test_plans_keep_directions_and_sides(tmp_path: Path) -> None:
+    gauge = ec.Scenario.load(ROOT / "scenarios/kr270_gauge.toml")
+    design = gauge.design(experiments=4, no_proof=True)
+    assert design.plan.direction is not None and np.allclose(np.linalg.norm(design.plan.direction, axis=1), 1)
+    design.plan.save(tmp_path / "plan.csv", gauge.columns)
+    assert ec.Plan.load(tmp_path / "plan.csv") == design.plan
+    assert (design.plan[:2] + design.plan[2:]) == design.plan
+    measured = gauge.measure(design.plan)
+    assert measured.displacement_mm.shape == (4,) and "displacement" in repr(measured)
+    with pytest.raises(ec.UsageError, match="no deflections"):
+        _ = measured.deflection_mm
+    assert gauge.identify(measured).results["rank"] > 0
+    sides = ec.Plan([[0, -60, 90, 0, 45, 0]] * 2, DOWN, approach=["++++++", "------"])
+    sides.save(tmp_path / "sides.csv")
+    assert ec.Plan.load(tmp_path / "sides.csv").approach == sides.approach
+    assert sides[[1]].approach == ["------"] and sides != ec.Plan(sides.q_deg, DOWN)
+
+
 def test_one_robot_is_measured_again(design: ec.Design) -> None:
     scenario = ec.Scenario.load(ROOT / "scenarios/kr270.toml")
     plan = ec.Plan.load(ROOT / "scenarios/plans/klimchik2012_m3.csv")

@@ -47,7 +47,7 @@ pub struct Extended {
 }
 
 /// Unknowns as the uncertainties list them.
-struct Listed {
+struct ListedUnknowns {
     /// How many are to be found, whatever uncertainties say of them; they come first.
     wanted: usize,
     /// All, with the deviation of what is known of each by itself.
@@ -60,7 +60,7 @@ struct Listed {
     own_priors: Vec<(usize, f64)>,
 }
 
-impl Listed {
+impl ListedUnknowns {
     fn new(wanted: impl Iterator<Item = ParameterKind>) -> Self {
         let unknowns: Vec<_> = wanted.map(|kind| (kind, None)).collect();
         Self {
@@ -146,7 +146,7 @@ impl Extended {
     ) -> Result<Self, ParameterError> {
         let compliance = |&joint: &usize| ParameterKind::JointCompliance { joint };
         let wanted = identified.iter().map(compliance);
-        let mut listed = Listed::new(wanted.chain(further.iter().copied()));
+        let mut listed = ListedUnknowns::new(wanted.chain(further.iter().copied()));
         let is_estimated = |place: usize| {
             let own = prior.filter(|_| place < identified.len());
             own.is_some_and(|prior| prior.precision[(place, place)] > 0.0)
@@ -154,7 +154,7 @@ impl Extended {
         for each in uncertainties {
             listed.add(&arm, each, campaign, &is_estimated)?;
         }
-        let Listed {
+        let ListedUnknowns {
             unknowns,
             shared,
             kept,

@@ -357,16 +357,20 @@ fn line_of_sight(
 ) {
     let [x, y, _] = camera.see(&scene.read);
     let [from_x, from_y, _] = camera.see(from);
+    let class = match scene.station {
+        Some(_) => "station",
+        None => "tracker",
+    };
     let _ = write!(
         svg,
-        "<path stroke=\"{GREEN}\" stroke-width=\"1.2\" stroke-dasharray=\"5 3\" \
+        "<path class=\"{class}\" stroke=\"{GREEN}\" stroke-width=\"1.2\" stroke-dasharray=\"5 3\" \
          d=\"M{from_x:.1},{from_y:.1}L{x:.1},{y:.1}\"/>"
     );
     if camera.is_seen(from) {
         if scene.station.is_some() {
             let _ = write!(
                 svg,
-                "<circle class=\"station\" cx=\"{from_x:.1}\" cy=\"{from_y:.1}\" r=\"5\" fill=\"{GREEN}\"/>"
+                "<circle cx=\"{from_x:.1}\" cy=\"{from_y:.1}\" r=\"5\" fill=\"{GREEN}\"/>"
             );
         }
         return;

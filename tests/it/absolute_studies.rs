@@ -79,7 +79,7 @@ fn a_prediction_is_split_and_shown() {
     let task = contribution(&sources[4]) * 1e-3 / number(&planned["task_force_mm"]);
     assert!((task - 1.0).abs() < 1e-9, "{task}");
 
-    // The line of sight ends where the plan has the instrument stand.
+    // The line of sight goes to where the plan has the instrument stand.
     let rows = planned["plan"].as_array().expect("readings");
     let svg = place.read("p.svg");
     assert_eq!(svg.matches("class=\"station\"").count(), rows.len());

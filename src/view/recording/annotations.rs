@@ -17,14 +17,14 @@ const GAUGE_M: f64 = 0.35;
 
 /// How a target is read, as all pictures show it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Sight {
+pub enum ReadingLine {
     /// By an instrument that stands there (m).
     From(Vector3<f64>),
     /// By a gauge along this direction (unit vector).
     Along(Vector3<f64>),
 }
 
-impl Sight {
+impl ReadingLine {
     /// Along a gauge's direction, or from a station (m), or from the model's tracker, if something says so.
     pub fn new(
         instrument: &Instrument,

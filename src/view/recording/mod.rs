@@ -18,7 +18,7 @@ use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::study::carried_out::CarriedOut;
-pub use annotations::{Annotation, Sight};
+pub use annotations::{Annotation, ReadingLine};
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
 pub use record::PlanRecord;
@@ -121,7 +121,7 @@ pub struct Step {
     /// Its force as an arrow (m), if there is one: the largest of all steps with the same tool has a fixed length.
     pub force_arrow_m: Option<Vector3<f64>>,
     /// How it is read, if somebody says.
-    pub sight: Option<Sight>,
+    pub sight: Option<ReadingLine>,
 }
 
 /// What a step is.

@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, Vector3};
 
-use super::{Body, RecordedCalibration, ShownTool, Sight, Stance, Step, StepKind, tool_name};
+use super::{Body, ReadingLine, RecordedCalibration, ShownTool, Stance, Step, StepKind, tool_name};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::mujoco::State;
 use crate::record::absolute_plan::ReadingsRunMessage;
@@ -57,7 +57,7 @@ impl Stage {
         [direction, station_m]: [Option<Vector3<f64>>; 2],
     ) -> Step {
         let [unloaded, loaded] = rests.map(|rest| self.stance(rest));
-        let sight = Sight::new(&self.instrument, &self.state, direction, station_m)
+        let sight = ReadingLine::new(&self.instrument, &self.state, direction, station_m)
             .filter(|_| matches!(kind, StepKind::Experiment { .. }));
         Step {
             kind,

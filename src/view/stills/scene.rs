@@ -11,7 +11,7 @@ use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
 use crate::task::station_named;
 use crate::view::mesh::Mesh;
-use crate::view::recording::{LAST_SHOWN_GROUP, Sight, drawn, is_moved};
+use crate::view::recording::{LAST_SHOWN_GROUP, ReadingLine, drawn, is_moved};
 
 /// How far above the horizontal the viewer stands (rad).
 const ELEVATION: f64 = 0.33;
@@ -53,7 +53,7 @@ pub struct Scene {
     /// What is read (m).
     pub read: Point3<f64>,
     /// How that is read.
-    pub sight: Option<Sight>,
+    pub sight: Option<ReadingLine>,
     /// The name of the station that the instrument stands at, if the plan says so: the model has nothing there.
     pub station: Option<String>,
 }
@@ -91,7 +91,7 @@ impl Scenery {
                 tool,
                 read: target.as_ref().map_or(tool, place),
                 // Where no station has a place of its own, the model's tracker is where all are.
-                sight: Sight::new(
+                sight: ReadingLine::new(
                     instrument,
                     &state,
                     experiment.direction,
