@@ -123,14 +123,9 @@ fn laboratory(stations: usize) -> (Workplace, ElasticArm) {
     place.write("s.toml", scenario_text("ur10"));
     let all = readings(&mut random, &truth, 90);
     place.write("m.csv", absolute_table(&6.into(), &all));
-    // Readings without errors leave too little.
-    let outcome = place
+    place
         .run("identify s.toml --quiet --measurements m.csv --parameters geometry,compliances --noise-only --identified-out i.json")
-        .ends_with(3);
-    assert!(
-        outcome.stderr.contains("C0206: residuals too small"),
-        "{outcome:?}"
-    );
+        .ends_with(0);
     (place, truth)
 }
 

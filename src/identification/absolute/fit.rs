@@ -412,17 +412,18 @@ impl AbsoluteFit {
         (nominal.chain(self.handled().filter_map(Result::err))).collect()
     }
 
-    /// The readings that were left out, and residuals that are too large.
+    /// The readings that were left out, and residuals that are too small or too large.
     fn handled(&self) -> impl Iterator<Item = Told> {
         let rejected = left_out(&self.rejected, self.left.len(), "reading");
         let lower = self.consistency.map(|each| 1.0 - each);
-        let too_small = lower.filter(|each| *each < IMPLAUSIBLE).map(|lower| {
-            let (what, p) = (
-                "too small for the readings' standard deviations",
-                p_value(lower),
-            );
-            Told::Ok(ConditionCode::ResidualsTooSmall.with(format!("residuals {what}, {p}")))
-        });
+        let too_small = lower
+            .filter(|each| *each < IMPLAUSIBLE)
+            .map(|lower| -> Told {
+                let p = p_value(lower);
+                Err(format!(
+                    "residuals too small for the readings' standard deviations, {p}"
+                ))
+            });
         let improbable = self.consistency.filter(|each| *each < IMPLAUSIBLE);
         let residuals = improbable.map(|probability| {
             let p = p_value(probability);
