@@ -26,11 +26,6 @@ impl PlanningProblem {
         py.detach(|| {
             let mut scenario =
                 Scenario::load(&path).map_err(|error| PyValueError::new_err(error.to_string()))?;
-            if scenario.task.reads_along() {
-                return Err(PyValueError::new_err(
-                    "instrument.reads is \"displacement\": plans here say no direction to read along",
-                ));
-            }
             if noise_only {
                 scenario.noise_only();
             }
@@ -83,6 +78,7 @@ impl PlanningProblem {
 
     /// The position rows of the observation matrix, eq. 7: 3 x p (m N m/rad).
     fn observation_matrix(&self, q: Vec<f64>, wrench: [f64; 6]) -> PyResult<Rows> {
+        self.reads_positions()?;
         let belief = &self.scenario.task.belief;
         let configuration = self.configuration(&q)?;
         let state = belief.nominal.chain.at(&belief.calibration_tool);
@@ -140,6 +136,7 @@ impl PlanningProblem {
 
 impl PlanningProblem {
     fn plan(&self, q: &Rows, wrenches: Vec<[f64; 6]>, repeats: Vec<u32>) -> PyResult<Plan> {
+        self.reads_positions()?;
         if q.len() != wrenches.len() || q.len() != repeats.len() || q.is_empty() {
             return Err(PyValueError::new_err(
                 "as many configurations as wrenches and repeats are needed, and at least one",
@@ -156,6 +153,16 @@ impl PlanningProblem {
             });
         }
         Ok(Plan { experiments })
+    }
+
+    /// That plans here say all: no direction to read along.
+    fn reads_positions(&self) -> PyResult<()> {
+        if self.scenario.task.reads_along() {
+            return Err(PyValueError::new_err(
+                "instrument.reads is \"displacement\": plans here say no direction to read along",
+            ));
+        }
+        Ok(())
     }
 
     fn configuration(&self, written: &[f64]) -> PyResult<Vec<f64>> {
