@@ -9,7 +9,7 @@ use crate::plan::search::{
     Bound, PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
 };
 use crate::plan::{Criterion, posterior, rho0_m};
-use crate::task::{Belief, Extended, Forbidden, Method, Task};
+use crate::task::{Belief, Forbidden, Method, Task};
 
 /// The plan that measurements have carried out: experiments in the order of their first measurement.
 pub fn measured_plan(measurements: &[Measurement]) -> Plan {
@@ -87,8 +87,7 @@ impl Remaining {
         let carried_out = measured_plan(measurements);
         left.design.mandatory = not_measured(&task.design.mandatory, &carried_out);
         let has_own_sigma = measurements.iter().any(|each| each.sigma_m.is_some());
-        let extended = identified.uncertain.as_ref();
-        let is_shared = extended.is_some_and(Extended::is_shared_by_configuration);
+        let is_shared = identified.is_shared_by_configuration();
         let together = (is_shared && !has_own_sigma).then(|| (identified.clone(), carried_out));
         let is_possible = |each: &Experiment| {
             let near =

@@ -43,7 +43,7 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     let experiments = ExperimentModel::new(belief);
     let rows = experiments.rows();
     let mut model = experiments.readings();
-    let is_shared = extended.is_some_and(Extended::is_shared_by_configuration);
+    let is_shared = belief.is_shared_by_configuration();
     for group in sharing_groups(plan, is_shared) {
         stand_at(&mut model, group[0]);
         let hung = hung(&group);

@@ -297,11 +297,16 @@ impl Belief {
 
     /// The part of it that the campaign of `robot.prior` gives them.
     pub fn earlier_precision(&self) -> DMatrix<f64> {
-        match (&self.uncertain, &self.prior) {
-            (Some(extended), _) => extended.earlier().clone(),
-            (None, Some(prior)) => prior.precision.clone(),
-            (None, None) => self.precision(),
+        match &self.uncertain {
+            Some(extended) => extended.earlier().clone(),
+            None => self.precision(),
         }
+    }
+
+    /// Whether deflections of one configuration share something that repeats do not average.
+    pub fn is_shared_by_configuration(&self) -> bool {
+        let uncertain = self.uncertain.as_ref();
+        uncertain.is_some_and(Extended::is_shared_by_configuration)
     }
 
     /// The precision of what is known of the unknowns before any measurement, in units of typical sizes,

@@ -171,9 +171,7 @@ impl Task {
     /// Whether bounds are of plans that hang one load in each configuration, since deflections of one share errors, where more loads could
     /// be hung.
     pub fn has_one_load_each(&self) -> bool {
-        let uncertain = self.belief.uncertain.as_ref();
-        !matches!(self.loads, Loads::Fixed(_))
-            && uncertain.is_some_and(Extended::is_shared_by_configuration)
+        !matches!(self.loads, Loads::Fixed(_)) && self.belief.is_shared_by_configuration()
     }
 
     /// What of the errors counts, in words that follow "at the test pose".

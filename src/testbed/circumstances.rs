@@ -28,8 +28,8 @@ pub struct Circumstances {
     nominal: ElasticArm,
     /// What differs, each once.
     set: ParameterSet,
-    /// The places of what sources have in common with an earlier campaign.
-    kept: std::ops::Range<usize>,
+    /// How many of them sources have in common with an earlier campaign; they come first.
+    kept: usize,
     /// For each number that a run shares: which parameter it moves, and by how much.
     shared: Vec<(usize, f64)>,
     sources: Vec<ReadingSource>,
@@ -81,7 +81,7 @@ impl Circumstances {
             here: nominal.clone(),
             nominal,
             set,
-            kept: 0..kept.len(),
+            kept: kept.len(),
             shared,
             sources,
             unloaded: Unloaded::Own,
@@ -150,7 +150,7 @@ impl Circumstances {
     /// differs from what is nominal).
     pub fn draw(&mut self, kept: &[f64], normals: &[[f64; LANES]], lane: usize) {
         self.values.fill(0.0);
-        self.values[self.kept.clone()].copy_from_slice(kept);
+        self.values[..self.kept].copy_from_slice(kept);
         for (&(place, deviation), normal) in self.shared.iter().zip(normals) {
             self.values[place] += deviation * normal[lane];
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::super::copies::{CopiedReadings, ReadBits};
-use super::super::frames::{MountedFrames, RobustFrames, Sight, groups, median_or_zero};
+use super::super::frames::{MountedFrames, RobustFrames, Sight, evenly, groups, median_or_zero};
 use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
 use super::visits::visits;
@@ -392,15 +392,11 @@ fn spread(sights: &[Sight]) -> f64 {
 
 /// How far apart a station's readings of a target lie: the median of the distances among some of them (m). It does not depend on frames.
 fn apart(sights: &[Sight]) -> f64 {
-    let among = groups(sights).into_values().flat_map(|group| {
-        let step = group.len().div_ceil(APART_AMONG);
-        let some: Vec<Vector3<f64>> = group
-            .iter()
-            .step_by(step)
-            .map(|each| each.position_m)
-            .collect();
-        let pairs = (1..some.len()).flat_map(|one| (0..one).map(move |other| (one, other)));
-        let distance = |(one, other): (usize, usize)| (some[one] - some[other]).norm();
+    let some = evenly(sights, APART_AMONG);
+    let among = groups(&some).into_values().flat_map(|group| {
+        let pairs = (1..group.len()).flat_map(|one| (0..one).map(move |other| (one, other)));
+        let apart_m = |one: usize, other: usize| group[one].position_m - group[other].position_m;
+        let distance = |(one, other)| apart_m(one, other).norm();
         pairs.map(distance).collect::<Vec<f64>>()
     });
     median_or_zero(among.collect())

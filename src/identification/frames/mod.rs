@@ -124,7 +124,7 @@ fn isometry(rotation: &Rotation3<f64>, translation_m: Vector3<f64>) -> Isometry3
 }
 
 pub use robust::RobustFrames;
-pub(super) use robust::{groups, median_or_zero, reach};
+pub(super) use robust::{evenly, groups, median_or_zero, reach};
 
 #[cfg(test)]
 mod tests;

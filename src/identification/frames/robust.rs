@@ -37,7 +37,8 @@ impl RobustFrames {
         if sights.is_empty() || (is_good && all.wrong().is_empty()) {
             return all;
         }
-        let mut some: Vec<Sight> = evenly(sights);
+        let of_each = ENOUGH.div_ceil(groups(sights).len().max(1));
+        let mut some: Vec<Sight> = evenly(sights, of_each);
         let mut found = all.frames.clone();
         for step in 0..STEPS {
             let left = found.left(&some);
@@ -114,13 +115,11 @@ pub(in crate::identification) fn groups(sights: &[Sight]) -> BTreeMap<(usize, us
     groups
 }
 
-/// Some of the readings, of each station and target.
-fn evenly(sights: &[Sight]) -> Vec<Sight> {
-    let of_groups = groups(sights);
-    let share = ENOUGH.div_ceil(of_groups.len().max(1));
-    (of_groups.values())
+/// Some of the readings, up to so many of each station and target.
+pub(in crate::identification) fn evenly(sights: &[Sight], of_each: usize) -> Vec<Sight> {
+    (groups(sights).values())
         .flat_map(|group| {
-            let step = group.len().div_ceil(share).max(1);
+            let step = group.len().div_ceil(of_each).max(1);
             group.iter().step_by(step).map(|each| (*each).clone())
         })
         .collect()

@@ -521,8 +521,7 @@ impl Bound {
 /// # Errors
 /// The first two experiments that do not.
 pub(super) fn one_load_each(task: &Task, criterion: Criterion, plan: &Plan) -> Result<(), NoBound> {
-    let extended = task.belief.uncertain.as_ref();
-    let is_shared = extended.is_some_and(Extended::is_shared_by_configuration);
+    let is_shared = task.belief.is_shared_by_configuration();
     // The criteria of Table 1 are about each deflection's own noise.
     if criterion != Criterion::TestPose || !is_shared {
         return Ok(());
