@@ -93,9 +93,10 @@ impl<'a> PlannedAccuracy<'a> {
             let place = "the tool's place at the test poses, which depends on";
             undetermined_by_plan(&format!("{place} {}", names.join(", ")))
         });
+        let compliances = undetermined_compliances(studied, prediction);
         (left.into_iter())
-            .chain(below_bound(record.efficiency))
-            .chain(undetermined_compliances(studied, prediction))
+            .chain(below_bound(record.efficiency, compliances.is_empty()))
+            .chain(compliances)
             .collect()
     }
 
@@ -469,7 +470,7 @@ pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<Condition
         .collect();
     // The bound is of plans without violations.
     let violated = assessment.violated();
-    let below = || below_bound(assessment.criterion_efficiency());
+    let below = || below_bound(assessment.criterion_efficiency(), undetermined.is_empty());
     conditions.extend(violated.or_else(below));
     conditions.extend(assessment.conditions.iter().cloned());
     conditions.extend(implausible(scenario));
@@ -482,11 +483,16 @@ pub fn undetermined_by_plan(words: &str) -> Condition {
 }
 
 /// That a plan of an efficiency is better than the bound beside it, by more than rounding.
-pub fn below_bound(efficiency: Option<f64>) -> Option<Condition> {
+fn below_bound(efficiency: Option<f64>, determines_all: bool) -> Option<Condition> {
     let beyond = efficiency? - 1.0;
     (beyond > BEYOND_ROUNDING).then(|| {
+        let why = if determines_all {
+            ""
+        } else {
+            ", which counts what the plan does not determine"
+        };
         ConditionCode::BelowBound.with(format!(
-            "the plan is better than the bound beside it by {:.2e} %",
+            "the plan is better than the bound beside it{why}, by {:.2e} %",
             1e2 * beyond
         ))
     })

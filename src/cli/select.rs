@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::codes::{ConditionCode, ErrorCode};
-use crate::files::FileError;
+use crate::codes::ConditionCode;
 use crate::identification::ParameterGroup;
 use crate::measurement::{Origin, read_measured};
 use crate::quantities::limits::MOST_EXPERIMENTS;
@@ -32,7 +31,7 @@ pub struct Select {
     /// What to fit, frames of stations and targets always among it; what the scenario's robot.parameters name if not given.
     #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
     parameters: Vec<ParameterGroup>,
-    /// How many readings to choose.
+    /// How many readings to choose; visits where several readings are of one.
     #[arg(long, value_name = "M", value_delimiter = ',', default_value = "20,40", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     sizes: Vec<u32>,
     /// How many random choices of each size.
@@ -55,17 +54,6 @@ impl Select {
         let why = ", and readings are chosen of absolute ones";
         let readings = read_measured(&self.measurements, &scenario.task.belief)?
             .absolute(&self.measurements, why)?;
-        if let Some(size) = (self.sizes.iter()).find(|size| **size as usize >= readings.len()) {
-            let problem = format!(
-                "holds {}, of which {size} leave none to validate on",
-                counted(readings.len() as u64, "reading")
-            );
-            let wrong = FileError::new(&self.measurements, problem);
-            return Err(wrong
-                .code(ErrorCode::Measurements)
-                .hint("give smaller --sizes")
-                .into());
-        }
         let ways = self.sizes.len() * (CHOICES.len() + self.draws as usize);
         let readings_words = counted(readings.len() as u64, "reading");
         let says = format!("choosing among {readings_words} in {ways} ways");
@@ -112,7 +100,7 @@ fn describe(selection: &Selection<'_>) -> String {
         selection.all_mm().mean
     );
     for of_size in &selection.sizes {
-        text += &format!("\n{}", of_one_size(of_size));
+        text += &format!("\n{}", of_one_size(of_size, selection.parts.unit()));
     }
     let counted = if selection.parts.functions().is_empty() {
         "are for errors that are independent between readings"
@@ -125,7 +113,7 @@ fn describe(selection: &Selection<'_>) -> String {
     text
 }
 
-fn of_one_size(of_size: &SelectionOfSize) -> String {
+fn of_one_size(of_size: &SelectionOfSize, unit: &str) -> String {
     let row = |name: &str, better: String, numbers: [Option<f64>; 8]| {
         let [
             mean,
@@ -175,7 +163,7 @@ fn of_one_size(of_size: &SelectionOfSize) -> String {
         problems += &format!("  {failed} of {draws} random choices give no fit.\n");
     }
     format!(
-        "{} of the readings, {draws} random choices:\n{}{problems}",
+        "{} of the {unit}s, {draws} random choices:\n{}{problems}",
         of_size.size,
         table(header, rows)
     )

@@ -26,7 +26,7 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    fn zeros(parameters: usize) -> Self {
+    pub(super) fn zeros(parameters: usize) -> Self {
         Self {
             information: DMatrix::zeros(parameters, parameters),
             gradient: DVector::zeros(parameters),
@@ -61,7 +61,7 @@ impl NormalEquations {
         self.square += other.square;
     }
 
-    fn finish(mut self) -> Self {
+    pub(super) fn finish(mut self) -> Self {
         self.information.fill_upper_triangle_with_lower_triangle();
         self
     }
@@ -118,7 +118,7 @@ impl<'a> ReadingSums<'a> {
         Ok(residual)
     }
 
-    fn add_planned(&mut self, each: &PlannedReading) {
+    pub fn add_planned(&mut self, each: &PlannedReading) {
         let (mut residual, rows) = (Vector6::zeros(), &mut self.rows);
         self.model.predict_as_planned(&each.setup, each.kind, rows);
         each.whitener.whiten(each.kind, &mut residual, rows);
@@ -196,24 +196,6 @@ pub fn planned_information(
     });
     let Ok(sums) = sums;
     sums.information
-}
-
-/// The same of each reading by itself.
-pub fn planned_information_of_each(
-    set: &ParameterSet,
-    nominal: &ElasticArm,
-    values: &DVector<f64>,
-    readings: &[PlannedReading],
-) -> Vec<DMatrix<f64>> {
-    let model = ObservationModel::new(set, nominal, values.as_slice());
-    let scales = set.scales();
-    let room = || ReadingSums::new(&model, &scales);
-    let of_one = |block: &mut ReadingSums<'_>, each: &PlannedReading| {
-        block.add_planned(each);
-        let sums = std::mem::replace(&mut block.sums, NormalEquations::zeros(set.len()));
-        sums.finish().information
-    };
-    readings.par_iter().map_init(room, of_one).collect()
 }
 
 /// How positions follow the parameters where readings of any kind are planned, as planning sees it: three rows of each (3 n x p, m in

@@ -32,8 +32,8 @@ mod visits_tests;
 
 pub use compliances::{BareArm, ComplianceColumns};
 pub use information::{
-    NormalEquations, normal_equations, of_each_prediction, planned_information,
-    planned_information_of_each, planned_positions, planned_rows, turning_load_rows,
+    NormalEquations, normal_equations, of_each_prediction, planned_information, planned_positions,
+    planned_rows, turning_load_rows,
 };
 pub use model::{Form, ObservationModel, RestTorques};
 pub use planned::{CovarianceTogether, NOTHING_READ, PlannedReadings};
@@ -42,5 +42,5 @@ pub use reading::{
     Whitener,
 };
 pub use reading_errors::{ReadingErrors, turned_columns, turned_covariance};
-pub use shared::{SharedErrors, SharingReadings, shared_equations};
+pub use shared::{SharedErrors, SharingReadings, planned_information_of_groups, shared_equations};
 pub use visits::{ConfigurationEquations, SharingReading, Together, Visits, visits_of};

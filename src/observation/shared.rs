@@ -11,10 +11,11 @@
 //! group count: deflections, with the correlation that a common unloaded reading gives them.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Matrix6xX, Vector6};
+use rayon::prelude::*;
 
 use super::information::{NormalEquations, ReadingSums, in_blocks};
 use super::model::ObservationModel;
-use super::reading::Observation;
+use super::reading::{Observation, PlannedReading, ReadingKind, Whitener};
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::EquilibriumError;
 
@@ -89,12 +90,41 @@ pub fn shared_equations(
             for (&index, effects) in group.readings.iter().zip(&group.effects) {
                 let each = &observations[index];
                 let residual = block.add(each).map_err(|error| (index, error))?;
-                sums.add(each, effects, &block.rows, &residual);
+                let by = (each.reading.kind(), &each.whitener);
+                sums.add(by, effects, &block.rows, &residual);
             }
             sums.take_from(&mut block.sums);
         }
         Ok(block.sums)
     })
+}
+
+/// The information of each group of planned readings (p x p, in units of typical sizes) at values of the parameters, to first order in
+/// compliance.
+pub fn planned_information_of_groups(
+    set: &ParameterSet,
+    nominal: &ElasticArm,
+    values: &DVector<f64>,
+    readings: &[PlannedReading],
+    groups: &[SharingReadings],
+) -> Vec<DMatrix<f64>> {
+    let model = ObservationModel::new(set, nominal, values.as_slice());
+    let scales = set.scales();
+    let room = || ReadingSums::new(&model, &scales);
+    let of_group = |block: &mut ReadingSums<'_>, group: &SharingReadings| {
+        let effects = group.effects.first().map_or(0, Matrix6xX::ncols);
+        let mut shared = EffectSums::new(effects, set.len());
+        for (&index, effects) in group.readings.iter().zip(&group.effects) {
+            let each = &readings[index];
+            block.add_planned(each);
+            let by = (each.kind, &each.whitener);
+            shared.add(by, effects, &block.rows, &Vector6::zeros());
+        }
+        shared.take_from(&mut block.sums);
+        let sums = std::mem::replace(&mut block.sums, NormalEquations::zeros(set.len()));
+        sums.finish().information
+    };
+    groups.par_iter().map_init(room, of_group).collect()
 }
 
 /// The sums of one group.
@@ -115,14 +145,13 @@ impl EffectSums {
 
     fn add(
         &mut self,
-        each: &Observation,
+        (kind, whitener): (ReadingKind, &Whitener),
         effects: &Matrix6xX<f64>,
         rows: &Matrix6xX<f64>,
         residual: &Vector6<f64>,
     ) {
         let mut effects = effects.clone();
-        let kind = each.reading.kind();
-        (each.whitener).whiten(kind, &mut Vector6::zeros(), &mut effects);
+        whitener.whiten(kind, &mut Vector6::zeros(), &mut effects);
         self.weight.gemm_tr(1.0, &effects, &effects, 1.0);
         self.columns.gemm_tr(1.0, &effects, rows, 1.0);
         self.residual.gemv_tr(1.0, &effects, residual, 1.0);

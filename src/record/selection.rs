@@ -23,6 +23,7 @@ pub fn selection_json(selection: &Selection<'_>) -> Value {
     });
     json!({
         "readings": all.left.len(),
+        "chosen": format!("{}s", parts.unit()),
         "unknowns": names.collect::<Vec<_>>(),
         "known_before": selection.known_before(),
         "left_out": left_out.collect::<Vec<_>>(),

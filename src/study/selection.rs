@@ -1,5 +1,5 @@
-//! Does optimal design help? Of readings that there are, a few are chosen in several ways; the robot is calibrated with each
-//! choice and judged on all other readings.
+//! Does optimal design help? Of readings that there are, a few are chosen in several ways, those of one visit together; the robot is
+//! calibrated with each choice and judged on all other readings.
 //!
 //! All choices have the same unknowns, the same knowledge before and the same weights. The same is done with a robot that is
 //! exactly as the model says, read with independent errors of the same size: what differs is what discrepancy does. Where the planner's
@@ -21,6 +21,7 @@ use crate::numeric::random::{generator, streams};
 use crate::plan::search::{CandidateInformation, FiniteEffort, FiniteProblem, Watch, best_choice};
 use crate::plan::{Criterion, CriterionFunction, no_wider_than_high};
 use crate::task::Belief;
+use crate::text::wording::counted;
 
 /// Searches for one choice, before it is searched for from the others, too.
 const SEARCHES: usize = 4;
@@ -57,7 +58,7 @@ pub fn choice_name(criterion: &str) -> &str {
 /// What is compared.
 #[derive(Debug, Clone)]
 pub struct SelectionWanted {
-    /// How many readings are chosen.
+    /// How many readings are chosen; visits where several readings are of one.
     pub sizes: Vec<u32>,
     /// How many random choices there are of each size.
     pub draws: u32,
@@ -142,7 +143,7 @@ impl Chosen {
 /// All choices of one size.
 #[derive(Debug, Clone)]
 pub struct SelectionOfSize {
-    /// How many readings were chosen.
+    /// How many were chosen.
     pub size: u32,
     /// With joint error functions, where there are any, and by each of [`CHOICES`], by name; or why there is none.
     pub planned: Vec<(&'static str, Result<Chosen, String>)>,
@@ -215,7 +216,7 @@ struct Chooser<'a> {
 /// Chooses, calibrates and judges, as long as it is not asked to stop; who watches hears how many choices are done, and of how many.
 ///
 /// # Errors
-/// The readings cannot be fitted, or not one by one.
+/// The readings cannot be fitted, or are no more than are chosen.
 pub fn select<'a>(
     belief: &'a Belief,
     readings: &[AbsoluteReading],
@@ -224,6 +225,11 @@ pub fn select<'a>(
     watch: Watch<'_>,
 ) -> Result<Selection<'a>, AbsoluteError> {
     let parts = (AbsoluteCase::new(belief, readings)?.counting_sources()).in_parts(groups)?;
+    let count = parts.together.len();
+    if let Some(&size) = wanted.sizes.iter().find(|size| **size as usize >= count) {
+        let offered = counted(count as u64, parts.unit());
+        return Err(AbsoluteError::NothingLeft { offered, size });
+    }
     let campaign = |campaign: u64| {
         let stream = streams::campaign_of_choices(campaign);
         parts.simulated(&mut generator(wanted.seed, stream))
@@ -351,12 +357,12 @@ impl Chooser<'_> {
         }
         let chosen = (found.into_par_iter()).map(|(problem, found)| {
             let chosen = found.map(|design| {
-                let readings = design.plan.iter().map(|&(reading, _)| reading).collect();
+                let chosen: Vec<usize> = design.plan.iter().map(|&(chosen, _)| chosen).collect();
                 let is_bounded = problem.criterion == Criterion::TestPose;
                 let least = design.bound.least_cost(size).filter(|_| is_bounded);
                 Chosen {
                     bound_m: least.map(f64::sqrt),
-                    ..self.judged(readings)
+                    ..self.judged(&chosen)
                 }
             });
             let chosen = chosen.map_err(|error| error.to_string());
@@ -381,23 +387,27 @@ impl Chooser<'_> {
             stop,
         );
         let found = found.ok_or("the readings determine nothing")?;
-        Ok(self.judged(found.chosen))
+        Ok(self.judged(&found.chosen))
     }
 
     /// A random choice.
     fn random(&self, size: u32, draw: u32) -> Chosen {
         let number = (u64::from(size) << 32) + u64::from(draw);
         let mut random = generator(self.wanted.seed, streams::random_choice(number));
-        let mut readings = index::sample(&mut random, self.told.len(), size as usize).into_vec();
-        readings.sort_unstable();
-        self.judged(readings)
+        let mut chosen = index::sample(&mut random, self.told.len(), size as usize).into_vec();
+        chosen.sort_unstable();
+        self.judged(&chosen)
     }
 
-    fn judged(&self, readings: Vec<usize>) -> Chosen {
+    /// What comes of a choice of what belongs together.
+    fn judged(&self, chosen: &[usize]) -> Chosen {
         let mut information = self.before.clone();
-        for &reading in &readings {
-            self.told.add_to(&mut information, reading, 1.0);
+        for &each in chosen {
+            self.told.add_to(&mut information, each, 1.0);
         }
+        let all = (chosen.iter()).flat_map(|&each| &self.parts.together[each].readings);
+        let mut readings: Vec<usize> = all.copied().collect();
+        readings.sort_unstable();
         let mut function = CriterionFunction::new(Criterion::TestPose, self.positions.clone());
         let (judged, predicted) = self.judge(&readings, &self.read).unzip();
         let [place, distance] = [0, 1].map(|part| predicted.map(|squares| squares[part].sqrt()));

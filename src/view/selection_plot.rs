@@ -69,7 +69,7 @@ pub fn selection_plot(title: &str, selection: &Selection<'_>) -> Result<String, 
             ChartAxis::logarithmic(heights),
         ],
         names: [
-            "readings that were chosen".to_owned(),
+            format!("{}s that were chosen", selection.parts.unit()),
             "mean distance at all others [mm], logarithmic".to_owned(),
         ],
         series: drawn,

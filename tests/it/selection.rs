@@ -1,7 +1,7 @@
 //! Choices of readings: what is best by a prediction is best by it, predictions are kept by a robot that is as the model says, and
 //! threads change nothing.
 
-use elastocal::measurement::{AbsoluteReading, absolute_table};
+use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::markov::{Correlation, Kernel, SampledFunction};
 use elastocal::numeric::random::generator;
 use elastocal::parameter::JointFunction;
@@ -299,20 +299,6 @@ fn what_cannot_be_chosen_from_is_refused() {
     place
         .run("select s.toml --measurements m.csv --sizes 0")
         .ends_with(2);
-    let together: Vec<_> = (0..readings.len())
-        .map(|index| AbsoluteReading {
-            visit: Some(format!("s{}", index.max(1))),
-            ..readings[if index == 1 { 0 } else { index }].clone()
-        })
-        .collect();
-    let scenario = Scenario::load(&project("scenarios/ur10.toml")).expect("valid");
-    let table = absolute_table(&scenario.task.belief.commands(), &together);
-    place.write("t.csv", table);
-    run(
-        &place,
-        "select s.toml --measurements t.csv --sizes 4",
-        "one by one",
-    );
     let plan = project("scenarios/plans/klimchik2012_m3.csv");
     place.write("kr.toml", scenario_text("klimchik2012"));
     place

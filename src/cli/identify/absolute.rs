@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::codes::ErrorCode;
 use crate::files::{FileError, output::write_whole};
 use crate::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
 use crate::measurement::{AbsoluteReading, read_measured};
@@ -49,9 +50,16 @@ impl Identify {
         let mut identified = identify_absolute(belief, readings, groups, how).map_err(wrong)?;
         if let Some(other) = &self.against {
             let why = ", and absolute readings are held against it";
-            let readings = read_measured(other, belief)?.absolute(other, why)?;
+            let others = read_measured(other, belief)?.absolute(other, why)?;
+            if others == readings {
+                let problem = format!("holds the same readings as {}", file.display());
+                let wrong = FileError::new(other, problem).code(ErrorCode::Measurements);
+                return Err(wrong
+                    .hint("--against takes another series of the robot")
+                    .into());
+            }
             let between = [file, other].map(|path| format!("in {}", path.display()));
-            (identified.compare(belief, &readings, (groups, weights), between))
+            (identified.compare(belief, &others, (groups, weights), between))
                 .map_err(|error| error.in_file(other))?;
         }
         let mut json = identified.json(scenario, &self.common.provenance(scenario)?, groups)?;

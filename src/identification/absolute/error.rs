@@ -109,9 +109,14 @@ pub enum AbsoluteError {
         /// The station's name.
         station: String,
     },
-    /// Readings that cannot be chosen one by one.
-    #[error("several readings of one visit cannot be chosen one by one")]
-    Together,
+    /// A choice of all that there is.
+    #[error("holds {offered}, of which {size} leave none to validate on")]
+    NothingLeft {
+        /// Of what is chosen, in words.
+        offered: String,
+        /// The size of the choice.
+        size: u32,
+    },
     /// A parameter that the robot cannot have.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
@@ -126,6 +131,7 @@ impl AbsoluteError {
         match self {
             Self::Frames { .. } | Self::TooFew { .. } => ErrorCode::Frames,
             Self::Fit(IdentificationError::Equilibrium { .. }) => ErrorCode::NoEquilibrium,
+            Self::NothingLeft { .. } => ErrorCode::Measurements,
             Self::Mistaken { source, .. } => source.code(),
             _ => ErrorCode::AbsoluteFit,
         }
@@ -169,7 +175,7 @@ impl AbsoluteError {
             Self::OtherKind { .. } => Some(
                 "[[station]] says what is read from each: reads = \"position\", or \"distance\" with [instrument.distance]",
             ),
-            Self::Together => Some("give readings of one target, each in a visit of its own"),
+            Self::NothingLeft { .. } => Some("give smaller --sizes"),
             _ => None,
         }
     }

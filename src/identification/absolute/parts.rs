@@ -1,6 +1,6 @@
 //! Fits of parts of the readings, all with the same unknowns, priors and weights.
 
-use nalgebra::{Cholesky, DMatrix, Matrix6xX, Rotation3, Vector3, Vector6};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, Rotation3, Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -14,7 +14,8 @@ use super::{
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::markov::{ProcessPoint, SampledFunction};
 use crate::observation::{
-    Form, Observation, ObservationModel, Reading, planned_information_of_each, planned_positions,
+    Form, Observation, ObservationModel, Reading, SharingReadings, planned_information_of_groups,
+    planned_positions,
 };
 use crate::parameter::{JointFunction, ParameterSet, relative_precision};
 use crate::robot::EquilibriumError;
@@ -31,6 +32,8 @@ pub struct PartsOfReadings<'a> {
     pub all: AbsoluteFit,
     /// Where each position is as all together say (m), without what is new at it.
     pub expected_m: Vec<Vector3<f64>>,
+    /// Which readings belong to a part together, by their places: those of one visit, and those that share errors besides.
+    pub together: Vec<SharingReadings>,
     known: VarianceComponents,
 }
 
@@ -53,19 +56,24 @@ pub struct PredictedPositions {
     pub squares_m2: [f64; 2],
 }
 
+/// Readings that share no error.
+fn by_itself(readings: &[usize]) -> SharingReadings {
+    SharingReadings {
+        readings: readings.to_vec(),
+        effects: vec![Matrix6xX::zeros(0); readings.len()],
+    }
+}
+
 impl<'a> AbsoluteCase<'a> {
     /// Fits all readings, those far out among them, and keeps what fits of parts of them share. Where the planner's model has joint error
     /// functions, these are part of every fit, and what is new at each position is as large as it says.
     ///
     /// # Errors
-    /// As [`fit`](Self::fit); or some readings cannot be taken by themselves.
+    /// As [`fit`](Self::fit).
     pub fn in_parts(
         mut self,
         groups: &[ParameterGroup],
     ) -> Result<PartsOfReadings<'a>, AbsoluteError> {
-        if self.visits.len() < self.observations.len() {
-            return Err(AbsoluteError::Together);
-        }
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
         let model = all.discrepancy_model.as_ref();
@@ -84,12 +92,17 @@ impl<'a> AbsoluteCase<'a> {
         if all.discrepancy.is_some() || !known.functions.is_empty() {
             self.weigh(known.rest);
         }
+        let together = match &self.shared {
+            Some(shared) => shared.groups.clone(),
+            None => self.visits.iter().map(|visit| by_itself(visit)).collect(),
+        };
         let read = self.observations.iter().map(Observation::position_m);
         let expected_m = read.zip(left).map(|(read, left)| read - left.position_m);
         Ok(PartsOfReadings {
             expected_m: expected_m.collect(),
             case: self,
             all,
+            together,
             known,
         })
     }
@@ -119,11 +132,24 @@ impl PartsOfReadings<'_> {
             .collect()
     }
 
-    /// What each reading tells of the unknowns (p x p, in typical sizes), with the robot nominal, and frames where all readings
+    /// What those together are: readings, visits or configurations.
+    pub fn unit(&self) -> &'static str {
+        let count = self.together.len();
+        if count == self.case.observations.len() {
+            "reading"
+        } else if count == self.case.visits.len() {
+            "visit"
+        } else {
+            "configuration"
+        }
+    }
+
+    /// What readings together determine of the unknowns (p x p, in typical sizes), with the robot nominal, and frames where all readings
     /// say.
     pub fn told(&self) -> Vec<DMatrix<f64>> {
-        let set = self.set();
-        planned_information_of_each(set, &self.case.arm, &set.prior().mean, &self.case.planned())
+        let (set, arm) = (self.set(), &self.case.arm);
+        let planned = self.case.planned();
+        planned_information_of_groups(set, arm, &set.prior().mean, &planned, &self.together)
     }
 
     /// What is known before (p x p, in typical sizes).
@@ -142,7 +168,8 @@ impl PartsOfReadings<'_> {
         rows.transpose() / (read.len().max(1) as f64).sqrt()
     }
 
-    /// What each reading shows where joint error functions are unknown beside the unknowns.
+    /// What readings together show where joint error functions are unknown beside the unknowns; where some are several, each is predicted
+    /// by itself, too.
     ///
     /// # Errors
     /// The robot has no equilibrium there, or the numbers have no factorisation.
@@ -152,39 +179,78 @@ impl PartsOfReadings<'_> {
         let rows = (self.case).rows_at(&self.case.arm, set, mean.as_slice(), &joints)?;
         let size = set.len();
         let told: DMatrix<f64> = self.told().iter().sum();
-        let mean = told / rows.len().max(1) as f64;
+        let mean = told / self.together.len().max(1) as f64;
         let before = self.known_before() + (mean + DMatrix::identity(size, size)) * FAINT;
         let factor = Cholesky::new(before).ok_or(IdentificationError::NothingObserved)?;
         let sizes = DMatrix::from_diagonal(&set.scales());
         let deviations = self.known.functions.iter().map(|each| each.deviation_rad);
         let deviations: Vec<f64> = deviations.collect();
         let deviations = DMatrix::from_diagonal(&deviations.into());
-        let rest = discrepancy_covariance(self.known.rest);
-        let reading = |(number, (each, rows)): (usize, (&Observation, LinearReading))| {
-            let mut by_unknowns = &sizes * rows.columns.transpose();
+        let reading = |(number, group): (usize, &SharingReadings)| {
+            let places = &group.readings;
+            let by = |of: fn(&LinearReading) -> &DMatrix<f64>| {
+                let all = places.iter().flat_map(|&place| of(&rows[place]).row_iter());
+                DMatrix::from_rows(&all.collect::<Vec<_>>())
+            };
+            let mut by_unknowns = &sizes * by(|each| &each.columns).transpose();
             (factor.l_dirty()).solve_lower_triangular_mut(&mut by_unknowns);
-            let (count, q) = (rows.own.nrows(), &each.setup.commanded_rad);
-            let returns = self.known.returns(&rows.joints);
+            let q = &self.case.observations[places[0]].setup.commanded_rad;
             CorrelatedReading {
+                shared: (number, DMatrix::zeros(by_unknowns.ncols(), 0)),
                 by_unknowns,
                 by_processes: ProcessPoint {
-                    columns: rows.joints * &deviations,
+                    columns: by(|each| &each.joints) * &deviations,
                     places: joints.iter().map(|&joint| q[joint]).collect(),
                 },
-                shared: (number, DMatrix::zeros(count, 0)),
-                new: rows.own + rest.view((0, 0), (count, count)) + returns,
+                new: self.new_at(group, &rows),
             }
         };
+        let count = rows.len();
+        let mut all = self.together.clone();
+        if all.len() < count {
+            all.extend((0..count).map(|place| by_itself(&[place])));
+        }
         Ok(CorrelatedList {
             kernels: (self.known.functions.iter())
                 .map(|each| each.kernel)
                 .collect(),
-            most: vec![1; rows.len()],
+            most: vec![1; self.together.len()],
             known: 0,
-            readings: (self.case.observations.iter().zip(rows).enumerate())
-                .map(reading)
-                .collect(),
+            readings: all.iter().enumerate().map(reading).collect(),
         })
+    }
+
+    /// The covariance of what is new at readings that belong together (r x r), one below the other.
+    fn new_at(&self, group: &SharingReadings, rows: &[LinearReading]) -> DMatrix<f64> {
+        let rest = discrepancy_covariance(self.known.rest);
+        let are_of_one_visit = |one: &usize, other: &usize| {
+            let visits = &self.case.visits;
+            one == other
+                || (visits.iter()).any(|visit| visit.contains(one) && visit.contains(other))
+        };
+        let each = || group.readings.iter().zip(&group.effects);
+        let size = each().map(|(&place, _)| rows[place].own.nrows()).sum();
+        let mut all = DMatrix::zeros(size, size);
+        let mut row = 0;
+        for (one, effects) in each() {
+            let mut column = 0;
+            for (other, others) in each() {
+                let [from, to] = [one, other].map(|&place| &rows[place]);
+                let counts = (from.own.nrows(), to.own.nrows());
+                let mut block = all.view_mut((row, column), counts);
+                if one == other {
+                    block += &from.own + rest.view((0, 0), counts);
+                } else {
+                    block += (effects * others.transpose()).view((0, 0), counts);
+                }
+                if are_of_one_visit(one, other) {
+                    block += self.known.returns([&from.joints, &to.joints]);
+                }
+                column += counts.1;
+            }
+            row += rows[*one].own.nrows();
+        }
+        all
     }
 
     /// What a fit of some of these observations, which may be those of the case or others in their places, predicts of all positions; none
@@ -218,7 +284,7 @@ impl PartsOfReadings<'_> {
             if chosen.binary_search(&index).is_err() {
                 let new = discrepancy_covariance(model.rest) + self.case.covariances[index];
                 let coordinates = left.len().min(3);
-                let returns = self.known.returns(&rows.joints).diagonal();
+                let returns = self.known.returns([&rows.joints; 2]).diagonal();
                 let [all, new] = [
                     covariance.diagonal().rows(0, coordinates).sum(),
                     new.diagonal().rows(0, coordinates).sum()
@@ -238,7 +304,7 @@ impl PartsOfReadings<'_> {
     }
 
     /// The readings of a robot that is exactly as all readings together say but for joint error functions, which are sampled anew, with
-    /// errors that are normal, independent and as large as the weights say.
+    /// errors that are normal and as large as the weights say, shared ones among them.
     ///
     /// # Errors
     /// The robot has no equilibrium there.
@@ -258,25 +324,36 @@ impl PartsOfReadings<'_> {
         for (number, function) in self.known.functions.iter().enumerate() {
             let joint = function.joint;
             let sample = SampledFunction::new(function.kernel, functions.clone(), 1 + number);
-            for (setup, returned) in setups.iter_mut().zip(&mut returned) {
-                let error = sample.at(setup.commanded_rad[joint]);
-                setup.commanded_rad[joint] += function.deviation_rad * error;
+            for visit in &self.case.visits {
                 let new: f64 = StandardNormal.sample(random);
-                returned.commanded_rad[joint] =
-                    setup.commanded_rad[joint] + function.repeatability_rad * new;
+                for &place in visit {
+                    let (setup, returned) = (&mut setups[place], &mut returned[place]);
+                    let error = sample.at(setup.commanded_rad[joint]);
+                    setup.commanded_rad[joint] += function.deviation_rad * error;
+                    returned.commanded_rad[joint] =
+                        setup.commanded_rad[joint] + function.repeatability_rad * new;
+                }
             }
         }
         let mut simulated = SimulatedReadings {
             observations: Vec::new(),
             expected_m: Vec::new(),
         };
-        let setups = setups.iter().zip(&returned);
-        for (each, (setup, returned)) in self.case.observations.iter().zip(setups) {
+        let mut shared = vec![Vector6::zeros(); setups.len()];
+        for group in &self.together {
+            let effects = group.effects.first().map_or(0, Matrix6xX::ncols);
+            let normal = DVector::from_fn(effects, |_, _| StandardNormal.sample(random));
+            for (&place, effects) in group.readings.iter().zip(&group.effects) {
+                shared[place] = effects * &normal;
+            }
+        }
+        let setups = setups.iter().zip(&returned).zip(&shared);
+        for (each, ((setup, returned), shared)) in self.case.observations.iter().zip(setups) {
             let kind = each.reading.kind();
             let expected = model.predict(Form::AtRest, setup, kind, &mut derivatives)?;
             let predicted = model.predict(Form::AtRest, returned, kind, &mut derivatives)?;
             let normal = Vector6::from_fn(|_, _| StandardNormal.sample(random));
-            let error = each.whitener.coloured(&normal);
+            let error = each.whitener.coloured(&normal) + shared;
             let position_m = predicted.position_m + error.fixed_rows::<3>(0);
             let turned = error.fixed_rows::<3>(3).into_owned();
             let reading = match each.reading {

@@ -26,12 +26,12 @@ pub struct VarianceComponents {
 }
 
 impl VarianceComponents {
-    /// The covariance of how joints return at each visit, in the rows of a reading that these errors move (r x f).
-    pub fn returns(&self, joints: &DMatrix<f64>) -> DMatrix<f64> {
+    /// The covariance of how joints return at a visit between the rows of two of its readings, which these errors move (r x f each).
+    pub fn returns(&self, [one, other]: [&DMatrix<f64>; 2]) -> DMatrix<f64> {
         let squares = self.functions.iter();
         let squares = squares.map(|each| each.repeatability_rad.powi(2));
         let squares = DVector::from_iterator(self.functions.len(), squares);
-        joints * DMatrix::from_diagonal(&squares) * joints.transpose()
+        one * DMatrix::from_diagonal(&squares) * other.transpose()
     }
 
     /// The joints that have functions.
