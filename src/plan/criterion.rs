@@ -8,7 +8,7 @@
 //! Table 1 has two misprints: `O3`, the smallest singular value, is to be maximised; and the
 //! G row needs the diagonal of cov(k).
 
-use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Dyn, SMatrix, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 use crate::numeric::factorisation::finite_eigen;
@@ -220,6 +220,46 @@ impl CriterionFunction {
             infinite if infinite > 0.0 => infinite,
             _ => inverse[lane].powf(power),
         })
+    }
+
+    /// Which of some experiments lowers the cost of M = `rest` most, measured `weight` times, by updates of rank K; `rows` are A^T of each,
+    /// side by side (p x K n). None where M is singular. With S = 1 + w A M^-1 A^T and G = A M^-1 C^T
+    ///
+    /// ```text
+    /// trace(C (M + w A^T A)^-1 C^T) = trace(C M^-1 C^T) - w trace(G^T S^-1 G),   det(M + w A^T A) = det(M) det(S)
+    /// ```
+    pub(in crate::plan) fn best_update<const K: usize>(
+        &mut self,
+        rest: &DMatrix<f64>,
+        rows: &DMatrixView<'_, f64>,
+        weight: f64,
+    ) -> Option<usize> {
+        let inverse = Cholesky::new(rest.clone())?.inverse();
+        let mut directions = rest.clone();
+        if self.factored_cost(rest, &mut directions).is_infinite() {
+            return None;
+        }
+        let by_determinant = self.power_of_determinant().is_some();
+        let moved = inverse * rows;
+        let task = rows.tr_mul(&self.solved);
+        let gain = |index: usize| {
+            let at = K * index;
+            let own = rows.fixed_columns::<K>(at);
+            let sum = own.tr_mul(&moved.fixed_columns::<K>(at)) * weight;
+            let factor = Cholesky::new(sum + SMatrix::<f64, K, K>::identity())?;
+            if by_determinant {
+                return Some(factor.determinant());
+            }
+            let inverse = factor.inverse();
+            let each = (0..task.ncols()).map(|column| {
+                let own = task.fixed_view::<K, 1>(at, column);
+                own.dot(&(inverse * own))
+            });
+            Some(each.sum())
+        };
+        let gains = (0..rows.ncols() / K).map(|index| (index, gain(index).unwrap_or(0.0)));
+        let best = gains.max_by(|one, other| one.1.total_cmp(&other.1));
+        best.map(|(index, _)| index)
     }
 
     fn spectral_cost(&self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {

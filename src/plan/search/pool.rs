@@ -7,6 +7,9 @@ use super::point::Point;
 use super::problem::Problem;
 use crate::plan::{CriterionFunction, LANES};
 
+/// With so many unknowns an update of low rank is less work than a factorisation.
+const UPDATED: usize = 8;
+
 /// Experiments with the information that they give.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Pool {
@@ -14,6 +17,9 @@ pub(super) struct Pool {
     /// A^T A (p x p) of the points, [`LANES`] at a time side by side. Those that fill up the last
     /// ones tell nothing.
     information: Vec<[f64; LANES]>,
+    /// A^T of the points, side by side (p x r n), each with r rows.
+    rows: DMatrix<f64>,
+    rank: usize,
     /// p^2.
     entries: usize,
 }
@@ -21,9 +27,20 @@ pub(super) struct Pool {
 impl Pool {
     /// A pool of these experiments.
     pub fn new(problem: &Problem<'_>, points: Vec<Point>) -> Self {
-        let entries = problem.parameters().pow(2);
+        let size = problem.parameters();
+        let entries = size.pow(2);
+        let rank = 3 * points.first().map_or(0, |point| point.blocks);
+        let mut rows = DMatrix::zeros(size, rank * points.len());
+        for (index, point) in points.iter().enumerate() {
+            for row in 0..rank {
+                let block = point.matrix.columns(row / 3 * size, size);
+                rows.set_column(rank * index + row, &block.row(row % 3).transpose());
+            }
+        }
         let mut pool = Self {
             information: vec![[0.0; LANES]; points.len().div_ceil(LANES) * entries],
+            rows,
+            rank,
             points,
             entries,
         };
@@ -49,6 +66,20 @@ impl Pool {
         rest: &DMatrix<f64>,
         weight: f64,
     ) -> Option<(usize, f64)> {
+        let rows = self.rows.columns(0, self.rank * self.points.len());
+        let best = match self.rank {
+            _ if rest.nrows() < UPDATED => None,
+            3 => cost.best_update::<3>(rest, &rows, weight),
+            6 => cost.best_update::<6>(rest, &rows, weight),
+            _ => None,
+        };
+        if let Some(index) = best {
+            let block = &self.information[index / LANES * self.entries..][..self.entries];
+            return Some((
+                index,
+                cost.costs_of_sums(rest, block, weight)[index % LANES],
+            ));
+        }
         self.information
             .chunks_exact(self.entries)
             .flat_map(|blocks| cost.costs_of_sums(rest, blocks, weight))
@@ -66,6 +97,10 @@ impl Pool {
     pub fn remove(&mut self, index: usize) {
         self.points.swap_remove(index);
         let last = self.points.len();
+        for row in 0..self.rank {
+            let of_last = self.rows.column(self.rank * last + row).into_owned();
+            self.rows.set_column(self.rank * index + row, &of_last);
+        }
         for entry in 0..self.entries {
             *self.entry(index, entry) = *self.entry(last, entry);
         }
