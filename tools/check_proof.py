@@ -1132,6 +1132,9 @@ def prior_share(file):
     precision = np.array(precision, float)
     if precision.shape != (rows.shape[1],) * 2 or not np.isfinite(precision).all():
         raise Refused("what is known before is about other compliances")
+    values = np.linalg.eigvalsh(precision)
+    if np.abs(precision - precision.T).max() > 1e-9 * np.abs(precision).max() or values[0] < -1e-9 * abs(values[-1]):
+        raise Refused("what is known before is no precision")
     return float(np.einsum("ri,ij,rj->", rows, precision, rows)) * (1 - 1e-9)
 
 
@@ -1142,7 +1145,10 @@ def check_bounds(file):
     if not (all(weight > 0 for weight in weights) and abs(sum(weights) - 1) <= 1e-12):
         raise Refused("the weights of the test poses do not sum to one")
     trace, size, index = 0.0, 0.0, 0
+    links = lambda arm: [{key: value for key, value in joint.items() if key != "range_rad"} for joint in arm["joints"]]
     for target in file["targets"]:
+        if links(target["arm"]) != links(question["arm"]):
+            raise Refused("the arm of a test pose is another than that of the loads")
         columns = target_columns(target, parameters)
         # Along a direction n, which has one row b: the sum of n_k b . C_k, times no more than a unit vector.
         direction = target.get("direction")
@@ -1171,7 +1177,7 @@ def check_bounds(file):
         raise Refused("loads that are printed alike are left out")
     most = (math.sqrt(file["proof"]["largest"]) + file["printed"] * unit) ** 2
     prior, told = file["prior"], prior_share(file)
-    if prior < told:
+    if not prior >= told >= 0:
         raise Refused("what is known before tells more than the file has it")
     for m, rho0 in file["bounds"]:
         total = prior + m * most

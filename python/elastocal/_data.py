@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _views
-from ._errors import UsageError
+from ._errors import UsageError, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +26,8 @@ Unit = Literal["deg", "rad"]
 #: An array with what is masked in it; not every NumPy says what types it has.
 MASKED: Any = np.ma.MaskedArray
 
+#: Files of tables.
+TABLES = (".csv",)
 WRENCH = ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"]
 DEFLECTION = ["dx_mm", "dy_mm", "dz_mm"]
 #: What a gauge reads along, and what it shows.
@@ -217,13 +219,14 @@ class Plan:
         return cls(q, wrench, repeats[:, 0], unit="deg", columns=own, direction=direction, approach=approach)
 
     @classmethod
-    def from_record(cls, record: list[dict[str, Any]]) -> Plan:
-        """Of the key ``plan`` of a record."""
+    def from_record(cls, record: list[dict[str, Any]], columns: list[str] | None = None) -> Plan:
+        """Of the key ``plan`` of a record, with a robot's columns of joints."""
         return cls(
             [each["q_deg"] for each in record],
             [each["wrench"] or [0.0] * 6 for each in record],
             [each["repeats"] for each in record],
             unit="deg",
+            columns=columns,
             direction=[each.get("direction") or [np.nan] * 3 for each in record] if any("direction" in each for each in record) else None,
             approach=[each.get("approach") or "" for each in record] if any("approach" in each for each in record) else None,
         )
@@ -243,7 +246,7 @@ class Plan:
 
     def save(self, path: FilePath, columns: list[str] | None = None) -> None:
         """Writes a plan CSV; ``columns`` as in :meth:`csv`."""
-        Path(path).write_text(self.csv(columns), encoding="utf-8")
+        write_whole(path, self.csv(columns), TABLES)
 
     @property
     def measurements(self) -> int:
@@ -370,7 +373,7 @@ class Measurements:
 
     def save(self, path: FilePath, columns: list[str] | None = None) -> None:
         """Writes the measurement CSV; ``columns`` as in :meth:`csv`."""
-        Path(path).write_text(self.csv(columns), encoding="utf-8")
+        write_whole(path, self.csv(columns), TABLES)
 
     def _of(self, names: list[str]) -> Array:
         return self.rows[:, [self.columns.index(name) for name in names]]
@@ -441,7 +444,7 @@ class Readings:
 
     def save(self, path: FilePath) -> None:
         """Writes the measurement CSV."""
-        Path(path).write_text(self._text, encoding="utf-8")
+        write_whole(path, self._text, TABLES)
 
     def _lines(self) -> list[list[str]]:
         return list(csv.reader(line for line in self._text.splitlines() if line and not line.startswith("#")))

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
+import tempfile
 from collections.abc import Iterable
+from pathlib import Path
 
 
 class ElastocalError(Exception):
@@ -24,6 +27,26 @@ class ElastocalError(Exception):
 
 class UsageError(ElastocalError, ValueError):
     """An option that is not there, or a value that it cannot have."""
+
+
+def write_whole(path: str | os.PathLike[str], text: str, suffixes: tuple[str, ...]) -> None:
+    """Writes a file whole or not at all, and over none of another kind."""
+    path = Path(path)
+    if path.exists() and path.suffix.lower() not in suffixes:
+        raise UsageError(f"{path} is there and no {' or '.join(suffixes)} file", "save under another name")
+    try:
+        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as file:
+            file.write(text)
+        os.chmod(file.name, path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
+        os.replace(file.name, path)
+    except OSError as error:
+        raise ElastocalError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
 
 
 #: What the command line says, and Python.
@@ -51,4 +74,6 @@ def in_python(text: str, longs: dict[str, str]) -> str:
     def keyword(found: re.Match[str]) -> str:
         return longs.get(found[1], found[0])
 
-    return re.sub(r"--([a-z][a-z-]*)(?:[ =]<[^>]*>)?", keyword, told).rstrip()
+    # Whole commands stay as they are typed.
+    parts = re.split(r"(`[^`]*`)", told)
+    return "".join(part if part.startswith("`") else re.sub(r"--([a-z][a-z-]*)(?:[ =]<[^>]*>)?", keyword, part) for part in parts).rstrip()

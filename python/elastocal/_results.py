@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
+    from ._scenario import Scenario
+
 
 @dataclass(frozen=True)
 class Condition:
@@ -67,9 +69,14 @@ class Results(dict[str, Any]):
 
 @dataclass(repr=False)
 class Outcome:
-    """``results`` is the whole record."""
+    """``results`` is the whole record, ``scenario`` what it is of, where that is known."""
 
     results: Results
+    scenario: Scenario | None = None
+
+    @property
+    def _columns(self) -> list[str] | None:
+        return None if self.scenario is None else self.scenario.columns
 
     @property
     def conditions(self) -> list[Condition]:
@@ -142,7 +149,7 @@ class Design(Assessment):
     @property
     def plan(self) -> Plan:
         """The plan."""
-        return Plan.from_record(self.results["plan"])
+        return Plan.from_record(self.results["plan"], self._columns)
 
     def __len__(self) -> int:
         return len(self.results["plan"])
@@ -187,8 +194,10 @@ class Compensation(Outcome):
 
     @property
     def angles_rad(self) -> Array:
-        """The same in radians, for robots without slides."""
-        return np.radians(self.q_commanded_deg)
+        """The same in radians; slides m."""
+        slides = [name.endswith("_mm") for name in self._columns or []]
+        q = self.q_commanded_deg
+        return np.where(slides, q * 1e-3, np.radians(q)) if slides else np.radians(q)
 
     @property
     def residual_m(self) -> Array:
@@ -206,4 +215,4 @@ class Validation(Outcome):
     @property
     def plan(self) -> Plan:
         """What is to be measured for the validation; of a validation without measurements."""
-        return Plan.from_record(self.results["plan"])
+        return Plan.from_record(self.results["plan"], self._columns)

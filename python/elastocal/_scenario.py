@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from . import _change
 from ._commands import _command, read, takes, whole
 from ._data import FilePath, Measurements, Plan, Readings, absolute_plan
-from ._errors import ElastocalError, UsageError
+from ._errors import ElastocalError, UsageError, write_whole
 from ._executor import Executors, merged
 from ._executor import study as run_shards
 from ._problem import Problem
@@ -113,7 +112,7 @@ class Scenario:
     def save(self, path: FilePath) -> Scenario:
         """Writes the scenario file, with whole paths of the files that it names, wherever; returns it."""
         _, other = (None, self.path) if self._folder else _change.changed(self.path, {})
-        shutil.copyfile(other, path)
+        write_whole(path, other.read_text(encoding="utf-8"), (".toml",))
         return Scenario(path, self.seed, self.noise_only, self.threads)
 
     def __repr__(self) -> str:
@@ -188,7 +187,7 @@ class Scenario:
 
         Where accuracy is absolute, ``parameters`` are groups of unknowns, and rows are chosen from ``candidates`` or drawn.
         """
-        return Design(self.command("plan", experiments=experiments, **given))
+        return Design(self.command("plan", experiments=experiments, **given), self)
 
     @takes("evaluate")
     def evaluate(self, plan: Plan | Design | FilePath, **given: Unpack[options.EvaluateGiven]) -> Assessment:
@@ -257,7 +256,7 @@ class Scenario:
     def compensate(self, identified: Identified | FilePath, **given: Unpack[options.CompensateGiven]) -> Compensation:
         """The angles to command at the test poses, so that the loaded tool stands where it should."""
         with self._files(identified=identified) as files:
-            return Compensation(self.command("compensate", **files, **given))
+            return Compensation(self.command("compensate", **files, **given), self)
 
     @takes("compensate")
     def compensate_targets(
@@ -288,7 +287,7 @@ class Scenario:
     ) -> Validation:
         """A plan for checking an identification, or, with measurements, whether it errs as it predicts."""
         with self._files(identified=identified, measurements=measurements) as files:
-            return Validation(self.command("validate", **files, **given))
+            return Validation(self.command("validate", **files, **given), self)
 
     @takes("lab")
     def lab(self, plan: Plan | Design | FilePath, out: FilePath, **given: Unpack[options.LabGiven]) -> Results:

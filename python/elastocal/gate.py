@@ -20,6 +20,7 @@ from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
 import elastocal as ec
+from elastocal._errors import write_whole
 
 #: Differences of the question that renewing puts up with.
 RENEWABLE = ["scenario", "seed", "experiments", "configurations", "criterion"]
@@ -41,6 +42,15 @@ class Verdict:
 def main(words: list[str] | None = None) -> int:
     """Judges the plans, or renews their baselines."""
     asked = arguments().parse_args(words)
+    try:
+        return judge(asked)
+    except OSError as error:
+        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 1
+
+
+def judge(asked: argparse.Namespace) -> int:
+    """The same with words that were understood."""
     plans = sorted({Path(found) for pattern in asked.plans for found in glob.glob(pattern)})
     if not plans:
         print(f"error: no plan is found at {' '.join(asked.plans)}", file=sys.stderr)
@@ -99,7 +109,7 @@ def compared(baseline: Path, found: ec.Results, **given: Any) -> tuple[ec.Result
 
 def write(path: Path, record: dict[str, Any]) -> None:
     """Writes a record."""
-    path.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(record, indent=2) + "\n", (".json",))
 
 
 def judged(asked: argparse.Namespace, plan: Path) -> Verdict:
@@ -151,14 +161,15 @@ def junit(scenario: Path, verdicts: list[Verdict]) -> str:
 def renew(asked: argparse.Namespace, plans: list[Path]) -> int:
     """Makes today's results the baselines where a number has changed."""
     asked.baselines.mkdir(parents=True, exist_ok=True)
-    notes = []
+    notes, code = [], 0
     for plan in plans:
         baseline = asked.baselines / f"{plan.stem}.json"
         try:
             found = evaluated(asked, plan)
         except ec.ElastocalError as error:
             print(f"error: {error}", *([f"hint: {error.hint}"] if error.hint else []), sep="\n", file=sys.stderr)
-            return 1
+            code = 1
+            continue
         what = changes(baseline, found)
         if what is None:
             print(f"{plan}: nothing has changed: its baseline stays")
@@ -169,7 +180,7 @@ def renew(asked: argparse.Namespace, plans: list[Path]) -> int:
     if notes:
         with open(asked.baselines / "CHANGES.md", "a", encoding="utf-8") as file:
             file.writelines(notes)
-    return 0
+    return code
 
 
 def changes(baseline: Path, found: ec.Results) -> str | None:

@@ -35,6 +35,15 @@ def test_a_plan_is_held_against_its_baseline(tmp_path: Path, capsys: pytest.Capt
     # Nothing has changed: no note.
     assert gate.main([*words, "--renew", "again"]) == 0
     assert (tmp_path / "baselines/CHANGES.md").read_text() == notes
+    # A plan that cannot be judged keeps no note of the others back, and a folder that is not there is named.
+    (tmp_path / "a.csv").write_text((tmp_path / "klimchik2012_m3.csv").read_text().replace("-2500", "-2400"))
+    (tmp_path / "z.csv").write_text("no plan")
+    assert gate.main([*words, "--renew", "two more"]) == 1
+    assert (tmp_path / "baselines/CHANGES.md").read_text().count("two more") == 1
+    assert gate.main([*judged, "--junit", str(tmp_path / "none/report.xml")]) == 1
+    assert "none/report.xml" in capsys.readouterr().err
+    (tmp_path / "a.csv").unlink()
+    (tmp_path / "z.csv").unlink()
     plan = tmp_path / "klimchik2012_m3.csv"
     plan.write_text(plan.read_text().replace("-2500", "-1500"))
     capsys.readouterr()

@@ -326,6 +326,28 @@ def slide(tmp_path_factory: pytest.TempPathFactory) -> ec.Scenario:
     return ec.Scenario.load(QUICK).with_(changes)
 
 
+def test_what_a_scenario_answers_has_its_columns(slide: ec.Scenario, tmp_path: Path) -> None:
+    plan = slide.design(3).plan
+    plan.save(tmp_path / "plan.csv")
+    assert (tmp_path / "plan.csv").read_text(encoding="utf-8").startswith("q1_mm,q2_deg,q3_deg")
+    identified = slide.identify(slide.measure(plan))
+    found = slide.compensate(identified)
+    assert np.allclose(found.angles_rad, found.q_commanded_deg * [1e-3, np.pi / 180, np.pi / 180])
+
+
+def test_files_of_another_kind_are_not_written_over(tmp_path: Path) -> None:
+    scenario = ec.Scenario.load(QUICK)
+    plan = ec.Plan([[0, 80, 40]], DOWN)
+    for name, save in (("arm.xml", scenario.save), ("s.toml", plan.save)):
+        (tmp_path / name).write_text("precious", encoding="utf-8")
+        with pytest.raises(ec.UsageError, match="is there and no"):
+            save(tmp_path / name)
+        assert (tmp_path / name).read_text(encoding="utf-8") == "precious"
+    with pytest.raises(ec.ElastocalError, match="cannot be written"):
+        plan.save(tmp_path / "nowhere" / "plan.csv")
+    assert not list(tmp_path.glob("tmp*"))
+
+
 def test_slides_are_in_millimetres_and_with_rad_in_metres(slide: ec.Scenario, tmp_path: Path) -> None:
     columns = slide.columns
     assert columns == ["q1_mm", "q2_deg", "q3_deg"]

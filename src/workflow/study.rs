@@ -161,7 +161,8 @@ fn readings_of<'a>(
             let m = experiments.unwrap_or(measurements);
             let size = PlanSize {
                 measurements: m,
-                configurations: configurations.unwrap_or(m),
+                configurations: (configurations.or(task.design.configurations))
+                    .map_or(m, |each| each.min(m)),
             };
             let watch = watch(&plan.name, m);
             let (planning, found) = wanted.design(task, size, seed, watch)?;
@@ -220,7 +221,7 @@ fn entry_kind(
             let wanted = Wanted {
                 criterion: *criterion,
                 experiments: experiments.unwrap_or(wanted),
-                configurations: *configurations,
+                configurations: configurations.or(task.design.configurations),
             };
             let mut task = task.clone();
             if *noise_only {

@@ -297,7 +297,7 @@ fn another_program_checks_arms_of_every_kind() {
     let (code, text) = checked(&python, &place.path("proof.json"));
     assert_eq!(code, Some(0), "{text}");
     let whole: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
-    let tampered: [(&str, Edit); 3] = [
+    let tampered: [(&str, Edit); 5] = [
         ("a frame that is turned otherwise", &|file| {
             scale(
                 &mut file["proof"]["question"]["arm"]["joints"][1]["rotation"][2],
@@ -312,6 +312,16 @@ fn another_program_checks_arms_of_every_kind() {
         }),
         ("less of what is known before", &|file| {
             file["prior_precision"] = json!([[1e12, 0, 0], [0, 1e12, 0], [0, 0, 1e12]]);
+        }),
+        ("a longer arm at the test poses alone", &|file| {
+            scale(
+                &mut file["targets"][0]["arm"]["joints"][2]["offset_m"][0],
+                1.1,
+            );
+        }),
+        ("less than nothing known before", &|file| {
+            file["prior_precision"] = json!([[-1e9, 0, 0], [0, -1e9, 0], [0, 0, -1e9]]);
+            file["prior"] = json!(-1.0);
         }),
     ];
     all_are_refused(&place, &python, &whole, &tampered);
