@@ -16,8 +16,9 @@ What is checked
   3. The bounds of rho_0 follow from T, and from what earlier identifications tell, which is
      worked out here; the weights of the test poses sum to one.
 
-What is proved is a statement about the question in the file: test poses, loads, region, noise and arm, which are printed. That
-these are those of a scenario is the file's word; its hash is that in the results of the same scenario.
+What is proved is a statement about the question in the file: test poses, loads, region, noise and lengths of links, which are
+printed. That these, and what else describes arm and knowledge, are those of a scenario is the file's word; its
+hash is that in the results of the same scenario.
 
 Rounding. Every operation adds ROUNDING times a bound of all that it adds up to the remainder; no operation has more
 than 200 roundings of 1.2e-16 each on the way of one term, and ROUNDING is 1e-13. A sum of products of models is one operation, and
@@ -1221,6 +1222,8 @@ def asked(file):
         words = " ".join(f"[{listed(each)}]" for each in wrenches) or f"{loads:.1f}"
         lines.append("loads: " + kinds[kind].format(words))
     ranges = " ".join(f"[{listed(joint['range_rad'], 2, 180 / math.pi)}]" for joint in question["arm"]["joints"])
+    lengths = [1e3 * math.hypot(*joint["offset_m"]) for joint in question["arm"]["joints"]]
+    lines.append(f"arm: links of {listed(lengths, 3)} mm, each from the joint before")
     region = question["region"]
     lines.append(f"region: joints {ranges} deg")
     lines.append(
