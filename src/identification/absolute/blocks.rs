@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::error::IdentificationError;
-use super::super::gauss_newton::{FitProblem, Haste, ParameterFit};
+use super::super::fit::{FitProblem, Haste, ParameterFit, ReadingProblem};
 use super::super::outliers;
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, ReadingResidual, RejectedReading, joint_space_blocks,
@@ -16,12 +16,8 @@ use crate::parameter::{ParameterSet, relative_precision};
 
 /// With fewer blocks there is nothing to compare.
 pub const FEWEST_BLOCKS: usize = 4;
-/// Steps of fits that start at the fit to all readings.
-const MAXIMUM_STEPS: usize = 6;
 /// A first step that predicts the block's sum of squares as well as this is the fit.
 const AS_PREDICTED: f64 = 1e-4;
-/// A fit is found when the next step is shorter than this in standard errors.
-const SHORT: f64 = 1e-2;
 /// A direction that the other blocks do not determine matters to a reading that a typical size moves by so many of its
 /// standard deviations.
 const MATTERS: f64 = 0.1;
@@ -189,30 +185,24 @@ impl<'a> Blocks<'a> {
         let within = all.tr_mul(&(&others.information + &prior)) * all;
         let estimable = Estimable::new(&within, &vec![1.0; all.ncols()]);
         let (basis, hidden) = (all * estimable.basis(), all * estimable.hidden());
-        let problem = |readings| FitProblem {
+        let problem = |readings| ReadingProblem {
             readings,
             prior: prior.clone(),
             basis: &basis,
-            haste: Haste::Near,
+            haste: Haste::Weights,
         };
-        let mut values = DVector::from_column_slice(&fit.posterior.mean);
+        let values = DVector::from_column_slice(&fit.posterior.mean);
         let of_block = problem(part.fitted_readings(set));
-        let change = of_block.step(&of_block.solved(&values, others)?);
-        values += &change;
+        let change = of_block.change(&of_block.solved(values.clone(), others)?.step);
+        let mut values = values + &change;
         let found = part.fitted_readings(set).equations(&values)?.square;
         let change = change.component_div(&set.scales());
         let predicted = own.square - 2.0 * change.dot(&own.gradient)
             + change.dot(&(&own.information * &change));
         if (found - predicted).abs() > AS_PREDICTED * found {
             let rest = (self.case).part_of(|index| self.of_readings[index] != block);
-            let problem = problem(rest.fitted_readings(set));
-            for _ in 0..MAXIMUM_STEPS {
-                let now = problem.at(&values)?;
-                if now.steps < SHORT {
-                    break;
-                }
-                values += problem.step(&now);
-            }
+            let (found, _) = problem(rest.fitted_readings(set)).solve(values)?;
+            values = found.values;
         }
         Ok(Without {
             left: part.left(&set.apply(&part.arm, values.as_slice()))?,
