@@ -50,6 +50,18 @@ impl RobustIdentification {
     }
 }
 
+impl AsMut<Self> for Identification {
+    fn as_mut(&mut self) -> &mut Self {
+        self
+    }
+}
+
+impl AsMut<Identification> for RobustIdentification {
+    fn as_mut(&mut self) -> &mut Identification {
+        &mut self.identification
+    }
+}
+
 /// A fit of some measurements, and what it says of all.
 struct SomeFitted<'a> {
     identification: Identification,
@@ -92,15 +104,7 @@ impl<'a> Case<'a> {
         &self,
         found: Result<Identification, IdentificationError>,
     ) -> Result<Identification, IdentificationError> {
-        if (found.as_ref()).is_ok_and(|found| self.places_to_hold(found).is_empty()) {
-            return found;
-        }
-        let held = self.identify_robustly(Robustness {
-            keeps_all: true,
-            counts_discrepancy: false,
-            holds_nominal: true,
-        });
-        held.map_or(found, |held| Ok(held.identification))
+        self.holding(found, |case, _| case.identify())
     }
 
     /// The same with more and more compliances nominal; the gross errors may be given.
@@ -109,24 +113,42 @@ impl<'a> Case<'a> {
         robustness: Robustness,
         gross: Option<&[RejectedReading]>,
     ) -> Result<RobustIdentification, IdentificationError> {
-        let mut held = self.held.to_vec();
-        let mut stays_nominal = Vec::new();
-        let mut found = self.robustly(robustness, gross);
+        let found = self.robustly(robustness, gross);
         if !robustness.holds_nominal {
             return found;
         }
+        self.holding(found, |case, before| {
+            let mut other = case.robustly(robustness, gross)?;
+            if let Ok(before) = before {
+                other.of_all = before.of_all.clone();
+            }
+            Ok(other)
+        })
+    }
+
+    /// What was found, or what is found with more and more compliances nominal, until none is to be; each time what was found before is given.
+    fn holding<Found: AsMut<Identification>>(
+        &self,
+        mut found: Result<Found, IdentificationError>,
+        fit: impl Fn(
+            &Case<'_>,
+            &Result<Found, IdentificationError>,
+        ) -> Result<Found, IdentificationError>,
+    ) -> Result<Found, IdentificationError> {
+        let mut held = self.held.to_vec();
+        let mut stays_nominal = Vec::new();
         loop {
-            let linear;
-            let now = if let Ok(found) = &found {
-                &found.identification
+            let mut linear;
+            let now = if let Ok(found) = &mut found {
+                found.as_mut()
             } else {
                 // Noise may drive weak compliances to where no robot stands: to first order it is seen which these are.
                 linear = self.linearised().identify()?;
-                &linear
+                &mut linear
             };
             let more = self.places_to_hold(now);
             if more.is_empty() {
-                break;
+                return found;
             }
             held.extend(&more);
             stays_nominal.extend(more.iter().map(|&place| now.parameters[place].clone()));
@@ -134,28 +156,26 @@ impl<'a> Case<'a> {
                 held: &held,
                 ..*self
             };
-            match (with_held.robustly(robustness, gross), &mut found) {
-                (Ok(mut other), before) => {
-                    (other.identification.stays_nominal).clone_from(&stays_nominal);
-                    if let Ok(before) = before {
-                        other.of_all = before.of_all.clone();
-                    }
+            match fit(&with_held, &found) {
+                Ok(mut other) => {
+                    other.as_mut().stays_nominal.clone_from(&stays_nominal);
                     found = Ok(other);
                 }
-                (Err(_), Ok(found)) => {
+                Err(_) => {
                     // Where none remain, their values tell more of what is wrong.
-                    let identification = &mut found.identification;
-                    let sizes = identification.posterior.estimable.typical();
-                    identification.is_all_weak = more.iter().any(|&place| {
-                        let estimate = identification.parameters[place].estimate;
-                        estimate.is_some_and(|each| each.standard_error > UNKNOWN * sizes[place])
-                    });
-                    break;
+                    if let Ok(found) = &mut found {
+                        let identification = found.as_mut();
+                        let sizes = identification.posterior.estimable.typical();
+                        identification.is_all_weak = more.iter().any(|&place| {
+                            let estimate = identification.parameters[place].estimate;
+                            estimate
+                                .is_some_and(|each| each.standard_error > UNKNOWN * sizes[place])
+                        });
+                    }
+                    return found;
                 }
-                (Err(_), Err(_)) => break,
             }
         }
-        found
     }
 
     fn linearised(self) -> Self {
