@@ -50,18 +50,6 @@ impl RobustIdentification {
     }
 }
 
-impl AsMut<Self> for Identification {
-    fn as_mut(&mut self) -> &mut Self {
-        self
-    }
-}
-
-impl AsMut<Identification> for RobustIdentification {
-    fn as_mut(&mut self) -> &mut Identification {
-        &mut self.identification
-    }
-}
-
 /// A fit of some measurements, and what it says of all.
 struct SomeFitted<'a> {
     identification: Identification,
@@ -104,7 +92,7 @@ impl<'a> Case<'a> {
         &self,
         found: Result<Identification, IdentificationError>,
     ) -> Result<Identification, IdentificationError> {
-        self.holding(found, |case, _| case.identify())
+        self.holding(found, |found| found, |case| case.identify_near(None))
     }
 
     /// The same with more and more compliances nominal; the gross errors may be given.
@@ -117,30 +105,26 @@ impl<'a> Case<'a> {
         if !robustness.holds_nominal {
             return found;
         }
-        self.holding(found, |case, before| {
-            let mut other = case.robustly(robustness, gross)?;
-            if let Ok(before) = before {
-                other.of_all = before.of_all.clone();
-            }
-            Ok(other)
-        })
+        let of_all = found.as_ref().ok().map(|each| each.of_all.clone());
+        let fit = |case: &Case<'_>| case.robustly(robustness, gross);
+        let mut found = self.holding(found, |found| &mut found.identification, fit)?;
+        found.of_all = of_all.unwrap_or(found.of_all);
+        Ok(found)
     }
 
-    /// What was found, or what is found with more and more compliances nominal, until none is to be; each time what was found before is given.
-    fn holding<Found: AsMut<Identification>>(
+    /// What was found, or what is `fit` with more and more compliances nominal, until none is to be.
+    fn holding<Found>(
         &self,
         mut found: Result<Found, IdentificationError>,
-        fit: impl Fn(
-            &Case<'_>,
-            &Result<Found, IdentificationError>,
-        ) -> Result<Found, IdentificationError>,
+        of: fn(&mut Found) -> &mut Identification,
+        fit: impl Fn(&Case<'_>) -> Result<Found, IdentificationError>,
     ) -> Result<Found, IdentificationError> {
         let mut held = self.held.to_vec();
         let mut stays_nominal = Vec::new();
         loop {
             let mut linear;
             let now = if let Ok(found) = &mut found {
-                found.as_mut()
+                of(found)
             } else {
                 // Noise may drive weak compliances to where no robot stands: to first order it is seen which these are.
                 linear = self.linearised().identify()?;
@@ -152,29 +136,18 @@ impl<'a> Case<'a> {
             }
             held.extend(&more);
             stays_nominal.extend(more.iter().map(|&place| now.parameters[place].clone()));
-            let with_held = Case {
-                held: &held,
-                ..*self
+            let held = &held;
+            let Ok(mut other) = fit(&Case { held, ..*self }) else {
+                // Where none remain, their values tell more of what is wrong.
+                let sizes = now.posterior.estimable.typical();
+                now.is_all_weak = more.iter().any(|&place| {
+                    let estimate = now.parameters[place].estimate;
+                    estimate.is_some_and(|each| each.standard_error > UNKNOWN * sizes[place])
+                });
+                return found;
             };
-            match fit(&with_held, &found) {
-                Ok(mut other) => {
-                    other.as_mut().stays_nominal.clone_from(&stays_nominal);
-                    found = Ok(other);
-                }
-                Err(_) => {
-                    // Where none remain, their values tell more of what is wrong.
-                    if let Ok(found) = &mut found {
-                        let identification = found.as_mut();
-                        let sizes = identification.posterior.estimable.typical();
-                        identification.is_all_weak = more.iter().any(|&place| {
-                            let estimate = identification.parameters[place].estimate;
-                            estimate
-                                .is_some_and(|each| each.standard_error > UNKNOWN * sizes[place])
-                        });
-                    }
-                    return found;
-                }
-            }
+            (of(&mut other).stays_nominal).clone_from(&stays_nominal);
+            found = Ok(other);
         }
     }
 

@@ -16,8 +16,12 @@ use crate::parameter::{ParameterSet, relative_precision};
 
 /// With fewer blocks there is nothing to compare.
 pub const FEWEST_BLOCKS: usize = 4;
+/// Steps of fits that start at the fit to all readings.
+const MAXIMUM_STEPS: usize = 6;
 /// A first step that predicts the block's sum of squares as well as this is the fit.
 const AS_PREDICTED: f64 = 1e-4;
+/// A fit is found when the next step is shorter than this in standard errors.
+const SHORT: f64 = 1e-2;
 /// A direction that the other blocks do not determine matters to a reading that a typical size moves by so many of its
 /// standard deviations.
 const MATTERS: f64 = 0.1;
@@ -189,7 +193,7 @@ impl<'a> Blocks<'a> {
             readings,
             prior: prior.clone(),
             basis: &basis,
-            haste: Haste::Weights,
+            haste: Haste::Near,
         };
         let values = DVector::from_column_slice(&fit.posterior.mean);
         let of_block = problem(part.fitted_readings(set));
@@ -201,8 +205,14 @@ impl<'a> Blocks<'a> {
             + change.dot(&(&own.information * &change));
         if (found - predicted).abs() > AS_PREDICTED * found {
             let rest = (self.case).part_of(|index| self.of_readings[index] != block);
-            let (found, _) = problem(rest.fitted_readings(set)).solve(values)?;
-            values = found.values;
+            let mut problem = problem(rest.fitted_readings(set));
+            for _ in 0..MAXIMUM_STEPS {
+                let now = problem.at(values.clone())?;
+                if now.length() < SHORT {
+                    break;
+                }
+                values += problem.change(&now.step);
+            }
         }
         Ok(Without {
             left: part.left(&set.apply(&part.arm, values.as_slice()))?,

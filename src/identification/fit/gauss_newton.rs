@@ -11,7 +11,9 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::super::error::IdentificationError;
 
-/// A fit is found when the next step is shorter than this in standard errors.
+/// A fit is found when the next step would change no unknown by more than this share of its typical size ...
+const NOTHING: f64 = 1e-10;
+/// ... or is shorter than this in standard errors, unless a problem says otherwise.
 pub const CONVERGED: f64 = 1e-6;
 /// A step this short in standard errors may end in the rounding of the sum of squares.
 const SHORT: f64 = 1e-3;
@@ -34,6 +36,9 @@ const HALVINGS: usize = 20;
 pub trait FitProblem {
     /// What a problem keeps of its equations.
     type Kept;
+
+    /// Changes by a smaller share of typical sizes need not lower the sum of squares.
+    const SMALL: f64 = 0.0;
 
     /// The equations at values of the unknowns (p), with their solution.
     fn at(&mut self, values: DVector<f64>) -> Result<FitPlace<Self::Kept>, IdentificationError>;
@@ -98,7 +103,8 @@ pub fn gauss_newton<Problem: FitProblem>(
     for iterations in 1..=MAXIMUM_ITERATIONS {
         let length = now.length();
         let is_enough = iterations > PATIENCE && length <= SHORT;
-        if length <= problem.tolerance(&now) || is_enough {
+        let is_nothing = now.step.amax() <= NOTHING;
+        if length <= problem.tolerance(&now) || is_enough || is_nothing {
             return Ok((now, iterations));
         }
         if let Some(before) = &before {
@@ -128,15 +134,17 @@ fn halved_step<Problem: FitProblem>(
     problem: &mut Problem,
     now: &FitPlace<Problem::Kept>,
 ) -> Result<FitPlace<Problem::Kept>, IdentificationError> {
-    let mut change = problem.change(&now.step);
+    let (mut change, mut size) = (problem.change(&now.step), now.step.amax());
     let is_short = now.length() <= SHORT;
     for _ in 0..=HALVINGS {
+        let may_rise = is_short || size < Problem::SMALL;
         if let Ok(found) = problem.at(&now.values + &change)
-            && (is_short || found.square <= now.square * (1.0 + ROUNDING))
+            && (may_rise || found.square <= now.square * (1.0 + ROUNDING))
         {
             return Ok(found);
         }
         change *= 0.5;
+        size *= 0.5;
     }
     Err(not_converged(now.length()))
 }

@@ -131,8 +131,8 @@ impl FittedReadings<'_> {
         let start = nominal_values + within.component_mul(&scales);
         let (found, iterations) = problem.solve(start)?;
         let units = estimable.basis_in_units();
-        let (values, solved) = (found.values, found.kept);
-        let inverse = solved.factor.inverse();
+        let (values, (equations, factor)) = (found.values, found.kept);
+        let inverse = factor.inverse();
         let known_before = estimable.basis().tr_mul(&problem.prior) * estimable.basis();
         let determined = estimable.rank() as f64 - known_before.dot(&inverse);
         let covariance = symmetric(&(&units * inverse * units.transpose()));
@@ -148,7 +148,7 @@ impl FittedReadings<'_> {
             freedoms,
             rows: self.rows(),
             determined,
-            square: solved.equations.square,
+            square: equations.square,
             iterations,
         })
     }
@@ -210,11 +210,7 @@ impl FittedReadings<'_> {
     }
 }
 
-/// What readings say, with the factor of the information in coordinates of what is determined.
-pub struct FactoredReadings {
-    equations: NormalEquations,
-    factor: Cholesky<f64, Dyn>,
-}
+type ReadingPlace = FitPlace<(NormalEquations, Cholesky<f64, Dyn>)>;
 
 /// Readings whose parameters change along some directions alone.
 pub struct ReadingProblem<'a> {
@@ -230,7 +226,7 @@ impl ReadingProblem<'_> {
     pub fn solve(
         &mut self,
         start: DVector<f64>,
-    ) -> Result<(FitPlace<FactoredReadings>, usize), IdentificationError> {
+    ) -> Result<(ReadingPlace, usize), IdentificationError> {
         let start = self.at(start)?;
         gauss_newton(self, start)
     }
@@ -240,7 +236,7 @@ impl ReadingProblem<'_> {
         &self,
         values: DVector<f64>,
         equations: NormalEquations,
-    ) -> Result<FitPlace<FactoredReadings>, IdentificationError> {
+    ) -> Result<ReadingPlace, IdentificationError> {
         let set = self.readings.set;
         let off = (&values - &set.prior().mean).component_div(&set.scales());
         let pull = &self.prior * &off;
@@ -253,18 +249,16 @@ impl ReadingProblem<'_> {
             step: factor.solve(&gradient),
             information,
             gradient,
-            kept: FactoredReadings { equations, factor },
+            kept: (equations, factor),
         })
     }
 }
 
 impl FitProblem for ReadingProblem<'_> {
-    type Kept = FactoredReadings;
+    /// What the readings say, and the information's factor.
+    type Kept = (NormalEquations, Cholesky<f64, Dyn>);
 
-    fn at(
-        &mut self,
-        values: DVector<f64>,
-    ) -> Result<FitPlace<FactoredReadings>, IdentificationError> {
+    fn at(&mut self, values: DVector<f64>) -> Result<ReadingPlace, IdentificationError> {
         let equations = self.readings.equations(&values)?;
         self.solved(values, equations)
     }
@@ -284,13 +278,13 @@ impl FitProblem for ReadingProblem<'_> {
     }
 
     /// Where the residuals alone count, standard errors are larger than the observations' own covariances make them.
-    fn tolerance(&self, now: &FitPlace<FactoredReadings>) -> f64 {
+    fn tolerance(&self, now: &ReadingPlace) -> f64 {
         match self.haste {
             Haste::None | Haste::Near => CONVERGED,
             Haste::Weights => FOR_WEIGHTS,
             Haste::Residuals | Haste::Plausibility => {
                 let rows = self.readings.rows().max(1) as f64;
-                CONVERGED * (now.kept.equations.square / rows).sqrt().max(1.0)
+                CONVERGED * (now.kept.0.square / rows).sqrt().max(1.0)
             }
         }
     }
@@ -304,11 +298,7 @@ impl FitProblem for ReadingProblem<'_> {
 
     /// Whether the smallest sum of squares that the linear model predicts is one that no noise makes, by far, and was the same
     /// a step before.
-    fn is_hopeless(
-        &self,
-        before: &FitPlace<FactoredReadings>,
-        now: &FitPlace<FactoredReadings>,
-    ) -> bool {
+    fn is_hopeless(&self, before: &ReadingPlace, now: &ReadingPlace) -> bool {
         if self.haste != Haste::Plausibility {
             return false;
         }
