@@ -33,12 +33,10 @@ pub enum IdentificationError {
         source: EquilibriumError,
     },
     /// The fit did not converge.
-    #[error("the fit did not converge: the last step was {step:.1e} {unit}")]
+    #[error("the fit did not converge: the last step was {step:.1e} standard errors")]
     NotConverged {
         /// The length of the last step.
         step: f64,
-        /// Its unit.
-        unit: &'static str,
     },
 }
 

@@ -8,7 +8,7 @@ use super::case::{Case, Sigma};
 use super::discrepancy::three_rows;
 use super::equations::rows_of;
 use super::error::IdentificationError;
-use super::fit::{Fit, FitStart, fit_linear, fit_nonlinear};
+use super::fit::{DeflectionFit, FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::numeric::quantile::exceeded_with;
@@ -250,7 +250,7 @@ impl<'a> PreparedCase<'a> {
 fn report(
     source: &Case<'_>,
     start: &FitStart,
-    fit: Fit,
+    fit: DeflectionFit,
 ) -> Result<Identification, IdentificationError> {
     let (sigma, method) = (source.sigma, source.method);
     let rank = start.estimable.rank();

@@ -92,15 +92,7 @@ impl<'a> Case<'a> {
         &self,
         found: Result<Identification, IdentificationError>,
     ) -> Result<Identification, IdentificationError> {
-        if (found.as_ref()).is_ok_and(|found| self.places_to_hold(found).is_empty()) {
-            return found;
-        }
-        let held = self.identify_robustly(Robustness {
-            keeps_all: true,
-            counts_discrepancy: false,
-            holds_nominal: true,
-        });
-        held.map_or(found, |held| Ok(held.identification))
+        self.holding(found, |found| found, |case| case.identify_near(None))
     }
 
     /// The same with more and more compliances nominal; the gross errors may be given.
@@ -109,53 +101,54 @@ impl<'a> Case<'a> {
         robustness: Robustness,
         gross: Option<&[RejectedReading]>,
     ) -> Result<RobustIdentification, IdentificationError> {
-        let mut held = self.held.to_vec();
-        let mut stays_nominal = Vec::new();
-        let mut found = self.robustly(robustness, gross);
+        let found = self.robustly(robustness, gross);
         if !robustness.holds_nominal {
             return found;
         }
+        let of_all = found.as_ref().ok().map(|each| each.of_all.clone());
+        let fit = |case: &Case<'_>| case.robustly(robustness, gross);
+        let mut found = self.holding(found, |found| &mut found.identification, fit)?;
+        found.of_all = of_all.unwrap_or(found.of_all);
+        Ok(found)
+    }
+
+    /// What was found, or what is `fit` with more and more compliances nominal, until none is to be.
+    fn holding<Found>(
+        &self,
+        mut found: Result<Found, IdentificationError>,
+        of: fn(&mut Found) -> &mut Identification,
+        fit: impl Fn(&Case<'_>) -> Result<Found, IdentificationError>,
+    ) -> Result<Found, IdentificationError> {
+        let mut held = self.held.to_vec();
+        let mut stays_nominal = Vec::new();
         loop {
-            let linear;
-            let now = if let Ok(found) = &found {
-                &found.identification
+            let mut linear;
+            let now = if let Ok(found) = &mut found {
+                of(found)
             } else {
                 // Noise may drive weak compliances to where no robot stands: to first order it is seen which these are.
                 linear = self.linearised().identify()?;
-                &linear
+                &mut linear
             };
             let more = self.places_to_hold(now);
             if more.is_empty() {
-                break;
+                return found;
             }
             held.extend(&more);
             stays_nominal.extend(more.iter().map(|&place| now.parameters[place].clone()));
-            let with_held = Case {
-                held: &held,
-                ..*self
+            let held = &held;
+            let Ok(mut other) = fit(&Case { held, ..*self }) else {
+                // Where none remain, their values tell more of what is wrong.
+                let sizes = now.posterior.estimable.typical();
+                now.is_all_weak = more.iter().any(|&place| {
+                    let estimate = now.parameters[place].estimate;
+                    estimate.is_some_and(|each| each.standard_error > UNKNOWN * sizes[place])
+                });
+                return found;
             };
-            match (with_held.robustly(robustness, gross), &mut found) {
-                (Ok(mut other), before) => {
-                    (other.identification.stays_nominal).clone_from(&stays_nominal);
-                    if let Ok(before) = before {
-                        other.of_all = before.of_all.clone();
-                    }
-                    found = Ok(other);
-                }
-                (Err(_), Ok(found)) => {
-                    // Where none remain, their values tell more of what is wrong.
-                    let identification = &mut found.identification;
-                    let sizes = identification.posterior.estimable.typical();
-                    identification.is_all_weak = more.iter().any(|&place| {
-                        let estimate = identification.parameters[place].estimate;
-                        estimate.is_some_and(|each| each.standard_error > UNKNOWN * sizes[place])
-                    });
-                    break;
-                }
-                (Err(_), Err(_)) => break,
-            }
+            (of(&mut other).stays_nominal).clone_from(&stays_nominal);
+            found = Ok(other);
         }
-        found
     }
 
     fn linearised(self) -> Self {

@@ -26,7 +26,8 @@
 //! the same measure: it is nothing where its typical size would add less than a hundredth of the
 //! standard error, or 1e-6 of the whole (rounding again).
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::allocator::Allocator;
+use nalgebra::{Cholesky, DMatrix, DVector, DefaultAllocator, Dim, Dyn, OMatrix};
 
 use crate::numeric::factorisation::{finite_eigen, finite_svd, gram, trace_of_inverse};
 
@@ -136,6 +137,53 @@ impl Estimable {
             row *= *typical;
         }
         basis
+    }
+
+    /// Derivatives by the parameters (p x c) by coordinates of what is determined (r x c).
+    pub fn coordinates<C: Dim>(&self, mut columns: OMatrix<f64, Dyn, C>) -> OMatrix<f64, Dyn, C>
+    where
+        DefaultAllocator: Allocator<Dyn, C>,
+    {
+        self.scale(&mut columns);
+        if self.is_complete() {
+            return columns;
+        }
+        self.basis.tr_mul(&columns)
+    }
+
+    /// Changes in coordinates of what is determined (r x c) as those of the parameters (p x c).
+    pub fn in_units<C: Dim>(&self, columns: OMatrix<f64, Dyn, C>) -> OMatrix<f64, Dyn, C>
+    where
+        DefaultAllocator: Allocator<Dyn, C>,
+    {
+        let mut columns = if self.is_complete() {
+            columns
+        } else {
+            &self.basis * columns
+        };
+        self.scale(&mut columns);
+        columns
+    }
+
+    fn scale<C: Dim>(&self, columns: &mut OMatrix<f64, Dyn, C>)
+    where
+        DefaultAllocator: Allocator<Dyn, C>,
+    {
+        for mut column in columns.column_iter_mut() {
+            let values = column.iter_mut().zip(&self.typical);
+            values.for_each(|(value, typical)| *value *= typical);
+        }
+    }
+
+    /// A change of the parameters (p) in coordinates of what is determined (r).
+    pub fn coordinates_of(&self, change: &DVector<f64>) -> DVector<f64> {
+        let typical = DVector::from_column_slice(&self.typical);
+        self.basis.tr_mul(&change.component_div(&typical))
+    }
+
+    /// A covariance in coordinates of what is determined (r x r) as that of the parameters (p x p).
+    pub fn covariance(&self, within: DMatrix<f64>) -> DMatrix<f64> {
+        self.in_units(self.in_units(within).transpose())
     }
 
     /// The typical size of each parameter.

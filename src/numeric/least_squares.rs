@@ -1,10 +1,9 @@
 //! Weighted linear least squares within what the data determine.
 
-use nalgebra::allocator::Allocator;
-use nalgebra::{Cholesky, DMatrix, DVector, DefaultAllocator, Dim, Dyn, OMatrix};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::numeric::estimable::Estimable;
-use crate::numeric::factorisation::{finite_svd, inverse_of};
+use crate::numeric::factorisation::finite_svd;
 
 /// Singular values of the scaled matrix below this share of the largest are taken as zero: rounding.
 const ROUNDING: f64 = 1e-12;
@@ -90,64 +89,14 @@ impl LeastSquares {
     }
 }
 
-/// The normal equations of whitened rows in coordinates of what is determined, in units of typical sizes: quicker for many unknowns.
-#[derive(Debug, Clone)]
-pub struct FactoredEquations {
-    factor: Cholesky<f64, Dyn>,
-    /// The condition number of the information in these units, its root.
-    pub condition: f64,
+/// The factor of an information matrix in units of typical sizes: quicker for many unknowns. `None` where that is singular to rounding.
+pub fn sound_factor(information: DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
+    let factor = information.cholesky()?;
+    (condition_of(&factor).powi(2) * ROUNDING <= 1.0).then_some(factor)
 }
 
-impl FactoredEquations {
-    /// Of rows (N x p) beside what is known before (r x r, in these coordinates). `None` where they are singular to rounding.
-    pub fn new(
-        matrix: &DMatrix<f64>,
-        before: &DMatrix<f64>,
-        estimable: &Estimable,
-    ) -> Option<Self> {
-        let within = in_units(estimable, matrix.transpose(), true);
-        let mut information = before.clone();
-        information.gemm(1.0, &within, &within.transpose(), 1.0);
-        let factor = information.cholesky()?;
-        let pivots = factor.l_dirty().diagonal();
-        let condition = pivots.max() / pivots.min();
-        let is_sound = condition.powi(2) * ROUNDING <= 1.0;
-        is_sound.then_some(Self { factor, condition })
-    }
-
-    /// The unknowns (p) for what the rows make of the right-hand side (p): A^T y.
-    pub fn solution(&self, gradient: DVector<f64>, estimable: &Estimable) -> DVector<f64> {
-        let solved = self.factor.solve(&in_units(estimable, gradient, true));
-        in_units(estimable, solved, false)
-    }
-
-    /// The covariance of what is determined, p x p.
-    pub fn covariance(&self, estimable: &Estimable) -> DMatrix<f64> {
-        let half = in_units(estimable, inverse_of(&self.factor), false);
-        in_units(estimable, half.transpose(), false)
-    }
-}
-
-/// Columns C in coordinates of what is determined, in the unknowns' own units: B C with the basis B; or, `transposed`, B^T C.
-fn in_units<C: Dim>(
-    estimable: &Estimable,
-    mut columns: OMatrix<f64, Dyn, C>,
-    transposed: bool,
-) -> OMatrix<f64, Dyn, C>
-where
-    DefaultAllocator: Allocator<Dyn, C>,
-{
-    if estimable.is_complete() {
-        for mut column in columns.column_iter_mut() {
-            let values = column.iter_mut().zip(estimable.typical());
-            values.for_each(|(value, typical)| *value *= typical);
-        }
-        return columns;
-    }
-    let basis = estimable.basis_in_units();
-    if transposed {
-        basis.tr_mul(&columns)
-    } else {
-        basis * columns
-    }
+/// The root of the condition number of a factored matrix, as its pivots say.
+pub fn condition_of(factor: &Cholesky<f64, Dyn>) -> f64 {
+    let pivots = factor.l_dirty().diagonal();
+    pivots.max() / pivots.min()
 }

@@ -32,10 +32,10 @@ pub(crate) use frames::FrameChange;
 pub(crate) use freedoms::relative_precision;
 pub use freedoms::{Freedoms, structural_directions};
 pub use gear::{GearWave, WaveError, WavePhase};
-pub use kind::{Axis, Parameter, ParameterKind, log_ratio};
+pub use kind::{Axis, ParameterKind, log_ratio};
 pub use level::SourceLevel;
 pub use prior::Prior;
-pub use set::{ParameterError, ParameterSet};
+pub use set::{Parameter, ParameterError, ParameterSet};
 pub use uncertainty::{
     DiscrepancyOf, ErrorDistribution, JointFunction, RangeNoise, ReadingSource, Source,
     TransmissionError, Uncertainty, UnexplainedError, Unloaded, counted_times,

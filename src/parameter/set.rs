@@ -1,4 +1,4 @@
-//! An ordered set of parameters, and beliefs made from vectors of their values.
+//! Parameters, ordered sets of them, and beliefs made from vectors of their values.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use thiserror::Error;
@@ -6,7 +6,7 @@ use thiserror::Error;
 use super::frames::{Displacements, FrameChange};
 use super::kind::Owner;
 use super::prior::Prior;
-use super::{ElasticArm, Parameter, ParameterKind};
+use super::{ElasticArm, ParameterKind};
 
 /// Why a set of parameters makes no sense for a robot.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
@@ -35,6 +35,76 @@ pub enum ParameterError {
     /// A covariance that is none.
     #[error("the prior's covariance is not positive definite")]
     Covariance,
+}
+
+/// One unknown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// What it is.
+    pub kind: ParameterKind,
+    /// Its unique name.
+    pub name: String,
+    /// Whether its value is a logarithm of a ratio to the nominal quantity.
+    pub is_logarithmic: bool,
+    /// Its value in the nominal belief: 0 for logarithms and for deviations of frames.
+    pub nominal: f64,
+    /// Its typical size: the prior's standard deviation where there is one. What is determined is judged
+    /// in these sizes.
+    pub scale: f64,
+    /// The standard deviation of its own prior about the nominal value, where there is one.
+    pub prior_deviation: Option<f64>,
+    /// Whether it is of a joint that slides.
+    pub slides: bool,
+}
+
+impl Parameter {
+    /// The unit of its value.
+    pub const fn unit(&self) -> &'static str {
+        self.of_joint(self.kind.unit(self.is_logarithmic))
+    }
+
+    /// The unit of the quantity itself, logarithms undone.
+    pub const fn quantity_unit(&self) -> &'static str {
+        self.of_joint(self.kind.quantity_unit())
+    }
+
+    /// A unit of joints that turn, as it is of this one's joint.
+    pub const fn of_joint(&self, unit: &'static str) -> &'static str {
+        match unit.as_bytes() {
+            b"rad" if self.slides => "m",
+            b"rad/(N m)" if self.slides => "m/N",
+            _ => unit,
+        }
+    }
+
+    /// How far a fit may change it in one step, in its own unit: beyond this a linear model says nothing.
+    pub(crate) fn longest_step(&self) -> f64 {
+        match self.kind {
+            _ if self.is_logarithmic => 1.0,
+            ParameterKind::JointCompliance { .. } => 3.0 * self.nominal.max(self.scale),
+            ParameterKind::SpringStiffness { .. } => 3.0 * self.nominal.abs().max(self.scale),
+            ParameterKind::LinkCentre { .. }
+            | ParameterKind::PayloadCentre { .. }
+            | ParameterKind::SpringRest { .. } => 0.3,
+            ParameterKind::LinkPosition { .. }
+            | ParameterKind::ToolPosition { .. }
+            | ParameterKind::BasePosition { .. }
+            | ParameterKind::LoadOffset
+            | ParameterKind::TaskForce { .. } => f64::INFINITY,
+            _ => 1.0,
+        }
+    }
+
+    /// The quantity itself, in SI units, for a value of the parameter: itself, or the nominal
+    /// quantity times its exponential.
+    pub fn quantity(&self, nominal: &ElasticArm, value: f64) -> f64 {
+        if !self.is_logarithmic {
+            return value;
+        }
+        // What has no place is the task's, of which the arm has none.
+        let place = self.kind.place(&mut nominal.clone()).map(|place| *place);
+        place.unwrap_or(1.0) * value.exp()
+    }
 }
 
 /// An ordered set of unknowns of a robot with unique names.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::PriorCampaign;
 use crate::numeric::posterior::Posterior;
@@ -34,7 +34,7 @@ pub struct Extended {
     /// The precision that an earlier campaign gives all parameters together (p x p, 1 over their units).
     earlier: DMatrix<f64>,
     /// The precision of each parameter that its uncertainty alone gives it (1 over its unit squared).
-    own_precision: Vec<f64>,
+    own_precision: DVector<f64>,
     /// The prior as whitened equations, r x p.
     prior_rows: DMatrix<f64>,
     /// The names of those that are new in each reading.
@@ -168,12 +168,7 @@ impl Extended {
         });
         let (source_names, sources) = readings.unzip();
         let mut set = ParameterSet::new(&arm, unknowns)?;
-        let mut own_precision: Vec<f64> = (set.parameters().iter())
-            .map(|each| {
-                each.prior_deviation
-                    .map_or(0.0, |deviation| deviation.powi(-2))
-            })
-            .collect();
+        let mut own_precision = set.prior().precision.diagonal();
         for &(place, _) in &both {
             own_precision[place] = 0.0;
         }
@@ -194,11 +189,7 @@ impl Extended {
                     (found.together(&precision, &others)).ok_or(ParameterError::Covariance)?;
             }
             set = set.with_earlier(&places, &mean, &precision);
-            for (row, &place) in places.iter().enumerate() {
-                for (column, &other) in places.iter().enumerate() {
-                    earlier[(place, other)] = precision[(row, column)];
-                }
-            }
+            earlier = &set.prior().precision - DMatrix::from_diagonal(&own_precision);
         }
         for (place, deviation) in own_priors {
             own_precision[place] = deviation.powi(-2);

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::error::IdentificationError;
-use super::super::gauss_newton::{FitProblem, Haste, ParameterFit};
+use super::super::fit::{FitProblem, Haste, ParameterFit, ReadingProblem};
 use super::super::outliers;
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, ReadingResidual, RejectedReading, joint_space_blocks,
@@ -189,29 +189,29 @@ impl<'a> Blocks<'a> {
         let within = all.tr_mul(&(&others.information + &prior)) * all;
         let estimable = Estimable::new(&within, &vec![1.0; all.ncols()]);
         let (basis, hidden) = (all * estimable.basis(), all * estimable.hidden());
-        let problem = |readings| FitProblem {
+        let problem = |readings| ReadingProblem {
             readings,
             prior: prior.clone(),
             basis: &basis,
             haste: Haste::Near,
         };
-        let mut values = DVector::from_column_slice(&fit.posterior.mean);
+        let values = DVector::from_column_slice(&fit.posterior.mean);
         let of_block = problem(part.fitted_readings(set));
-        let change = of_block.step(&of_block.solved(&values, others)?);
-        values += &change;
+        let change = of_block.change(&of_block.solved(values.clone(), others)?.step);
+        let mut values = values + &change;
         let found = part.fitted_readings(set).equations(&values)?.square;
         let change = change.component_div(&set.scales());
         let predicted = own.square - 2.0 * change.dot(&own.gradient)
             + change.dot(&(&own.information * &change));
         if (found - predicted).abs() > AS_PREDICTED * found {
             let rest = (self.case).part_of(|index| self.of_readings[index] != block);
-            let problem = problem(rest.fitted_readings(set));
+            let mut problem = problem(rest.fitted_readings(set));
             for _ in 0..MAXIMUM_STEPS {
-                let now = problem.at(&values)?;
-                if now.steps < SHORT {
+                let now = problem.at(values.clone())?;
+                if now.length() < SHORT {
                     break;
                 }
-                values += problem.step(&now);
+                values += problem.change(&now.step);
             }
         }
         Ok(Without {

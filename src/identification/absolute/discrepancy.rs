@@ -5,7 +5,7 @@ use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::super::discrepancy::{WEIGHINGS, discrepancy_of};
 use super::super::error::IdentificationError;
-use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit, fit_parameters};
+use super::super::fit::{FittedReadings, Haste, ParameterFit, fit_parameters};
 use super::case::whitener;
 use super::visits::LEAST_VISITS;
 use super::{AbsoluteCase, AbsoluteError, ReadingResidual};

@@ -6,8 +6,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::super::conditions::{Told, impossible_compliance, left_out, too_large};
 use super::super::error::IdentificationError;
 use super::super::estimate::{told_degrees, two_sided_student};
+use super::super::fit::{Haste, ParameterFit};
 use super::super::frames::reach;
-use super::super::gauss_newton::{Haste, ParameterFit};
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
 use super::{

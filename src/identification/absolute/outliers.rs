@@ -3,7 +3,7 @@
 use nalgebra::Matrix6;
 
 use super::super::discrepancy::{discrepancy_covariance, six_rows};
-use super::super::gauss_newton::{FittedReadings, Haste, ParameterFit};
+use super::super::fit::{FittedReadings, Haste, ParameterFit};
 use super::super::outliers::LookedOver;
 use super::AbsoluteCase;
 use super::case::whitener;

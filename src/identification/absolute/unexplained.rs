@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::super::estimate::told_degrees;
-use super::super::gauss_newton::ParameterFit;
+use super::super::fit::ParameterFit;
 use super::mixed::{MixedModel, VarianceComponents};
 use super::residuals::LinearReading;
 use super::visits::LEAST_VISITS;

@@ -12,7 +12,7 @@ mod recommendation;
 use rayon::prelude::*;
 
 use super::super::error::IdentificationError;
-use super::super::gauss_newton::{ParameterFit, fit_parameters};
+use super::super::fit::{ParameterFit, fit_parameters};
 use super::super::nominal::{UNKNOWN, with_nominal};
 use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
 use super::fit::KeptFit;

@@ -1,0 +1,304 @@
+//! The fit of deflections: linear by eq. 9 (or 6), non-linear by Gauss-Newton through the static equilibrium.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, stack};
+
+use super::super::case::Case;
+use super::super::equations::{PredictedRows, PriorRows};
+use super::super::error::IdentificationError;
+use super::super::whitening::Whitening;
+use super::gauss_newton::{FitPlace, FitProblem, gauss_newton};
+use crate::numeric::estimable::Estimable;
+use crate::numeric::factorisation::{gram, inverse_of};
+use crate::numeric::least_squares::{LeastSquares, condition_of, sound_factor};
+use crate::observation::RestTorques;
+use crate::task::Method;
+
+/// Where more is uncertain, a fit is found when the last step, which is taken, is shorter than this in standard errors: the next would be
+/// shorter by far.
+const LAST_STEP: f64 = 1e-4;
+
+/// A fit before its uncertainty is judged.
+pub struct DeflectionFit {
+    /// The values of the unknowns; in directions that are not determined, the nominal ones.
+    pub values: Vec<f64>,
+    /// The covariance of what is determined, p x p.
+    pub covariance: DMatrix<f64>,
+    /// See [`LeastSquares::condition`].
+    pub condition: f64,
+    pub whitened_residuals: DVector<f64>,
+    pub iterations: usize,
+}
+
+/// What fits to the same plan begin with, whatever is read.
+#[derive(Debug, Clone)]
+pub struct FitStart {
+    pub whitening: Whitening,
+    /// What the measurements determine follows from their linear equations at the commanded angles, as it
+    /// does for the planner: it does not depend on what was read, and does not change on the way of a fit.
+    pub estimable: Estimable,
+    prior: PriorRows,
+    /// The prior's information in coordinates of what is determined, r x r.
+    before: DMatrix<f64>,
+    nominal: DVector<f64>,
+    /// Where a fit begins that does not begin near: at nominal values, through the static equilibrium as far as there is one.
+    at_nominal: PredictedRows,
+    /// Their information's factor, where a step is found by it and it is not singular to rounding.
+    factor: Option<Cholesky<f64, Dyn>>,
+    torques: Vec<RestTorques>,
+}
+
+impl FitStart {
+    /// Fits that begin at nominal values: by the linear method, or through the static equilibrium.
+    pub fn new(source: &Case<'_>, is_near: bool) -> Self {
+        let whitening = source.whitening();
+        let nominal = DVector::from_vec(source.nominal_values());
+        let prior = source.prior();
+        let mut at_nominal = source.predicted_linearly();
+        whitening.whiten(&mut at_nominal.derivatives);
+        let estimable = source.estimable(&stack![at_nominal.derivatives; prior.rows]);
+        let mut torques = Vec::new();
+        let at_rest = (source.method == Method::Nonlinear && !is_near)
+            .then(|| source.predicted(nominal.as_slice(), &mut torques).ok());
+        if let Some(mut at_rest) = at_rest.flatten() {
+            whitening.whiten(&mut at_rest.derivatives);
+            at_nominal = at_rest;
+        }
+        whitening.whiten(&mut at_nominal.values);
+        let before = gram(&(&prior.rows * estimable.basis_in_units()));
+        let mut start = Self {
+            factor: None,
+            before,
+            whitening,
+            estimable,
+            prior,
+            nominal,
+            at_nominal,
+            torques,
+        };
+        if source.uncertain.is_some() || source.method == Method::Nonlinear {
+            start.factor = sound_factor(start.information(&start.at_nominal.derivatives));
+        }
+        start
+    }
+
+    /// The number of equations, what was known before among them.
+    pub fn equations(&self) -> usize {
+        self.at_nominal.values.len() + self.prior.rows.nrows()
+    }
+
+    /// What whitened rows (N x p) and what was known before say of what is determined (r x r).
+    fn information(&self, matrix: &DMatrix<f64>) -> DMatrix<f64> {
+        let within = self.estimable.coordinates(matrix.transpose());
+        let mut information = self.before.clone();
+        information.gemm(1.0, &within, &within.transpose(), 1.0);
+        information
+    }
+
+    /// The equations at values of the unknowns, by whitened predictions there.
+    fn rows(
+        &self,
+        read: &DVector<f64>,
+        predicted: PredictedRows,
+        values: &DVector<f64>,
+    ) -> DeflectionRows {
+        DeflectionRows {
+            matrix: predicted.derivatives,
+            left: read - predicted.values,
+            before: &self.prior.rows * (&self.prior.mean - values),
+        }
+    }
+
+    /// The right-hand side of the normal equations (r).
+    fn gradient(&self, rows: &DeflectionRows) -> DVector<f64> {
+        let of_all = rows.matrix.tr_mul(&rows.left) + self.prior.rows.tr_mul(&rows.before);
+        self.estimable.coordinates(of_all)
+    }
+
+    /// What solves the equations (r): by their factor where there is one, else by the singular values of all rows.
+    fn step(&self, rows: &DeflectionRows, factor: Option<&Cholesky<f64, Dyn>>) -> DVector<f64> {
+        factor.map_or_else(
+            || self.estimable.coordinates_of(&self.solve(rows).solution),
+            |factor| factor.solve(&self.gradient(rows)),
+        )
+    }
+
+    fn solve(&self, rows: &DeflectionRows) -> LeastSquares {
+        let matrix = stack![rows.matrix; self.prior.rows];
+        LeastSquares::solve(&matrix, &rows.residuals(), &self.estimable)
+    }
+
+    /// The end of a fit at values of the unknowns, with the last step.
+    fn end(
+        &self,
+        rows: &DeflectionRows,
+        mut values: DVector<f64>,
+        factor: Option<&Cholesky<f64, Dyn>>,
+        iterations: usize,
+    ) -> DeflectionFit {
+        let last = factor.map_or_else(
+            || self.solve(rows),
+            |factor| LeastSquares {
+                solution: self.estimable.in_units(self.step(rows, Some(factor))),
+                covariance: self.estimable.covariance(inverse_of(factor)),
+                condition: condition_of(factor),
+            },
+        );
+        let step = &last.solution;
+        values += step;
+        let moved = stack![&rows.matrix * step; &self.prior.rows * step];
+        DeflectionFit {
+            whitened_residuals: rows.residuals() - moved,
+            values: values.as_slice().to_vec(),
+            covariance: last.covariance,
+            condition: last.condition,
+            iterations,
+        }
+    }
+}
+
+/// Whitened equations of the change from values of the unknowns.
+struct DeflectionRows {
+    /// Of the readings, N x p.
+    matrix: DMatrix<f64>,
+    /// What is left of these.
+    left: DVector<f64>,
+    /// How far the values are from what was known before.
+    before: DVector<f64>,
+}
+
+impl DeflectionRows {
+    fn residuals(&self) -> DVector<f64> {
+        stack![self.left; self.before]
+    }
+}
+
+/// The rest of a nonlinear fit.
+struct DeflectionProblem<'a> {
+    start: &'a FitStart,
+    source: &'a Case<'a>,
+    /// What was read, whitened.
+    read: DVector<f64>,
+    torques: Vec<RestTorques>,
+}
+
+impl FitProblem for DeflectionProblem<'_> {
+    /// The rows, and the information's factor where it is not singular to rounding.
+    type Kept = (DeflectionRows, Option<Cholesky<f64, Dyn>>);
+
+    /// Derivatives of rotations are right to first order.
+    const SMALL: f64 = 1e-2;
+
+    fn at(&mut self, values: DVector<f64>) -> Result<FitPlace<Self::Kept>, IdentificationError> {
+        let mut predicted = (self.source).predicted(values.as_slice(), &mut self.torques)?;
+        self.start.whitening.whiten(&mut predicted.derivatives);
+        self.start.whitening.whiten(&mut predicted.values);
+        let rows = self.start.rows(&self.read, predicted, &values);
+        let information = self.start.information(&rows.matrix);
+        let factor = sound_factor(information.clone());
+        Ok(FitPlace {
+            values,
+            square: rows.left.norm_squared() + rows.before.norm_squared(),
+            information,
+            gradient: self.start.gradient(&rows),
+            step: self.start.step(&rows, factor.as_ref()),
+            kept: (rows, factor),
+        })
+    }
+
+    fn change(&self, step: &DVector<f64>) -> DVector<f64> {
+        self.start.estimable.in_units(step.clone())
+    }
+
+    fn coordinates(&self, change: &DVector<f64>) -> DVector<f64> {
+        self.start.estimable.coordinates_of(change)
+    }
+
+    /// Compliances alone take few steps, and are told to the last digit.
+    fn tolerance(&self, _: &FitPlace<Self::Kept>) -> f64 {
+        match self.source.uncertain {
+            Some(_) => LAST_STEP,
+            None => 0.0,
+        }
+    }
+}
+
+/// The linear estimate. What is not determined stays nominal: the change from there is solved for.
+pub fn fit_linear(start: &FitStart, source: &Case<'_>) -> DeflectionFit {
+    let mut read = source.read();
+    start.whitening.whiten(&mut read);
+    let rows = start.rows(&read, start.at_nominal.clone(), &start.nominal);
+    // Where only compliances are unknown, these are few, and may be determined badly.
+    let factor = start.factor.as_ref().filter(|_| source.uncertain.is_some());
+    start.end(&rows, start.nominal.clone(), factor, 1)
+}
+
+/// Gauss-Newton from values that are near, from one step from the nominal values, or from these where there is no equilibrium
+/// with that. Directions that the measurements do not determine keep the nominal value. The last step is taken, too.
+pub fn fit_nonlinear(
+    start: &FitStart,
+    source: &Case<'_>,
+    near: Option<&[f64]>,
+) -> Result<DeflectionFit, IdentificationError> {
+    let mut read = source.read();
+    start.whitening.whiten(&mut read);
+    let nominal = &start.nominal;
+    let first = if let Some(near) = near {
+        let off = DVector::from_column_slice(near) - nominal;
+        start.estimable.coordinates_of(&off)
+    } else {
+        let rows = start.rows(&read, start.at_nominal.clone(), nominal);
+        start.step(&rows, start.factor.as_ref())
+    };
+    let mut problem = DeflectionProblem {
+        start,
+        source,
+        read,
+        torques: start.torques.clone(),
+    };
+    let first = nominal + problem.change(&first);
+    let first =
+        (problem.at(first)).or_else(|error| problem.at(nominal.clone()).map_err(|_| error))?;
+    let (found, iterations) = gauss_newton(&mut problem, first)?;
+    let (rows, factor) = found.kept;
+    let factor = factor.as_ref().filter(|_| source.uncertain.is_some());
+    Ok(start.end(&rows, found.values, factor, iterations))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::Sigma;
+    use super::*;
+    use crate::plan::read_plan;
+    use crate::scenario::Scenario;
+    use crate::testbed::measurements_of;
+
+    /// A fit that begins near and one that does not end at the same place, by far nearer than the last step may be long.
+    #[test]
+    fn the_last_step_is_taken() {
+        let scenario = Scenario::load("scenarios/kr270.toml".as_ref()).expect("valid");
+        let belief = &scenario.task.belief;
+        let plan = read_plan("scenarios/plans/klimchik2012_m3.csv".as_ref(), 6).expect("a plan");
+        let sigma = Sigma::Known(belief.instrument.sigma_m);
+        let mut measured = measurements_of(&plan, &belief.instrument);
+        let case = Case::of_belief(belief, &[], sigma, Method::Nonlinear);
+        let unread = case.with(&measured);
+        let mut near = unread.nominal_values();
+        for (place, value) in near.iter_mut().take(5).enumerate() {
+            *value *= 1.2 - 0.1 * place as f64;
+        }
+        let shown = unread.predicted(&near, &mut Vec::new()).expect("stable");
+        for (index, each) in measured.iter_mut().enumerate() {
+            each.deflection_m = shown.values.fixed_rows::<3>(3 * index).into_owned();
+            each.deflection_m.x += 5e-5;
+        }
+        let source = case.with(&measured);
+        let [one, other] = [None, Some(near.as_slice())].map(|near| {
+            let start = FitStart::new(&source, near.is_some());
+            fit_nonlinear(&start, &source, near).expect("a fit")
+        });
+        for (place, (one, value)) in other.values.iter().zip(&one.values).enumerate() {
+            let error = other.covariance[(place, place)].sqrt();
+            assert!((one - value).abs() < 1e-8 * error, "{place}: {one} {value}");
+        }
+    }
+}

@@ -1,0 +1,10 @@
+//! Fits: one Gauss-Newton, for deflections and for any parameters and readings.
+
+mod deflections;
+mod gauss_newton;
+mod readings;
+
+pub(super) use deflections::{DeflectionFit, FitStart, fit_linear, fit_nonlinear};
+pub(super) use gauss_newton::FitProblem;
+pub(super) use readings::{FittedReadings, Haste, ReadingProblem};
+pub use readings::{ParameterFit, fit_parameters};

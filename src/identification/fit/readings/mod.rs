@@ -1,0 +1,314 @@
+//! The fit of any parameters to any readings, through the static equilibrium.
+//!
+//! Whatever readings and prior do not determine together stays at its nominal value. That is decided beforehand with the planner's model,
+//! and depends on no reading.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::super::error::IdentificationError;
+use super::gauss_newton::{
+    CONVERGED, FitPlace, FitProblem, NEARLY_LINEAR, gauss_newton, not_converged,
+};
+use crate::numeric::estimable::Estimable;
+use crate::numeric::factorisation::symmetric;
+use crate::numeric::posterior::Posterior;
+use crate::observation::{
+    NormalEquations, Observation, SharedErrors, normal_equations, planned_information,
+    shared_equations,
+};
+use crate::parameter::{ElasticArm, Freedoms, ParameterSet, relative_precision};
+
+/// After so many steps of fits that begin near the curvature is learnt.
+const NEAR: usize = 2;
+/// Weights follow from a fit that is so near in standard errors: its sum of squares is known to the square of that.
+const FOR_WEIGHTS: f64 = 1e-2;
+/// What a linear model says of the smallest sum of squares is believed when it says it twice to this share.
+const SAID_AGAIN: f64 = 1e-2;
+/// A sum of squares is hopeless if so small a share of it would be impossible.
+const HOPELESS: f64 = 0.25;
+
+/// Parameters that fit readings best, and what is known of them then.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterFit {
+    /// The belief with the fitted values.
+    pub belief: ElasticArm,
+    /// Values, covariance, and what is determined; in the parameters' units.
+    pub posterior: Posterior,
+    /// What is not.
+    pub freedoms: Freedoms,
+    /// The number of scalar readings.
+    pub rows: usize,
+    /// How many parameters the readings determine, less what a prior knows of them: the trace of the gain by the design.
+    pub determined: f64,
+    /// The sum of squares of the whitened residuals, without the prior's.
+    pub square: f64,
+    /// The number of steps.
+    pub iterations: usize,
+}
+
+impl ParameterFit {
+    /// Scalar readings, less what they determine: the mean of the sum of squares.
+    pub fn degrees_of_freedom(&self) -> f64 {
+        (self.rows as f64 - self.determined).max(0.0)
+    }
+
+    /// The share of the numbers that the fit did not use up.
+    pub fn spare(&self) -> f64 {
+        self.degrees_of_freedom().max(1.0) / self.rows as f64
+    }
+}
+
+/// Fits parameters of a belief to observations.
+pub fn fit_parameters(
+    nominal: &ElasticArm,
+    set: &ParameterSet,
+    observations: &[Observation],
+) -> Result<ParameterFit, IdentificationError> {
+    let readings = FittedReadings {
+        nominal,
+        set,
+        observations,
+        shared: None,
+    };
+    readings.fit_from_frames(Haste::None)
+}
+
+/// Observations to which parameters are fitted; some may share an error.
+#[derive(Clone, Copy)]
+pub struct FittedReadings<'a> {
+    pub nominal: &'a ElasticArm,
+    pub set: &'a ParameterSet,
+    pub observations: &'a [Observation],
+    pub shared: Option<&'a SharedErrors>,
+}
+
+/// What a fit may take for granted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Haste {
+    /// Nothing.
+    None,
+    /// It begins near.
+    Near,
+    /// It begins anywhere, and is found as soon as a step is short in standard errors as the residuals have them: whether the
+    /// observations' own covariances explain these is known by then.
+    Residuals,
+    /// The same, and it may end where it begins if no values can explain the observations.
+    Plausibility,
+    /// It begins near, and weights follow from it alone.
+    Weights,
+}
+
+impl FittedReadings<'_> {
+    /// A fit that begins where the frames follow from the readings.
+    pub fn fit_from_frames(&self, haste: Haste) -> Result<ParameterFit, IdentificationError> {
+        self.fit_from(&self.frames(), haste)
+    }
+
+    /// A fit that begins at values (p).
+    pub fn fit_from(
+        &self,
+        start: &DVector<f64>,
+        haste: Haste,
+    ) -> Result<ParameterFit, IdentificationError> {
+        if self.observations.is_empty() {
+            return Err(IdentificationError::NoMeasurements);
+        }
+        let nominal_values = &self.set.prior().mean;
+        let (freedoms, estimable) = self.determined();
+        if estimable.rank() == 0 {
+            return Err(IdentificationError::NothingObserved);
+        }
+        let mut problem = ReadingProblem {
+            readings: *self,
+            prior: relative_precision(self.set),
+            basis: estimable.basis(),
+            haste,
+        };
+        // As far as the start does not leave what is determined.
+        let scales = self.set.scales();
+        let within = estimable.basis() * problem.coordinates(&(start - nominal_values));
+        let start = nominal_values + within.component_mul(&scales);
+        let (found, iterations) = problem.solve(start)?;
+        let units = estimable.basis_in_units();
+        let (values, (equations, factor)) = (found.values, found.kept);
+        let inverse = factor.inverse();
+        let known_before = estimable.basis().tr_mul(&problem.prior) * estimable.basis();
+        let determined = estimable.rank() as f64 - known_before.dot(&inverse);
+        let covariance = symmetric(&(&units * inverse * units.transpose()));
+        let names = self.set.parameters().iter().map(|each| each.name.clone());
+        Ok(ParameterFit {
+            belief: self.set.apply(self.nominal, values.as_slice()),
+            posterior: Posterior {
+                names: names.collect(),
+                mean: values.as_slice().to_vec(),
+                covariance,
+                estimable,
+            },
+            freedoms,
+            rows: self.rows(),
+            determined,
+            square: equations.square,
+            iterations,
+        })
+    }
+
+    /// What the readings say at values (p), as they are weighed.
+    pub fn equations(&self, values: &DVector<f64>) -> Result<NormalEquations, IdentificationError> {
+        let (set, nominal, observations) = (self.set, self.nominal, self.observations);
+        Ok(match self.shared {
+            None => normal_equations(set, nominal, values, observations),
+            Some(shared) => shared_equations(set, nominal, values, observations, shared),
+        }?)
+    }
+
+    /// The number of scalar readings.
+    pub fn rows(&self) -> usize {
+        let readings = self.observations.iter();
+        readings.map(|each| each.reading.kind().rows()).sum()
+    }
+
+    /// What the observations and the set's prior determine.
+    fn determined(&self) -> (Freedoms, Estimable) {
+        let (set, nominal) = (self.set, self.nominal);
+        let planned: Vec<_> = self.observations.iter().map(Observation::planned).collect();
+        let information = planned_information(set, nominal, &set.prior().mean, &planned);
+        let freedoms = Freedoms::new(nominal, set, &information);
+        let estimable = freedoms.estimable(self.set);
+        (freedoms, estimable)
+    }
+
+    /// The prior's mean (p) with frames of the base and of the tools, which may be anywhere, that fit best when all else is
+    /// as it is believed to be.
+    fn frames(&self) -> DVector<f64> {
+        let mut start = self.set.prior().mean.clone();
+        let is_frame: Vec<usize> = (0..self.set.len())
+            .filter(|&index| self.set.parameters()[index].kind.is_mounted())
+            .collect();
+        let is_none = is_frame.is_empty() || self.observations.is_empty();
+        if is_none || is_frame.len() == self.set.len() {
+            return start;
+        }
+        let frames = self.set.subset(&is_frame);
+        // Their nominal values are applied already; the subset's values count from the nominal belief.
+        let mut belief = self.set.apply(self.nominal, start.as_slice());
+        belief.tools.clone_from(&self.nominal.tools);
+        (belief.instrument_from_base).clone_from(&self.nominal.instrument_from_base);
+        let readings = FittedReadings {
+            nominal: &belief,
+            set: &frames,
+            observations: self.observations,
+            shared: None,
+        };
+        // Where they cannot be found alone, all parameters may still be.
+        if let Ok(fit) = readings.fit_from(&frames.prior().mean, Haste::None) {
+            for (&index, value) in is_frame.iter().zip(&fit.posterior.mean) {
+                start[index] = *value;
+            }
+        }
+        start
+    }
+}
+
+type ReadingPlace = FitPlace<(NormalEquations, Cholesky<f64, Dyn>)>;
+
+/// Readings whose parameters change along some directions alone.
+pub struct ReadingProblem<'a> {
+    pub readings: FittedReadings<'a>,
+    /// The prior's precision (p x p), and the directions (p x r), in typical sizes.
+    pub prior: DMatrix<f64>,
+    pub basis: &'a DMatrix<f64>,
+    pub haste: Haste,
+}
+
+impl ReadingProblem<'_> {
+    /// The best values from near others (p), with what the readings say there and the number of steps.
+    pub fn solve(
+        &mut self,
+        start: DVector<f64>,
+    ) -> Result<(ReadingPlace, usize), IdentificationError> {
+        let start = self.at(start)?;
+        gauss_newton(self, start)
+    }
+
+    /// The problem at values (p) by what the readings say there.
+    pub fn solved(
+        &self,
+        values: DVector<f64>,
+        equations: NormalEquations,
+    ) -> Result<ReadingPlace, IdentificationError> {
+        let set = self.readings.set;
+        let off = (&values - &set.prior().mean).component_div(&set.scales());
+        let pull = &self.prior * &off;
+        let information = self.basis.tr_mul(&(&equations.information + &self.prior)) * self.basis;
+        let gradient = self.basis.tr_mul(&(&equations.gradient - &pull));
+        let factor = Cholesky::new(information.clone()).ok_or(not_converged(f64::INFINITY))?;
+        Ok(FitPlace {
+            values,
+            square: equations.square + off.dot(&pull),
+            step: factor.solve(&gradient),
+            information,
+            gradient,
+            kept: (equations, factor),
+        })
+    }
+}
+
+impl FitProblem for ReadingProblem<'_> {
+    /// What the readings say, and the information's factor.
+    type Kept = (NormalEquations, Cholesky<f64, Dyn>);
+
+    fn at(&mut self, values: DVector<f64>) -> Result<ReadingPlace, IdentificationError> {
+        let equations = self.readings.equations(&values)?;
+        self.solved(values, equations)
+    }
+
+    fn change(&self, step: &DVector<f64>) -> DVector<f64> {
+        let mut change = (self.basis * step).component_mul(&self.readings.set.scales());
+        let parameters = self.readings.set.parameters().iter();
+        let share = (parameters.zip(&change))
+            .map(|(parameter, change)| change.abs() / parameter.longest_step())
+            .fold(1.0, f64::max);
+        change /= share;
+        change
+    }
+
+    fn coordinates(&self, change: &DVector<f64>) -> DVector<f64> {
+        (self.basis).tr_mul(&change.component_div(&self.readings.set.scales()))
+    }
+
+    /// Where the residuals alone count, standard errors are larger than the observations' own covariances make them.
+    fn tolerance(&self, now: &ReadingPlace) -> f64 {
+        match self.haste {
+            Haste::None | Haste::Near => CONVERGED,
+            Haste::Weights => FOR_WEIGHTS,
+            Haste::Residuals | Haste::Plausibility => {
+                let rows = self.readings.rows().max(1) as f64;
+                CONVERGED * (now.kept.0.square / rows).sqrt().max(1.0)
+            }
+        }
+    }
+
+    fn nearly_linear(&self) -> usize {
+        match self.haste {
+            Haste::None => NEARLY_LINEAR,
+            _ => NEAR,
+        }
+    }
+
+    /// Whether the smallest sum of squares that the linear model predicts is one that no noise makes, by far, and was the same
+    /// a step before.
+    fn is_hopeless(&self, before: &ReadingPlace, now: &ReadingPlace) -> bool {
+        if self.haste != Haste::Plausibility {
+            return false;
+        }
+        let [told, predicted] = [before, now].map(|each| each.square - each.length().powi(2));
+        let is_said_again = (predicted - told).abs() <= SAID_AGAIN * predicted;
+        let spare = self.readings.rows().saturating_sub(self.basis.ncols());
+        let chance = ChiSquared::new(spare as f64).map(|chi| chi.sf(HOPELESS * predicted));
+        is_said_again && chance == Ok(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests;
