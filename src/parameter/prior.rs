@@ -35,6 +35,20 @@ impl Prior {
         Some(Self { mean, precision })
     }
 
+    /// The same where nothing is known of one of the parameters any more, whose value is taken to be this: what is known of the others
+    /// is their marginal distribution.
+    pub fn without(mut self, place: usize, mean: f64) -> Self {
+        let own = self.precision[(place, place)];
+        if own > 0.0 {
+            let column = self.precision.column(place).into_owned();
+            self.precision.ger(-own.recip(), &column, &column, 1.0);
+        }
+        self.precision.row_mut(place).fill(0.0);
+        self.precision.column_mut(place).fill(0.0);
+        self.mean[place] = mean;
+        self
+    }
+
     /// The precision in units of typical sizes (p), p x p.
     pub fn relative(&self, typical: &[f64]) -> DMatrix<f64> {
         DMatrix::from_fn(typical.len(), typical.len(), |row, column| {

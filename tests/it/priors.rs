@@ -266,6 +266,53 @@ fn errors_are_predicted(place: &Workplace, scenarios: [&str; 2]) {
     }
 }
 
+/// A gearbox that was replaced has a compliance of its own, of which the earlier campaign knows nothing; of the others it knows as much.
+#[test]
+fn a_replaced_gearbox_is_another_unknown() {
+    const REPLACED: usize = 1;
+    let place = Workplace::new();
+    let linear = linear();
+    let (text, _) = linear.split_once("\n[study]").expect("a study");
+    place.write("first.toml", text);
+    let arguments = format!(
+        "measure first.toml --plan {} --measurements-out m.csv",
+        table4(6)
+    );
+    place.run(&arguments).ends_with(0);
+    identified(&place, "first.toml", "m.csv", "first.json");
+    let gearbox = "\n[[uncertainty]]\nkind = \"compliance\"\njoints = [\"joint_3\"]\nstd_relative = 0.15\nreplaced = true\n";
+    place.write("second.toml", with_prior(text, "first.json") + gearbox);
+    let belief = |name: &str| {
+        Scenario::load(&place.path(name))
+            .expect("valid")
+            .task
+            .belief
+    };
+    let [first, second] = ["first.toml", "second.toml"].map(belief);
+    let nominal = first.nominal.compliance_rad_per_nm[first.parameters[REPLACED]];
+    assert_eq!(
+        second.nominal.compliance_rad_per_nm[second.parameters[REPLACED]].to_bits(),
+        nominal.to_bits()
+    );
+    let sizes = DMatrix::from_diagonal(&nalgebra::DVector::from_vec(second.sizes()));
+    let covariance = (&sizes * second.precision() * &sizes).try_inverse();
+    let covariance = &sizes * covariance.expect("known") * &sizes;
+    let found: serde_json::Value =
+        serde_json::from_str(&place.read("first.json")).expect("it is JSON");
+    for row in 0..covariance.nrows() {
+        for column in 0..covariance.ncols() {
+            let expected = match [row, column].map(|each| each == REPLACED) {
+                [true, true] => (0.15 * nominal).powi(2),
+                [false, false] => number(&found["covariance_rad2_per_n2m2"][row][column]),
+                _ => 0.0,
+            };
+            let size = (covariance[(row, row)] * covariance[(column, column)]).sqrt();
+            let off = (covariance[(row, column)] - expected) / size;
+            assert!(off.abs() < 1e-6, "{row} {column}: {off}");
+        }
+    }
+}
+
 /// Where the load cell is kept, its error is one unknown of all campaigns: a second and a third one predict what all together determine,
 /// and runs err by as much. One that was replaced is another unknown.
 #[test]

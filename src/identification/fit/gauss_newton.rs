@@ -136,17 +136,20 @@ fn halved_step<Problem: FitProblem>(
 ) -> Result<FitPlace<Problem::Kept>, IdentificationError> {
     let (mut change, mut size) = (problem.change(&now.step), now.step.amax());
     let is_short = now.length() <= SHORT;
+    let mut reason = not_converged(now.length());
     for _ in 0..=HALVINGS {
         let may_rise = is_short || size < Problem::SMALL;
-        if let Ok(found) = problem.at(&now.values + &change)
-            && (may_rise || found.square <= now.square * (1.0 + ROUNDING))
-        {
-            return Ok(found);
-        }
+        reason = match problem.at(&now.values + &change) {
+            Ok(found) if may_rise || found.square <= now.square * (1.0 + ROUNDING) => {
+                return Ok(found);
+            }
+            Ok(_) => not_converged(now.length()),
+            Err(error) => error,
+        };
         change *= 0.5;
         size *= 0.5;
     }
-    Err(not_converged(now.length()))
+    Err(reason)
 }
 
 /// How the residuals bend the sum of squares otherwise than the linear model, as far as known, corrected by how the gradient

@@ -88,7 +88,7 @@ impl Checker<'_> {
         )?;
         let (mut parameters, further) = self.parameters(&nominal.chain, &file.robot.parameters)?;
         let true_robot = self.true_robot(&file, &nominal, &additions, &locked)?;
-        let before = self.prior(file.robot.prior.as_ref(), &mut nominal, &mut parameters)?;
+        let before = self.prior(&file, &mut nominal, &mut parameters)?;
         let is_listed = |joint: &&usize| {
             let name = &nominal.chain.joints[**joint].name;
             file.uncertainty

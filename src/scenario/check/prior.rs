@@ -1,9 +1,8 @@
 //! The key `robot.prior`: an earlier identification as prior information.
 
-use std::path::PathBuf;
-
 use nalgebra::{DMatrix, DVector};
 
+use super::super::file::File;
 use super::Checker;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
@@ -29,15 +28,17 @@ pub(super) struct Before {
 
 impl Checker<'_> {
     /// Reads the earlier identification: its joints are unknown in this scenario, too, and their nominal
-    /// compliances are its estimates.
+    /// compliances are its estimates, but for those of joints that were replaced since.
     pub(super) fn prior(
         &self,
-        file: Option<&PathBuf>,
+        File {
+            robot, uncertainty, ..
+        }: &File,
         nominal: &mut Robot,
         parameters: &mut Vec<usize>,
     ) -> Result<Before, FileError> {
         let key = "robot.prior";
-        let Some(file) = file else {
+        let Some(file) = &robot.prior else {
             return Ok(Before::default());
         };
         let path = self.resolve(file);
@@ -61,6 +62,10 @@ impl Checker<'_> {
                 path.display()
             )),
         }
+        let is_replaced = |name: &String| {
+            let mut tables = uncertainty.iter().filter(|each| each.replaced);
+            tables.any(|each| each.knows_compliance_of(name))
+        };
         let (joints, posterior) = (stored.joints, stored.posterior);
         for (&joint, &mean) in joints.iter().zip(&posterior.mean) {
             if mean <= 0.0 {
@@ -70,7 +75,9 @@ impl Checker<'_> {
                 let none = FileError::new(&path, problem).at("compliance_rad_per_nm");
                 return Err(wrong(none));
             }
-            nominal.compliance_rad_per_nm[joint] = mean;
+            if !is_replaced(&nominal.chain.joints[joint].name) {
+                nominal.compliance_rad_per_nm[joint] = mean;
+            }
             if !parameters.contains(&joint) {
                 parameters.push(joint);
             }
@@ -81,10 +88,15 @@ impl Checker<'_> {
         let means: Vec<f64> = (parameters.iter())
             .map(|&joint| nominal.compliance_rad_per_nm[joint])
             .collect();
-        let prior = Prior::of_posterior(&posterior, &places, &means).ok_or_else(|| {
+        let mut prior = Prior::of_posterior(&posterior, &places, &means).ok_or_else(|| {
             let problem = "the covariance is singular: it says that something is known exactly";
             wrong(FileError::new(&path, problem).at("covariance_rad2_per_n2m2"))
         })?;
+        for (place, &joint) in parameters.iter().enumerate() {
+            if is_replaced(&nominal.chain.joints[joint].name) {
+                prior = prior.without(place, means[place]);
+            }
+        }
         let spread = prior.spread(&nominal.typical_rad_per_nm(parameters));
         if spread.ncols() == 0 {
             return Err(self.wrong(key, format!("{} determined nothing", path.display())));
