@@ -195,12 +195,17 @@ impl FitProblem for DeflectionProblem<'_> {
         let rows = self.start.rows(&self.read, predicted, &values);
         let information = self.start.information(&rows.matrix);
         let factor = sound_factor(information.clone());
+        let gradient = self.start.gradient(&rows);
+        let step = match &factor {
+            Some(factor) => factor.solve(&gradient),
+            None => self.start.step(&rows, None),
+        };
         Ok(FitPlace {
             values,
             square: rows.left.norm_squared() + rows.before.norm_squared(),
             information,
-            gradient: self.start.gradient(&rows),
-            step: self.start.step(&rows, factor.as_ref()),
+            gradient,
+            step,
             kept: (rows, factor),
         })
     }
