@@ -185,7 +185,7 @@ impl FitProblem for DeflectionProblem<'_> {
     /// The rows, and the information's factor where it is not singular to rounding.
     type Kept = (DeflectionRows, Option<Cholesky<f64, Dyn>>);
 
-    /// Derivatives of rotations are right to first order.
+    /// Where rotations are off by far more than noise, fits end where no part of a step lowers it.
     const SMALL: f64 = 1e-2;
 
     fn at(&mut self, values: DVector<f64>) -> Result<FitPlace<Self::Kept>, IdentificationError> {
