@@ -236,7 +236,7 @@ impl CriterionFunction {
     ) -> Option<usize> {
         let inverse = Cholesky::new(rest.clone())?.inverse();
         let mut directions = rest.clone();
-        if self.factored_cost(rest, &mut directions).is_infinite() {
+        if self.cost(rest, &mut directions).is_infinite() {
             return None;
         }
         let by_determinant = self.power_of_determinant().is_some();

@@ -127,18 +127,18 @@ impl FitStart {
         LeastSquares::solve(&matrix, &rows.residuals(), &self.estimable)
     }
 
-    /// The end of a fit at values of the unknowns, with the last step.
+    /// The end of a fit at values of the unknowns, with the last step, which is known where there is a factor.
     fn end(
         &self,
         rows: &DeflectionRows,
         mut values: DVector<f64>,
-        factor: Option<&Cholesky<f64, Dyn>>,
+        factored: Option<(&Cholesky<f64, Dyn>, DVector<f64>)>,
         iterations: usize,
     ) -> DeflectionFit {
-        let last = factor.map_or_else(
+        let last = factored.map_or_else(
             || self.solve(rows),
-            |factor| LeastSquares {
-                solution: self.estimable.in_units(self.step(rows, Some(factor))),
+            |(factor, step)| LeastSquares {
+                solution: self.estimable.in_units(step),
                 covariance: self.estimable.covariance(inverse_of(factor)),
                 condition: condition_of(factor),
             },
@@ -234,7 +234,8 @@ pub fn fit_linear(start: &FitStart, source: &Case<'_>) -> DeflectionFit {
     let rows = start.rows(&read, start.at_nominal.clone(), &start.nominal);
     // Where only compliances are unknown, these are few, and may be determined badly.
     let factor = start.factor.as_ref().filter(|_| source.uncertain.is_some());
-    start.end(&rows, start.nominal.clone(), factor, 1)
+    let factored = factor.map(|factor| (factor, start.step(&rows, Some(factor))));
+    start.end(&rows, start.nominal.clone(), factored, 1)
 }
 
 /// Gauss-Newton from values that are near, from one step from the nominal values, or from these where there is no equilibrium
@@ -266,7 +267,8 @@ pub fn fit_nonlinear(
     let (found, iterations) = gauss_newton(&mut problem, first)?;
     let (rows, factor) = found.kept;
     let factor = factor.as_ref().filter(|_| source.uncertain.is_some());
-    Ok(start.end(&rows, found.values, factor, iterations))
+    let factored = factor.map(|factor| (factor, found.step));
+    Ok(start.end(&rows, found.values, factored, iterations))
 }
 
 #[cfg(test)]
