@@ -34,12 +34,15 @@ def write_whole(path: str | os.PathLike[str], text: str, suffixes: tuple[str, ..
     path = Path(path)
     if path.exists() and path.suffix.lower() not in suffixes:
         raise UsageError(f"{path} is there and no {' or '.join(suffixes)} file", "save under another name")
+    file = None
     try:
-        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as file:
+        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.resolve().parent, delete=False) as file:
             file.write(text)
         os.chmod(file.name, path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
-        os.replace(file.name, path)
+        os.replace(file.name, path.resolve())
     except OSError as error:
+        if file is not None:
+            os.unlink(file.name)
         raise ElastocalError(f"{path}: cannot be written: {error.strerror}") from error
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -13,8 +13,6 @@ from ._data import Array, Plan
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-
-    from ._scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -67,12 +65,20 @@ class Results(dict[str, Any]):
         return _views.plot(self, axes)
 
 
+class Commanded(Protocol):
+    """What has columns of configurations, as a scenario has."""
+
+    @property
+    def columns(self) -> list[str]:
+        """``q1_deg``, or ``q1_mm`` for a slide."""
+
+
 @dataclass(repr=False)
 class Outcome:
     """``results`` is the whole record, ``scenario`` what it is of, where that is known."""
 
     results: Results
-    scenario: Scenario | None = None
+    scenario: Commanded | None = field(default=None, compare=False)
 
     @property
     def _columns(self) -> list[str] | None:
