@@ -115,10 +115,15 @@ impl FitStart {
     }
 
     /// What solves the equations (r): by their factor where there is one, else by the singular values of all rows.
-    fn step(&self, rows: &DeflectionRows, factor: Option<&Cholesky<f64, Dyn>>) -> DVector<f64> {
+    fn step(
+        &self,
+        rows: &DeflectionRows,
+        gradient: &DVector<f64>,
+        factor: Option<&Cholesky<f64, Dyn>>,
+    ) -> DVector<f64> {
         factor.map_or_else(
             || self.estimable.coordinates_of(&self.solve(rows).solution),
-            |factor| factor.solve(&self.gradient(rows)),
+            |factor| factor.solve(gradient),
         )
     }
 
@@ -196,10 +201,7 @@ impl FitProblem for DeflectionProblem<'_> {
         let information = self.start.information(&rows.matrix);
         let factor = sound_factor(information.clone());
         let gradient = self.start.gradient(&rows);
-        let step = match &factor {
-            Some(factor) => factor.solve(&gradient),
-            None => self.start.step(&rows, None),
-        };
+        let step = self.start.step(&rows, &gradient, factor.as_ref());
         Ok(FitPlace {
             values,
             square: rows.left.norm_squared() + rows.before.norm_squared(),
@@ -234,7 +236,7 @@ pub fn fit_linear(start: &FitStart, source: &Case<'_>) -> DeflectionFit {
     let rows = start.rows(&read, start.at_nominal.clone(), &start.nominal);
     // Where only compliances are unknown, these are few, and may be determined badly.
     let factor = start.factor.as_ref().filter(|_| source.uncertain.is_some());
-    let factored = factor.map(|factor| (factor, start.step(&rows, Some(factor))));
+    let factored = factor.map(|factor| (factor, factor.solve(&start.gradient(&rows))));
     start.end(&rows, start.nominal.clone(), factored, 1)
 }
 
@@ -253,7 +255,7 @@ pub fn fit_nonlinear(
         start.estimable.coordinates_of(&off)
     } else {
         let rows = start.rows(&read, start.at_nominal.clone(), nominal);
-        start.step(&rows, start.factor.as_ref())
+        start.step(&rows, &start.gradient(&rows), start.factor.as_ref())
     };
     let mut problem = DeflectionProblem {
         start,
