@@ -38,7 +38,7 @@ use super::local::{LocalSearch, Precision};
 use super::observation::times;
 use super::point::{Point, add_information, information_in};
 use super::problem::{Problem, SearchError};
-use super::sampling::{RandomPlans, points_inside};
+use super::sampling::{RandomPlans, points_inside, starts};
 use super::weighing::{Weighing, apportioned, drop_light, normalise};
 use crate::experiment::{Experiment, Plan, printed_tolerance};
 use crate::numeric::random::generator;
@@ -50,7 +50,7 @@ use crate::robot::Load;
 const ROUNDS: usize = 60;
 /// The rounds end when no experiment adds more than this share.
 const TOLERANCE: f64 = 1e-4;
-/// Where searches from random starts end this share above, they are missed (not for the test poses).
+/// Where searches from random starts end this share above, they are missed.
 const MISSED: f64 = 3e-4;
 /// How often such are added, at most.
 const RETURNS: usize = 6;
@@ -172,17 +172,19 @@ pub fn approximate_design(
     growing.weights = vec![(growing.support.len() as f64).recip(); growing.support.len()];
     let mut gap = 1.0;
     let mut returns = 0;
+    let mut searches = 0;
     let (certificate, ends) = loop {
         growing.grow(gap);
         let cost = growing.optimise(0.1 * TOLERANCE);
         let mean = growing.weighing.mean;
-        let (certificate, ends) = growing.certify(seed, cost);
+        let (certificate, ends) = growing.certify(seed, searches, cost);
         // Where many searches come across more than those that start near the support, it goes on from there.
         let is_over = (ends.first()).is_none_or(|(_, value)| *value <= mean * (1.0 + MISSED));
-        if criterion == Criterion::TestPose || is_over || returns == RETURNS {
+        if is_over || returns == RETURNS || problem.is_stopped() {
             break (certificate, ends);
         }
         returns += 1;
+        searches += certificate.searches;
         gap = certificate.largest_inside / mean - 1.0;
         let more = (ends.into_iter()).filter(|(_, value)| *value > mean * (1.0 + TOLERANCE));
         growing.add(more.collect());
@@ -281,15 +283,16 @@ impl Growing<'_> {
 
     /// Searches the largest derivative in the region, from random starts until enough of these agree, and
     /// goes on from the best ends and from the support in the widened region. Returns also where the
-    /// random searches ended.
-    fn certify(&self, seed: u64, cost: f64) -> (Certificate, Vec<(Point, f64)>) {
+    /// random searches ended. The starts are others than those of the searches before.
+    fn certify(&self, seed: u64, before: usize, cost: f64) -> (Certificate, Vec<(Point, f64)>) {
         let (problem, mean) = (self.problem, self.weighing.mean);
         let directions = &self.weighing.directions;
         let mut ends: Vec<(Point, f64)> = Vec::new();
         let mut searches = 0;
         let most = (problem.effort.certificate_probes).min(problem.affordable(1).max(FEWEST));
-        while searches < most && (searches == 0 || agreeing(&ends) < ENOUGH) {
-            let starts = points_inside(problem, BATCH, seed, 2 + searches as u64);
+        let is_enough = |ends: &[(Point, f64)]| agreeing(ends) >= ENOUGH || problem.is_stopped();
+        while searches < most && (searches == 0 || !is_enough(&ends)) {
+            let starts = starts(problem, BATCH, seed, 2 + (before + searches) as u64);
             let starts: Vec<&Point> = starts.iter().collect();
             ends.extend(climbs(problem, &starts, directions, Precision::ROUGH));
             searches += BATCH;

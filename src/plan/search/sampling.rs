@@ -119,6 +119,14 @@ impl<'a> RandomPlans<'a> {
         Some(self.local.point(q, &drawn.load, drawn.direction))
     }
 
+    /// An experiment within the joint ranges, whatever the other bounds.
+    fn draw_in_ranges(&self, random: &mut impl Rng) -> Point {
+        let q = uniform(&self.problem.ranges, random);
+        let load = (self.load(&q, random)).unwrap_or_else(|| self.least_load());
+        let direction = self.direction(random);
+        self.local.point(&q, &load, direction)
+    }
+
     /// Why nothing feasible was found: the share of random experiments that each constraint rejects,
     /// and the pairs of geometries that collide most often.
     pub(super) fn explain_empty(&mut self, seed: u64) -> SearchError {
@@ -204,9 +212,30 @@ pub(super) fn points_inside(
     seed: u64,
     number: u64,
 ) -> Vec<Point> {
-    let draw = |sampler: &mut RandomPlans<'_>, index: u64| {
+    drawn(problem, size, |sampler, index| {
         sampler.draw_inside(&mut generator(seed, streams::pool(number, index)))
-    };
+    })
+}
+
+/// Starts of searches over one experiment: half of them within the smooth bounds, half anywhere in the joint ranges, from where
+/// searches come into parts of a narrow region that random experiments within it miss.
+pub(super) fn starts(problem: &Problem<'_>, size: usize, seed: u64, number: u64) -> Vec<Point> {
+    drawn(problem, size, |sampler, index| {
+        let random = &mut generator(seed, streams::pool(number, index));
+        if index % 2 == 0 {
+            sampler.draw_inside(random)
+        } else {
+            Some(sampler.draw_in_ranges(random))
+        }
+    })
+}
+
+/// What is drawn by number, on all threads.
+fn drawn<'a>(
+    problem: &'a Problem<'a>,
+    size: usize,
+    draw: impl Fn(&mut RandomPlans<'a>, u64) -> Option<Point> + Sync + Send,
+) -> Vec<Point> {
     (0..size as u64)
         .into_par_iter()
         .map_init(|| RandomPlans::new(problem), draw)
