@@ -449,7 +449,7 @@ fn bounds_of_a_narrow_region_do_not_depend_on_the_seed() {
     let costs: Vec<f64> = (1..=4).filter_map(cost).collect();
     assert_eq!(costs.len(), 4);
     for cost in &costs {
-        assert_close(cost.sqrt(), costs[0].sqrt(), 1e-3);
+        assert_close("bound", cost.sqrt(), costs[0].sqrt(), 1e-3);
     }
 }
 

@@ -173,15 +173,17 @@ pub fn approximate_design(
     let mut gap = 1.0;
     let mut returns = 0;
     let mut searches = 0;
-    let (certificate, ends) = loop {
+    let mut informative: Vec<Point> = Vec::new();
+    let certificate = loop {
         growing.grow(gap);
         let cost = growing.optimise(0.1 * TOLERANCE);
         let mean = growing.weighing.mean;
         let (certificate, ends) = growing.certify(seed, searches, cost);
+        informative.extend(ends.iter().map(|(point, _)| point.clone()));
         // Where many searches come across more than those that start near the support, it goes on from there.
         let is_over = (ends.first()).is_none_or(|(_, value)| *value <= mean * (1.0 + MISSED));
         if is_over || returns == RETURNS || problem.is_stopped() {
-            break (certificate, ends);
+            break certificate;
         }
         returns += 1;
         searches += certificate.searches;
@@ -190,7 +192,7 @@ pub fn approximate_design(
         growing.add(more.collect());
     };
     let mut candidates = growing.support.clone();
-    for (point, _) in ends {
+    for point in informative {
         if !candidates.iter().any(|known| is_same(known, &point)) {
             candidates.push(point);
         }
