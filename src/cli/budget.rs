@@ -161,8 +161,11 @@ impl Budget {
             campaign.ok().map(|campaign| campaign.minutes)
         };
         // From one station, in one stop.
-        let at_least =
-            |point: &BudgetPoint| laboratory.costs.work_min([1, 1, 0], point.experiments);
+        let at_least = |point: &BudgetPoint| {
+            laboratory
+                .costs
+                .work_min([1.0, 1.0, 0.0], f64::from(point.experiments))
+        };
         let points: Vec<BudgetPoint> = found.iter().map(|(point, _)| point.clone()).collect();
         let (offer, drawn) = (&planning.offer, wanted.drawn(seed));
         Ok(Searched {

@@ -279,18 +279,19 @@ impl Campaign {
     fn minutes_of(&self, laboratory: &Laboratory) -> f64 {
         let turning_min = self.travel() / laboratory.axis_speed_per_s / 60.0;
         let work = [self.set_ups(), self.moves(), self.load_changes()];
-        laboratory.costs.work_min(work, self.readings()) + turning_min
+        let work = work.map(|count| count as f64);
+        laboratory.costs.work_min(work, f64::from(self.readings())) + turning_min
     }
 }
 
 impl Costs {
     /// How long so many set-ups, stops, changes of load and readings take (minutes), without the
     /// time that joints turn.
-    pub fn work_min(&self, [set_ups, stops, load_changes]: [usize; 3], readings: u32) -> f64 {
-        self.station_min * set_ups as f64
-            + self.move_min * stops as f64
-            + self.load_change_min * load_changes as f64
-            + self.reading_min * f64::from(readings)
+    pub fn work_min(&self, [set_ups, stops, load_changes]: [f64; 3], readings: f64) -> f64 {
+        self.station_min * set_ups
+            + self.move_min * stops
+            + self.load_change_min * load_changes
+            + self.reading_min * readings
     }
 }
 

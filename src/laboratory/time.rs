@@ -7,6 +7,7 @@ use crate::plan::search::{
     ApproximateDesign, PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
 };
 use crate::plan::{Criterion, posterior, rho0_m};
+use crate::robot::ReadsAlong;
 use crate::task::Task;
 
 /// Searches for each number of configurations: fewer than for a single plan.
@@ -35,36 +36,40 @@ pub struct TimedPlan {
     pub minutes: f64,
 }
 
-/// The minutes that so many measurements in so many configurations take at most, without the time that joints
-/// turn: two stops for each configuration, and two readings for each measurement; a gauge is set, and a load
-/// hung in place, for each.
-pub fn work_minutes(
-    task: &Task,
-    laboratory: &Laboratory,
-    experiments: u32,
-    configurations: u32,
-) -> f64 {
-    if task.reads_along() {
-        return (laboratory.costs).work_min([experiments as usize; 3], 2 * experiments);
-    }
-    if laboratory.loading == Loading::InPlace {
-        let each = experiments as usize;
-        return (laboratory.costs).work_min([1, each, each], 2 * experiments);
-    }
-    let stops = 2 * configurations as usize;
+/// The minutes that measurements take at most, without the time that joints turn: two stops for each configuration, and two readings for
+/// each measurement; a load is hung in place for each of those whose share is given, and a gauge is set for each that it reads.
+fn work_minutes(task: &Task, laboratory: &Laboratory, size: PlanSize, along: f64) -> f64 {
+    let costs = &laboratory.costs;
+    let [measurements, configurations] = [size.measurements, size.configurations].map(f64::from);
+    let by_gauge = along * measurements;
+    let others = measurements - by_gauge;
+    let stops = (1.0 - along) * configurations;
     let changes = match &task.loads {
-        Loads::Fixed(_) => 1,
-        Loads::List(list) => list.len().min(configurations as usize),
-        Loads::Direction { .. } | Loads::Any { .. } => configurations as usize,
+        Loads::Fixed(_) => 1.0,
+        Loads::List(list) => (list.len() as f64).min(stops),
+        Loads::Direction { .. } | Loads::Any { .. } => stops,
     };
-    (laboratory.costs).work_min([1, stops, changes], 2 * experiments)
+    let work = match laboratory.loading {
+        _ if others == 0.0 => [0.0; 3],
+        Loading::InPlace => [1.0, others, others],
+        Loading::Returns => [1.0, 2.0 * stops, changes],
+    };
+    costs.work_min([by_gauge; 3], 2.0 * by_gauge) + costs.work_min(work, 2.0 * others)
+}
+
+/// The share of a plan's measurements that a gauge reads.
+fn share_along(plan: &Plan) -> f64 {
+    let along = (plan.experiments.iter()).filter(|each| each.direction.is_some());
+    let along: u32 = along.map(|each| each.repeats).sum();
+    f64::from(along) / f64::from(plan.measurements().max(1))
 }
 
 /// The minutes that a plan of deflections of such a size takes at least: under one load, with nothing in the way and nowhere to turn. Experiments
 /// under two loads may share their configuration.
 pub fn least_minutes(laboratory: &Laboratory, size: PlanSize) -> f64 {
-    let stops = size.configurations as usize + 1;
-    (laboratory.costs).work_min([1, stops, 1], 2 * size.measurements)
+    let stops = f64::from(size.configurations + 1);
+    let readings = 2.0 * f64::from(size.measurements);
+    (laboratory.costs).work_min([1.0, stops, 1.0], readings)
 }
 
 /// Of some plans, each with the minutes that it takes at least, the one that takes the least time with all its ways, and the minutes;
@@ -112,15 +117,17 @@ pub fn plans_within(
     };
     let fewest = search.problem.fewest();
     let mut plans: Vec<TimedPlan> = Vec::new();
-    // What the ways of the plan before took for each configuration.
-    let mut way_min = 0.0;
+    // What the ways of the plan before took for each configuration, and how much of it a gauge read: all, or no one knows yet.
+    let is_gauge = task.belief.instrument.reads_along() == ReadsAlong::Always;
+    let (mut way_min, mut along) = (0.0, f64::from(u8::from(is_gauge)));
     let mut idle = 0;
     for configurations in fewest..=CONFIGURATIONS {
         let best = (plans.iter()).fold(f64::INFINITY, |best, plan| best.min(plan.rho0_m));
-        let expected_min = way_min * f64::from(configurations);
-        match search.plan(configurations, expected_min, watch)? {
+        let expected = (way_min * f64::from(configurations), along);
+        match search.plan(configurations, expected, watch)? {
             Some((plan, ways_min)) => {
                 way_min = ways_min / f64::from(configurations);
+                along = share_along(&plan.plan);
                 idle = if plan.rho0_m < best { 0 } else { idle + 1 };
                 plans.push(plan);
             }
@@ -146,16 +153,16 @@ struct TimeSearch<'a> {
 
 impl TimeSearch<'_> {
     /// The plan of as many measurements in so many configurations as there is time for, where the ways take so many
-    /// minutes, as is expected; with the minutes that they do take.
+    /// minutes and a gauge reads such a share of them, as is expected; with the minutes that the ways do take.
     fn plan(
         &self,
         configurations: u32,
-        expected_min: f64,
+        (expected_min, expected_along): (f64, f64),
         watch: Watch<'_>,
     ) -> Result<Option<(TimedPlan, f64)>, SearchError> {
         let (task, laboratory, minutes) = (self.problem.task, self.laboratory, self.minutes);
-        let fits = |ways_min: f64| {
-            let count = most(task, laboratory, minutes - ways_min, configurations);
+        let fits = |ways_min: f64, along: f64| {
+            let count = self.most(minutes - ways_min, configurations, along);
             count.filter(|count| *count >= task.design.mandatory.measurements())
         };
         // Work and ways may take less than is expected: the fewest measurements are tried where the least work leaves time for them.
@@ -165,10 +172,10 @@ impl TimeSearch<'_> {
             configurations,
         };
         let mut are_fewest_left = least_minutes(laboratory, least) <= minutes;
-        let (mut found, mut ways_min) = (None, expected_min);
+        let (mut found, mut ways_min, mut along) = (None, expected_min, expected_along);
         // The ways are known when there is a plan, and hardly depend on how often each experiment is measured.
         for _ in 0..TRIES {
-            let experiments = match fits(ways_min) {
+            let experiments = match fits(ways_min, along) {
                 Some(experiments) => experiments,
                 None if are_fewest_left && found.is_none() => fewest,
                 None => break,
@@ -188,8 +195,8 @@ impl TimeSearch<'_> {
             let Ok(campaign) = Campaign::new(task, laboratory, &plan, false) else {
                 break;
             };
-            let work_min = work_minutes(task, laboratory, experiments, configurations);
-            ways_min = campaign.minutes - work_min;
+            along = share_along(&plan);
+            ways_min = campaign.minutes - work_minutes(task, laboratory, size, along);
             if campaign.minutes <= minutes {
                 let timed = TimedPlan {
                     rho0_m: rho0_m(task, &posterior(&task.belief, &plan)).unwrap_or(f64::INFINITY),
@@ -199,7 +206,7 @@ impl TimeSearch<'_> {
                     minutes: campaign.minutes,
                 };
                 found = Some((timed, ways_min));
-                if fits(ways_min).is_none_or(|more| more <= experiments) {
+                if fits(ways_min, along).is_none_or(|more| more <= experiments) {
                     break;
                 }
             } else if found.is_some() {
@@ -208,27 +215,34 @@ impl TimeSearch<'_> {
         }
         Ok(found)
     }
-}
 
-/// The most measurements in so many configurations that so many minutes allow.
-fn most(task: &Task, laboratory: &Laboratory, minutes: f64, configurations: u32) -> Option<u32> {
-    let least = work_minutes(task, laboratory, configurations, configurations);
-    if least > minutes {
-        return None;
+    /// The most measurements in so many configurations that so many minutes allow, where a gauge reads such a share of them.
+    fn most(&self, minutes: f64, configurations: u32, along: f64) -> Option<u32> {
+        let work = |measurements| {
+            let size = PlanSize {
+                measurements,
+                configurations,
+            };
+            work_minutes(self.problem.task, self.laboratory, size, along)
+        };
+        let least = work(configurations);
+        if least > minutes {
+            return None;
+        }
+        let each = work(configurations + 1) - least;
+        // All that are planned at one time, where a reading takes none.
+        let more = if each > 0.0 {
+            (minutes - least) / each
+        } else {
+            f64::INFINITY
+        };
+        let more = more.min(f64::from(MEASUREMENTS));
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "between zero and a bound"
+        )]
+        let more = more as u32;
+        Some(configurations + more)
     }
-    let each = work_minutes(task, laboratory, configurations + 1, configurations) - least;
-    // All that are planned at one time, where a reading takes none.
-    let more = if each > 0.0 {
-        (minutes - least) / each
-    } else {
-        f64::INFINITY
-    };
-    let more = more.min(f64::from(MEASUREMENTS));
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "between zero and a bound"
-    )]
-    let more = more as u32;
-    Some(configurations + more)
 }

@@ -1,7 +1,7 @@
 //! What a scenario mounts on the robot: tools and payloads, added to a model when it is loaded.
 
 use mujoco_rs::prelude::MjSpec;
-use mujoco_rs::wrappers::mj_editing::{MjsBody, SpecItem};
+use mujoco_rs::wrappers::mj_editing::{MjsBody, MjtInertiaFromGeom, SpecItem};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::error::unsuitable;
@@ -137,6 +137,9 @@ impl Model {
                  scenario, or remove that body"
             )));
         }
+        if !additions.payloads.is_empty() {
+            weigh_by_geometry(spec);
+        }
         for (payload, number) in additions.payloads.iter().zip(1..) {
             let (body, body_from) = self.carrier(spec, &payload.on)?;
             let centre = body_from * Point3::from(payload.centre_m);
@@ -154,6 +157,22 @@ impl Model {
                 .with_explicitinertial(true);
         }
         Ok(())
+    }
+}
+
+/// Where geometries alone say what weighs, whatever else bodies say, bodies say nothing else from now on: a payload has no geometry.
+fn weigh_by_geometry(spec: &mut MjSpec) {
+    if spec.compiler().inertiafromgeom() != MjtInertiaFromGeom::mjINERTIAFROMGEOM_TRUE {
+        return;
+    }
+    (spec.compiler_mut()).set_inertiafromgeom(MjtInertiaFromGeom::mjINERTIAFROMGEOM_AUTO);
+    forget_inertials(spec.world_body_mut());
+}
+
+fn forget_inertials(body: &mut MjsBody) {
+    for each in body.body_iter_mut() {
+        each.with_ipos([f64::NAN; 3]).with_explicitinertial(false);
+        forget_inertials(each);
     }
 }
 

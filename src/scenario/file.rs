@@ -127,13 +127,13 @@ impl File {
         Commands::from(chain).reading_along(self.reads_along())
     }
 
-    /// How many configurations are visited between the two readings of a deflection: none where the load is hung in place.
-    pub fn visited_between(&self) -> u32 {
-        let is_gauge = self.reads_along() == ReadsAlong::Always;
-        if is_gauge || self.laboratory.loading == Loading::InPlace {
-            0
-        } else {
-            self.design.experiments
+    /// How many configurations are visited between the two readings of a deflection: none where the load is hung in place. A gauge
+    /// beside a tracker and the tracker may have no common number.
+    pub fn visited_between(&self) -> Option<u32> {
+        match (self.laboratory.loading, self.reads_along()) {
+            (Loading::InPlace, _) | (_, ReadsAlong::Always) => Some(0),
+            (Loading::Returns, ReadsAlong::Never) => Some(self.design.experiments),
+            (Loading::Returns, ReadsAlong::Sometimes) => None,
         }
     }
 

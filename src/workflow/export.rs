@@ -13,6 +13,7 @@ use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::mujoco::{KEPT, Model, ModelCalibration, WrittenModel};
 use crate::parameter::ElasticArm;
+use crate::quantities::units::{degrees, thousandths};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::{EquilibriumSolver, Load, SerialChain, rotation_vector};
 use crate::scenario::Scenario;
@@ -56,7 +57,6 @@ pub fn export(
     let arm = &robot.arm;
     let mut calibration = calibration(&robot.nominal, arm);
     calibration.additions = scenario.mounted.clone();
-    keep(&mut calibration, robot, provenance);
     let model = &scenario.task.belief.nominal.model;
     let failed = |error: FileError| {
         let wrong = FileError::new(&scenario.path, error.to_string()).at("robot.model");
@@ -66,7 +66,7 @@ pub fn export(
         }
     };
     let write = |folder: &Path| model.calibrated_mjcf(&calibration, folder);
-    let [place_m, rotation_rad, deflection_m] =
+    let (not_expressed, [place_m, rotation_rad, deflection_m]) =
         differences(scenario, arm, &write).map_err(failed)?;
     if ![place_m, rotation_rad, deflection_m]
         .iter()
@@ -81,15 +81,21 @@ pub fn export(
             .hint("please report the model; nothing was written")
             .code(ErrorCode::ModelNotWritten));
     }
-    let written = write(path.parent().unwrap_or(Path::new(""))).map_err(failed)?;
-    Ok(ExportedModel {
-        text: written.text,
-        not_expressed: robot
-            .apart
+    let mut not_expressed = [robot.apart.clone(), not_expressed].concat();
+    not_expressed.extend(
+        model
+            .locked()
             .iter()
-            .cloned()
-            .chain(written.not_expressed)
-            .collect(),
+            .map(|&(joint, value)| locked(model, joint, value)),
+    );
+    calibration.texts = kept(robot, provenance, &not_expressed);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    Ok(ExportedModel {
+        text: model
+            .calibrated_mjcf(&calibration, folder)
+            .map_err(failed)?
+            .text,
+        not_expressed,
         place_difference_m: place_m,
         rotation_difference_rad: rotation_rad,
         deflection_difference_m: deflection_m,
@@ -165,21 +171,32 @@ pub fn calibration(nominal: &ElasticArm, arm: &ElasticArm) -> ModelCalibration {
     }
 }
 
-/// What stays with the model.
-fn keep(
-    calibration: &mut ModelCalibration,
+/// A joint that is locked by the scenario alone, in words.
+fn locked(model: &Model, joint: usize, value: f64) -> String {
+    let name = model.joint_name(joint);
+    let (key, value) = if model.is_slide(joint) {
+        ("locked_mm", thousandths(value))
+    } else {
+        ("locked_deg", degrees(value))
+    };
+    format!("{name} moves in it: a scenario locks it (robot.{key}.{name} = {value})")
+}
+
+/// Texts that stay with the model.
+fn kept(
     robot: &CalibratedRobot,
     provenance: &ProvenanceMessage,
-) {
+    not_expressed: &[String],
+) -> Vec<(String, String)> {
     let rows = robot.covariance.row_iter();
     let covariance: Vec<Vec<f64>> = rows.map(|row| row.iter().copied().collect()).collect();
     let text = |what: &str, value: serde_json::Value| (format!("{KEPT}{what}"), value.to_string());
-    calibration.texts = vec![
+    vec![
         text("provenance", json!(provenance)),
         text("parameters", json!(robot.unknowns)),
         text("covariance", json!(covariance)),
-        text("not_expressed", json!(robot.apart)),
-    ];
+        text("not_expressed", json!(not_expressed)),
+    ]
 }
 
 /// What a scenario says that is in the file now.
@@ -206,19 +223,21 @@ fn to_leave_out(scenario: &Scenario) -> Vec<String> {
 }
 
 /// How the robot that is read again differs from an arm, at most, over configurations all over the joints' ranges: in a tool's
-/// place (m) and orientation (rad), unloaded with rigid joints, and in its deflection under gravity and a load (m).
+/// place (m) and orientation (rad), unloaded with rigid joints, and in its deflection under gravity and a load (m); with what the file
+/// has no words for.
 fn differences(
     scenario: &Scenario,
     arm: &ElasticArm,
     write: &dyn Fn(&Path) -> Result<WrittenModel, FileError>,
-) -> Result<[f64; 3], FileError> {
+) -> Result<(Vec<String>, [f64; 3]), FileError> {
     let own = &scenario.task.belief.nominal.model;
     let failed = |error: std::io::Error| {
         FileError::new(own.path(), format!("cannot be written again: {error}"))
     };
     let folder = tempfile::tempdir().map_err(failed)?;
     let file = folder.path().join("model.xml");
-    std::fs::write(&file, write(folder.path())?.text).map_err(failed)?;
+    let written = write(folder.path())?;
+    std::fs::write(&file, written.text).map_err(failed)?;
     let locked: Vec<(String, f64)> = (own.locked().iter())
         .map(|&(joint, value)| (own.joint_name(joint), value))
         .collect();
@@ -263,5 +282,5 @@ fn differences(
             }
         }
     }
-    Ok(largest)
+    Ok((written.not_expressed, largest))
 }

@@ -335,6 +335,36 @@ fn what_was_not_identified_stays_as_it_was() {
     assert!(document("elastocal_provenance").contains("scenario_sha256"));
 }
 
+/// What the scenario locks moves in the file, which says so, in what it prints and in what stays with the model.
+#[test]
+fn locked_joints_are_named() {
+    let place = Workplace::new();
+    written_by_hand(&place);
+    let scenario = SCENARIO
+        .replace("MODEL", "robot/arm.xml")
+        .replace("TOOLS", &format!("locked_deg = {{ turn = -30 }}\n{TOOLS}"))
+        .replace("parameters = [\"turn\", ", "parameters = [")
+        .replace("joints = [\"turn\", ", "joints = [")
+        .replace("q_deg = [10, ", "q_deg = [");
+    place.write("a.toml", scenario);
+    for command in [
+        "plan a.toml --no-proof --plan-out p.csv",
+        "measure a.toml --plan p.csv --measurements-out m.csv",
+        "identify a.toml --measurements m.csv --identified-out i.json",
+    ] {
+        let outcome = place.run(&format!("{command} --quiet"));
+        assert!([Some(0), Some(3)].contains(&outcome.code), "{outcome:?}");
+    }
+    let outcome = place.run("export a.toml --identified i.json --model-out out.xml --json --quiet");
+    let json = outcome.json();
+    let said = json["not_expressed"].to_string();
+    let lock = "turn moves in it: a scenario locks it (robot.locked_deg.turn = -30)";
+    assert!(said.contains(lock), "{said}");
+    let kept = kept_in(&place.read("out.xml"))("elastocal_not_expressed");
+    let kept: Value = serde_json::from_str(&kept).expect("JSON");
+    assert_eq!(kept, json["not_expressed"]);
+}
+
 /// The data of what a model keeps by its name.
 fn kept_in(text: &str) -> impl Fn(&str) -> String {
     move |name| {

@@ -444,6 +444,40 @@ fn mixed_campaigns_are_predicted() {
     );
 }
 
+/// A tracker's readings cost no set-up of a gauge: where they are worth more, a plan by minutes has as many of them as there is time for.
+#[test]
+fn plans_by_minutes_count_what_each_instrument_costs() {
+    let place = Workplace::new();
+    let text = beside(&scenario_text(GAUGE));
+    let (head, _) = text.split_once("[[plan]]").expect("a plan");
+    place.write("both.toml", head);
+    let timed = place.json("plan both.toml --no-proof --minutes 90 --plan-out plan.csv");
+    let minutes = number(&timed["minutes"]);
+    assert!(minutes > 85.0 && minutes <= 90.0, "{minutes}");
+    let plan = read_plan(
+        &place.path("plan.csv"),
+        loaded(&text).task.belief.commands(),
+    );
+    let plan = plan.expect("a plan");
+    let mut along = plan.experiments.iter().map(|each| each.direction.is_some());
+    assert!(!along.all(|along| along), "{plan:?}");
+}
+
+/// The two instruments' deflections take different times, and a drift has one.
+#[test]
+fn a_drift_of_two_instruments_is_refused_where_loads_return() {
+    let place = Workplace::new();
+    let text = beside(&scenario_text(GAUGE));
+    let (head, _) = text.split_once("[[plan]]").expect("a plan");
+    let head = head.to_owned() + "[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 20\n";
+    place.write("both.toml", &head);
+    let said = place.run("check both.toml").ends_with(1).stderr;
+    assert!(said.contains("laboratory.loading = \"in_place\""), "{said}");
+    let in_place = "[laboratory]\nloading = \"in_place\"\n";
+    place.write("both.toml", head.replacen("[laboratory]\n", in_place, 1));
+    place.run("check both.toml").ends_with(0);
+}
+
 /// Recordings have no coordinates of what a gauge reads, and no one number stands for the noise of both.
 #[test]
 fn recordings_show_what_each_instrument_reads() {

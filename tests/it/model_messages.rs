@@ -1,7 +1,10 @@
 //! Models that cannot serve, and regions in which everything collides: the error says what to do.
 
+use elastocal::mujoco::{Additions, Model, MountedPayload};
 use elastocal::plan::search::random_plan;
+use elastocal::robot::SerialChain;
 use elastocal::scenario::Scenario;
+use nalgebra::Vector3;
 
 use crate::support::{Workplace, error_message, project, scenario_text};
 
@@ -69,6 +72,26 @@ fn a_model_that_scales_payloads_is_refused() {
         let outcome = workplace.run("check my.toml --quiet").ends_with(1);
         outcome.says("makes the payload of 1.3 kg one of ");
     }
+    // Where geometries alone say what weighs, the payload is added to them.
+    let by_geometry = planar().replace("<compiler ", "<compiler inertiafromgeom=\"true\" ");
+    workplace.write("arm.xml", by_geometry.replace("mass=\"0\"", "mass=\"1\""));
+    workplace.run("check my.toml --quiet").ends_with(0);
+    let mass = |additions: &Additions| -> f64 {
+        let model = Model::load_with(&workplace.path("arm.xml"), additions).expect("a model");
+        let chain = SerialChain::from_model(&model).expect("a chain");
+        chain.joints.iter().map(|joint| joint.mass_kg).sum()
+    };
+    let payload = MountedPayload {
+        on: "tool".to_owned(),
+        mass_kg: 1.3,
+        centre_m: Vector3::zeros(),
+    };
+    let with_payload = Additions {
+        payloads: vec![payload],
+        ..Additions::default()
+    };
+    let added = mass(&with_payload) - mass(&Additions::default());
+    assert!((added - 1.3).abs() < 1e-9, "{added}");
     // A body that MuJoCo would fuse weighs the same.
     let fused = planar().replace("<compiler ", "<compiler fusestatic=\"true\" ");
     workplace.write("arm.xml", fused);

@@ -131,7 +131,8 @@ impl Checker<'_> {
             method: file.identification.method,
         };
         let places = ReadingPlaces {
-            between_h: laboratory.costs.between_readings_h(file.visited_between()),
+            between_h: (file.visited_between())
+                .map(|visited| laboratory.costs.between_readings_h(visited)),
             test_pose_rad: &test_poses[0].configuration_rad,
         };
         let mut sources = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
