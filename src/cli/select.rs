@@ -108,6 +108,9 @@ fn describe(selection: &Selection<'_>) -> String {
         "count joint error functions, which every fit has"
     };
     text += &format!("\n  rho0 and predicted rms (with what is new at each reading) {counted}.\n");
+    if !(0..selection.parts.case.observations.len()).all(|place| selection.parts.is_judged(place)) {
+        text += "  Positions alone are judged on, and no measured distances.\n";
+    }
     text += "  Distances are those at all readings that were not chosen.\n  From all is the rms distance from the robot that all readings are fitted to; without discrepancy, the \
              same for a robot that is exactly as the\n  model says, whose readings have independent errors as large.\n";
     text

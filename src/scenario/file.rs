@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use strum::IntoStaticStr;
 
 use crate::gate::Gate;
-use crate::laboratory::Loading;
+use crate::laboratory::{Costs, Loading};
 use crate::numeric::markov::Correlation;
 use crate::parameter::{DiscrepancyOf, ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
@@ -127,14 +127,15 @@ impl File {
         Commands::from(chain).reading_along(self.reads_along())
     }
 
-    /// How many configurations are visited between the two readings of a deflection: none where the load is hung in place. A gauge
-    /// beside a tracker and the tracker may have no common number.
-    pub fn visited_between(&self) -> Option<u32> {
-        match (self.laboratory.loading, self.reads_along()) {
-            (Loading::InPlace, _) | (_, ReadsAlong::Always) => Some(0),
-            (Loading::Returns, ReadsAlong::Never) => Some(self.design.experiments),
-            (Loading::Returns, ReadsAlong::Sometimes) => None,
-        }
+    /// How long after the unloaded reading of a deflection the loaded one is taken (h): at once where the load is hung in place, which
+    /// that of a gauge is. A gauge beside a tracker and the tracker may have no common time.
+    pub fn between_readings_h(&self, costs: &Costs) -> Option<f64> {
+        let visited = match (self.laboratory.loading, self.reads_along()) {
+            (Loading::InPlace, _) | (_, ReadsAlong::Always) => 0,
+            (Loading::Returns, ReadsAlong::Never) => self.design.experiments,
+            (Loading::Returns, ReadsAlong::Sometimes) => return None,
+        };
+        Some(costs.between_readings_h(visited))
     }
 
     /// Whether it says what the true compliances are.

@@ -131,8 +131,7 @@ impl Checker<'_> {
             method: file.identification.method,
         };
         let places = ReadingPlaces {
-            between_h: (file.visited_between())
-                .map(|visited| laboratory.costs.between_readings_h(visited)),
+            between_h: file.between_readings_h(&laboratory.costs),
             test_pose_rad: &test_poses[0].configuration_rad,
         };
         let mut sources = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
@@ -147,7 +146,7 @@ impl Checker<'_> {
         Ok(Scenario {
             path: self.path.to_owned(),
             name: self.name()?,
-            description: file.description,
+            description: name::in_one_line(&file.description),
             sha256: self.inputs.borrow().sha256(&self.question(table)?),
             seed: file.seed,
             task: Task {
