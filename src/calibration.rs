@@ -5,7 +5,7 @@ use nalgebra::{DVector, Vector3};
 use thiserror::Error;
 
 use crate::codes::{Condition, ConditionCode};
-use crate::compensation::{compensate_identified, predicted_error, test_pose_rows};
+use crate::compensation::{compensate_arm, predicted_error, test_pose_rows};
 use crate::files::FileError;
 use crate::identification::{
     Case, Identification, IdentificationError, MeasurementResidual, PreparedCase, Sigma, residuals,
@@ -115,7 +115,6 @@ pub fn calibrate(
     let poses = compensate_poses(
         task,
         &mut robots,
-        &identification.compliance_rad_per_nm,
         &identification.posterior,
         task.belief.method,
     )?;
@@ -186,20 +185,17 @@ const fn case_of<'a>(belief: &'a Belief, measurements: &'a [Measurement]) -> Cas
     Case::of_belief(belief, measurements, sigma, belief.method)
 }
 
-/// Compensates every test pose with the identified compliances of all joints (rad/(N m)), of which
-/// `posterior` says how well they are known, and sees on the virtual robot what distance is left.
+/// Compensates every test pose with what was identified of the belief's unknowns, and sees on the virtual robot what distance is left.
 pub fn compensate_poses(
     task: &Task,
     robots: &mut TrueRobots,
-    compliance_rad_per_nm: &[f64],
     posterior: &Posterior,
     method: Method,
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
     let belief = &task.belief;
-    let values = posterior.mean.as_slice();
+    let arm = belief.arm_at(&posterior.mean);
     compensate_poses_by(task, robots, &|pose| {
-        let commanded_rad =
-            compensate_identified(belief, values, compliance_rad_per_nm, pose, method)?;
+        let commanded_rad = compensate_arm(&arm, arm.tools.len() - 1, pose, method)?;
         let matrix = test_pose_rows(belief, pose);
         Ok((commanded_rad, predicted_error(&matrix, posterior)))
     })

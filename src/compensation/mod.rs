@@ -80,28 +80,8 @@ fn under_load(
     Ok((commanded_rad, load))
 }
 
-/// The same with all that was identified of a belief's unknowns: their values (p), and the compliance of every joint
-/// (rad/(N m)). Where frames and zeros are among them, the tool stands where the unloaded tool of the robot so
-/// identified stands.
-///
-/// # Errors
-/// The unloaded robot has no equilibrium at the test pose.
-pub fn compensate_identified(
-    belief: &Belief,
-    values: &[f64],
-    compliance_rad_per_nm: &[f64],
-    pose: &TestPose,
-    method: Method,
-) -> Result<DVector<f64>, EquilibriumError> {
-    let Some(extended) = &belief.uncertain else {
-        let (chain, tool) = (&belief.nominal.chain, &belief.machining_tool);
-        return compensate(chain, tool, compliance_rad_per_nm, pose, method);
-    };
-    let arm = extended.set().apply(extended.arm(), values);
-    compensate_arm(&arm, extended.machining_tool(), pose, method)
-}
-
-/// The same with an arm as it was identified, for one of its tools.
+/// The same with an arm as it was identified, for one of its tools. Where frames and zeros are among what was identified, the tool stands
+/// where the unloaded tool of the robot so identified stands.
 ///
 /// # Errors
 /// The unloaded robot has no equilibrium at the test pose.
