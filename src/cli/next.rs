@@ -32,7 +32,6 @@ use super::plan_args::{ReadingsArgs, offered};
 use super::planned::search_stopped;
 use super::progress::search;
 use super::table::table;
-use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
@@ -271,15 +270,14 @@ impl Next {
         scenario: &Scenario,
         keys: [Value; 2],
         write: &dyn Fn(&Path) -> Result<(), FileError>,
-        (mut text, mut conditions): (String, Vec<Condition>),
+        (text, mut conditions): (String, Vec<Condition>),
     ) -> anyhow::Result<Report> {
-        let mut written = Written::default();
-        if let Some(path) = &self.plan_out {
-            text += &written.noted(path, write(path));
-        }
         conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
-        conditions.extend(written.conditions());
-        Ok((self.common).report("next", scenario, keys, text, conditions)?)
+        let mut report = Report::new(Value::Null, text, conditions);
+        if let Some(path) = &self.plan_out {
+            report.noted(path, write(path));
+        }
+        Ok((self.common).report("next", scenario, keys, report)?)
     }
 
     /// The accuracy that what is left of a plan would give (m), where it is as much work as the new rest.

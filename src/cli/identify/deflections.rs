@@ -16,7 +16,6 @@ use serde_json::json;
 use super::Identify;
 use crate::cli::study::results::noted;
 use crate::cli::table::{number, or_dash, table};
-use crate::cli::written::Written;
 use crate::cli::{Report, residuals};
 
 impl Identify {
@@ -82,15 +81,10 @@ impl Identify {
         text += &residuals::patterns(&identified.patterns);
         text += &residuals::repeats(identified.repeats.as_ref(), "deflections");
         text += &noted(&identified.notes());
-        let mut written = Written::default();
-        text += &self.draw_patterns(scenario, &identified.patterns, &mut written)?;
-        Ok(Report::new(
-            json,
-            text,
-            (loads_outside.into_iter())
-                .chain(identified.conditions())
-                .collect(),
-        ))
+        let conditions = loads_outside.into_iter().chain(identified.conditions());
+        let mut report = Report::new(json, text, conditions.collect());
+        self.draw_patterns(scenario, &identified.patterns, &mut report)?;
+        Ok(report)
     }
 }
 
