@@ -8,7 +8,7 @@ use crate::codes::{Condition, ConditionCode};
 use crate::compensation::{compensate_arm, predicted_error, test_pose_rows};
 use crate::files::FileError;
 use crate::identification::{
-    Case, Identification, IdentificationError, MeasurementResidual, PreparedCase, Sigma, residuals,
+    Case, Identification, IdentificationError, MeasurementResidual, PreparedCase, residuals,
 };
 use crate::measurement::Measurement;
 use crate::numeric::posterior::{NotDetermined, Posterior};
@@ -111,7 +111,11 @@ pub fn calibrate(
         truth,
     } = measure(&mut robots, task, truth, plan, seed, run, true)?;
     let identification = identify_as_planned(&task.belief, &measurements)?;
-    let residuals = residuals(&case_of(&task.belief, &measurements), &identification, &[])?;
+    let residuals = residuals(
+        &Case::as_believed(&task.belief, &measurements),
+        &identification,
+        &[],
+    )?;
     let poses = compensate_poses(
         task,
         &mut robots,
@@ -170,19 +174,13 @@ pub fn identify_as_planned(
     belief: &Belief,
     measurements: &[Measurement],
 ) -> Result<Identification, IdentificationError> {
-    case_of(belief, measurements).identify_holding()
+    Case::as_believed(belief, measurements).identify_holding()
 }
 
 /// The same over and over from measurements of one plan.
 pub(crate) fn prepared_as_planned<'a>(belief: &'a Belief, plan: &Plan) -> PreparedCase<'a> {
     let measurements = measurements_of(plan, &belief.instrument);
-    PreparedCase::new(case_of(belief, &[]), &measurements)
-}
-
-/// What is identified from measurements by a belief's method, with its sigma.
-const fn case_of<'a>(belief: &'a Belief, measurements: &'a [Measurement]) -> Case<'a> {
-    let sigma = Sigma::Known(belief.instrument.sigma_m);
-    Case::of_belief(belief, measurements, sigma, belief.method)
+    PreparedCase::new(Case::as_believed(belief, &[]), &measurements)
 }
 
 /// Compensates every test pose with what was identified of the belief's unknowns, and sees on the virtual robot what distance is left.

@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::experiment::{Experiment, write_candidates};
 use crate::files::FileError;
-use crate::identification::AbsoluteCase;
+use crate::identification::{AbsoluteCase, Case, Robustness};
 use crate::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
 use crate::measurement::{Origin, read_measured_so_far, read_measurements_so_far};
 use crate::plan::absolute::{
@@ -22,7 +22,7 @@ use crate::record::messages::plan_messages;
 use crate::scenario::Scenario;
 use crate::task::AccuracyKind;
 use crate::text::wording::counted;
-use crate::workflow::identify::{HowIdentified, identify_measurements};
+use crate::workflow::identify::identify_measurements;
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -102,9 +102,9 @@ impl Next {
             belief.parameter_names().join(", "),
             counted(measurements.len() as u64, "measurement")
         ));
-        let identified =
-            identify_measurements(belief, &measurements, HowIdentified::plainly(belief.method))
-                .map_err(|problem| explained(&self.measurements, &problem))?;
+        let case = Case::as_believed(belief, &measurements);
+        let identified = identify_measurements(case, Robustness::NONE)
+            .map_err(|problem| explained(&self.measurements, &problem))?;
         let identification = &identified.identification;
         let so_far = measured_plan(&measurements);
         let measured = so_far.measurements();

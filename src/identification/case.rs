@@ -16,6 +16,16 @@ pub enum Sigma {
 }
 
 impl Sigma {
+    /// What is believed, or shown by the residuals in its place.
+    pub const fn of(belief: &Belief, is_from_residuals: bool) -> Self {
+        let sigma_m = belief.instrument.sigma_m;
+        if is_from_residuals {
+            Self::FromResiduals(sigma_m)
+        } else {
+            Self::Known(sigma_m)
+        }
+    }
+
     /// The standard deviation that weights deflections which bring none of their own (m).
     pub(super) const fn weight_m(self) -> f64 {
         match self {
@@ -54,6 +64,12 @@ impl<'a> Case<'a> {
             method,
             held: &[],
         }
+    }
+
+    /// What a belief leaves open, by its method and its sigma.
+    pub const fn as_believed(belief: &'a Belief, measurements: &'a [Measurement]) -> Self {
+        let sigma = Sigma::of(belief, false);
+        Self::of_belief(belief, measurements, sigma, belief.method)
     }
 
     /// The same with other measurements.

@@ -4,13 +4,15 @@ use std::path::Path;
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::identification::{Identification, IdentificationError, Robustness, UncertainEstimate};
+use crate::identification::{
+    Case, Identification, IdentificationError, Robustness, Sigma, UncertainEstimate,
+};
 use crate::measurement::{Measurement, Origin};
 use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
 use crate::task::Belief;
 use crate::text::wording::counted;
-use crate::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
+use crate::workflow::identify::{NotIdentified, identify_measurements};
 use serde_json::json;
 
 use super::Identify;
@@ -45,16 +47,14 @@ impl Identify {
             return Err(wrong.at(key).hint(hint).into());
         }
         let belief = &scenario.task.belief;
-        let how = HowIdentified {
-            method,
-            sigma_from_residuals: self.sigma_from_residuals,
-            robustness: Robustness {
-                keeps_all: self.keep_all,
-                counts_discrepancy: !self.common.noise_only,
-                holds_nominal: true,
-            },
+        let robustness = Robustness {
+            keeps_all: self.keep_all,
+            counts_discrepancy: !self.common.noise_only,
+            holds_nominal: true,
         };
-        let identified = identify_measurements(belief, measurements, how)
+        let sigma = Sigma::of(belief, self.sigma_from_residuals);
+        let case = Case::of_belief(belief, measurements, sigma, method);
+        let identified = identify_measurements(case, robustness)
             .map_err(|problem| explained(&self.measurements, &problem))?;
         let provenance = self.common.provenance(scenario)?;
         // Another state of the scenario has another virtual robot.

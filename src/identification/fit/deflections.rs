@@ -281,7 +281,6 @@ pub fn fit_nonlinear(
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::Sigma;
     use super::*;
     use crate::plan::read_plan;
     use crate::scenario::Scenario;
@@ -293,9 +292,8 @@ mod tests {
         let scenario = Scenario::load("scenarios/kr270.toml".as_ref()).expect("valid");
         let belief = &scenario.task.belief;
         let plan = read_plan("scenarios/plans/klimchik2012_m3.csv".as_ref(), 6).expect("a plan");
-        let sigma = Sigma::Known(belief.instrument.sigma_m);
         let mut measured = measurements_of(&plan, &belief.instrument);
-        let case = Case::of_belief(belief, &[], sigma, Method::Nonlinear);
+        let case = Case::as_believed(belief, &[]);
         let unread = case.with(&measured);
         let mut near = belief.values();
         for (place, value) in near.iter_mut().take(5).enumerate() {
