@@ -1,7 +1,7 @@
 //! Known compliances come back: what goes into the virtual robot is what identification finds.
 
 use elastocal::calibration::see;
-use elastocal::compensation::{compensate, test_pose_matrix};
+use elastocal::compensation::{compensate_arm, test_pose_matrix};
 use elastocal::identification::{Case, Identification, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::plan::{ExperimentModel, Plan};
@@ -211,13 +211,9 @@ fn compensation_with_true_compliances() {
             TrueRobots::new(&scenario.task.belief, &scenario.truth).expect("the sites exist");
         let pose = &scenario.task.test_poses[0];
         let mut left = |method| {
-            let commanded = compensate(
-                &scenario.task.belief.nominal.chain,
-                &scenario.task.belief.machining_tool,
-                &scenario.truth.robot.compliance_rad_per_nm,
-                pose,
-                method,
-            );
+            let mut arm = scenario.task.belief.arm();
+            (arm.compliance_rad_per_nm).clone_from(&scenario.truth.robot.compliance_rad_per_nm);
+            let commanded = compensate_arm(&arm, arm.tools.len() - 1, pose, method);
             let seen = see(&mut robots, pose, &commanded.expect("stable")).expect("stable");
             assert!(seen.uncompensated_m.norm() > 0.5e-3, "{seen:?}");
             seen.residual_m.norm()
