@@ -13,11 +13,10 @@ use crate::study::selection::{
 use crate::text::wording::counted;
 use crate::view::selection_plot::selection_plot;
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::progress::search;
 use super::table::{number, table};
-use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
@@ -68,23 +67,22 @@ impl Select {
             select(belief, &readings, &self.parameters, &wanted, watch)
         })
         .map_err(|error| error.in_file(&self.measurements))?;
-        let mut text = describe(&selection);
-        let mut written = Written::default();
+        let mut report = Report::new(Value::Null, describe(&selection), Vec::new());
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
-            text += &written.save(path, &selection_plot(title, &selection)?);
+            report.save(path, &selection_plot(title, &selection)?);
         }
         let keys = [
             json!({ "groups": self.parameters }),
             selection_json(&selection),
         ];
-        let mut conditions = Vec::new();
         if selection.is_cut_short {
             let words = "the study was stopped: not all choices were made";
-            conditions.push(ConditionCode::SearchStopped.with(words));
+            report
+                .conditions
+                .push(ConditionCode::SearchStopped.with(words));
         }
-        conditions.extend(written.conditions());
-        Ok((self.common).report("select", &scenario, keys, text, conditions)?)
+        Ok((self.common).report("select", &scenario, keys, report)?)
     }
 }
 
