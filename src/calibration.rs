@@ -228,8 +228,7 @@ pub fn compensate_poses_by(
         .collect()
 }
 
-/// What does not hold for commanded test poses: angles beyond the joints' limits, and compliances that
-/// are needed and were not determined.
+/// What does not hold for commanded test poses: angles beyond the joints' limits, and what is needed and was not determined.
 pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<Condition> {
     let mut conditions = Vec::new();
     for pose in poses {
@@ -246,8 +245,7 @@ pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<Condit
         }
         if let Err(missing) = &pose.predicted_m {
             conditions.push(ConditionCode::TaskUnidentifiable.with(format!(
-                "test pose {:?} depends on compliances that are not determined: {}; they keep their nominal values, \
-                 and no accuracy is predicted",
+                "test pose {:?} depends on what is not determined: {}; no accuracy is predicted",
                 pose.name,
                 missing.parameters.join(", ")
             )));

@@ -35,6 +35,10 @@ use super::table::{number, or_dash, table};
 use super::views::command_line;
 use super::{Report, uncertainty_budget};
 
+/// What a relative accuracy is.
+pub const RELATIVE: &str =
+    "A relative accuracy: of the deflection by the load, whatever the pose without it.\n";
+
 /// A plan with what is predicted of it.
 pub enum PlannedAccuracy<'a> {
     /// Of deflections.
@@ -413,7 +417,7 @@ fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     if let Some(quantile_m) = assessment.quantile95_m {
         text += &format!("95 % stay below {}\n", shown(quantile_m));
     }
-    text += "A relative accuracy: of the deflection by the load, whatever the pose without it.\n";
+    text += RELATIVE;
     text += &budget(assessment);
     text += &describe_criterion(assessment);
     let names = scenario.task.belief.parameter_names().into_iter();

@@ -106,6 +106,12 @@ fn held(
     for (mut row, own) in known.row_iter_mut().zip(&prior.diagonal()) {
         row /= if *own > 0.0 { *own } else { 1.0 };
     }
+    // Of directions that no prior says anything of, rounding is all that there is.
+    known.apply(|value| {
+        if value.abs() < ROUNDING {
+            *value = 0.0;
+        }
+    });
     let candidates = orthonormal(&(candidates * null_space(&known)));
     let parts = DMatrix::from_diagonal(&information.diagonal().add_scalar(NOTHING));
     // One by one first, in combinations of few parameters: one that is seen must not tinge others. Then

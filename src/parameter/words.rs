@@ -52,9 +52,9 @@ pub(super) fn sentences(
     }
     let weak = reduced(set, &weak, MINOR);
     let structural = (structural.iter())
-        .map(|(pivot, direction)| describe(belief, set, *pivot, direction, None));
+        .map(|(pivot, direction)| describe(belief, set, *pivot, direction, (&effects, true)));
     let weak = (weak.iter())
-        .map(|(pivot, direction)| describe(belief, set, *pivot, direction, Some(&effects)));
+        .map(|(pivot, direction)| describe(belief, set, *pivot, direction, (&effects, false)));
     structural.chain(weak).collect()
 }
 
@@ -150,19 +150,18 @@ fn describe(
     set: &ParameterSet,
     pivot: usize,
     relative: &DVector<f64>,
-    effects: Option<&DVector<f64>>,
+    (effects, is_structural): (&DVector<f64>, bool),
 ) -> Freedom {
-    let is_structural = effects.is_none();
     let direction = set.in_units(relative) / set.parameters()[pivot].scale;
     // What the others do, of which what does too little is not named.
-    let (effect, least) = match effects {
-        None => (relative.abs(), f64::MIN_POSITIVE),
-        Some(effects) if effects[pivot] < UNSEEN => (relative.abs(), f64::INFINITY),
-        Some(effects) => {
-            let effect = relative.component_mul(effects).abs();
-            let least = MINOR * effect.max();
-            (effect, least)
-        }
+    let (effect, least) = if is_structural {
+        (relative.abs(), f64::MIN_POSITIVE)
+    } else if effects[pivot] < UNSEEN {
+        (relative.abs(), f64::INFINITY)
+    } else {
+        let effect = relative.component_mul(effects).abs();
+        let least = MINOR * effect.max();
+        (effect, least)
     };
     let others = (0..set.len()).filter(|&index| index != pivot && effect[index] >= least);
     let others: Vec<usize> = others.collect();
@@ -170,6 +169,10 @@ fn describe(
     let sentence = match others.as_slice() {
         [] if is_structural => format!("{} cannot show in any reading", words(pivot)),
         [] => format!("{} does not show in these readings", words(pivot)),
+        &[other] if effects[pivot].max(effects[other]) < UNSEEN => {
+            let [pivot, other] = [pivot, other].map(words);
+            format!("neither {pivot} nor {other} shows in these readings")
+        }
         &[other] if is_structural => {
             let is_product = set.parameters()[pivot].is_logarithmic;
             let same_unit = set.parameters()[pivot].unit() == set.parameters()[other].unit();

@@ -185,7 +185,7 @@ fn the_steps_name_what_the_plan_does_not_determine() {
             assert_eq!(json["rank"], case.rank);
             let compensated = workplace.run("compensate s.toml --identified i.json --json --quiet");
             let compensated = compensated.ends_with(if case.is_needed { 3 } else { 0 });
-            let condition = "condition C0305: test pose \"milling\" depends on compliances that are not determined: near, far;";
+            let condition = "condition C0305: test pose \"milling\" depends on what is not determined: near, far;";
             assert_eq!(compensated.stderr.contains(condition), case.is_needed);
             let found = rho0(&compensated.json());
             match (found, predicted) {

@@ -434,6 +434,33 @@ fn visits_are_chosen() {
         .says("visits, of which 62 leave none to validate on");
 }
 
+/// A zero of the first joint is a turn of all frames, of which no prior says anything: it takes nothing from the accuracy that frames
+/// alone leave.
+#[test]
+fn a_zero_that_frames_take_up_costs_nothing() {
+    let place = workplace();
+    let (head, tail) = (place.read("s.toml").split_once("[[uncertainty]]"))
+        .map(|(head, tail)| (head.to_owned(), tail.to_owned()))
+        .expect("uncertainties");
+    let (_, design) = tail.split_once("[design]").expect("a design");
+    let zeros = "joints = [\"shoulder_lift\", \"elbow\", \"wrist_1\", \"wrist_2\"]";
+    place.write(
+        "s.toml",
+        format!(
+            "{head}[[uncertainty]]\nkind = \"joint_zero\"\n{zeros}\nstd_mrad = 1\n[design]{design}"
+        ),
+    );
+    let plan = project("scenarios/plans/ur10_tracker_ballbar.csv");
+    let [frames, zeros] = ["frames", "zeros"].map(|unknown| {
+        let command = format!(
+            "evaluate s.toml --plan {} --parameters {unknown}",
+            plan.display()
+        );
+        number(&place.json(&command)["rho0_mm"])
+    });
+    assert!((zeros / frames - 1.0).abs() < 1e-6, "{zeros} {frames}");
+}
+
 /// The shipped plan holds what it predicts.
 #[test]
 fn the_shipped_plan_holds() {

@@ -13,13 +13,14 @@ use crate::laboratory::{CampaignError, Dialect, Program, ProgramFile, ProgramTar
 use crate::measurement::SimulatedRun;
 use crate::record::messages::TestPoseMessage;
 use crate::scenario::Scenario;
-use crate::task::{Method, Task};
+use crate::task::{AccuracyKind, Method, Task};
 use crate::testbed::TrueRobots;
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::dialect::dialect;
 use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
+use super::planned::RELATIVE;
 use super::static_compliance::add_static_compliance;
 use super::table::{number, table_of};
 use super::{Common, Report, named_by_file, without_effect};
@@ -101,7 +102,7 @@ impl Compensate {
         let messages: Vec<TestPoseMessage> = (poses.iter())
             .map(|each| TestPoseMessage::new(&commands, each))
             .collect();
-        let text = describe(&messages, commands.unit(), simulated.is_some());
+        let text = describe(&messages, commands.unit(), simulated.is_some()) + RELATIVE;
         let text = text + &taken_as_believed(&robot);
         let mut report = Report::new(Value::Null, text, conditions);
         // Before anything is written: there may be no way.
@@ -120,6 +121,7 @@ impl Compensate {
             }
         }
         let mut keys = json!({
+            "accuracy": AccuracyKind::Relative.name(),
             "q_commanded_deg": messages[0].q_commanded_deg,
             "uncompensated_mm": messages[0].uncompensated_mm,
             "residual_mm": messages[0].residual_mm,

@@ -163,8 +163,10 @@ impl Checker<'_> {
         }
         if parameters.is_empty() {
             let problem = match others.first() {
-                // A compliance must be among them.
-                Some(name) => format!("found {name:?}; the robot's joints are: {}", known()),
+                Some(name) => format!(
+                    "found {name:?}; at least one joint, whose compliance is unknown, is needed of: {}",
+                    known()
+                ),
                 None => format!("is empty; at least one joint is needed of: {}", known()),
             };
             return Err(self.wrong(key, problem));
