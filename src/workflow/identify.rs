@@ -16,6 +16,7 @@ use crate::identification::{
 };
 use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
+use crate::quantities::units::thousandths;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage, results};
 use crate::scenario::Scenario;
@@ -58,6 +59,8 @@ pub struct Identified {
     pub residuals: Vec<MeasurementResidual>,
     /// What the table shows by itself.
     pub of_table: Vec<Condition>,
+    /// What a gauge shows beyond its range.
+    beyond_range: Option<String>,
     /// Likely input errors.
     pub input_errors: Vec<LikelyInputError>,
     /// What the residuals go with.
@@ -125,7 +128,27 @@ pub fn identify_measurements(
         rejected: robust.rejected,
         residuals,
         of_table,
+        beyond_range: beyond_range(belief, measurements),
         input_errors,
+    })
+}
+
+/// The measurements of a gauge that are beyond its range, in words.
+fn beyond_range(belief: &Belief, measurements: &[Measurement]) -> Option<String> {
+    let range_m = belief.instrument.gauge?.range_m?;
+    let is_beyond = |each: &Measurement| {
+        each.direction.is_some() && each.deflection_m.norm() > range_m * (1.0 + 1e-9)
+    };
+    let numbered = measurements.iter().zip(1..);
+    let beyond: Vec<String> = (numbered.filter(|(each, _)| is_beyond(each)))
+        .map(|(_, number)| number.to_string())
+        .collect();
+    (!beyond.is_empty()).then(|| {
+        format!(
+            "the gauge shows at most {} mm to either side, and more in measurement {}",
+            thousandths(range_m),
+            beyond.join(", ")
+        )
     })
 }
 
@@ -146,6 +169,7 @@ impl Identified {
     /// What holds since the fit counts it, and nobody need act on.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = self.identification.notes();
+        notes.extend(self.beyond_range.clone());
         notes.extend(self.left_out().and_then(Result::err));
         notes
     }
