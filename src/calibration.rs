@@ -5,10 +5,10 @@ use nalgebra::{DVector, Vector3};
 use thiserror::Error;
 
 use crate::codes::{Condition, ConditionCode};
-use crate::compensation::{compensate_identified, predicted_error, test_pose_rows};
+use crate::compensation::{compensate_arm, predicted_error, test_pose_rows};
 use crate::files::FileError;
 use crate::identification::{
-    Case, Identification, IdentificationError, MeasurementResidual, PreparedCase, Sigma, residuals,
+    Case, Identification, IdentificationError, MeasurementResidual, PreparedCase, residuals,
 };
 use crate::measurement::Measurement;
 use crate::numeric::posterior::{NotDetermined, Posterior};
@@ -111,11 +111,14 @@ pub fn calibrate(
         truth,
     } = measure(&mut robots, task, truth, plan, seed, run, true)?;
     let identification = identify_as_planned(&task.belief, &measurements)?;
-    let residuals = residuals(&case_of(&task.belief, &measurements), &identification, &[])?;
+    let residuals = residuals(
+        &Case::as_believed(&task.belief, &measurements),
+        &identification,
+        &[],
+    )?;
     let poses = compensate_poses(
         task,
         &mut robots,
-        &identification.compliance_rad_per_nm,
         &identification.posterior,
         task.belief.method,
     )?;
@@ -171,35 +174,26 @@ pub fn identify_as_planned(
     belief: &Belief,
     measurements: &[Measurement],
 ) -> Result<Identification, IdentificationError> {
-    case_of(belief, measurements).identify_holding()
+    Case::as_believed(belief, measurements).identify_holding()
 }
 
 /// The same over and over from measurements of one plan.
 pub(crate) fn prepared_as_planned<'a>(belief: &'a Belief, plan: &Plan) -> PreparedCase<'a> {
     let measurements = measurements_of(plan, &belief.instrument);
-    PreparedCase::new(case_of(belief, &[]), &measurements)
+    PreparedCase::new(Case::as_believed(belief, &[]), &measurements)
 }
 
-/// What is identified from measurements by a belief's method, with its sigma.
-const fn case_of<'a>(belief: &'a Belief, measurements: &'a [Measurement]) -> Case<'a> {
-    let sigma = Sigma::Known(belief.instrument.sigma_m);
-    Case::of_belief(belief, measurements, sigma, belief.method)
-}
-
-/// Compensates every test pose with the identified compliances of all joints (rad/(N m)), of which
-/// `posterior` says how well they are known, and sees on the virtual robot what distance is left.
+/// Compensates every test pose with what was identified of the belief's unknowns, and sees on the virtual robot what distance is left.
 pub fn compensate_poses(
     task: &Task,
     robots: &mut TrueRobots,
-    compliance_rad_per_nm: &[f64],
     posterior: &Posterior,
     method: Method,
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
     let belief = &task.belief;
-    let values = posterior.mean.as_slice();
+    let arm = belief.arm_at(&posterior.mean);
     compensate_poses_by(task, robots, &|pose| {
-        let commanded_rad =
-            compensate_identified(belief, values, compliance_rad_per_nm, pose, method)?;
+        let commanded_rad = compensate_arm(&arm, arm.tools.len() - 1, pose, method)?;
         let matrix = test_pose_rows(belief, pose);
         Ok((commanded_rad, predicted_error(&matrix, posterior)))
     })

@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::sync::atomic::AtomicBool;
 
 use elastocal::calibration::calibrate;
-use elastocal::identification::{Sigma, identify};
+use elastocal::identification::{Case, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::normal::{LANES, fill_normals};
 use elastocal::numeric::random::streams::Stream;
@@ -205,15 +205,10 @@ fn identification(method: Method, experiments: u32) -> HotPath {
     let scenario = paper();
     let measurements = measurements(scenario, experiments);
     over_and_over(move || {
-        identify(
-            &scenario.task.belief.nominal,
-            &scenario.task.belief.calibration_tool,
-            &scenario.task.belief.parameters,
-            &measurements,
-            Sigma::Known(scenario.task.belief.instrument.sigma_m),
-            method,
-        )
-        .expect("identifiable")
+        let belief = &scenario.task.belief;
+        let sigma = Sigma::Known(belief.instrument.sigma_m);
+        let case = Case::of_belief(belief, &measurements, sigma, method);
+        case.identify().expect("identifiable")
     })
 }
 

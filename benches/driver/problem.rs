@@ -1,7 +1,7 @@
 //! The paths' data and results as JSON, so that other programs do the same work and show that they
 //! come to the same numbers.
 
-use elastocal::identification::{Sigma, identify};
+use elastocal::identification::{Case, Sigma};
 use elastocal::numeric::random::normal::{LANES, fill_normals};
 use elastocal::numeric::random::streams::Stream;
 use elastocal::plan::search::{Problem, random_plan};
@@ -83,15 +83,10 @@ fn plan(scenario: &'static Scenario, experiments: u32) -> Value {
     let (square_m2, gradient) = value_and_gradient(scenario, &plan)();
     let measured = measurements(scenario, experiments);
     let identified = |method| {
-        identify(
-            &scenario.task.belief.nominal,
-            &scenario.task.belief.calibration_tool,
-            &scenario.task.belief.parameters,
-            &measured,
-            Sigma::Known(scenario.task.belief.instrument.sigma_m),
-            method,
-        )
-        .expect("identifiable")
+        let belief = &scenario.task.belief;
+        let sigma = Sigma::Known(belief.instrument.sigma_m);
+        let case = Case::of_belief(belief, &measured, sigma, method);
+        case.identify().expect("identifiable")
     };
     let linear = identified(Method::Linear);
     let nonlinear = identified(Method::Nonlinear);

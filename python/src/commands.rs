@@ -112,6 +112,7 @@ fn answer(arguments: &[String], threads: Option<usize>) -> Value {
             json,
             text,
             conditions,
+            ..
         }) => json!({ "results": json, "text": text, "conditions": conditions }),
         Err(error) => failed(&error),
     }

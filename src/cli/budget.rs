@@ -22,7 +22,6 @@ use super::plan_args::{ReadingsArgs, offered};
 use super::progress::search;
 use super::proof::{ProofArgs, proof_json};
 use super::table::{number, table_of};
-use super::written::Written;
 use super::{Common, Report, without_effect};
 
 /// What a plan shares is as good as constant where it falls by less than this factor.
@@ -57,10 +56,8 @@ struct Searched {
     /// The cheapest way to the accuracy that is wanted, with the minutes that it takes; these are none where no way between its
     /// experiments is found.
     needed: Option<(BudgetPoint, Option<f64>)>,
-    /// What is said of the bound and of candidates,
-    text: String,
-    /// and in the record.
-    json: Value,
+    /// What is said of the bound and of candidates.
+    report: Report,
 }
 
 impl Budget {
@@ -101,7 +98,7 @@ impl Budget {
     }
 
     /// Of deflections.
-    fn deflections(&self, scenario: &Scenario, written: &mut Written) -> anyhow::Result<Searched> {
+    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Searched> {
         let (common, task, laboratory) = (&self.common, &scenario.task, &scenario.laboratory);
         let up_to = counted(self.up_to.into(), "measurement");
         let says = format!("searching the best plans of up to {up_to}");
@@ -130,10 +127,12 @@ impl Budget {
             campaign.ok().map(|campaign| campaign.minutes)
         };
         let at_least = |point: &BudgetPoint| least_minutes(laboratory, PlanSize::of(&point.plan));
+        let mut report = Report::default();
+        (self.proof).tell(&bound, &ProvenanceMessage::new(scenario), &mut report)?;
+        report.json = json!({ "proof": proof_json(&bound) });
         Ok(Searched {
             needed: self.needed(&points, at_least, minutes),
-            text: (self.proof).tell(&bound, &ProvenanceMessage::new(scenario), written)?,
-            json: json!({ "proof": proof_json(&bound) }),
+            report,
             points,
         })
     }
@@ -170,8 +169,11 @@ impl Budget {
         let (offer, drawn) = (&planning.offer, wanted.drawn(seed));
         Ok(Searched {
             needed: self.needed(&points, at_least, minutes),
-            text: offered(drawn, self.readings.candidates.as_deref(), offer),
-            json: json!({ "proof": null, "candidates": offer, "drawn": drawn }),
+            report: Report::new(
+                json!({ "proof": null, "candidates": offer, "drawn": drawn }),
+                offered(drawn, self.readings.candidates.as_deref(), offer),
+                Vec::new(),
+            ),
             points,
         })
     }
@@ -179,29 +181,28 @@ impl Budget {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.open("budget")?;
         self.common.check_files(&scenario, None)?;
-        let mut written = Written::default();
         let accuracy = scenario.task.design.accuracy;
-        let found = match accuracy {
-            AccuracyKind::Relative => self.deflections(&scenario, &mut written)?,
+        let mut found = match accuracy {
+            AccuracyKind::Relative => self.deflections(&scenario)?,
             AccuracyKind::Absolute => self.readings(&scenario)?,
         };
         let is_cut_short = STOP.load(Ordering::Relaxed);
+        let mut report = std::mem::take(&mut found.report);
         let points = &found.points;
-        let mut text = describe(points);
-        text += &match accuracy {
-            AccuracyKind::Relative => stops_helping(points) + &found.text,
-            AccuracyKind::Absolute => format!("\n{}", found.text),
+        let helping = match accuracy {
+            AccuracyKind::Relative => stops_helping(points),
+            AccuracyKind::Absolute => "\n".to_owned(),
         };
-        let mut conditions = self.conditions(&found, is_cut_short);
+        report.text.insert_str(0, &(describe(points) + &helping));
+        report.conditions = self.conditions(&found, is_cut_short);
         if let Some((point, minutes)) = &found.needed {
-            text += &self.tell(point, *minutes, accuracy);
+            report.text += &self.tell(point, *minutes, accuracy);
         }
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
             let plot = budget_plot(&title, points, self.accuracy_um * 1e-6)?;
-            text += &written.save(path, &plot);
+            report.save(path, &plot);
         }
-        conditions.extend(written.conditions());
         let needed = found.needed.as_ref();
         let keys = json!({
             "accuracy_um": self.accuracy_um,
@@ -209,8 +210,8 @@ impl Budget {
             "needed_minutes": needed.and_then(|(_, minutes)| *minutes),
             "budget": points.iter().map(record).collect::<Vec<_>>(),
         });
-        let keys = [keys, found.json];
-        Ok((self.common).report("budget", &scenario, keys, text, conditions)?)
+        let keys = [keys, report.json.take()];
+        Ok((self.common).report("budget", &scenario, keys, report)?)
     }
 
     fn conditions(&self, found: &Searched, is_cut_short: bool) -> Vec<Condition> {

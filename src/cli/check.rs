@@ -103,7 +103,8 @@ impl Check {
         if self.parameters {
             keys[0]["identifiable"] = told_apart.iter().map(unknowns_json).collect();
         }
-        Ok((self.common).report("check", &scenario, keys, text, conditions)?)
+        let report = Report::new(Value::Null, text, conditions);
+        Ok((self.common).report("check", &scenario, keys, report)?)
     }
 
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.

@@ -17,7 +17,6 @@ use serde_json::json;
 use super::interruption::{STOP, proceed};
 use super::plan_args::{PlanArgs, of_any_plan};
 use super::planned::PlannedAccuracy;
-use super::written::Written;
 use super::{Report, without_effect};
 
 #[derive(Debug, Args)]
@@ -47,13 +46,11 @@ impl Evaluate {
         let args = &self.args;
         let scenario = args.load()?;
         args.common.refuse_others("evaluate", &scenario)?;
-        let mut written = Written::default();
         let (planned, besides) = match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.readings(&scenario)?,
-            AccuracyKind::Relative => self.deflections(&scenario, &mut written)?,
+            AccuracyKind::Relative => self.deflections(&scenario)?,
         };
-        let found = (&planned, besides);
-        let mut report = args.report("evaluate", &scenario, found, &mut written)?;
+        let mut report = args.report("evaluate", &scenario, &planned, besides)?;
         if self.static_compliance {
             planned.add_static_compliance(&mut report, &scenario.task)?;
         }
@@ -63,14 +60,13 @@ impl Evaluate {
         if let Some(trials) = &trials {
             report.json["trials"] = trials.json();
         }
-        args.finish(&scenario, (&planned, trials.as_ref()), (report, written))
+        args.finish(&scenario, (&planned, trials.as_ref()), report)
     }
 
     /// A plan of deflections, and how near it is to the best that there can be.
     fn deflections(
         &self,
         scenario: &Scenario,
-        written: &mut Written,
     ) -> anyhow::Result<(PlannedAccuracy<'static>, Report)> {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
         let plan = read_plan(&self.plan, task.belief.commands())?;
@@ -99,7 +95,7 @@ impl Evaluate {
             besides.json = json!({ "candidates": candidates.offer });
         } else {
             let provenance = args.common.provenance(scenario)?;
-            besides.text = args.proof.tell(&bound, &provenance, written)?;
+            args.proof.tell(&bound, &provenance, &mut besides)?;
         }
         let planned = PlannedAccuracy::Deflections(plan, Box::new(assessment));
         Ok((planned, besides))

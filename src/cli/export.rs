@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::files::output::write_whole;
 use crate::workflow::export::{ExportedModel, export};
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::identified::{ScenarioRobot, read_robot};
 use super::{Common, Report, named_by_file, without_effect};
@@ -49,7 +49,8 @@ impl Export {
             "not_expressed": exported.not_expressed,
             "to_leave_out": exported.to_leave_out,
         });
-        Ok((self.common).report("export", &scenario, [keys], text, conditions)?)
+        let report = Report::new(Value::Null, text, conditions);
+        Ok((self.common).report("export", &scenario, [keys], report)?)
     }
 }
 

@@ -16,8 +16,6 @@ use super::Common;
 
 /// What an identification gives to compensate with.
 pub struct IdentifiedCompliances {
-    /// The compliance of every joint (rad/(N m)).
-    pub compliance_rad_per_nm: Vec<f64>,
     /// What is known of the parameters.
     pub posterior: Posterior,
     /// What the model leaves unexplained, of positions (m) and rotations (rad).
@@ -71,13 +69,12 @@ pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result
         });
     }
     let identified = read_identified(path, &scenario)?;
-    let (posterior, compliance) = (identified.posterior, identified.compliance_rad_per_nm);
     let simulated = origin
         .filter(|origin| origin.scenario_sha256 == scenario.sha256)
         .and_then(|origin| origin.simulated);
     Ok(ScenarioRobot {
         simulated,
-        robot: CalibratedRobot::of_deflections(&scenario.task.belief, posterior, compliance),
+        robot: CalibratedRobot::of_deflections(&scenario.task.belief, identified.posterior),
         scenario,
         conditions: identified.conditions,
     })
@@ -120,10 +117,6 @@ pub fn read_identified(
     let trust = trust(path, scenario, stored.identified_with.as_ref())?;
     let mut conditions: Vec<Condition> = trust.into_iter().collect();
     conditions.extend(doubts(path, &stored.conditions));
-    let mut compliance_rad_per_nm = belief.nominal.compliance_rad_per_nm.clone();
-    for (&joint, value) in belief.parameters.iter().zip(&posterior.mean) {
-        compliance_rad_per_nm[joint] = *value;
-    }
     for (place, name) in expected.iter().enumerate() {
         let joint = &belief.nominal.chain.joints[belief.parameters[place]];
         let compliance = (posterior.mean[place], joint.drive.compliance_unit());
@@ -154,12 +147,9 @@ pub fn read_identified(
                 ..all
             };
         }
-        let arm = extended.set().apply(extended.arm(), &posterior.mean);
-        compliance_rad_per_nm = arm.compliance_rad_per_nm;
     }
     Ok(IdentifiedCompliances {
         discrepancy: stored.discrepancy,
-        compliance_rad_per_nm,
         posterior,
         conditions,
     })

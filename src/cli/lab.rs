@@ -20,13 +20,13 @@ use crate::text::wording::{counted, duration};
 use crate::view::run_sheet::run_sheet;
 use crate::view::stills::Stills;
 use clap::Args;
-
 use nalgebra::Vector3;
+use serde_json::Value;
 
 use super::dialect::dialect_if_suitable;
 use super::table::table;
 use super::views::RUN_SHEET;
-use super::written::{Written, record_text};
+use super::written::record_text;
 use super::{Common, Report, results, without_effect};
 
 /// The table to fill in, and the record.
@@ -95,27 +95,24 @@ impl Lab {
         let title = format!("elastocal: {name}, {}", self.plan.display());
         let gravity = &scenario.task.belief.nominal.chain.gravity_m_s2;
         let files = files(&program(&work.campaign, gravity, &title))?;
-        let mut written = Written::default();
-        let mut text = describe(&work.plan, &work.campaign, gravity);
-        let path = folder.join(RUN_SHEET);
-        text += &written.save(&path, &work.sheet);
+        let text = describe(&work.plan, &work.campaign, gravity);
+        let mut report = Report::new(Value::Null, text, work.conditions);
+        report.save(&folder.join(RUN_SHEET), &work.sheet);
         for file in &files {
-            let path = folder.join(&file.name);
-            text += &written.save(&path, &file.text);
+            report.save(&folder.join(&file.name), &file.text);
         }
         let provenance = self.common.provenance(&scenario)?;
         let costs = &scenario.laboratory.costs;
         let record = campaign_json(&commands, costs, &work.campaign);
-        let mut json = results("lab", &provenance, [record]);
+        report.json = results("lab", &provenance, [record]);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
-        text += &written.save(&to_fill, &work.table);
-        let mut conditions = work.conditions;
-        conditions.extend(no_program);
-        conditions.extend(work.campaign.conditions(&scenario.laboratory));
-        let record_text = record_text(&mut json, &conditions)?;
-        text += &written.save(&record, &record_text);
-        conditions.extend(written.conditions());
-        Ok(Report::new(json, text, conditions))
+        report.save(&to_fill, &work.table);
+        report.conditions.extend(no_program);
+        let of_campaign = work.campaign.conditions(&scenario.laboratory);
+        report.conditions.extend(of_campaign);
+        let record_text = record_text(&mut report.json, &report.conditions)?;
+        report.save(&record, &record_text);
+        Ok(report)
     }
 
     fn say_looking(&self, count: usize, what: &str) {

@@ -66,8 +66,8 @@ impl Measure {
             write_whole(path, (origin.comments() + &rows).as_bytes())?;
             shown.text += &format!("wrote {}\n", path.display());
         }
-        let (keys, conditions) = ([shown.json], shown.conditions);
-        Ok((self.common).report("measure", &scenario, keys, shown.text, conditions)?)
+        let keys = [shown.json.take()];
+        Ok((self.common).report("measure", &scenario, keys, shown)?)
     }
 
     fn wrong(&self, error: &dyn Display) -> FileError {

@@ -8,7 +8,6 @@ use clap::Args;
 
 use super::study::results::{FILES, Results, write};
 use super::views::STUDY_PAGE;
-use super::written::Written;
 use super::{Accepted, Report, Said};
 
 #[derive(Debug, Args)]
@@ -38,10 +37,8 @@ impl Merge {
         roles.writes_to(&folder, &[STUDY_PAGE]).check()?;
         make_folder(&folder)?;
         let results = Results::new(&header, &tallies, None);
-        let mut written = Written::default();
-        write(&folder, &results, &mut written)?;
         let mut report = results.report(&folder);
-        report.conditions.extend(written.conditions());
+        write(&folder, &results, &mut report.written)?;
         Ok(report)
     }
 }

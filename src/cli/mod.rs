@@ -50,8 +50,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use self::given::GivenOptions;
+use self::written::Written;
 use crate::codes::{Condition, ConditionCode, ErrorCode, condition_code};
-use crate::files::{FileError, output::check_writable, roles::Roles, shipped};
+use crate::files::output::{check_writable, write_whole};
+use crate::files::{FileError, roles::Roles, shipped};
 use crate::measurement::Origin;
 use crate::record::messages::{platform, results};
 use crate::scenario::Scenario;
@@ -262,16 +264,29 @@ pub struct Report {
     pub text: String,
     /// What must be looked at before the results are relied on.
     pub conditions: Vec<Condition>,
+    /// The files that are there, and those that could not be written: these are conditions, too.
+    pub written: Written,
 }
 
 impl Report {
     /// Results as JSON and as text, and what must be looked at.
-    pub const fn new(json: Value, text: String, conditions: Vec<Condition>) -> Self {
+    pub fn new(json: Value, text: String, conditions: Vec<Condition>) -> Self {
         Self {
             json,
             text,
             conditions,
+            ..Self::default()
         }
+    }
+
+    /// Notes what became of a file, and says so if it is there.
+    fn noted(&mut self, path: &Path, written: Result<(), FileError>) {
+        self.text += &self.written.noted(path, written);
+    }
+
+    /// Writes a file of text, notes what became of it, and says so if it is there.
+    fn save(&mut self, path: &Path, text: &str) {
+        self.noted(path, write_whole(path, text.as_bytes()));
     }
 }
 
@@ -317,6 +332,9 @@ impl Arguments {
             Command::Explain(command) => Ok(command.execute()),
             // It has nothing to report.
             Command::LoadModel(_) => Ok(Report::default()))?;
+        report
+            .conditions
+            .extend(std::mem::take(&mut report.written).conditions());
         let accepted = of_kinds!(&self.command, [Merge Compare] command => Some(&command.accepted),
             other => other.common().map(|common| &common.accepted));
         for condition in &mut report.conditions {
@@ -436,17 +454,16 @@ impl Common {
         Ok(scenario)
     }
 
-    /// What a command comes to: its keys in JSON, where they come from, text, and conditions.
+    /// What a command comes to, with its keys in JSON and where they come from.
     fn report(
         &self,
         command: &str,
         scenario: &Scenario,
         keys: impl IntoIterator<Item = Value>,
-        text: String,
-        conditions: Vec<Condition>,
+        mut report: Report,
     ) -> Result<Report, FileError> {
-        let json = results(command, &self.provenance(scenario)?, keys);
-        Ok(Report::new(json, text, conditions))
+        report.json = results(command, &self.provenance(scenario)?, keys);
+        Ok(report)
     }
 
     /// The folder for the results of a scenario.

@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::experiment::{Experiment, write_candidates};
 use crate::files::FileError;
-use crate::identification::AbsoluteCase;
+use crate::identification::{AbsoluteCase, Case, Robustness};
 use crate::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
 use crate::measurement::{Origin, read_measured_so_far, read_measurements_so_far};
 use crate::plan::absolute::{
@@ -22,7 +22,7 @@ use crate::record::messages::plan_messages;
 use crate::scenario::Scenario;
 use crate::task::AccuracyKind;
 use crate::text::wording::counted;
-use crate::workflow::identify::{HowIdentified, identify_measurements};
+use crate::workflow::identify::identify_measurements;
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -32,7 +32,6 @@ use super::plan_args::{ReadingsArgs, offered};
 use super::planned::search_stopped;
 use super::progress::search;
 use super::table::table;
-use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
@@ -103,9 +102,9 @@ impl Next {
             belief.parameter_names().join(", "),
             counted(measurements.len() as u64, "measurement")
         ));
-        let identified =
-            identify_measurements(belief, &measurements, HowIdentified::plainly(belief.method))
-                .map_err(|problem| explained(&self.measurements, &problem))?;
+        let case = Case::as_believed(belief, &measurements);
+        let identified = identify_measurements(case, Robustness::NONE)
+            .map_err(|problem| explained(&self.measurements, &problem))?;
         let identification = &identified.identification;
         let so_far = measured_plan(&measurements);
         let measured = so_far.measurements();
@@ -271,15 +270,14 @@ impl Next {
         scenario: &Scenario,
         keys: [Value; 2],
         write: &dyn Fn(&Path) -> Result<(), FileError>,
-        (mut text, mut conditions): (String, Vec<Condition>),
+        (text, mut conditions): (String, Vec<Condition>),
     ) -> anyhow::Result<Report> {
-        let mut written = Written::default();
-        if let Some(path) = &self.plan_out {
-            text += &written.noted(path, write(path));
-        }
         conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
-        conditions.extend(written.conditions());
-        Ok((self.common).report("next", scenario, keys, text, conditions)?)
+        let mut report = Report::new(Value::Null, text, conditions);
+        if let Some(path) = &self.plan_out {
+            report.noted(path, write(path));
+        }
+        Ok((self.common).report("next", scenario, keys, report)?)
     }
 
     /// The accuracy that what is left of a plan would give (m), where it is as much work as the new rest.

@@ -26,7 +26,6 @@ use super::planned::{PlannedAccuracy, search_stopped};
 use super::progress::{bar, search, show};
 use super::proof::ProofArgs;
 use super::table::table;
-use super::written::Written;
 use super::{Common, Report, without_effect};
 
 #[derive(Debug, Args)]
@@ -200,21 +199,19 @@ impl PlanCommand {
             wanted.configurations = Some(best.configurations);
             scenario.task.design.experiments = best.experiments;
         }
-        let mut written = Written::default();
         let (planned, besides) = match scenario.task.design.accuracy {
             AccuracyKind::Absolute => self.readings(&scenario, wanted)?,
-            AccuracyKind::Relative => self.deflections(&scenario, wanted, &timed, &mut written)?,
+            AccuracyKind::Relative => self.deflections(&scenario, wanted, &timed)?,
         };
-        let found = (&planned, besides);
-        let mut report = args.report("plan", &scenario, found, &mut written)?;
+        let mut report = args.report("plan", &scenario, &planned, besides)?;
         report.text = tell(&timed) + &report.text;
         if let Some(path) = &self.plan_out {
-            report.text += &written.noted(path, planned.write(&scenario.task, path));
+            report.noted(path, planned.write(&scenario.task, path));
         }
         if let Some(path) = &self.stills_out {
-            report.text += &written.save(path, &planned.stills(&scenario).sheet());
+            report.save(path, &planned.stills(&scenario).sheet());
         }
-        args.finish(&scenario, (&planned, None), (report, written))
+        args.finish(&scenario, (&planned, None), report)
     }
 
     /// A plan of absolute readings, of candidates or of configurations that are drawn.
@@ -263,7 +260,6 @@ impl PlanCommand {
         scenario: &Scenario,
         wanted: Wanted,
         timed: &[TimedPlan],
-        written: &mut Written,
     ) -> anyhow::Result<(PlannedAccuracy<'static>, Report)> {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
         let candidates = args.read_candidates(task)?;
@@ -300,7 +296,7 @@ impl PlanCommand {
             .map(|(most, timed)| keep_in_time(scenario, plan, timed, &turned, most));
         let assessment = designed.assessment(task);
         let size = wanted.size();
-        let mut json = json!({
+        let json = json!({
             "plan": plan_messages(&task.belief.commands(), &designed.exact.plan),
             "criterion": self.criterion.name(),
             "minutes": minutes,
@@ -311,22 +307,22 @@ impl PlanCommand {
             "bound_searches": certificate.map_or(0, |certificate| certificate.searches),
             "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
         });
-        let mut after = left_out(task) + "\n";
+        let conditions = designed.is_cut_short.then(search_stopped);
+        let conditions = conditions.into_iter().collect();
+        let mut report = Report::new(json, left_out(task) + "\n", conditions);
         if let Some(candidates) = &candidates {
-            after += &args.told(&candidates.offer);
-            json["candidates"] = json!(candidates.offer);
+            report.text += &args.told(&candidates.offer);
+            report.json["candidates"] = json!(candidates.offer);
         }
         if let Some(certificate) = &certificate {
             let provenance = args.common.provenance(scenario)?;
             let bound = designed.by_criterion.as_ref().unwrap_or(&designed.bound);
-            after += &args.proof.tell(bound, &provenance, written)?;
-            after += &rests_on(certificate, &assessment);
+            args.proof.tell(bound, &provenance, &mut report)?;
+            report.text += &rests_on(certificate, &assessment);
         }
-        after += &told(&designed, candidates.is_none());
-        let is_cut_short = designed.is_cut_short;
+        report.text += &told(&designed, candidates.is_none());
         let planned = PlannedAccuracy::Deflections(designed.exact.plan, Box::new(assessment));
-        let conditions = is_cut_short.then(search_stopped).into_iter().collect();
-        Ok((planned, Report::new(json, after, conditions)))
+        Ok((planned, report))
     }
 
     /// The best plan of candidates, with a progress bar.

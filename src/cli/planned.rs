@@ -33,7 +33,6 @@ use super::proof::leaving_out;
 use super::static_compliance::add_static_compliance;
 use super::table::{number, or_dash, table};
 use super::views::command_line;
-use super::written::Written;
 use super::{Report, uncertainty_budget};
 
 /// A plan with what is predicted of it.
@@ -157,24 +156,23 @@ impl PlanArgs {
         &self,
         command: &str,
         scenario: &Scenario,
-        (planned, besides): (&PlannedAccuracy<'_>, Report),
-        written: &mut Written,
+        planned: &PlannedAccuracy<'_>,
+        mut report: Report,
     ) -> anyhow::Result<Report> {
         let gate = json!({ "gate": scenario.gate });
-        let keys = [gate, besides.json, planned.json(scenario)?];
-        let budget = self.budget.write(planned.budget(), written);
-        let text = planned.describe(scenario) + &besides.text + &budget;
-        let mut conditions = planned.conditions(scenario);
-        conditions.extend(besides.conditions);
-        Ok((self.common).report(command, scenario, keys, text, conditions)?)
+        let keys = [gate, report.json.take(), planned.json(scenario)?];
+        report.text.insert_str(0, &planned.describe(scenario));
+        self.budget.write(planned.budget(), &mut report);
+        report.conditions.splice(0..0, planned.conditions(scenario));
+        Ok((self.common).report(command, scenario, keys, report)?)
     }
 
-    /// Writes the page of a plan, where that is wanted, and says of all files that were written what became of them.
+    /// Writes the page of a plan, where that is wanted.
     pub fn finish(
         &self,
         scenario: &Scenario,
         (planned, trials): (&PlannedAccuracy<'_>, Option<&RobotTrials>),
-        (mut report, mut written): (Report, Written),
+        mut report: Report,
     ) -> anyhow::Result<Report> {
         if let (Some(path), PlannedAccuracy::Readings(_, _, record)) = (&self.report_out, planned) {
             let page = absolute_page(&AbsolutePageRecord {
@@ -189,9 +187,8 @@ impl PlanArgs {
                 trials,
                 run: None,
             })?;
-            report.text += &written.save(path, &page);
+            report.save(path, &page);
         }
-        report.conditions.extend(written.conditions());
         Ok(report)
     }
 

@@ -14,9 +14,8 @@ use indicatif::ProgressStyle;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::Common;
 use super::progress::bar;
-use super::written::Written;
+use super::{Common, Report};
 
 /// After so many boxes a proof ends of which nothing is asked: a second at most.
 const BOXES: u64 = 300_000;
@@ -47,14 +46,14 @@ impl ProofArgs {
         proof_out: None,
     };
 
-    /// What is proved, in words; writes the proof where that is wanted.
+    /// Says what is proved; writes the proof where that is wanted.
     pub fn tell(
         &self,
         bound: &Bound,
         provenance: &ProvenanceMessage,
-        files: &mut Written,
-    ) -> anyhow::Result<String> {
-        let mut text = told(bound);
+        report: &mut Report,
+    ) -> anyhow::Result<()> {
+        report.text += &told(bound);
         if let Some(path) = &self.proof_out {
             let proof = bound.proof().and_then(|proof| proof.as_ref().ok()?.file());
             let nothing = "there is no proof to write";
@@ -66,9 +65,9 @@ impl ProofArgs {
                 }
                 None => Err(nothing()),
             };
-            text += &files.noted(path, written);
+            report.noted(path, written);
         }
-        Ok(text)
+        Ok(())
     }
 
     /// Does what needs an effort, and shows how near the proof is meanwhile.

@@ -14,7 +14,6 @@ use super::plan_args::ReadingsArgs;
 use super::study::results::noted;
 use super::table::table_of;
 use super::views::{carried_out, write_recording};
-use super::written::Written;
 use super::{Common, Report, results};
 
 #[derive(Debug, Args)]
@@ -78,13 +77,16 @@ impl Replay {
             "plans": records.iter().map(|each| each.json()).collect::<Result<Vec<_>, _>>()?,
         });
         let json = results("replay", &ProvenanceMessage::new(&scenario), [keys]);
-        let mut text = describe(&scenario, &records) + &noted(&notes);
-        let mut written = Written::default();
-        let record = folder.join(record);
-        written.save(&record, &(serde_json::to_string_pretty(&json)? + "\n"));
-        let shown = write_recording(&recording, &record, &mut written);
-        text += &format!("recorded in {}, .mcap and .json\n", shown.display());
-        Ok(Report::new(json, text, written.conditions()))
+        let (text, record) = (
+            serde_json::to_string_pretty(&json)? + "\n",
+            folder.join(record),
+        );
+        let said = describe(&scenario, &records) + &noted(&notes);
+        let mut report = Report::new(json, said, Vec::new());
+        report.written.save(&record, &text);
+        let shown = write_recording(&recording, &record, &mut report.written);
+        report.text += &format!("recorded in {}, .mcap and .json\n", shown.display());
+        Ok(report)
     }
 }
 

@@ -10,7 +10,7 @@ use clap::Args;
 use super::interruption::{STOP, proceed};
 use super::progress::{bar, show};
 use super::table::{number, table};
-use super::written::{Written, record_text};
+use super::written::record_text;
 use super::{Common, Report, results};
 
 #[derive(Debug, Args)]
@@ -44,19 +44,14 @@ impl Reproduce {
         let provenance = ProvenanceMessage::new(&scenario);
         let mut json = results("reproduce", &provenance, [serde_json::to_value(&message)?]);
         let failures = message.failures.iter();
-        let mut conditions: Vec<Condition> = failures
+        let conditions: Vec<Condition> = failures
             .map(|text| ConditionCode::NotReproduced.with(text))
             .collect();
         let record = record_text(&mut json, &conditions)?;
-        let mut written = Written::default();
-        let file = folder.join(FILE);
-        written.save(&file, &record);
-        conditions.extend(written.conditions());
-        Ok(Report::new(
-            json,
-            describe(&message) + &format!("\nResults are in {}\n", folder.display()),
-            conditions,
-        ))
+        let text = describe(&message) + &format!("\nResults are in {}\n", folder.display());
+        let mut report = Report::new(json, text, conditions);
+        report.written.save(&folder.join(FILE), &record);
+        Ok(report)
     }
 }
 

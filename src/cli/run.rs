@@ -1,7 +1,6 @@
 //! `run`: the whole loop, and a folder with all that came of it.
 
 use crate::calibration::{Calibration, CompensatedPose, rms_m};
-use crate::codes::Condition;
 use crate::files::make_folder;
 use crate::identification::ReadingWeights;
 use crate::measurement::{absolute_table, deflection_table};
@@ -18,7 +17,6 @@ use crate::workflow::run::{
     AbsoluteRun, FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run, run_absolute,
 };
 use clap::Args;
-use serde_json::Value;
 
 use super::identify::{absolute, deflections};
 use super::interruption::{STOP, proceed};
@@ -29,7 +27,7 @@ use super::proof::ProofArgs;
 use super::table::{in_um, number, table};
 use super::uncertainty_budget::{self, BudgetArgs};
 use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
-use super::written::{Written, record_text, warn};
+use super::written::{record_text, warn};
 use super::{Common, Report, progress};
 
 #[derive(Debug, Args)]
@@ -53,15 +51,13 @@ const FILES: [&str; 3] = ["plan.csv", "measurements.csv", "results.json"];
 /// What a loop comes to, whatever was measured.
 struct Looped<'a> {
     planned: PlannedAccuracy<'a>,
-    json: Value,
-    conditions: Vec<Condition>,
+    report: Report,
     /// The rows of measurements.csv.
     measurements: String,
     /// The robot in each configuration (SVG).
     sheet: String,
     page: String,
     shown: Vec<CarriedOutPlan>,
-    text: String,
     /// What no plan is below, where that may be proved.
     bound: Option<Bound>,
 }
@@ -77,38 +73,37 @@ impl Run {
         let design = &scenario.task.design;
         let measurements = counted(design.experiments.into(), design.accuracy.noun());
         common.say(&format!("designing a plan of {measurements}"));
-        let mut looped = match design.accuracy {
+        let looped = match design.accuracy {
             AccuracyKind::Absolute => self.readings(&scenario)?,
             AccuracyKind::Relative => self.deflections(&scenario)?,
         };
-        let mut written = Written::default();
+        let mut report = looped.report;
         let [plan, measurements, results] = FILES.map(|name| folder.join(name));
+        let written = &mut report.written;
         written.note(&plan, looped.planned.write(&scenario.task, &plan));
         let origin = scenario.origin().simulated(scenario.seed, Some(RUN));
         written.save(&measurements, &(origin.comments() + &looped.measurements));
-        let record = record_text(&mut looped.json, &looped.conditions)?;
+        let record = record_text(&mut report.json, &report.conditions)?;
         written.save(&results, &record);
         written.save(&folder.join("stills.svg"), &looped.sheet);
         written.save(&folder.join("report.html"), &looped.page);
         let recording = Recording::new(&scenario, &looped.shown)?;
-        write_recording(&recording, &folder.join("run.rrd"), &mut written);
+        write_recording(&recording, &folder.join("run.rrd"), written);
         if let Some(target) = &self.rerun {
-            show(target, &recording, &mut written)?;
+            show(target, &recording, written)?;
         }
-        let mut text = looped.text + &format!("Results are in {}\n", folder.display());
+        report.text += &format!("Results are in {}\n", folder.display());
         if let Some(bound) = &looped.bound {
             let provenance = common.provenance(&scenario)?;
-            text += &self.proof.tell(bound, &provenance, &mut written)?;
+            self.proof.tell(bound, &provenance, &mut report)?;
         }
-        text += &self.budget.write(looped.planned.budget(), &mut written);
+        self.budget.write(looped.planned.budget(), &mut report);
         common.say(&format!(
             "run sheet, robot program and table to fill in are written by `elastocal lab {} --plan {}`",
             shell_path(&scenario.path),
             shell_path(&plan)
         ));
-        let mut conditions = looped.conditions;
-        conditions.extend(written.conditions());
-        Ok(Report::new(looped.json, text, conditions))
+        Ok(report)
     }
 
     /// The loop with a plan of deflections.
@@ -141,16 +136,16 @@ impl Run {
             CarriedOutPlan::Deflections(name, Box::new(calibration))
         });
         let commands = task.belief.commands();
+        let text = deflections::describe(&made.identification, &task.belief);
+        let text = text + &of_deflections(&outcome);
+        let json = outcome.json(scenario, designed.elapsed_s)?;
         Ok(Looped {
-            json: outcome.json(scenario, designed.elapsed_s)?,
             measurements: deflection_table(&scenario.path, &commands, &made.measurements)?,
             sheet: stills.sheet(),
             page,
             shown: shown.collect(),
-            text: deflections::describe(&made.identification, &task.belief)
-                + &of_deflections(&outcome),
             bound: Some(designed.bound),
-            conditions: outcome.conditions,
+            report: Report::new(json, text, outcome.conditions),
             planned,
         })
     }
@@ -200,18 +195,18 @@ impl Run {
         })?;
         let sheet = stills.sheet();
         let record = &outcome.record;
+        let text = absolute::describe(&record.identification) + &of_readings(plan, &outcome);
+        let json = outcome.json(scenario, &provenance, plan, groups)?;
         Ok(Looped {
-            json: outcome.json(scenario, &provenance, plan, groups)?,
             measurements: absolute_table(&task.belief.commands(), &record.readings),
             sheet,
             page,
-            text: absolute::describe(&record.identification) + &of_readings(plan, &outcome),
             shown: vec![CarriedOutPlan::Readings(
                 Box::new(outcome.record),
                 outcome.carried_out,
             )],
             bound: None,
-            conditions,
+            report: Report::new(json, text, conditions),
             planned,
         })
     }

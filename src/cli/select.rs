@@ -13,11 +13,10 @@ use crate::study::selection::{
 use crate::text::wording::counted;
 use crate::view::selection_plot::selection_plot;
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::progress::search;
 use super::table::{number, table};
-use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
@@ -68,23 +67,22 @@ impl Select {
             select(belief, &readings, &self.parameters, &wanted, watch)
         })
         .map_err(|error| error.in_file(&self.measurements))?;
-        let mut text = describe(&selection);
-        let mut written = Written::default();
+        let mut report = Report::new(Value::Null, describe(&selection), Vec::new());
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
-            text += &written.save(path, &selection_plot(title, &selection)?);
+            report.save(path, &selection_plot(title, &selection)?);
         }
         let keys = [
             json!({ "groups": self.parameters }),
             selection_json(&selection),
         ];
-        let mut conditions = Vec::new();
         if selection.is_cut_short {
             let words = "the study was stopped: not all choices were made";
-            conditions.push(ConditionCode::SearchStopped.with(words));
+            report
+                .conditions
+                .push(ConditionCode::SearchStopped.with(words));
         }
-        conditions.extend(written.conditions());
-        Ok((self.common).report("select", &scenario, keys, text, conditions)?)
+        Ok((self.common).report("select", &scenario, keys, report)?)
     }
 }
 
@@ -108,6 +106,9 @@ fn describe(selection: &Selection<'_>) -> String {
         "count joint error functions, which every fit has"
     };
     text += &format!("\n  rho0 and predicted rms (with what is new at each reading) {counted}.\n");
+    if !(0..selection.parts.case.observations.len()).all(|place| selection.parts.is_judged(place)) {
+        text += "  Positions alone are judged on, and no measured distances.\n";
+    }
     text += "  Distances are those at all readings that were not chosen.\n  From all is the rms distance from the robot that all readings are fitted to; without discrepancy, the \
              same for a robot that is exactly as the\n  model says, whose readings have independent errors as large.\n";
     text

@@ -7,8 +7,8 @@ use crate::study::account::Contribution;
 use crate::text::wording::significant;
 use clap::Args;
 
+use super::Report;
 use super::table::{number, or_dash, table};
-use super::written::Written;
 
 /// Where a budget is written.
 #[derive(Debug, Args)]
@@ -20,13 +20,11 @@ pub struct BudgetArgs {
 
 impl BudgetArgs {
     /// Writes a budget where that is wanted, and tells of it; one that there is not has no rows.
-    pub fn write(&self, budget: Option<&UncertaintyBudget>, written: &mut Written) -> String {
-        let Some(path) = &self.budget_out else {
-            return String::new();
-        };
-        let sources = budget.map_or(&[][..], |budget| &budget.sources);
-        let csv = BudgetSource::csv(sources);
-        written.save(path, &csv)
+    pub fn write(&self, budget: Option<&UncertaintyBudget>, report: &mut Report) {
+        if let Some(path) = &self.budget_out {
+            let sources = budget.map_or(&[][..], |budget| &budget.sources);
+            report.save(path, &BudgetSource::csv(sources));
+        }
     }
 }
 

@@ -24,7 +24,6 @@ use serde_json::{Value, json};
 use super::identified::{IdentifiedCompliances, read_identified, read_stored, trust};
 use super::table::{DISTANCES, distances, in_um, or_dash, table, table_of};
 use super::tolerance::{ToleranceArgs, report_judged};
-use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
@@ -58,7 +57,7 @@ impl Validate {
         let path = &*self.identified;
         let (scenario, robot, _) = read_stored(&self.common, "validate", path)?;
         self.common.check_files(&scenario, None)?;
-        let (shown, differences) = match (&robot, &self.measurements) {
+        let (mut shown, differences) = match (&robot, &self.measurements) {
             (Some(robot), Some(file)) => self.of_absolute(&scenario, robot, file)?,
             (Some(robot), None) => {
                 trust(path, &scenario, Some(&robot.identified_with))?;
@@ -72,9 +71,8 @@ impl Validate {
             }
             (None, None) => self.plan(&scenario, read_identified(path, &scenario)?)?,
         };
-        let (keys, conditions) = ([shown.json], shown.conditions);
-        let mut report =
-            (self.common).report("validate", &scenario, keys, shown.text, conditions)?;
+        let keys = [shown.json.take()];
+        let mut report = (self.common).report("validate", &scenario, keys, shown)?;
         if let Some(tolerance) = self.tolerance.tolerance() {
             report_judged(&mut report, tolerance, differences.into_iter());
         }
@@ -85,7 +83,7 @@ impl Validate {
     fn plan(
         &self,
         scenario: &Scenario,
-        mut identified: IdentifiedCompliances,
+        identified: IdentifiedCompliances,
     ) -> anyhow::Result<Validated> {
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
         let plan = validation_plan(task, &identified.posterior, self.experiments, scenario.seed)?;
@@ -94,14 +92,13 @@ impl Validate {
             return Err(FileError::new(&self.identified, problem).into());
         }
         let count = counted(plan.measurements().into(), "measurement");
-        let mut text = format!("{count} where the identified robot is known least\n");
-        let mut written = Written::default();
-        if let Some(path) = &self.plan_out {
-            text += &written.noted(path, write_plan(path, commands.clone(), &plan));
-        }
-        identified.conditions.extend(written.conditions());
+        let text = format!("{count} where the identified robot is known least\n");
         let keys = json!({ "plan": plan_messages(&commands, &plan) });
-        Ok((Report::new(keys, text, identified.conditions), Vec::new()))
+        let mut report = Report::new(keys, text, identified.conditions);
+        if let Some(path) = &self.plan_out {
+            report.noted(path, write_plan(path, commands, &plan));
+        }
+        Ok((report, Vec::new()))
     }
 
     /// Holds other readings beside a robot that was identified.

@@ -60,9 +60,9 @@ impl Written {
         }
     }
 
-    /// Writes a file of text, notes what became of it, and says so if it is there.
-    pub fn save(&mut self, path: &Path, text: &str) -> String {
-        self.noted(path, write_whole(path, text.as_bytes()))
+    /// Writes a file of text, and notes what became of it.
+    pub fn save(&mut self, path: &Path, text: &str) {
+        self.note(path, write_whole(path, text.as_bytes()));
     }
 
     /// What could not be written, and which files are there all the same.

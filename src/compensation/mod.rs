@@ -19,30 +19,8 @@ use crate::robot::{
 };
 use crate::task::{Belief, Method, TestPose};
 
-/// The joint angles to command (rad) so that the loaded tool stands where the unloaded tool stands
-/// at the test pose's own configuration `q_0`.
-///
-/// Linear (eq. 15): q = `q_0` - J_0^-1 K_C^-1 W = `q_0` - k `J_0^T` W, with the Jacobian at `q_0`; the
-/// second form needs no inverse and holds for any number of joints. Non-linear: the torque is taken
-/// at the unloaded equilibrium `q_u` of `q_0` under gravity. The loaded equilibrium of
-/// q = `q_0` - k `J(q_u)^T` W is then `q_u` itself, so that the compensation is exact for true
-/// compliances, in position and orientation. Joints that are passive cannot be commanded: the others make up
-/// for them, in position and orientation where six are commanded.
-///
-/// # Errors
-/// The unloaded robot has no equilibrium at the test pose.
-pub fn compensate(
-    chain: &SerialChain,
-    tool: &Tool,
-    compliance_rad_per_nm: &[f64],
-    pose: &TestPose,
-    method: Method,
-) -> Result<DVector<f64>, EquilibriumError> {
-    let (commanded_rad, _) = under_load(chain, tool, compliance_rad_per_nm, pose, method)?;
-    Ok(commanded_rad)
-}
-
-/// The same with the load as it acts then: in the axes of the tool where it must stand.
+/// As [`compensate_arm`], of a chain whose joints stand where they are commanded, with the load as it acts then: in the axes of the tool
+/// where it must stand.
 fn under_load(
     chain: &SerialChain,
     tool: &Tool,
@@ -80,28 +58,15 @@ fn under_load(
     Ok((commanded_rad, load))
 }
 
-/// The same with all that was identified of a belief's unknowns: their values (p), and the compliance of every joint
-/// (rad/(N m)). Where frames and zeros are among them, the tool stands where the unloaded tool of the robot so
-/// identified stands.
+/// The joint angles to command (rad) so that one of the loaded arm's tools stands where the unloaded tool stands
+/// at the test pose's own configuration `q_0`.
 ///
-/// # Errors
-/// The unloaded robot has no equilibrium at the test pose.
-pub fn compensate_identified(
-    belief: &Belief,
-    values: &[f64],
-    compliance_rad_per_nm: &[f64],
-    pose: &TestPose,
-    method: Method,
-) -> Result<DVector<f64>, EquilibriumError> {
-    let Some(extended) = &belief.uncertain else {
-        let (chain, tool) = (&belief.nominal.chain, &belief.machining_tool);
-        return compensate(chain, tool, compliance_rad_per_nm, pose, method);
-    };
-    let arm = extended.set().apply(extended.arm(), values);
-    compensate_arm(&arm, extended.machining_tool(), pose, method)
-}
-
-/// The same with an arm as it was identified, for one of its tools.
+/// Linear (eq. 15): q = `q_0` - J_0^-1 K_C^-1 W = `q_0` - k `J_0^T` W, with the Jacobian at `q_0`; the
+/// second form needs no inverse and holds for any number of joints. Non-linear: the torque is taken
+/// at the unloaded equilibrium `q_u` of `q_0` under gravity. The loaded equilibrium of
+/// q = `q_0` - k `J(q_u)^T` W is then `q_u` itself, so that the compensation is exact for true
+/// compliances, in position and orientation. Joints that are passive cannot be commanded: the others make up
+/// for them, in position and orientation where six are commanded.
 ///
 /// # Errors
 /// The unloaded robot has no equilibrium at the test pose.

@@ -12,7 +12,6 @@ use crate::files::{FileError, read_bytes, utf8};
 pub fn read_text(path: &Path) -> Result<String, FileError> {
     let bytes = read_bytes(path)?;
     let text = match bytes.as_slice() {
-        [0xEF, 0xBB, 0xBF, rest @ ..] => utf8(path, rest.to_vec())?,
         [0xFF, 0xFE, rest @ ..] => utf16(path, rest, u16::from_le_bytes)?,
         [0xFE, 0xFF, rest @ ..] => utf16(path, rest, u16::from_be_bytes)?,
         _ => utf8(path, bytes)?,

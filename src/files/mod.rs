@@ -112,8 +112,11 @@ pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
     source::read(path).map_err(|problem| FileError::new(path, problem).code(ErrorCode::Unreadable))
 }
 
-/// The text of a file's bytes.
-pub fn utf8(path: &Path, bytes: Vec<u8>) -> Result<String, FileError> {
+/// The text of a file's bytes, without a byte order mark.
+pub fn utf8(path: &Path, mut bytes: Vec<u8>) -> Result<String, FileError> {
+    if bytes.starts_with(b"\xEF\xBB\xBF") {
+        bytes.drain(..3);
+    }
     String::from_utf8(bytes).map_err(|error| {
         let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + valid.split(|&byte| byte == b'\n').skip(1).count();

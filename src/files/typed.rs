@@ -50,7 +50,7 @@ pub fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, File
 pub fn from_json<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, FileError> {
     let mut json = serde_json::Deserializer::from_str(text);
     let said = serde_path_to_error::deserialize(&mut json).map_err(|error| {
-        let wrong = FileError::new(path, error.inner().to_string());
+        let wrong = FileError::new(path, in_words(&error.inner().to_string()));
         match key(error.path()) {
             Some(key) => wrong.at(key),
             None => wrong,
@@ -62,7 +62,21 @@ pub fn from_json<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, File
 }
 
 fn problem(error: &toml::de::Error) -> String {
-    error.message().replace('\n', "; ")
+    in_words(&error.message().replace('\n', "; "))
+}
+
+/// What a type of numbers in this program is to a reader of its messages.
+fn in_words(message: &str) -> String {
+    const WORDS: [(&str, &str); 6] = [
+        ("expected u64", "expected a whole number, at least 0"),
+        ("expected u32", "expected a whole number, at least 0"),
+        ("expected usize", "expected a whole number, at least 0"),
+        ("expected f64", "expected a number"),
+        ("` as i128", "`"),
+        ("` as u128", "`"),
+    ];
+    let said = |message: String, (of_type, word): (&str, &str)| message.replace(of_type, word);
+    WORDS.into_iter().fold(message.to_owned(), said)
 }
 
 /// None of the whole.

@@ -3,9 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::measurement::Measurement;
-use crate::parameter::Prior;
-use crate::robot::{Robot, Tool};
-use crate::task::{Belief, Extended, Method};
+use crate::task::{Belief, Method};
 
 /// Which standard deviation of deflections the uncertainties rest on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,6 +16,16 @@ pub enum Sigma {
 }
 
 impl Sigma {
+    /// What is believed, or shown by the residuals in its place.
+    pub const fn of(belief: &Belief, is_from_residuals: bool) -> Self {
+        let sigma_m = belief.instrument.sigma_m;
+        if is_from_residuals {
+            Self::FromResiduals(sigma_m)
+        } else {
+            Self::Known(sigma_m)
+        }
+    }
+
     /// The standard deviation that weights deflections which bring none of their own (m).
     pub(super) const fn weight_m(self) -> f64 {
         match self {
@@ -26,26 +34,18 @@ impl Sigma {
     }
 }
 
-/// The arguments of [`identify`](super::identify), and what is known before.
+/// What is identified from.
 #[derive(Debug, Clone, Copy)]
 pub struct Case<'a> {
-    /// The nominal robot.
-    pub nominal: &'a Robot,
-    /// The calibration tool.
-    pub tool: &'a Tool,
-    /// The identified joints.
-    pub parameters: &'a [usize],
-    /// What is known of their compliances before.
-    pub prior: Option<&'a Prior>,
-    /// What else is uncertain; the prior is then in it.
-    pub uncertain: Option<&'a Extended>,
+    /// The planner's model: the nominal robot, its unknowns, and what is known of them before.
+    pub belief: &'a Belief,
     /// The measurements.
     pub measurements: &'a [Measurement],
     /// The standard deviation of deflections.
     pub sigma: Sigma,
     /// The method.
     pub method: Method,
-    /// The identified joints whose compliances stay nominal all the same, as places in `parameters`.
+    /// The identified joints whose compliances stay nominal all the same, as places in the belief's parameters.
     pub held: &'a [usize],
 }
 
@@ -58,16 +58,18 @@ impl<'a> Case<'a> {
         method: Method,
     ) -> Self {
         Self {
-            nominal: &belief.nominal,
-            tool: &belief.calibration_tool,
-            parameters: belief.parameters.as_slice(),
-            prior: belief.prior.as_ref(),
-            uncertain: belief.uncertain.as_ref(),
+            belief,
             measurements,
             sigma,
             method,
             held: &[],
         }
+    }
+
+    /// What a belief leaves open, by its method and its sigma.
+    pub const fn as_believed(belief: &'a Belief, measurements: &'a [Measurement]) -> Self {
+        let sigma = Sigma::of(belief, false);
+        Self::of_belief(belief, measurements, sigma, belief.method)
     }
 
     /// The same with other measurements.
@@ -84,7 +86,7 @@ impl<'a> Case<'a> {
     /// What the measurements tell of the unknowns, each with its own standard deviation where it brings one and to
     /// first order in compliance: A^T R^-1 A (p x p, in one over the unknowns' units), without what was known before.
     pub fn information(&self) -> DMatrix<f64> {
-        let rows = self.first_order(&self.nominal_values()).matrix;
+        let rows = self.first_order(&self.belief.values()).matrix;
         rows.tr_mul(&rows)
     }
 }

@@ -20,53 +20,13 @@ impl Case<'_> {
         self.measurements.iter().map(rows_of).sum()
     }
 
-    pub(super) fn nominal_values(&self) -> Vec<f64> {
-        match self.uncertain {
-            Some(extended) => extended.set().prior().mean.as_slice().to_vec(),
-            None => (self.parameters.iter())
-                .map(|&joint| self.nominal.compliance_rad_per_nm[joint])
-                .collect(),
-        }
-    }
-
-    pub(super) fn sizes(&self) -> Vec<f64> {
-        let mut sizes = self.nominal.typical_rad_per_nm(self.parameters);
-        if let Some(extended) = self.uncertain {
-            sizes.extend(extended.other_sizes());
-        }
-        sizes
-    }
-
     /// What whitened equations of the unknowns determine.
     pub(super) fn estimable(&self, matrix: &DMatrix<f64>) -> Estimable {
-        if self.held.is_empty() {
-            return Estimable::of_equations(matrix, &self.sizes());
-        }
         let mut others = matrix.clone();
         for &place in self.held {
             others.column_mut(place).fill(0.0);
         }
-        Estimable::of_equations(&others, &self.sizes())
-    }
-
-    pub(super) fn names(&self) -> Vec<String> {
-        let joints = &self.nominal.chain.joints;
-        let own = (self.parameters.iter()).map(|&joint| joints[joint].name.clone());
-        let others = self.uncertain.map(Extended::other_names);
-        own.chain(others.into_iter().flatten()).collect()
-    }
-
-    /// The compliance of every joint (rad/(N m)) for values of the unknowns.
-    pub(super) fn compliance(&self, values: &[f64]) -> Vec<f64> {
-        if let Some(extended) = self.uncertain {
-            let arm = extended.set().apply(extended.arm(), values);
-            return arm.compliance_rad_per_nm;
-        }
-        let mut compliance = self.nominal.compliance_rad_per_nm.clone();
-        for (&joint, &value) in self.parameters.iter().zip(values) {
-            compliance[joint] = value;
-        }
-        compliance
+        Estimable::of_equations(&others, &self.belief.sizes())
     }
 
     /// What is read, one measurement below the other: the deflection or what is along a direction (m), and the rotation (rad) where
@@ -88,23 +48,24 @@ impl Case<'_> {
     /// What is read as the model has it at nominal values of the unknowns, to first order in compliance: eq. 3 or 7 at the commanded
     /// configurations. Where springs brace the arm, it holds near the nominal compliances.
     pub(super) fn predicted_linearly(&self) -> PredictedRows {
-        if let Some(extended) = self.uncertain {
+        let belief = self.belief;
+        if let Some(extended) = &belief.uncertain {
             let planned = |model: &mut ObservationModel<'_>, _, setup: &_, kind, rows: &mut _| {
                 Ok::<_, Infallible>(model.predict_as_planned(setup, kind, rows))
             };
-            let Ok(rows) = self.extended_rows(extended, &self.nominal_values(), planned);
+            let Ok(rows) = self.extended_rows(extended, &belief.values(), planned);
             return rows;
         }
-        let (chain, compliance) = (&self.nominal.chain, &self.nominal.compliance_rad_per_nm);
-        let mut arm = chain.at(self.tool);
+        let (chain, compliance) = (&belief.nominal.chain, &belief.nominal.compliance_rad_per_nm);
+        let mut arm = chain.at(&belief.calibration_tool);
         let mut state = KinematicState::new(chain.len());
         let all: Vec<usize> = (0..chain.len()).collect();
         let known = DVector::from_column_slice(compliance);
-        let mut predicted = PredictedRows::new(self.rows(), self.parameters.len());
+        let mut predicted = PredictedRows::new(self.rows(), belief.parameters.len());
         for each in self.measurements {
             arm.update(each.configuration_rad.as_slice(), &mut state);
             let [moved, turned] = state.brace_under(compliance, &each.load);
-            let observed = ObservationMatrix::new(&state, &each.load, self.parameters);
+            let observed = ObservationMatrix::new(&state, &each.load, &belief.parameters);
             let by_all = ObservationMatrix::new(&state, &each.load, &all);
             let moved = moved + &by_all.position * &known;
             let turned = || turned + &by_all.rotation * &known;
@@ -121,7 +82,8 @@ impl Case<'_> {
         torques: &mut Vec<RestTorques>,
     ) -> Result<PredictedRows, IdentificationError> {
         torques.resize_with(self.measurements.len(), RestTorques::default);
-        if let Some(extended) = self.uncertain {
+        let belief = self.belief;
+        if let Some(extended) = &belief.uncertain {
             let at_rest =
                 |model: &mut ObservationModel<'_>, index, setup: &_, kind, rows: &mut _| {
                     (model.predict_near(&mut torques[index], setup, kind, rows))
@@ -129,18 +91,19 @@ impl Case<'_> {
                 };
             return self.extended_rows(extended, values, at_rest);
         }
-        let compliance = &self.compliance(values);
-        let chain = &self.nominal.chain;
-        let mut arm = chain.at(self.tool);
+        let compliance = &belief.arm_at(values).compliance_rad_per_nm;
+        let chain = &belief.nominal.chain;
+        let mut arm = chain.at(&belief.calibration_tool);
         let mut solver = EquilibriumSolver::new(chain.len());
-        let mut predicted = PredictedRows::new(self.rows(), self.parameters.len());
+        let mut predicted = PredictedRows::new(self.rows(), belief.parameters.len());
         for (index, (each, torques)) in self.measurements.iter().zip(torques).enumerate() {
             let commanded = each.configuration_rad.as_slice();
             let mut rest = |load: &Load, near: &mut Vec<f64>| {
                 solver
                     .solve_near(&mut arm, compliance, commanded, load, near)
                     .map_err(|error| IdentificationError::from((index, error)))?;
-                let sensitivity = (solver.sensitivity(compliance)).select_columns(self.parameters);
+                let sensitivity =
+                    (solver.sensitivity(compliance)).select_columns(&belief.parameters);
                 let state = solver.state();
                 Ok::<_, IdentificationError>((
                     state.tool_position,
@@ -183,24 +146,6 @@ impl Case<'_> {
             predicted.push(each, by.each_ref(), found.position_m, turned);
         }
         Ok(predicted)
-    }
-
-    /// What is known of the unknowns before.
-    pub(super) fn prior(&self) -> PriorRows {
-        match (self.uncertain, self.prior) {
-            (Some(extended), _) => PriorRows {
-                rows: extended.prior_rows().clone(),
-                mean: extended.set().prior().mean.clone(),
-            },
-            (None, Some(prior)) => PriorRows {
-                rows: prior.rows(&self.sizes()),
-                mean: prior.mean.clone(),
-            },
-            (None, None) => PriorRows {
-                rows: DMatrix::zeros(0, self.parameters.len()),
-                mean: DVector::zeros(self.parameters.len()),
-            },
-        }
     }
 
     /// The standard deviation of a deflection's coordinate (m): the rms of them where measurements
@@ -250,13 +195,6 @@ pub(super) fn setup_of(measurement: &Measurement) -> (Setup, ReadingKind) {
         None => ReadingKind::Deflection,
     };
     (setup, kind)
-}
-
-/// What is known of the unknowns before, as whitened equations (r x p): `rows` times the unknowns = `rows` times the mean (p).
-#[derive(Debug, Clone)]
-pub(super) struct PriorRows {
-    pub rows: DMatrix<f64>,
-    pub mean: DVector<f64>,
 }
 
 /// What is read as the model has it (N; m, rad), with its derivatives by the unknowns (N x p).

@@ -13,7 +13,6 @@ use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::numeric::quantile::exceeded_with;
 use crate::parameter::ParameterSet;
-use crate::robot::{Robot, Tool};
 use crate::task::Method;
 
 /// One joint's estimated compliance.
@@ -114,36 +113,12 @@ impl Identification {
     }
 }
 
-/// Identifies the compliances of the joints in `parameters` of the nominal robot from measurements
-/// at `tool`: by eq. 9 (eq. 6 where rotations are measured too) with weights, or through the static
-/// equilibrium of the nominal model. For what is known before, see [`Case`].
-///
-/// # Errors
-/// Nothing can be identified; a single compliance that cannot is not an error but has no estimate.
-pub fn identify(
-    nominal: &Robot,
-    tool: &Tool,
-    parameters: &[usize],
-    measurements: &[Measurement],
-    sigma: Sigma,
-    method: Method,
-) -> Result<Identification, IdentificationError> {
-    let case = Case {
-        nominal,
-        tool,
-        parameters,
-        prior: None,
-        uncertain: None,
-        measurements,
-        sigma,
-        method,
-        held: &[],
-    };
-    case.identify()
-}
-
 impl Case<'_> {
-    /// Identifies what is unknown.
+    /// Identifies what is unknown: by eq. 9 (eq. 6 where rotations are measured too) with weights, or through the static equilibrium of the
+    /// nominal model.
+    ///
+    /// # Errors
+    /// Nothing can be identified; a single compliance that cannot is not an error but has no estimate.
     pub fn identify(&self) -> Result<Identification, IdentificationError> {
         self.identify_near(None)
     }
@@ -177,13 +152,13 @@ impl Case<'_> {
 
     /// What is told of what else is uncertain.
     fn others(&self, found: &Identification, start: &FitStart) -> Vec<UncertainEstimate> {
-        let Some(extended) = self.uncertain else {
+        let Some(extended) = &self.belief.uncertain else {
             return Vec::new();
         };
         let spare = start.equations().saturating_sub(found.rank);
         let quantile = self.sigma.quantile(spare);
         let parameters = extended.set().parameters().iter().enumerate();
-        let others = parameters.skip(self.parameters.len());
+        let others = parameters.skip(self.belief.parameters.len());
         let estimate = |place| Estimate::of(&found.posterior, place, quantile);
         let told = others.map(|(place, parameter)| UncertainEstimate {
             name: parameter.name.clone(),
@@ -270,21 +245,23 @@ fn report(
         }
     };
     let quantile = sigma.quantile(spare);
-    let joints = source.parameters;
+    let joints = &source.belief.parameters;
     let posterior = Posterior {
-        names: source.names(),
+        names: source.belief.unknown_names(),
         mean: fit.values,
         covariance: fit.covariance * (factor * factor),
         estimable: start.estimable.clone(),
     };
     // Files hold what is known of the compliances alone: what is told of them is decided there.
-    let compliances = (source.uncertain).map(|_| posterior.of_first(joints.len()));
+    let compliances = (source.belief.uncertain.as_ref()).map(|_| posterior.of_first(joints.len()));
     let compliances = compliances.as_ref().unwrap_or(&posterior);
     let parameters = (joints.iter().enumerate())
         .map(|(index, &joint)| ParameterEstimate {
             joint,
             name: posterior.names[index].clone(),
-            unit: source.nominal.chain.joints[joint].drive.compliance_unit(),
+            unit: source.belief.nominal.chain.joints[joint]
+                .drive
+                .compliance_unit(),
             estimate: Estimate::of(compliances, index, quantile),
         })
         .collect();
@@ -299,7 +276,7 @@ fn report(
         method,
         parameters,
         uncertain: Vec::new(),
-        compliance_rad_per_nm: source.compliance(&posterior.mean),
+        compliance_rad_per_nm: source.belief.arm_at(&posterior.mean).compliance_rad_per_nm,
         posterior,
         sigma_m: sigma_m * factor,
         residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),

@@ -1,6 +1,6 @@
 //! Identification of joint compliances from measured deflections, eqs. 5 to 13.
 //!
-//! [`identify`] has the planner's model and measurements, never the simulated truth. It names what cannot
+//! A [`Case`] has the planner's model and measurements, never the simulated truth. It names what cannot
 //! be identified instead of inverting a singular matrix, keeps its nominal value, and identifies the rest.
 
 mod absolute;
@@ -45,7 +45,7 @@ pub use covariance::covariance_of;
 pub use discrepancy::{ReadingResidual, joint_space_blocks, with_discrepancy};
 pub use error::IdentificationError;
 pub(crate) use estimate::PreparedCase;
-pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate, identify};
+pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate};
 pub use fit::{ParameterFit, fit_parameters};
 pub use frames::{MountedFrames, RobustFrames, Sight};
 pub use outliers::{IMPLAUSIBLE, RejectedReading};

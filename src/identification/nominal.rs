@@ -75,15 +75,12 @@ impl Case<'_> {
     /// Those of its compliances that are to stay nominal besides those that do, by what was identified; their places.
     pub(super) fn places_to_hold(self, found: &Identification) -> Vec<usize> {
         let posterior = &found.posterior;
-        let prior = match (self.uncertain, self.prior) {
-            (Some(extended), _) => Some(extended.set().prior()),
-            (None, prior) => prior,
-        };
+        let precision = self.belief.precision();
         let is_free = |place: &usize| {
-            found.parameters[*place].estimate.is_some()
-                && prior.is_none_or(|prior| prior.precision[(*place, *place)] <= 0.0)
+            found.parameters[*place].estimate.is_some() && precision[(*place, *place)] <= 0.0
         };
-        let free: Vec<usize> = (0..self.parameters.len()).filter(is_free).collect();
+        let compliances = 0..self.belief.parameters.len();
+        let free: Vec<usize> = compliances.filter(is_free).collect();
         let scales = posterior.estimable.typical();
         to_hold(
             free,

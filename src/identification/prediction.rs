@@ -128,7 +128,7 @@ impl Case<'_> {
     /// The same to first order in compliance.
     pub(super) fn first_order(&self, values: &[f64]) -> MeasuredRows {
         let mut predicted = self.predicted_linearly();
-        let nominal = DVector::from_vec(self.nominal_values());
+        let nominal = DVector::from_vec(self.belief.values());
         let change = DVector::from_column_slice(values) - nominal;
         predicted.values += &predicted.derivatives * change;
         MeasuredRows::new(self, predicted)

@@ -28,6 +28,15 @@ pub struct Robustness {
     pub holds_nominal: bool,
 }
 
+impl Robustness {
+    /// All measurements by what is believed of them alone.
+    pub const NONE: Self = Self {
+        keeps_all: true,
+        counts_discrepancy: false,
+        holds_nominal: false,
+    };
+}
+
 /// What was identified, without what lies far out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobustIdentification {

@@ -55,7 +55,7 @@ impl Case<'_> {
     /// readings of one configuration share.
     pub(super) fn whitening(&self) -> Whitening {
         let ranges: Vec<_> = self.rows_of_each().collect();
-        let mut model = (self.uncertain).map(|extended| self.readings(extended));
+        let mut model = (self.belief.uncertain.as_ref()).map(|extended| self.readings(extended));
         let block = |members: Vec<usize>| {
             let covariance = self.covariance_together(model.as_mut(), &members);
             let rows = members.into_iter().flat_map(|index| ranges[index].clone());
@@ -72,14 +72,14 @@ impl Case<'_> {
     /// The covariance of each measured deflection with its rotation (m^2, m rad, rad^2), whatever repeats it; of what is along a
     /// direction the first element.
     pub(super) fn covariances(&self) -> Vec<Matrix6<f64>> {
-        let mut model = (self.uncertain).map(|extended| self.readings(extended));
+        let mut model = (self.belief.uncertain.as_ref()).map(|extended| self.readings(extended));
         let alone = |index| six_rows(&self.covariance_together(model.as_mut(), &[index]));
         (0..self.measurements.len()).map(alone).collect()
     }
 
     /// Measurements that share something, together, else each alone.
     fn sharing(&self) -> Vec<Vec<usize>> {
-        match self.uncertain {
+        match &self.belief.uncertain {
             Some(extended) if extended.is_shared_by_configuration() => {
                 by_configuration(self.measurements)
             }

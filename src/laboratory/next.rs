@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_one_direction, is_printed_as};
-use crate::identification::{Case, Identification, Sigma};
+use crate::identification::{Case, Identification};
 use crate::measurement::{Measurement, by_experiment};
 use crate::plan::search::{
     Bound, PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
@@ -80,8 +80,10 @@ impl Remaining {
         let (belief, compliance) = (&task.belief, &identification.compliance_rad_per_nm);
         let nothing = DMatrix::zeros(belief.unknowns(), belief.unknowns());
         let identified = belief.informed(compliance, &nothing);
-        let sigma = Sigma::Known(belief.instrument.sigma_m);
-        let case = Case::of_belief(&identified, measurements, sigma, Method::Linear);
+        let case = Case {
+            method: Method::Linear,
+            ..Case::as_believed(&identified, measurements)
+        };
         let mut left = task.clone();
         left.belief = belief.informed(compliance, &case.information());
         let carried_out = measured_plan(measurements);

@@ -4,7 +4,7 @@
 use nalgebra::DMatrix;
 
 use crate::experiment::{Experiment, Plan};
-use crate::identification::{Case, PredictionError, Predictions, Sigma};
+use crate::identification::{Case, PredictionError, Predictions};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::plan::ExperimentModel;
@@ -65,8 +65,7 @@ pub fn validate(
     posterior: &Posterior,
     measurements: &[Measurement],
 ) -> Result<Predictions, PredictionError> {
-    let sigma = Sigma::Known(belief.instrument.sigma_m);
-    let case = Case::of_belief(belief, measurements, sigma, belief.method);
+    let case = Case::as_believed(belief, measurements);
     let posterior = match &belief.uncertain {
         Some(uncertain) => &uncertain.in_another_campaign(posterior),
         None => posterior,

@@ -10,8 +10,7 @@ use crate::identification::{
 };
 use crate::numeric::markov::Correlation;
 use crate::numeric::tolerance::ends;
-use crate::parameter::{Parameter, ParameterKind};
-use crate::robot::Tool;
+use crate::parameter::ParameterKind;
 
 /// A parameter that was fitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -239,15 +238,7 @@ fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
 
 /// How the parameters' own values become quantities.
 fn factors(fit: &AbsoluteFit) -> Vec<f64> {
-    let parameters = fit.set.parameters().iter().enumerate();
-    let factor = |(index, each): (usize, &Parameter)| {
-        if each.is_logarithmic {
-            fit.quantity(index)
-        } else {
-            1.0
-        }
-    };
-    parameters.map(factor).collect()
+    (0..fit.set.len()).map(|index| fit.factor(index)).collect()
 }
 
 /// The entries of a covariance in these.
@@ -323,22 +314,20 @@ fn unknown(fit: &AbsoluteFit, index: usize) -> UnknownMessage {
 }
 
 fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
-    let bases = case.stations.iter().zip(&fit.arm.instrument_from_base);
-    let base = |(station, (name, frame)): (usize, (&Option<String>, &Isometry3<f64>))| {
-        let kinds = ParameterKind::of_base(station);
-        let is_turned = !case.is_point(station);
+    let base = |(station, name): (usize, &Option<String>)| {
+        let (kinds, is_turned) = (ParameterKind::of_base(station), !case.is_point(station));
+        let frame = &fit.arm.instrument_from_base[station];
         MountedFrameMessage {
             name: name.clone(),
             ..MountedFrameMessage::new(fit, ("base", station), frame, kinds, is_turned)
         }
     };
-    bases.enumerate().map(base).collect()
+    case.stations.iter().enumerate().map(base).collect()
 }
 
 fn targets(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
-    let tools = case.targets.iter().zip(&fit.arm.tools);
-    let target = |(tool, (name, place)): (usize, (&String, &Tool))| {
-        let kinds = ParameterKind::of_tool(tool);
+    let target = |(tool, name): (usize, &String)| {
+        let (kinds, place) = (ParameterKind::of_tool(tool), &fit.arm.tools[tool]);
         let is_turned = fit.set.index_of(kinds[1][0]).is_some();
         let carrier = place.joints.checked_sub(1);
         let link = carrier.and_then(|joint| fit.arm.chain.joints.get(joint));
@@ -348,7 +337,7 @@ fn targets(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessag
             ..MountedFrameMessage::new(fit, ("tool", tool), &place.link_from_tool, kinds, is_turned)
         }
     };
-    tools.enumerate().map(target).collect()
+    case.targets.iter().enumerate().map(target).collect()
 }
 
 impl MountedFrameMessage {

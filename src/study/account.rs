@@ -130,8 +130,10 @@ impl Account {
         let hidden = hidden.iter().zip(left_m);
         let hidden = hidden.map(|(each, rms_m)| Contribution::new(&each.name, true, rms_m));
         let mut parts: Vec<Contribution> = believed.chain(hidden).collect();
-        let hanging = planning.places_of_loads();
-        parts.extend(hanging.map(|name| Contribution::new(name, true, None)));
+        for name in planning.places_of_loads() {
+            parts.retain(|part| part.source != name);
+            parts.push(Contribution::new(name, true, None));
+        }
         // How much a robot of another kind leaves is not computed.
         let nominal = &task.belief.nominal;
         let is_found = |joint: usize| {

@@ -8,7 +8,7 @@ use crate::identification::{Identification, PreparedCase};
 
 use super::tally::{FailedRun, Failure, Outcome};
 use crate::calibration::{prepared_as_planned, see_residual};
-use crate::compensation::{compensate_identified, test_pose_rows};
+use crate::compensation::{compensate_arm, test_pose_rows};
 use crate::numeric::random::normal::LANES;
 use crate::plan::Plan;
 use crate::task::Task;
@@ -123,11 +123,10 @@ impl<'a> RobotRuns<'a> {
             return Err(Failure::Undetermined.into());
         }
         let nees = (posterior.normalised_square(&error)).ok_or(Failure::Undetermined)?;
+        let arm = belief.arm_at(&posterior.mean);
         let mut square_m2 = 0.0;
         for pose in &self.task.test_poses {
-            let estimated = &identification.compliance_rad_per_nm;
-            let mean = posterior.mean.as_slice();
-            let seen = compensate_identified(belief, mean, estimated, pose, belief.method)
+            let seen = compensate_arm(&arm, arm.tools.len() - 1, pose, belief.method)
                 .and_then(|commanded| see_residual(&mut self.robots, pose, &commanded))
                 .map_err(|error| Failure::TestPose.because(&error))?;
             square_m2 += pose.weight * seen.norm_squared();

@@ -1,5 +1,5 @@
 //! Does optimal design help? Of readings that there are, a few are chosen in several ways, those of one visit together; the robot is
-//! calibrated with each choice and judged on all other readings.
+//! calibrated with each choice and judged on all other readings, of positions and distances on the positions.
 //!
 //! All choices have the same unknowns, the same knowledge before and the same weights. The same is done with a robot that is
 //! exactly as the model says, read with independent errors of the same size: what differs is what discrepancy does. Where the planner's
@@ -27,6 +27,9 @@ use crate::text::wording::counted;
 const SEARCHES: usize = 4;
 /// Searches for the choice with joint error functions: by greed, and from a random one.
 const SEARCHES_WITH_FUNCTIONS: usize = 2;
+
+/// What stands for nothing known, as a share of what a reading tells on average of what it tells most of.
+const FAINT: f64 = 1e-8;
 
 /// The ways to choose, each with the criterion that it is best by. O1 chooses as D does, and O3 as E.
 pub const CHOICES: [Criterion; 6] = [
@@ -235,9 +238,16 @@ pub fn select<'a>(
         parts.simulated(&mut generator(wanted.seed, stream))
     };
     let campaigns: Result<Vec<_>, _> = (0..u64::from(wanted.campaigns)).map(campaign).collect();
+    let told = CandidateInformation::of_all(parts.set().len(), &parts.told());
+    let mut before = parts.known_before();
+    if !(0..parts.case.observations.len()).all(|place| parts.is_judged(place)) {
+        // What only readings show that are not judged on may be left open.
+        let faint = FAINT * told.mean().diagonal().amax();
+        before += DMatrix::identity(told.size(), told.size()) * faint;
+    }
     let chooser = Chooser {
-        told: CandidateInformation::of_all(parts.set().len(), &parts.told()),
-        before: parts.known_before(),
+        told,
+        before,
         positions: no_wider_than_high(parts.positions()),
         read: SimulatedReadings {
             observations: parts.case.observations.clone(),
@@ -434,7 +444,9 @@ impl Chooser<'_> {
         let positions = predicted.positions_m.iter().enumerate();
         let others = || {
             let positions = positions.clone();
-            positions.filter(|(index, _)| chosen.binary_search(index).is_err())
+            positions.filter(|(index, _)| {
+                chosen.binary_search(index).is_err() && self.parts.is_judged(*index)
+            })
         };
         let distances =
             others().map(|(index, at)| (read.observations[index].position_m() - at).norm());

@@ -228,6 +228,18 @@ impl Belief {
         arm
     }
 
+    /// The arm at values of the unknowns (p); the last of its tools machines.
+    pub fn arm_at(&self, values: &[f64]) -> ElasticArm {
+        if let Some(extended) = &self.uncertain {
+            return extended.set().apply(extended.arm(), values);
+        }
+        let mut arm = self.arm();
+        for (&joint, &value) in self.parameters.iter().zip(values) {
+            arm.compliance_rad_per_nm[joint] = value;
+        }
+        arm
+    }
+
     /// The arm to which the values of the unknowns are applied, and the unknowns as its parameters; the last of its tools machines.
     ///
     /// # Errors

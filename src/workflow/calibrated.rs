@@ -85,27 +85,17 @@ pub struct CalibratedRobot {
 /// What is known of what test poses depend on.
 #[derive(Debug, Clone)]
 enum Knowledge {
-    /// Of a belief's unknowns: their values are what was identified, with the compliance of every joint (rad/(N m)).
-    OfBelief(Posterior, Vec<f64>),
+    /// Of a belief's unknowns: their values are what was identified.
+    OfBelief(Posterior),
     /// Of other parameters.
     Of(ParameterSet, Posterior),
 }
 
 impl CalibratedRobot {
-    /// What deflections tell of a belief's unknowns, with the compliance of every joint (rad/(N m)).
-    pub fn of_deflections(
-        belief: &Belief,
-        posterior: Posterior,
-        compliance_rad_per_nm: Vec<f64>,
-    ) -> Self {
+    /// What deflections tell of a belief's unknowns.
+    pub fn of_deflections(belief: &Belief, posterior: Posterior) -> Self {
         let nominal = belief.arm();
-        let arm = match &belief.uncertain {
-            Some(extended) => extended.set().apply(extended.arm(), &posterior.mean),
-            None => ElasticArm {
-                compliance_rad_per_nm: compliance_rad_per_nm.clone(),
-                ..nominal.clone()
-            },
-        };
+        let arm = belief.arm_at(&posterior.mean);
         let parameters = (belief.uncertain.as_ref()).map(|extended| extended.set().parameters());
         let of_compliance = |index: usize| {
             let joint = &nominal.chain.joints[belief.parameters[index]];
@@ -143,7 +133,7 @@ impl CalibratedRobot {
             with_joint_errors: None,
             read_ranges: ReadRanges::default(),
             stations: Vec::new(),
-            known: Knowledge::OfBelief(posterior, compliance_rad_per_nm),
+            known: Knowledge::OfBelief(posterior),
             nominal,
             arm,
         }
@@ -268,8 +258,8 @@ impl CalibratedRobot {
         method: Method,
     ) -> Result<Vec<CompensatedPose>, CalibrationError> {
         let (set, posterior) = match &self.known {
-            Knowledge::OfBelief(posterior, compliance) => {
-                return compensate_poses(task, robots, compliance, posterior, method);
+            Knowledge::OfBelief(posterior) => {
+                return compensate_poses(task, robots, posterior, method);
             }
             Knowledge::Of(set, posterior) => (set, posterior),
         };
@@ -294,7 +284,7 @@ impl CalibratedRobot {
     ) -> Result<T, ParameterError> {
         let tool = self.machining_tool;
         match &self.known {
-            Knowledge::OfBelief(posterior, _) => {
+            Knowledge::OfBelief(posterior) => {
                 let (arm, set) = belief.parameters_of_arm()?;
                 Ok(work(&KnownArm {
                     arm: &arm,

@@ -11,42 +11,16 @@ use crate::identification::patterns::{BLOCKS, Patterns, looked_at};
 use crate::identification::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, Case, FEWEST_BLOCKS, Identification,
     IdentificationError, Inconsistencies, MeasurementResidual, ModelSelection, ParameterGroup,
-    ReadingWeights, RejectedReading, RepeatComponents, Repeats, Robustness, Sigma, Told,
+    ReadingWeights, RejectedReading, RepeatComponents, Repeats, Robustness, Told,
     joint_space_blocks, left_out, residuals,
 };
-use crate::measurement::{AbsoluteReading, Measurement};
+use crate::measurement::AbsoluteReading;
 use crate::numeric::tolerance::ends;
 use crate::quantities::units::thousandths;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage, results};
 use crate::scenario::Scenario;
-use crate::task::{Belief, Extended, Method};
-
-/// How measurements are identified from.
-#[derive(Debug, Clone, Copy)]
-pub struct HowIdentified {
-    /// The method.
-    pub method: Method,
-    /// Whether sigma is that of the residuals.
-    pub sigma_from_residuals: bool,
-    /// What is done about wrong measurements and about what the model leaves.
-    pub robustness: Robustness,
-}
-
-impl HowIdentified {
-    /// All measurements by what is believed of them alone.
-    pub const fn plainly(method: Method) -> Self {
-        Self {
-            method,
-            sigma_from_residuals: false,
-            robustness: Robustness {
-                keeps_all: true,
-                counts_discrepancy: false,
-                holds_nominal: false,
-            },
-        }
-    }
-}
+use crate::task::{Belief, Extended};
 
 /// What measurements say.
 #[derive(Debug)]
@@ -78,20 +52,12 @@ pub struct NotIdentified {
     pub conditions: Vec<Condition>,
 }
 
-/// Identifies what a belief leaves open, with its sigma or with that of the residuals. Input errors are looked for in all
-/// measurements, patterns in those that were not left out.
+/// Identifies what a belief leaves open. Input errors are looked for in all measurements, patterns in those that were not left out.
 pub fn identify_measurements(
-    belief: &Belief,
-    measurements: &[Measurement],
-    how: HowIdentified,
+    case: Case<'_>,
+    robustness: Robustness,
 ) -> Result<Identified, NotIdentified> {
-    let sigma_m = belief.instrument.sigma_m;
-    let sigma = if how.sigma_from_residuals {
-        Sigma::FromResiduals(sigma_m)
-    } else {
-        Sigma::Known(sigma_m)
-    };
-    let case = Case::of_belief(belief, measurements, sigma, how.method);
+    let measurements = case.measurements;
     let failed = |error| NotIdentified {
         error,
         conditions: conditions_of_table(&case)
@@ -103,7 +69,7 @@ pub fn identify_measurements(
             )
             .collect(),
     };
-    let robust = case.identify_robustly(how.robustness).map_err(failed)?;
+    let robust = case.identify_robustly(robustness).map_err(failed)?;
     let identification = &robust.identification;
     let all = case;
     let case = Case {

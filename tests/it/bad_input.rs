@@ -88,10 +88,12 @@ const SCENARIO_EDITS: &[Edit] = &[
     ("[design]", "[[obstacle]]\nname = \"\"\nkind = \"sphere\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0].name", "a name of one line is allowed"], None),
     ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacles are not checked", "region.collision_clearance_mm", "region.line_of_sight"], None),
     ("[design]", "collision_clearance_mm = 20\n[[obstacle]]\nname = \"floor\"\nkind = \"sphere\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["robot.model", "floor"], None),
+    ("[design]", "[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 1\nstd_mm = 1\n[design]", &["uncertainty[0].std_mm", "none of the joints that are meant slides"], None),
+    ("[region]", "[[test_pose]]\nname = \"milling\"\nq_deg = [0, -50, 80, 40, 70, 50]\nforce_n = [0, 0, -90]\n[region]", &["test_pose[1].name", "found \"milling\" twice"], None),
     // Types.
-    ("seed = 1", "seed = \"one\"", &["seed", "line 2", "string \"one\"", "u64"], None),
+    ("seed = 1", "seed = \"one\"", &["seed", "line 2", "string \"one\"", "expected a whole number, at least 0"], None),
     ("seed = 1", "seed = -1", &["seed", "line 2", "`-1`"], None),
-    ("0.03", "\"0.03\"", &["instrument.sigma_mm", "line 12", "f64"], None),
+    ("0.03", "\"0.03\"", &["instrument.sigma_mm", "line 12", "expected a number"], None),
     ("\"deflection\"", "\"positions\"", &["instrument.sigma_of", "`positions`", "`deflection`, `position`, `distance`"], Some("did you mean `position`?")),
     ("force_n = [0, 280, -180]", "force_n = [0, 280]", &["test_pose[0].force_n"], None),
     // Numbers.

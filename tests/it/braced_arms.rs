@@ -2,7 +2,7 @@
 //! the deflection's derivatives are those of the equilibrium, the search's gradient is that of what it
 //! searches, and torque bounds hold what the drives must hold.
 
-use elastocal::identification::{Sigma, identify};
+use elastocal::identification::{Case, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::generator;
 use elastocal::plan::search::Problem;
@@ -15,6 +15,7 @@ use elastocal::task::Method;
 use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 use rand::RngExt;
 
+use crate::recovery::of_compliances;
 use crate::support::scenario;
 
 /// A KR-270 whose compensator is stiff enough to share joint 2's load, and with a spring in joint 3.
@@ -252,15 +253,9 @@ fn linear_identification_knows_the_springs() {
         }
     }
     let parameters = [1, 2];
-    let found = identify(
-        &belief.nominal,
-        &belief.calibration_tool,
-        &parameters,
-        &measurements,
-        Sigma::Known(1e-8),
-        Method::Linear,
-    )
-    .expect("identifiable");
+    let belief = of_compliances(belief, &parameters);
+    let case = Case::of_belief(&belief, &measurements, Sigma::Known(1e-8), Method::Linear);
+    let found = case.identify().expect("identifiable");
     for joint in parameters {
         let ratio = found.compliance_rad_per_nm[joint] / compliance[joint];
         assert!((ratio - 1.0).abs() < 2e-3, "joint {}: {ratio}", joint + 1);

@@ -2,7 +2,7 @@
 //! keeps its right number.
 
 use elastocal::calibration::calibrate;
-use elastocal::identification::{Sigma, identify};
+use elastocal::identification::Sigma;
 use elastocal::numeric::estimable::Estimable;
 use elastocal::plan::search::{
     PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
@@ -501,15 +501,8 @@ fn plan_and_measurements_agree_on_the_directions() {
     let measurements = crate::recovery::noise_free(&scenario, &plan);
     for sigma in [Sigma::Known(3e-5), Sigma::FromResiduals(3e-5)] {
         for method in [Method::Linear, Method::Nonlinear] {
-            let found = identify(
-                &scenario.task.belief.nominal,
-                &scenario.task.belief.calibration_tool,
-                &scenario.task.belief.parameters,
-                &measurements,
-                sigma,
-                method,
-            );
-            let found: Estimable = found.expect("works").posterior.estimable;
+            let found = crate::recovery::identified(&scenario, &measurements, sigma, method);
+            let found: Estimable = found.posterior.estimable;
             let off = found.hidden() * found.hidden().transpose()
                 - planned.hidden() * planned.hidden().transpose();
             assert!(off.amax() < 1e-9, "{off}");

@@ -66,17 +66,9 @@ fn measured(scenario: &Scenario, plan: &Plan, run: u64) -> Vec<Measurement> {
 }
 
 fn case<'a>(scenario: &'a Scenario, measurements: &'a [Measurement]) -> Case<'a> {
-    Case {
-        prior: None,
-        uncertain: None,
-        held: &[],
-        nominal: &scenario.task.belief.nominal,
-        tool: &scenario.task.belief.calibration_tool,
-        parameters: &scenario.task.belief.parameters,
-        measurements,
-        sigma: Sigma::Known(scenario.task.belief.instrument.sigma_m),
-        method: Method::Nonlinear,
-    }
+    let belief = &scenario.task.belief;
+    let sigma = Sigma::Known(belief.instrument.sigma_m);
+    Case::of_belief(belief, measurements, sigma, Method::Nonlinear)
 }
 
 fn diagnosed(scenario: &Scenario, measurements: &[Measurement]) -> Vec<LikelyInputError> {

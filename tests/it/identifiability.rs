@@ -1,6 +1,6 @@
 //! What the measurements do not tell is named, and never guessed or NaN.
 
-use elastocal::identification::{IdentificationError, Sigma, identify};
+use elastocal::identification::{Case, IdentificationError, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::plan::{Experiment, Plan};
 use elastocal::record::messages::IdentificationMessage;
@@ -10,7 +10,7 @@ use elastocal::task::Method;
 use nalgebra::dvector;
 use serde_json::Value;
 
-use crate::recovery::{differing, identified, noise_free};
+use crate::recovery::{differing, identified, noise_free, of_compliances};
 use crate::support::{Workplace, scenario, scenario_text, table4};
 
 const METHODS: [Method; 2] = [Method::Linear, Method::Nonlinear];
@@ -203,17 +203,15 @@ fn a_determined_sum_is_no_residual() {
 #[test]
 fn nothing_to_identify_from() {
     let scenario = scenario("klimchik2012");
-    let (nominal, tool) = (
-        &scenario.task.belief.nominal,
-        &scenario.task.belief.calibration_tool,
-    );
     let mut unloaded = noise_free(&scenario, &table4(3));
     for each in &mut unloaded {
         each.load = Load::NONE;
     }
     for method in METHODS {
         let failure = |measurements: &[Measurement], parameters: &[usize], sigma| {
-            identify(nominal, tool, parameters, measurements, sigma, method).expect_err("fails")
+            let belief = of_compliances(&scenario.task.belief, parameters);
+            let case = Case::of_belief(&belief, measurements, sigma, method);
+            case.identify().expect_err("fails")
         };
         let sigma = known(&scenario);
         assert_eq!(

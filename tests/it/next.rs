@@ -313,7 +313,6 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
             let poses = compensate_poses(
                 task,
                 &mut robots.borrow_mut(),
-                &identification.compliance_rad_per_nm,
                 &identification.posterior,
                 task.belief.method,
             );

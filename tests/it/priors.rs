@@ -446,6 +446,9 @@ fn a_prior_that_cannot_be_one_is_refused() {
     let good = place.read("i.json");
     place.write("p.toml", with_prior(&linear(), "i.json"));
     place.run("check p.toml").ends_with(0);
+    // As editors on Windows save it.
+    place.write("i.json", format!("\u{feff}{good}"));
+    place.run("check p.toml").ends_with(0);
     let hash = "\"robot_sha256\": \"";
     for (from, to, expected) in [
         (hash, "\"robot_sha256\": \"0", "another robot"),

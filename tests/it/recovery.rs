@@ -1,13 +1,13 @@
 //! Known compliances come back: what goes into the virtual robot is what identification finds.
 
 use elastocal::calibration::see;
-use elastocal::compensation::{compensate, test_pose_matrix};
-use elastocal::identification::{Identification, Sigma, identify};
+use elastocal::compensation::{compensate_arm, test_pose_matrix};
+use elastocal::identification::{Case, Identification, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::plan::{ExperimentModel, Plan};
 use elastocal::robot::{Load, ObservationMatrix};
 use elastocal::scenario::Scenario;
-use elastocal::task::Method;
+use elastocal::task::{Belief, Method};
 use elastocal::testbed::{TrueRobots, VirtualRobot};
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -33,25 +33,26 @@ pub fn noise_free(scenario: &Scenario, plan: &Plan) -> Vec<Measurement> {
     .expect("stable")
 }
 
+/// A belief that leaves open the compliances of these joints, and nothing else.
+pub fn of_compliances(belief: &Belief, parameters: &[usize]) -> Belief {
+    Belief {
+        parameters: parameters.to_vec(),
+        prior: None,
+        uncertain: None,
+        ..belief.clone()
+    }
+}
+
 pub fn identified(
     scenario: &Scenario,
     measurements: &[Measurement],
     sigma: Sigma,
     method: Method,
 ) -> Identification {
-    let (nominal, tool) = (
-        &scenario.task.belief.nominal,
-        &scenario.task.belief.calibration_tool,
-    );
-    identify(
-        nominal,
-        tool,
-        &scenario.task.belief.parameters,
-        measurements,
-        sigma,
-        method,
-    )
-    .expect("something can be identified")
+    let belief = &scenario.task.belief;
+    let belief = of_compliances(belief, &belief.parameters);
+    let found = Case::of_belief(&belief, measurements, sigma, method).identify();
+    found.expect("something can be identified")
 }
 
 fn known(scenario: &Scenario) -> Sigma {
@@ -210,13 +211,9 @@ fn compensation_with_true_compliances() {
             TrueRobots::new(&scenario.task.belief, &scenario.truth).expect("the sites exist");
         let pose = &scenario.task.test_poses[0];
         let mut left = |method| {
-            let commanded = compensate(
-                &scenario.task.belief.nominal.chain,
-                &scenario.task.belief.machining_tool,
-                &scenario.truth.robot.compliance_rad_per_nm,
-                pose,
-                method,
-            );
+            let mut arm = scenario.task.belief.arm();
+            (arm.compliance_rad_per_nm).clone_from(&scenario.truth.robot.compliance_rad_per_nm);
+            let commanded = compensate_arm(&arm, arm.tools.len() - 1, pose, method);
             let seen = see(&mut robots, pose, &commanded.expect("stable")).expect("stable");
             assert!(seen.uncompensated_m.norm() > 0.5e-3, "{seen:?}");
             seen.residual_m.norm()

@@ -4,13 +4,13 @@
 use elastocal::calibration::measure;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::experiment::Plan;
-use elastocal::identification::{Case, RobustIdentification, Robustness, Sigma};
+use elastocal::identification::{Case, RobustIdentification, Robustness};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::generator;
 use elastocal::plan::search::random_plan;
 use elastocal::scenario::Scenario;
 use elastocal::testbed::TrueRobots;
-use elastocal::workflow::identify::{HowIdentified, identify_measurements};
+use elastocal::workflow::identify::identify_measurements;
 use nalgebra::{DVector, Vector3};
 use serde_json::{Value, json};
 
@@ -31,8 +31,7 @@ fn scenario(more: &str) -> Scenario {
 
 pub fn robust(scenario: &Scenario, measurements: &[Measurement]) -> RobustIdentification {
     let belief = &scenario.task.belief;
-    let sigma = Sigma::Known(belief.instrument.sigma_m);
-    Case::of_belief(belief, measurements, sigma, belief.method)
+    Case::as_believed(belief, measurements)
         .identify_robustly(AS_COMMANDED)
         .expect("identified")
 }
@@ -209,11 +208,6 @@ fn what_is_counted_is_a_note_and_what_needs_somebody_a_condition() {
     let right = measure(&mut robots, task, truth, &plan, 69, 0, true)
         .expect("measured")
         .measurements;
-    let how = HowIdentified {
-        method: task.belief.method,
-        sigma_from_residuals: false,
-        robustness: AS_COMMANDED,
-    };
     let told = |wrong: &[usize], unexplained_m: f64| {
         let mut random = generator(69, 1);
         let mut measurements = right.clone();
@@ -223,7 +217,8 @@ fn what_is_counted_is_a_note_and_what_needs_somebody_a_condition() {
         for &index in wrong {
             measurements[index].deflection_m.y += 0.03;
         }
-        let found = identify_measurements(&task.belief, &measurements, how).expect("identified");
+        let case = Case::as_believed(&task.belief, &measurements);
+        let found = identify_measurements(case, AS_COMMANDED).expect("identified");
         (found.conditions().collect::<Vec<_>>(), found.notes())
     };
     let one = |texts: &[String], words: &str| texts.len() == 1 && texts[0].contains(words);

@@ -6,7 +6,7 @@
 //! seeds are fixed, so that the tests do not flicker.
 
 use elastocal::calibration::see;
-use elastocal::compensation::{compensate, predicted_error, test_pose_matrix};
+use elastocal::compensation::{compensate_arm, predicted_error, test_pose_matrix};
 use elastocal::identification::{Identification, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::generator;
@@ -113,10 +113,6 @@ fn intervals_of_95_percent_cover_the_truth_in_95_percent() {
 fn compensation_is_as_good_as_predicted() {
     let scenario = scenario("klimchik2012");
     let pose = &scenario.task.test_poses[0];
-    let (chain, tool) = (
-        &scenario.task.belief.nominal.chain,
-        &scenario.task.belief.machining_tool,
-    );
     let predicted = posterior(&scenario.task.belief, &table4(3));
     let covariance = &predicted.covariance;
     let matrix = test_pose_matrix(
@@ -134,8 +130,8 @@ fn compensation_is_as_good_as_predicted() {
     let known = Sigma::Known(scenario.task.belief.instrument.sigma_m);
     let mut sum = 0.0;
     for run in runs(&scenario, &measurements, known, Method::Nonlinear) {
-        let compliance = &run.compliance_rad_per_nm;
-        let commanded = compensate(chain, tool, compliance, pose, Method::Nonlinear);
+        let arm = scenario.task.belief.arm_at(&run.posterior.mean);
+        let commanded = compensate_arm(&arm, arm.tools.len() - 1, pose, Method::Nonlinear);
         let seen = see(&mut robot, pose, &commanded.expect("stable")).expect("stable");
         sum += seen.residual_m.norm_squared();
     }

@@ -22,7 +22,6 @@ use super::dialect::dialect;
 use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::static_compliance::add_static_compliance;
 use super::table::{number, table_of};
-use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};
 use targets::{TargetFrame, Workpiece};
 
@@ -102,25 +101,24 @@ impl Compensate {
         let messages: Vec<TestPoseMessage> = (poses.iter())
             .map(|each| TestPoseMessage::new(&commands, each))
             .collect();
-        let mut written = Written::default();
-        let mut text = describe(&messages, commands.unit(), simulated.is_some());
-        text += &taken_as_believed(&robot);
+        let text = describe(&messages, commands.unit(), simulated.is_some());
+        let text = text + &taken_as_believed(&robot);
+        let mut report = Report::new(Value::Null, text, conditions);
         // Before anything is written: there may be no way.
         let files = match &dialect {
             Some(dialect) => self.program(&scenario, dialect, &poses)?,
             None => Vec::new(),
         };
         if let Some(path) = &self.angles_out {
-            text += &written.save(path, &angles(&scenario.task, &messages));
+            report.save(path, &angles(&scenario.task, &messages));
         }
         if let Some(folder) = &self.program_out {
             make_folder(folder)?;
             for file in &files {
                 let path = folder.join(&file.name);
-                text += &written.save(&path, &file.text);
+                report.save(&path, &file.text);
             }
         }
-        conditions.extend(written.conditions());
         let mut keys = json!({
             "q_commanded_deg": messages[0].q_commanded_deg,
             "uncompensated_mm": messages[0].uncompensated_mm,
@@ -132,7 +130,7 @@ impl Compensate {
         if simulated.is_none() {
             forget_observed(&mut keys);
         }
-        let mut report = (self.common).report("compensate", &scenario, [keys], text, conditions)?;
+        let mut report = (self.common).report("compensate", &scenario, [keys], report)?;
         if self.static_compliance {
             let Task {
                 belief, test_poses, ..

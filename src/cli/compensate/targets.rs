@@ -138,7 +138,8 @@ impl Compensate {
             "corrects_joint_errors": robot.with_joint_errors.is_some(),
             "targets": list,
         });
-        Ok((self.common).report("compensate", scenario, [keys], text, conditions)?)
+        let report = Report::new(Value::Null, text, conditions);
+        Ok((self.common).report("compensate", scenario, [keys], report)?)
     }
 
     fn tool_of(&self, robot: &CalibratedRobot) -> Result<usize, FileError> {

@@ -19,7 +19,6 @@ use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_select
 use super::Identify;
 use crate::cli::study::results::noted;
 use crate::cli::table::{DISTANCES, distances, or_dash, table};
-use crate::cli::written::Written;
 use crate::cli::{Report, residuals};
 
 impl Identify {
@@ -62,45 +61,46 @@ impl Identify {
             (identified.compare(belief, &others, (groups, weights), between))
                 .map_err(|error| error.in_file(other))?;
         }
-        let mut json = identified.json(scenario, &self.common.provenance(scenario)?, groups)?;
-        let mut written = Written::default();
-        let mut text = String::new();
+        let mut report = Report {
+            json: identified.json(scenario, &self.common.provenance(scenario)?, groups)?,
+            conditions: identified.conditions(),
+            ..Report::default()
+        };
         if let Some(found) = model_selection {
-            text += &format!("{}\n", crate::cli::model_selection::describe(found));
+            report.text += &format!("{}\n", crate::cli::model_selection::describe(found));
             if let Some(path) = &self.plot_out {
                 let title = format!("{}: which model the readings pay for", scenario.name);
-                text += &written.save(path, &model_selection_plot(&title, found)?);
+                report.save(path, &model_selection_plot(&title, found)?);
             }
-            json["model_selection"] = model_selection_json(found);
+            report.json["model_selection"] = model_selection_json(found);
         } else {
-            text += &self.draw_patterns(scenario, &identified.patterns, &mut written)?;
+            self.draw_patterns(scenario, &identified.patterns, &mut report)?;
         }
-        text += &describe(&AbsoluteMessage::new(&identified.case, &identified.fit));
+        report.text += &describe(&AbsoluteMessage::new(&identified.case, &identified.fit));
         if let Some(path) = &self.uncertainties_out {
-            text += &written.noted(path, write_uncertainties(path, file, &identified));
+            report.noted(path, write_uncertainties(path, file, &identified));
         }
         let uncounted = uncounted(&identified.case);
+        let text = &mut report.text;
         if !uncounted.is_empty() {
-            text += &format!(
+            *text += &format!(
                 "  Not counted but as part of what the residuals show: {}\n",
                 uncounted.join(", ")
             );
         }
-        text += &residuals::patterns(&identified.patterns);
-        text += &residuals::repeats(identified.repeats.as_ref(), "positions");
-        text += &residuals::components(identified.repeat_components.as_ref());
+        *text += &residuals::patterns(&identified.patterns);
+        *text += &residuals::repeats(identified.repeats.as_ref(), "positions");
+        *text += &residuals::components(identified.repeat_components.as_ref());
         for each in &identified.inconsistencies {
-            text += &compared(each);
+            *text += &compared(each);
         }
         let loads = readings.iter().map(|each| &each.load);
         let loads = loads.filter(|load| **load != Load::NONE);
         let outside = scenario.task.loads.outside_all("loaded reading", loads);
         let mut notes = identified.notes();
         notes.extend(outside.map(|each| each.text));
-        text += &noted(&notes);
-        let mut conditions = identified.conditions();
-        conditions.extend(written.conditions());
-        Ok(Report::new(json, text, conditions))
+        *text += &noted(&notes);
+        Ok(report)
     }
 }
 

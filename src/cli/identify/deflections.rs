@@ -4,19 +4,20 @@ use std::path::Path;
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::identification::{Identification, IdentificationError, Robustness, UncertainEstimate};
+use crate::identification::{
+    Case, Identification, IdentificationError, Robustness, Sigma, UncertainEstimate,
+};
 use crate::measurement::{Measurement, Origin};
 use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
 use crate::task::Belief;
 use crate::text::wording::counted;
-use crate::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
+use crate::workflow::identify::{NotIdentified, identify_measurements};
 use serde_json::json;
 
 use super::Identify;
 use crate::cli::study::results::noted;
 use crate::cli::table::{number, or_dash, table};
-use crate::cli::written::Written;
 use crate::cli::{Report, residuals};
 
 impl Identify {
@@ -46,16 +47,14 @@ impl Identify {
             return Err(wrong.at(key).hint(hint).into());
         }
         let belief = &scenario.task.belief;
-        let how = HowIdentified {
-            method,
-            sigma_from_residuals: self.sigma_from_residuals,
-            robustness: Robustness {
-                keeps_all: self.keep_all,
-                counts_discrepancy: !self.common.noise_only,
-                holds_nominal: true,
-            },
+        let robustness = Robustness {
+            keeps_all: self.keep_all,
+            counts_discrepancy: !self.common.noise_only,
+            holds_nominal: true,
         };
-        let identified = identify_measurements(belief, measurements, how)
+        let sigma = Sigma::of(belief, self.sigma_from_residuals);
+        let case = Case::of_belief(belief, measurements, sigma, method);
+        let identified = identify_measurements(case, robustness)
             .map_err(|problem| explained(&self.measurements, &problem))?;
         let provenance = self.common.provenance(scenario)?;
         // Another state of the scenario has another virtual robot.
@@ -82,15 +81,10 @@ impl Identify {
         text += &residuals::patterns(&identified.patterns);
         text += &residuals::repeats(identified.repeats.as_ref(), "deflections");
         text += &noted(&identified.notes());
-        let mut written = Written::default();
-        text += &self.draw_patterns(scenario, &identified.patterns, &mut written)?;
-        Ok(Report::new(
-            json,
-            text,
-            (loads_outside.into_iter())
-                .chain(identified.conditions())
-                .collect(),
-        ))
+        let conditions = loads_outside.into_iter().chain(identified.conditions());
+        let mut report = Report::new(json, text, conditions.collect());
+        self.draw_patterns(scenario, &identified.patterns, &mut report)?;
+        Ok(report)
     }
 }
 

@@ -15,7 +15,6 @@ use crate::view::discrepancy_plots::patterns_plot;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::written::Written;
 use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
@@ -101,18 +100,19 @@ impl Identify {
         &self,
         scenario: &Scenario,
         patterns: &Patterns,
-        written: &mut Written,
-    ) -> anyhow::Result<String> {
+        report: &mut Report,
+    ) -> anyhow::Result<()> {
         let Some(path) = &self.plot_out else {
-            return Ok(String::new());
+            return Ok(());
         };
         if patterns.found.is_empty() {
             let file = path.display();
-            return Ok(format!(
-                "there are no patterns in the residuals to draw: {file} is not written\n"
-            ));
+            report.text +=
+                &format!("there are no patterns in the residuals to draw: {file} is not written\n");
+            return Ok(());
         }
         let title = format!("{}: patterns in the residuals", scenario.name);
-        Ok(written.save(path, &patterns_plot(&title, patterns)?))
+        report.save(path, &patterns_plot(&title, patterns)?);
+        Ok(())
     }
 }

@@ -213,7 +213,7 @@ impl StudyCommand {
         if part.header.absolute.is_none() {
             report.conditions.extend(foreign_loads(scenario));
         }
-        report.conditions.extend(written.conditions());
+        report.written = written;
         Ok(report)
     }
 

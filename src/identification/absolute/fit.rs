@@ -327,15 +327,18 @@ impl AbsoluteFit {
         parameter.quantity(&self.reference, self.posterior.mean[index])
     }
 
+    /// By how much that changes with the parameter's own value.
+    pub fn factor(&self, index: usize) -> f64 {
+        if self.set.parameters()[index].is_logarithmic {
+            self.quantity(index)
+        } else {
+            1.0
+        }
+    }
+
     /// The standard error of that quantity; `None` where it is not determined.
     pub fn standard_error(&self, index: usize) -> Option<f64> {
-        let error = self.posterior.standard_error(index)?;
-        let is_logarithmic = self.set.parameters()[index].is_logarithmic;
-        Some(if is_logarithmic {
-            error * self.quantity(index)
-        } else {
-            error
-        })
+        Some(self.posterior.standard_error(index)? * self.factor(index))
     }
 
     /// By how many standard errors the interval of 95 % of a parameter reaches to either side.

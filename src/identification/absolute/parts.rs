@@ -125,10 +125,19 @@ impl PartsOfReadings<'_> {
         (position_m > 0.0).then_some(position_m)
     }
 
-    /// How far readings are from where all together say (m).
+    /// Whether a reading is judged on: positions alone where there are any, since distances are lengths of another kind.
+    pub fn is_judged(&self, place: usize) -> bool {
+        let is_distance = |each: &Observation| matches!(each.reading, Reading::Distance { .. });
+        let all = &self.case.observations;
+        !is_distance(&all[place]) || all.iter().all(is_distance)
+    }
+
+    /// How far the readings that are judged on are from where all together say (m).
     pub fn distances_m(&self) -> Vec<f64> {
         let both = self.case.observations.iter().zip(&self.expected_m);
-        both.map(|(read, expected)| (read.position_m() - expected).norm())
+        let judged = both.enumerate().filter(|(place, _)| self.is_judged(*place));
+        judged
+            .map(|(_, (read, expected))| (read.position_m() - expected).norm())
             .collect()
     }
 
@@ -157,12 +166,13 @@ impl PartsOfReadings<'_> {
         relative_precision(self.set())
     }
 
-    /// C^T (p x 3 n): how the positions, or the distances, of all n readings follow the unknowns (in typical sizes), times the root of 1/n,
-    /// so that `rho_0`^2 is the mean square distance over them.
+    /// C^T (p x 3 n): how the positions, or the distances, of the n readings that are judged on follow the unknowns (in typical sizes),
+    /// times the root of 1/n, so that `rho_0`^2 is the mean square distance over them.
     pub fn positions(&self) -> DMatrix<f64> {
         let set = self.set();
-        let read = self.case.observations.iter();
-        let read = read.map(|each| (&each.setup, each.reading.kind()));
+        let read =
+            (self.case.observations.iter().enumerate()).filter(|(place, _)| self.is_judged(*place));
+        let read = read.map(|(_, each)| (&each.setup, each.reading.kind()));
         let read: Vec<_> = read.collect();
         let rows = planned_positions(set, &self.case.arm, &set.prior().mean, &read);
         rows.transpose() / (read.len().max(1) as f64).sqrt()
@@ -281,7 +291,7 @@ impl PartsOfReadings<'_> {
         let of_reading = |(index, (rows, each)): (usize, (_, &Observation))| {
             let q = each.setup.commanded_rad.as_slice();
             let (left, covariance) = model.prognosis(rows, &places, q);
-            if chosen.binary_search(&index).is_err() {
+            if chosen.binary_search(&index).is_err() && self.is_judged(index) {
                 let new = discrepancy_covariance(model.rest) + self.case.covariances[index];
                 let coordinates = left.len().min(3);
                 let returns = self.known.returns([&rows.joints; 2]).diagonal();

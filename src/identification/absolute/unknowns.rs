@@ -19,8 +19,11 @@ const MASS_DEVIATION: f64 = 1.0;
 const CENTRE_DEVIATION_M: f64 = 0.1;
 
 /// A group of parameters of a robot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, clap::ValueEnum)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, clap::ValueEnum, strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum ParameterGroup {
     /// Where stations and targets are: always.
     Frames,
@@ -43,17 +46,8 @@ pub enum ParameterGroup {
 
 impl ParameterGroup {
     /// Its word on the command line.
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Frames => "frames",
-            Self::Zeros => "zeros",
-            Self::Links => "links",
-            Self::Geometry => "geometry",
-            Self::Compliances => "compliances",
-            Self::Springs => "springs",
-            Self::Payload => "payload",
-            Self::All => "all",
-        }
+    pub fn word(self) -> &'static str {
+        self.into()
     }
 
     /// What it adds to the frames of an arm.

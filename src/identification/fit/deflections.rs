@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, stack};
 
 use super::super::case::Case;
-use super::super::equations::{PredictedRows, PriorRows};
+use super::super::equations::PredictedRows;
 use super::super::error::IdentificationError;
 use super::super::whitening::Whitening;
 use super::gauss_newton::{FitPlace, FitProblem, gauss_newton};
@@ -36,7 +36,8 @@ pub struct FitStart {
     /// What the measurements determine follows from their linear equations at the commanded angles, as it
     /// does for the planner: it does not depend on what was read, and does not change on the way of a fit.
     pub estimable: Estimable,
-    prior: PriorRows,
+    /// What is known before, as whitened equations (q x p) of the change from nominal values.
+    prior: DMatrix<f64>,
     /// The prior's information in coordinates of what is determined, r x r.
     before: DMatrix<f64>,
     nominal: DVector<f64>,
@@ -51,11 +52,11 @@ impl FitStart {
     /// Fits that begin at nominal values: by the linear method, or through the static equilibrium.
     pub fn new(source: &Case<'_>, is_near: bool) -> Self {
         let whitening = source.whitening();
-        let nominal = DVector::from_vec(source.nominal_values());
-        let prior = source.prior();
+        let nominal = DVector::from_vec(source.belief.values());
+        let prior = source.belief.prior_rows();
         let mut at_nominal = source.predicted_linearly();
         whitening.whiten(&mut at_nominal.derivatives);
-        let estimable = source.estimable(&stack![at_nominal.derivatives; prior.rows]);
+        let estimable = source.estimable(&stack![at_nominal.derivatives; prior]);
         let mut torques = Vec::new();
         let at_rest = (source.method == Method::Nonlinear && !is_near)
             .then(|| source.predicted(nominal.as_slice(), &mut torques).ok());
@@ -64,7 +65,7 @@ impl FitStart {
             at_nominal = at_rest;
         }
         whitening.whiten(&mut at_nominal.values);
-        let before = gram(&(&prior.rows * estimable.basis_in_units()));
+        let before = gram(&(&prior * estimable.basis_in_units()));
         let mut start = Self {
             factor: None,
             before,
@@ -75,7 +76,7 @@ impl FitStart {
             at_nominal,
             torques,
         };
-        if source.uncertain.is_some() || source.method == Method::Nonlinear {
+        if source.belief.uncertain.is_some() || source.method == Method::Nonlinear {
             start.factor = sound_factor(start.information(&start.at_nominal.derivatives));
         }
         start
@@ -83,7 +84,7 @@ impl FitStart {
 
     /// The number of equations, what was known before among them.
     pub fn equations(&self) -> usize {
-        self.at_nominal.values.len() + self.prior.rows.nrows()
+        self.at_nominal.values.len() + self.prior.nrows()
     }
 
     /// What whitened rows (N x p) and what was known before say of what is determined (r x r).
@@ -104,13 +105,13 @@ impl FitStart {
         DeflectionRows {
             matrix: predicted.derivatives,
             left: read - predicted.values,
-            before: &self.prior.rows * (&self.prior.mean - values),
+            before: &self.prior * (&self.nominal - values),
         }
     }
 
     /// The right-hand side of the normal equations (r).
     fn gradient(&self, rows: &DeflectionRows) -> DVector<f64> {
-        let of_all = rows.matrix.tr_mul(&rows.left) + self.prior.rows.tr_mul(&rows.before);
+        let of_all = rows.matrix.tr_mul(&rows.left) + self.prior.tr_mul(&rows.before);
         self.estimable.coordinates(of_all)
     }
 
@@ -128,7 +129,7 @@ impl FitStart {
     }
 
     fn solve(&self, rows: &DeflectionRows) -> LeastSquares {
-        let matrix = stack![rows.matrix; self.prior.rows];
+        let matrix = stack![rows.matrix; self.prior];
         LeastSquares::solve(&matrix, &rows.residuals(), &self.estimable)
     }
 
@@ -150,7 +151,7 @@ impl FitStart {
         );
         let step = &last.solution;
         values += step;
-        let moved = stack![&rows.matrix * step; &self.prior.rows * step];
+        let moved = stack![&rows.matrix * step; &self.prior * step];
         DeflectionFit {
             whitened_residuals: rows.residuals() - moved,
             values: values.as_slice().to_vec(),
@@ -222,7 +223,7 @@ impl FitProblem for DeflectionProblem<'_> {
 
     /// Compliances alone take few steps, and are told to the last digit.
     fn tolerance(&self, _: &FitPlace<Self::Kept>) -> f64 {
-        match self.source.uncertain {
+        match self.source.belief.uncertain {
             Some(_) => LAST_STEP,
             None => 0.0,
         }
@@ -235,7 +236,10 @@ pub fn fit_linear(start: &FitStart, source: &Case<'_>) -> DeflectionFit {
     start.whitening.whiten(&mut read);
     let rows = start.rows(&read, start.at_nominal.clone(), &start.nominal);
     // Where only compliances are unknown, these are few, and may be determined badly.
-    let factor = start.factor.as_ref().filter(|_| source.uncertain.is_some());
+    let factor = start
+        .factor
+        .as_ref()
+        .filter(|_| source.belief.uncertain.is_some());
     let factored = factor.map(|factor| (factor, factor.solve(&start.gradient(&rows))));
     start.end(&rows, start.nominal.clone(), factored, 1)
 }
@@ -268,14 +272,15 @@ pub fn fit_nonlinear(
         (problem.at(first)).or_else(|error| problem.at(nominal.clone()).map_err(|_| error))?;
     let (found, iterations) = gauss_newton(&mut problem, first)?;
     let (rows, factor) = found.kept;
-    let factor = factor.as_ref().filter(|_| source.uncertain.is_some());
+    let factor = factor
+        .as_ref()
+        .filter(|_| source.belief.uncertain.is_some());
     let factored = factor.map(|factor| (factor, found.step));
     Ok(start.end(&rows, found.values, factored, iterations))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::Sigma;
     use super::*;
     use crate::plan::read_plan;
     use crate::scenario::Scenario;
@@ -287,11 +292,10 @@ mod tests {
         let scenario = Scenario::load("scenarios/kr270.toml".as_ref()).expect("valid");
         let belief = &scenario.task.belief;
         let plan = read_plan("scenarios/plans/klimchik2012_m3.csv".as_ref(), 6).expect("a plan");
-        let sigma = Sigma::Known(belief.instrument.sigma_m);
         let mut measured = measurements_of(&plan, &belief.instrument);
-        let case = Case::of_belief(belief, &[], sigma, Method::Nonlinear);
+        let case = Case::as_believed(belief, &[]);
         let unread = case.with(&measured);
-        let mut near = unread.nominal_values();
+        let mut near = belief.values();
         for (place, value) in near.iter_mut().take(5).enumerate() {
             *value *= 1.2 - 0.1 * place as f64;
         }

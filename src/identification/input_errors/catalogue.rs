@@ -1,6 +1,7 @@
 //! The input errors that are looked for: what may be wrong, what to do about it, and how the table is read without it.
 
 use std::f64::consts::FRAC_PI_2;
+use std::fmt::Display;
 
 use nalgebra::{DVector, Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
@@ -41,12 +42,15 @@ pub(super) enum Correction {
 }
 
 impl InputError {
-    fn new(kind: &'static str, words: impl Into<String>, change: Correction) -> Self {
-        let (words, reversed) = (words.into(), Vec::new());
+    fn new(
+        kind: &'static str,
+        (question, remedy): (impl Display, impl Display),
+        change: Correction,
+    ) -> Self {
         Self {
             kind,
-            words,
-            reversed,
+            words: format!("{question}? {remedy}"),
+            reversed: Vec::new(),
             change,
         }
     }
@@ -112,41 +116,33 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
         };
         InputError {
             reversed: joints,
-            ..InputError::new(
-                "joint_signs",
-                format!("{question}? {remedy}"),
-                commands(change),
-            )
+            ..InputError::new("joint_signs", (question, remedy), commands(change))
         }
     };
     let offset = |joint: usize, quarters: i8| {
         let question = format!("are angles of {} counted from elsewhere", named(joint));
         let [degrees, turn] = [90.0, FRAC_PI_2].map(|quarter| f64::from(quarters) * quarter);
-        let words = format!("{question}? Add {degrees} deg to {}", plain(joint));
-        InputError::new("joint_offset", words, commands(move |q| q[joint] += turn))
+        let remedy = format!("Add {degrees} deg to {}", plain(joint));
+        let change = commands(move |q| q[joint] += turn);
+        InputError::new("joint_offset", (question, remedy), change)
     };
     let mut angles = Commands::from(chain).columns();
     angles.retain(|column| column.ends_with("_deg"));
     let turning = || (0..joints).filter(|&joint| !chain.joints[joint].drive.slides);
     let unit = |question: &str, factor: f64| {
-        let words = format!("{question}? Multiply {} by {factor:.6}", angles.join(", "));
+        let remedy = format!("Multiply {} by {factor:.6}", angles.join(", "));
         let turning: Vec<usize> = turning().collect();
         let change =
             move |q: &mut DVector<f64>| turning.iter().for_each(|&joint| q[joint] *= factor);
-        InputError::new("angle_unit", words, commands(change))
+        InputError::new("angle_unit", (question, remedy), commands(change))
     };
     let swapped = |one: usize, other: usize| {
-        let question = format!(
-            "are the columns {} and {} swapped",
-            named(one),
-            named(other)
-        );
-        let words = format!("{question}? Swap {} and {}", plain(one), plain(other));
-        InputError::new(
-            "joints_swapped",
-            words,
-            commands(move |q| q.swap_rows(one, other)),
-        )
+        let [[own, other_name], [column, other_column]] =
+            [&named as &dyn Fn(usize) -> String, &plain].map(|name| [one, other].map(name));
+        let question = format!("are the columns {own} and {other_name} swapped");
+        let remedy = format!("Swap {column} and {other_column}");
+        let change = commands(move |q| q.swap_rows(one, other));
+        InputError::new("joints_swapped", (question, remedy), change)
     };
     let from_before = |joint: usize, times: f64| {
         let own = named(joint);
@@ -158,11 +154,7 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
             format!("Add {before} to {own}")
         };
         let change = move |q: &mut DVector<f64>| q[joint] += times * q[joint - 1];
-        InputError::new(
-            "joint_from_before",
-            format!("{question}? {remedy}"),
-            commands(change),
-        )
+        InputError::new("joint_from_before", (question, remedy), commands(change))
     };
     let degrees = 1_f64.to_degrees();
     [
@@ -186,29 +178,29 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
 
 /// Errors of deflections and loads by their kinds: signs, units of loads and of deflections, the tool's frame, and frames of right angles.
 pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
-    let signs = "are all signs reversed, loaded and unloaded swapped or the loads' sign? \
-                 Deflections are loaded minus unloaded; a weight has a negative fz_n where z points up: \
+    let signs = "are all signs reversed, loaded and unloaded swapped or the loads' sign";
+    let right = "Deflections are loaded minus unloaded; a weight has a negative fz_n where z points up: \
                  change the sign of dx_mm, dy_mm, dz_mm, or of the loads";
     let reversed = |each: &mut Measurement, _: &_| turn(each, &-Matrix3::identity(), 1.0);
     let load_unit = |(factor, what): (f64, &str)| {
         let shown = (factor * 1e3).round() / 1e3;
-        let words = format!("are the loads {what}? Multiply fx_n to tz_nm by {shown}");
+        let question = format!("are the loads {what}");
+        let remedy = format!("Multiply fx_n to tz_nm by {shown}");
         let change = move |each: &mut Measurement, _: &_| each.load = each.load.scaled(factor);
-        InputError::new("load_unit", words, deflection(change))
+        InputError::new("load_unit", (question, remedy), deflection(change))
     };
     let unit = |(factor, unit): (f64, &str)| {
         let question = format!("are the deflections in {unit} instead of mm");
-        let words = format!("{question}? Multiply dx_mm, dy_mm, dz_mm by {factor}");
+        let remedy = format!("Multiply dx_mm, dy_mm, dz_mm by {factor}");
         let change = move |each: &mut Measurement, _: &_| {
             each.deflection_m *= factor;
             each.sigma_m = each.sigma_m.map(|sigma| sigma * factor);
         };
-        InputError::new("deflection_unit", words, deflection(change))
+        InputError::new("deflection_unit", (question, remedy), deflection(change))
     };
-    let in_tool_frame = |what: &str| {
-        format!(
-            "are the {what} in the tool's frame instead of the world's? Turn them into the world frame"
-        )
+    let in_tool_frame = |kind, what: &str, change| {
+        let question = format!("are the {what} in the tool's frame instead of the world's");
+        InputError::new(kind, (question, "Turn them into the world frame"), change)
     };
     let loads = |each: &mut Measurement, axes: &Matrix3<f64>| {
         let [force_n, torque_nm] = [each.load.force_n, each.load.torque_nm];
@@ -226,22 +218,18 @@ pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
     [
         vec![InputError::new(
             "signs_reversed",
-            signs,
+            (signs, right),
             deflection(reversed),
         )],
         load_units.map(load_unit).into(),
         [(1000.0, "m"), (0.001, "um")].map(unit).into(),
         vec![
-            InputError::new(
+            in_tool_frame(
                 "deflections_in_tool_frame",
-                in_tool_frame("deflections"),
+                "deflections",
                 deflection(|each, axes| turn(each, axes, 1.0)),
             ),
-            InputError::new(
-                "loads_in_tool_frame",
-                in_tool_frame("loads"),
-                deflection(loads),
-            ),
+            in_tool_frame("loads_in_tool_frame", "loads", deflection(loads)),
         ],
         right_angles().into_iter().map(in_frame).collect(),
     ]
@@ -271,14 +259,10 @@ pub(super) fn in_frame(matrix: Matrix3<f64>) -> InputError {
         format!("turned by {degrees:.1} deg about {about} ")
     });
     let remedy = written(&matrix, ["dx_mm", "dy_mm", "dz_mm"]);
-    let words = format!(
-        "are the deflections in {mirrored}{turned}against the model's world frame? {remedy}"
-    );
-    InputError::new(
-        "frame",
-        words,
-        deflection(move |each, _| turn(each, &matrix, parity)),
-    )
+    let question =
+        format!("are the deflections in {mirrored}{turned}against the model's world frame");
+    let change = deflection(move |each, _| turn(each, &matrix, parity));
+    InputError::new("frame", (question, remedy), change)
 }
 
 /// Turns a deflection; rotation vectors are multiplied by `parity`, too.
@@ -328,29 +312,37 @@ fn reordered(rotation: Rotation3<f64>, places: [usize; 4]) -> Rotation3<f64> {
 
 /// Errors of what instruments show; some of orientations, where there are any.
 pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
-    let left_handed = "are the axes of the instrument left-handed? \
-                       Change the sign of one column of positions, and of orientations with it";
+    let left_handed = "are the axes of the instrument left-handed";
+    let remedy = "Change the sign of one column of positions, and of orientations with it";
     let mirrored = |sight: &mut Sight| {
         let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
         sight.position_m = mirror * sight.position_m;
         sight.rotation = sight.rotation.map(|each| mirror * each * mirror);
     };
-    let left_handed = InputError::new("left_handed", left_handed, seen(mirrored));
+    let left_handed = InputError::new("left_handed", (left_handed, remedy), seen(mirrored));
     if !has_rotations {
         return vec![left_handed];
     }
-    let turned = |kind, words: &str, change: fn(Rotation3<f64>) -> Rotation3<f64>| {
+    let turned = |kind, words: (&str, &str), change: fn(Rotation3<f64>) -> Rotation3<f64>| {
         let turned = move |sight: &mut Sight| {
             let rotation = sight.rotation.map(Rotation3::from_matrix_unchecked);
             sight.rotation = rotation.map(|each| change(each).into_inner());
         };
         InputError::new(kind, words, seen(turned))
     };
-    let inverted = "are the orientations inverted, from the instrument to the target? Invert them";
-    let quaternion = "are the quaternions in another order (x, y, z, w for w, x, y, z)? Put the columns qw to qz in theirs";
-    let euler = "are the Euler angles in the other order (z y x for x y z, or about fixed axes)? Change axes or about in the mapping";
+    let inverted = "are the orientations inverted, from the instrument to the target";
+    let quaternion = (
+        "are the quaternions in another order (x, y, z, w for w, x, y, z)",
+        "Put the columns qw to qz in theirs",
+    );
+    let euler = (
+        "are the Euler angles in the other order (z y x for x y z, or about fixed axes)",
+        "Change axes or about in the mapping",
+    );
     let mut all = vec![
-        turned("rotations_inverted", inverted, |each| each.inverse()),
+        turned("rotations_inverted", (inverted, "Invert them"), |each| {
+            each.inverse()
+        }),
         turned("quaternion_order", quaternion, |each| {
             reordered(each, [3, 0, 1, 2])
         }),
@@ -373,9 +365,9 @@ pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
     }
     all.extend(columns.map(|matrix| {
         let remedy = written(&matrix, ["x_mm", "y_mm", "z_mm"]);
-        let words = format!("are the columns of positions swapped or of another sign? {remedy}");
+        let question = "are the columns of positions swapped or of another sign";
         let moved = move |sight: &mut Sight| sight.position_m = matrix * sight.position_m;
-        InputError::new("position_columns", words, seen(moved))
+        InputError::new("position_columns", (question, remedy), seen(moved))
     }));
     all
 }
@@ -383,8 +375,12 @@ pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
 /// The instrument was moved before this reading (from 0).
 pub(super) fn station_moved(reading: usize) -> InputError {
     let question = format!("was the instrument moved near reading {}", reading + 1);
-    let words = format!("{question}? Give the readings from there on a station of their own");
-    InputError::new("station_moved", words, Correction::StationMoved(reading))
+    let remedy = "Give the readings from there on a station of their own";
+    InputError::new(
+        "station_moved",
+        (question, remedy),
+        Correction::StationMoved(reading),
+    )
 }
 
 /// How columns follow from those of the file.

@@ -30,6 +30,7 @@ use super::{LikelyInputError, unknown_approaches};
 use crate::codes::{Condition, ConditionCode};
 use crate::measurement::Measurement;
 use crate::robot::{Load, ObservationMatrix};
+use crate::task::Belief;
 
 /// The evidence that an error needs, as twice the natural logarithm of a ratio of a million.
 const DECISIVE: f64 = 27.6;
@@ -59,14 +60,14 @@ const FLAT: f64 = 1e-3;
 pub fn conditions_of_table(case: &Case<'_>) -> Vec<Condition> {
     let copies = copied(case).conditions("measurement");
     let sides = case.measurements.iter().map(|each| each.approach.as_ref());
-    let unknown = unknown_approaches(case.uncertain, "measurement", sides);
+    let unknown = unknown_approaches(case.belief.uncertain.as_ref(), "measurement", sides);
     (outside_limits(case).into_iter().chain(unknown))
         .chain(copies)
         .collect()
 }
 
 fn outside_limits(case: &Case<'_>) -> Option<Condition> {
-    let chain = &case.nominal.chain;
+    let chain = &case.belief.nominal.chain;
     let beyond = |place: usize, joint: usize| {
         let [from, to] = chain.joints[joint].range_rad;
         let angle = case.measurements[place].configuration_rad[joint];
@@ -122,7 +123,7 @@ pub fn suspected_input_errors(
         let inconsistent = (found.consistency)
             .is_some_and(|probability| !(INCONSISTENT..=1.0 - INCONSISTENT).contains(&probability));
         let is_implausible = found.parameters.iter().any(|parameter| {
-            let nominal = case.nominal.compliance_rad_per_nm[parameter.joint];
+            let nominal = case.belief.nominal.compliance_rad_per_nm[parameter.joint];
             parameter.estimate.is_some_and(|estimate| {
                 let ratio = estimate.value / nominal;
                 nominal > 0.0 && !(IMPLAUSIBLE.recip()..=IMPLAUSIBLE).contains(&ratio)
@@ -144,6 +145,18 @@ pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
     if (case.measurements.iter()).any(|each| each.direction.is_some()) {
         return found;
     }
+    // What is known before is wider here.
+    let belief = &Belief {
+        prior: None,
+        uncertain: None,
+        ..case.belief.clone()
+    };
+    let held = &[];
+    let case = &Case {
+        belief,
+        held,
+        ..*case
+    };
     let step = case.measurements.len().div_ceil(MOST_MEASUREMENTS).max(1);
     let mut read: Vec<Measurement> = case.measurements.iter().step_by(step).cloned().collect();
     for _ in 0..DEPTH {
@@ -196,7 +209,13 @@ fn corrected(
         error.correct_commands(&mut each.configuration_rad);
         if let Correction::Deflection(change) = &error.change {
             let q = each.configuration_rad.as_slice();
-            let axes = case.nominal.chain.at(case.tool).state(q).tool_rotation;
+            let axes = case
+                .belief
+                .nominal
+                .chain
+                .at(&case.belief.calibration_tool)
+                .state(q)
+                .tool_rotation;
             change(each, &axes);
         }
     }
@@ -241,7 +260,7 @@ fn best(case: &Case<'_>, read: &[Measurement], as_it_is: &ReadingEvidence) -> Ve
 /// Whether the joints' ranges allow the angles that a correction made of the file's.
 fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -> bool {
     let is_allowed = |joint: usize, before: f64, after: f64| {
-        let [from, to] = case.nominal.chain.joints[joint].range_rad;
+        let [from, to] = case.belief.nominal.chain.joints[joint].range_rad;
         let is_inside = (from - RANGE_SLACK_RAD..=to + RANGE_SLACK_RAD).contains(&after);
         (after - before).abs() < f64::EPSILON || is_inside
     };
@@ -254,7 +273,7 @@ fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -
 /// All errors that are looked for, the simple ones first, with what each costs: twice the logarithm of the number of errors of its kind,
 /// of sets of joints that turn the other way of those as large, and of what its parameters cost.
 fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError, f64)> {
-    let chain = &case.nominal.chain;
+    let chain = &case.belief.nominal.chain;
     let [reversed, _, units, swapped, _] = catalogue::of_commands(chain);
     let kinds = (catalogue::of_deflections().into_iter()).chain([units, swapped]);
     let price = |count: usize| 2.0 * (count as f64).ln();
@@ -317,9 +336,9 @@ fn nearest_rotation(
     file: &[Measurement],
     read: &[Measurement],
 ) -> Option<Matrix3<f64>> {
-    let all: Vec<usize> = (0..case.nominal.chain.len()).collect();
+    let all: Vec<usize> = (0..case.belief.nominal.chain.len()).collect();
     let compliance = DVector::from_vec(most_probable(case, read)?);
-    let arm = case.nominal.chain.at(case.tool);
+    let arm = case.belief.nominal.chain.at(&case.belief.calibration_tool);
     let mut correlation = Matrix3::zeros();
     for each in file {
         let mut state = arm.state(each.configuration_rad.as_slice());

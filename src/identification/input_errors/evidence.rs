@@ -78,15 +78,8 @@ impl ReadingEvidence {
 
 /// Whitened rows (N x p) by the compliances as multiples of the nominal ones, and what these leave of the measurements (N).
 fn relative_rows(case: &Case<'_>, measurements: &[Measurement]) -> (DMatrix<f64>, DVector<f64>) {
-    // What is known before is wider here.
-    let case = Case {
-        prior: None,
-        uncertain: None,
-        held: &[],
-        ..case.with(measurements)
-    };
-    let nominal = case.nominal.typical_rad_per_nm(case.parameters);
-    let mut rows = case.first_order(&nominal);
+    let nominal = case.belief.sizes();
+    let mut rows = case.with(measurements).first_order(&nominal);
     for (mut column, nominal) in rows.matrix.column_iter_mut().zip(&nominal) {
         column *= *nominal;
     }
@@ -101,9 +94,9 @@ pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Ve
     let precision = DMatrix::identity(unknowns, unknowns) / (TRUST * TRUST);
     let information = matrix.tr_mul(&matrix) + precision;
     let deviation = information.cholesky()?.solve(&matrix.tr_mul(&left));
-    let nominal = case.nominal.typical_rad_per_nm(case.parameters);
-    let mut compliance = case.nominal.compliance_rad_per_nm.clone();
-    for (index, &joint) in case.parameters.iter().enumerate() {
+    let nominal = case.belief.sizes();
+    let mut compliance = case.belief.nominal.compliance_rad_per_nm.clone();
+    for (index, &joint) in case.belief.parameters.iter().enumerate() {
         compliance[joint] = nominal[index] * (1.0 + deviation[index]);
     }
     Some(compliance)

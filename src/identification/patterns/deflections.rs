@@ -16,14 +16,18 @@ pub fn looked_at(
     left_m: &[[f64; 3]],
     blocks: &[usize],
 ) -> LookedAt {
-    let chain = &case.nominal.chain;
-    let mut compliances = case.nominal.compliance_rad_per_nm.clone();
-    for (&joint, parameter) in case.parameters.iter().zip(&identification.parameters) {
+    let (belief, chain) = (case.belief, &case.belief.nominal.chain);
+    let mut compliances = belief.nominal.compliance_rad_per_nm.clone();
+    for (&joint, parameter) in belief.parameters.iter().zip(&identification.parameters) {
         if let Some(estimate) = parameter.estimate {
             compliances[joint] = estimate.value;
         }
     }
-    let arm = ElasticArm::new(chain.clone(), compliances, vec![case.tool.clone()]);
+    let arm = ElasticArm::new(
+        chain.clone(),
+        compliances,
+        vec![belief.calibration_tool.clone()],
+    );
     let joints = chain.len();
     let compliances = (0..joints).map(|joint| (ParameterKind::JointCompliance { joint }, None));
     let all =
@@ -57,7 +61,7 @@ pub fn looked_at(
         });
         ReadingRows {
             residual,
-            fitted: whitened.select_columns(case.parameters),
+            fitted: whitened.select_columns(&belief.parameters),
             bent: whitened.clone(),
             moved: whitened,
             placed,

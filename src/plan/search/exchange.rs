@@ -89,6 +89,7 @@ impl Refinement<'_> {
                 } && cost < found.cost * (1.0 - WORTHWHILE)
                 {
                     if let Some(point) = self.take_clear(pool, better) {
+                        let point = self.apart(point, &found.points);
                         let cost = self.cost_in_place(&found, index, &point, &information, cost);
                         if cost < found.cost {
                             found.points[index] = point;

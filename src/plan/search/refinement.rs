@@ -231,6 +231,13 @@ impl<'a> Refinement<'a> {
         best.is_some()
     }
 
+    /// A point in a configuration of its own beside some, where those of one configuration share errors and another tells the same.
+    pub fn apart(&mut self, point: Point, others: &[Point]) -> Point {
+        let apart =
+            (self.is_shared_by_configuration).then(|| self.sampler.variant_beside(&point, others));
+        apart.flatten().unwrap_or(point)
+    }
+
     /// Adds what one repeat more or less of a point tells.
     fn change_repeats(&self, sum: &mut DMatrix<f64>, point: &Point, repeats: u32, change: i32) {
         if self.is_shared_by_configuration {

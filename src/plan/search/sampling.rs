@@ -90,9 +90,16 @@ impl<'a> RandomPlans<'a> {
     /// The same experiment, clear of collisions and in sight: itself, or one that tells the same at
     /// other angles of the joints that do not matter. `None` where there is none among a fixed set.
     pub(super) fn clear_variant(&mut self, point: &Point) -> Option<Point> {
+        self.variant_beside(point, &[])
+    }
+
+    /// The same in none of the configurations that are taken.
+    pub(super) fn variant_beside(&mut self, point: &Point, taken: &[Point]) -> Option<Point> {
         let direction = point.direction;
-        let mut is_clear =
-            |q: &[f64]| (self.feasibility).is_clear(q, &point.load, direction.as_ref());
+        let mut is_clear = |q: &[f64]| {
+            let is_free = taken.iter().all(|other| other.q != q);
+            is_free && (self.feasibility).is_clear(q, &point.load, direction.as_ref())
+        };
         if is_clear(&point.q) {
             return Some(point.clone());
         }
@@ -101,7 +108,7 @@ impl<'a> RandomPlans<'a> {
             return None;
         }
         let mut random = generator(streams::FIXED_SEED, streams::VARIANTS);
-        (0..VARIANTS).find_map(|_| {
+        (0..VARIANTS + taken.len()).find_map(|_| {
             let mut q = point.q.clone();
             for &joint in free {
                 let (low, high) = self.problem.ranges[joint];

@@ -326,6 +326,14 @@ impl<'a> UncertaintyEntry<'a> {
             is_passive.then_some("is passive: nothing commands it")
         };
         let joints = self.joints(|joint| self.gives(key(joint)), passive)?;
+        for (size, of_these) in [("std_mm", "slides"), (of_angle, "turns")] {
+            if self.gives(size) && !joints.iter().any(|&joint| key(joint) == size) {
+                return Err(self.wrong(
+                    size,
+                    format!("none of the joints that are meant {of_these}"),
+                ));
+            }
+        }
         let sizes: Result<Vec<f64>, _> =
             joints.iter().map(|&joint| self.size(key(joint))).collect();
         Ok(joints.into_iter().zip(sizes?))

@@ -147,7 +147,7 @@ impl Checker<'_> {
         Ok(Scenario {
             path: self.path.to_owned(),
             name: self.name()?,
-            description: file.description,
+            description: name::in_one_line(&file.description),
             sha256: self.inputs.borrow().sha256(&self.question(table)?),
             seed: file.seed,
             task: Task {

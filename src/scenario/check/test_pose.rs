@@ -35,8 +35,12 @@ impl Checker<'_> {
             let axes = &state.tool_rotation;
             let weight = table.weight.unwrap_or(1.0);
             let unnamed = || format!("test pose {}", index + 1);
+            let name = table.name.clone().unwrap_or_else(unnamed);
+            if poses.iter().any(|pose: &TestPose| pose.name == name) {
+                return Err(self.wrong(&format!("{key}.name"), format!("found {name:?} twice")));
+            }
             poses.push(TestPose {
-                name: table.name.clone().unwrap_or_else(unnamed),
+                name,
                 load: self.test_load(&key, table, axes)?,
                 load_axes: (table.tool_force_n.is_some() || table.tool_torque_nm.is_some())
                     .then_some(*axes),
