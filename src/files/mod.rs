@@ -19,6 +19,9 @@ pub mod source;
 mod temporary;
 pub mod typed;
 mod unique_keys;
+mod way;
+
+pub use way::{absolute, way};
 
 use std::path::{Component, Path, PathBuf};
 

@@ -139,6 +139,7 @@ impl Case<'_> {
         let mut predicted = PredictedRows::new(self.rows(), values.len());
         for (index, each) in self.measurements.iter().enumerate() {
             let (setup, kind) = setup_of(each);
+            model.read_along(each.direction.is_some());
             let found = predict(&mut model, index, &setup, kind, &mut derivatives)?;
             let by = [0, 3].map(|row| derivatives.fixed_rows::<3>(row));
             let turned = || rotation_vector(&found.rotation);

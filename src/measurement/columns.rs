@@ -73,14 +73,11 @@ pub(super) fn deviations(
     if sigma.iter().all(|&value| kind.allows(value)) {
         Ok(sigma * 1e-3)
     } else {
-        let problem = format!(
-            "{}: found {}, {}, {}; {}",
-            columns.join(","),
-            shown(sigma.x),
-            shown(sigma.y),
-            shown(sigma.z),
-            kind.allowed()
-        );
+        // A length has one for all three.
+        let count = if columns[0] == columns[1] { 1 } else { 3 };
+        let found: Vec<String> = sigma.iter().take(count).copied().map(shown).collect();
+        let (columns, found) = (columns[..count].join(","), found.join(", "));
+        let problem = format!("{columns}: found {found}; {}", kind.allowed());
         Err(row.wrong(problem))
     }
 }

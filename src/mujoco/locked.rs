@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use mujoco_rs::wrappers::mj_model::MjtEq;
+use mujoco_rs::wrappers::mj_model::{MjtEq, MjtObjBase, MjtWrap};
 
 use super::Model;
 use super::servo::acts_on;
@@ -69,6 +69,29 @@ impl Model {
     /// The locked joints, each with its coordinate (rad or m).
     pub fn locked(&self) -> &[(usize, f64)] {
         &self.locked
+    }
+
+    /// The same by name.
+    pub fn locked_by_name(&self) -> Vec<(String, f64)> {
+        let named = |&(joint, value): &(usize, f64)| (self.joint_name(joint), value);
+        self.locked.iter().map(named).collect()
+    }
+
+    /// The tendons that run over locked joints alone.
+    pub(super) fn tendons_of_locked(&self) -> Vec<String> {
+        let model = &self.inner;
+        let is_locked = |place: usize| {
+            let joint = usize::try_from(model.wrap_objid()[place]);
+            model.wrap_type()[place] == MjtWrap::mjWRAP_JOINT
+                && joint.is_ok_and(|joint| self.locked_at(joint).is_some())
+        };
+        let is_theirs = |&tendon: &usize| {
+            let [first, count] = [model.tendon_adr()[tendon], model.tendon_num()[tendon]];
+            (first..first + count).all(|place| usize::try_from(place).is_ok_and(is_locked))
+        };
+        let tendons = (0..model.tendon_adr().len()).filter(is_theirs);
+        let name = |tendon| model.id_to_name(MjtObjBase::mjOBJ_TENDON, tendon);
+        tendons.filter_map(name).map(str::to_owned).collect()
     }
 
     /// Where a joint is locked (rad or m).

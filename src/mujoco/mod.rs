@@ -7,6 +7,7 @@ mod balance;
 mod beside;
 mod changes;
 mod error;
+mod fixed;
 mod geometry;
 mod holding;
 mod joints;

@@ -14,10 +14,11 @@ use mujoco_rs::wrappers::mj_model::MjtTrn;
 use nalgebra::{Isometry3, Vector3};
 
 use super::{
-    Additions, KEPT, Model, ModelChange, beside::delete, loading::specification, variants::IDLE,
+    Additions, KEPT, Model, ModelChange, beside::delete, fixed::fix, loading::specification,
+    variants::IDLE,
 };
 use crate::codes::ErrorCode;
-use crate::files::FileError;
+use crate::files::{FileError, absolute, way};
 
 /// So many digits give a number back.
 const DIGITS: i32 = 17;
@@ -59,8 +60,8 @@ pub struct WrittenModel {
 }
 
 impl Model {
-    /// The model's file as MJCF, calibrated, for a folder. This model has been read from that file, and may have locked
-    /// joints and additions.
+    /// The model's file as MJCF, calibrated, for a folder. This model has been read from that file, and may have additions, and locked
+    /// joints, whose bodies are fixed in it.
     ///
     /// # Errors
     /// Something of it cannot be changed in the file, by name.
@@ -95,9 +96,23 @@ impl Model {
         spec.compiler_mut().set_saveinertial(true);
         // What weighs is said then, whatever its geometries are.
         (spec.compiler_mut()).set_inertiafromgeom(MjtInertiaFromGeom::mjINERTIAFROMGEOM_AUTO);
-        assets(&mut spec, self.path(), folder);
+        let compiler = spec.compiler_mut();
+        let assets = [compiler.meshdir(), compiler.texturedir()].map(str::to_owned);
+        let own = folder_of(self.path());
+        if !self.locked().is_empty() {
+            set_assets(&mut spec, &absolute(&own), &assets);
+            // Frames and orientations of all kinds are positions and quaternions in its text.
+            let drawn = text(&mut spec, &numbers).map_err(failed)?;
+            spec = MjSpec::from_xml_string(&drawn).map_err(failed)?;
+            let lost = fix(&mut spec, &self.locked_by_name(), &self.tendons_of_locked());
+            not_expressed.extend(lost.map_err(|problem| self.not_written(problem))?);
+            numbers = spec.compile().map_err(failed)?;
+            spec.compiler_mut().set_saveinertial(true);
+        }
+        set_assets(&mut spec, &way(folder, &own), &assets);
+        let written = text(&mut spec, &numbers).map_err(failed)?;
         Ok(WrittenModel {
-            text: text(&mut spec, &numbers).map_err(failed)?,
+            text: written,
             not_expressed,
         })
     }
@@ -246,11 +261,11 @@ fn keep(spec: &mut MjSpec, texts: &[(String, String)]) -> Result<(), MjEditError
     Ok(())
 }
 
-/// Meshes and the like are where they were, also as seen from another folder.
-fn assets(spec: &mut MjSpec, path: &Path, folder: &Path) {
-    let there = way(folder, &folder_of(path));
+/// Meshes and textures are in these folders of that of the model's file.
+fn set_assets(spec: &mut MjSpec, there: &Path, own: &[String; 2]) {
     let compiler = spec.compiler_mut();
-    let [meshes, textures] = [compiler.meshdir(), compiler.texturedir()]
+    let [meshes, textures] = own
+        .each_ref()
         .map(|own| there.join(own).to_string_lossy().into_owned());
     compiler.set_meshdir(&meshes);
     compiler.set_texturedir(&textures);
@@ -287,23 +302,6 @@ fn text(spec: &mut MjSpec, numbers: &MjModel) -> Result<String, MjEditError> {
     _mjPRIVATE__set_xml_precision(before);
     drop(guard);
     written
-}
-
-/// How a file is named from a folder: relative to it where both hang on the same root.
-fn way(folder: &Path, file: &Path) -> PathBuf {
-    let absolute = |path: &Path| {
-        let is_here = path.as_os_str().is_empty();
-        let path = if is_here { Path::new(".") } else { path };
-        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        path.canonicalize().unwrap_or(path)
-    };
-    let (folder, file) = (absolute(folder), absolute(file));
-    let same = (folder.components().zip(file.components()))
-        .take_while(|(one, other)| one == other)
-        .count();
-    let mut way: PathBuf = folder.components().skip(same).map(|_| "..").collect();
-    way.extend(file.components().skip(same));
-    way
 }
 
 /// The folder of a file.

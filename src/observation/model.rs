@@ -49,6 +49,8 @@ pub struct ObservationModel<'a> {
     off_springs: Option<Box<OffSprings>>,
     /// Near what torques equilibria are sought.
     near: Option<RestTorques>,
+    /// The share of the instrument's drift that the reading has.
+    drift_share: f64,
 }
 
 /// The joints' torques (N m) at the equilibria of a reading without and with its load; none where they are not known.
@@ -113,6 +115,7 @@ impl<'a> ObservationModel<'a> {
                 })
             }),
             near: None,
+            drift_share: 1.0,
             belief,
             set,
         }
@@ -125,6 +128,17 @@ impl<'a> ObservationModel<'a> {
         values: &[f64],
     ) -> ObservationModel<'static> {
         ObservationModel::made_of(Cow::Owned(set), nominal, values)
+    }
+
+    /// Predictions are from now on those of what a gauge reads, or of all else: the instrument drifts while a load is changed. Whether
+    /// that is another share than before.
+    pub fn read_along(&mut self, is_along: bool) -> bool {
+        let share = if is_along {
+            self.belief.drift_along
+        } else {
+            1.0
+        };
+        std::mem::replace(&mut self.drift_share, share).to_bits() != share.to_bits()
     }
 
     /// The parameters.
@@ -568,7 +582,8 @@ impl<'a> ObservationModel<'a> {
                     }
                 }
                 ParameterKind::Drift { axis } if kind.is_deflection() => {
-                    (Vector3::ith(axis.index(), 1.0), Vector3::zeros())
+                    let moved = Vector3::ith(axis.index(), self.drift_share);
+                    (moved, Vector3::zeros())
                 }
                 _ => continue,
             };
@@ -577,7 +592,7 @@ impl<'a> ObservationModel<'a> {
             column.fixed_rows_mut::<3>(3).copy_from(&turned);
         }
         if kind.is_deflection() {
-            prediction.position_m += self.belief.drift_m;
+            prediction.position_m += self.belief.drift_m * self.drift_share;
         }
         if kind == ReadingKind::Distance {
             let apart = prediction.position_m;

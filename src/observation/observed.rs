@@ -94,6 +94,12 @@ impl<'a> ObservedRows<'a> {
         }
     }
 
+    /// See [`ObservationModel::read_along`].
+    pub fn read_along(&mut self, is_along: bool) {
+        let room = self.work.get_mut();
+        room.is_predicted &= !room.model.read_along(is_along);
+    }
+
     /// Moves to the joint angles `q` (rad).
     pub fn move_to(&mut self, q: &[f64]) {
         let room = self.work.get_mut();

@@ -169,6 +169,9 @@ impl<'a> PlannedReadings<'a> {
         if (self.shown, self.is_along) != (shown, direction.is_some()) {
             self.forget();
             (self.shown, self.is_along) = (shown, direction.is_some());
+            if let PlannedRows::Any(observed, _) = &mut self.rows {
+                observed.read_along(self.is_along);
+            }
         }
     }
 

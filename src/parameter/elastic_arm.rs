@@ -50,6 +50,8 @@ pub struct ElasticArm {
     pub load_offset_n: f64,
     /// How far the instrument drifts between the unloaded and the loaded reading of a deflection, in its frame (m).
     pub drift_m: Vector3<f64>,
+    /// The share of it that a gauge beside an instrument reads, whose loads are hung in place.
+    pub drift_along: f64,
 }
 
 impl ElasticArm {
@@ -68,6 +70,7 @@ impl ElasticArm {
             load_scale: 1.0,
             load_offset_n: 0.0,
             drift_m: Vector3::zeros(),
+            drift_along: 1.0,
         }
     }
 

@@ -224,6 +224,7 @@ impl Belief {
         for (law, &torque_nm) in arm.stiffening.iter_mut().zip(&self.stiffening_at_nm) {
             law.at = torque_nm;
         }
+        arm.drift_along = (self.instrument.gauge).map_or(1.0, |gauge| gauge.drift_share);
         arm
     }
 

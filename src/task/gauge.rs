@@ -12,6 +12,8 @@ pub struct Gauge {
     pub range_m: Option<f64>,
     /// The step of what it shows (m); nothing where that is far finer than its noise.
     pub resolution_m: f64,
+    /// The share of the instrument's drift between the readings of a deflection that is in a displacement, whose load is hung in place.
+    pub drift_share: f64,
 }
 
 impl Gauge {
@@ -24,8 +26,8 @@ impl Gauge {
     pub fn rounded_m(&self, length_m: f64) -> f64 {
         match self.resolution_m {
             0.0 => length_m,
-            // Of 0.05 mm a whole number of twentieths: a decimal as it is written.
-            step => (length_m / step).round() / step.recip(),
+            // Of 0.05 mm a whole number of twentieths: a decimal in mm, as it is written and read.
+            step => (length_m / step).round() / (step * 1e3).recip() * 1e-3,
         }
     }
 

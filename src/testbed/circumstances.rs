@@ -396,14 +396,14 @@ impl Circumstances {
         }
         let base: &Isometry3<f64> = &self.here.instrument_from_base[0];
         // A gauge that is turned shows what one that is not shows of what is turned back.
-        let turned_rad = if is_along {
-            visit.noise.turned_rad
+        let (turned_rad, drift_share) = if is_along {
+            (visit.noise.turned_rad, self.here.drift_along)
         } else {
-            Vector3::zeros()
+            (Vector3::zeros(), 1.0)
         };
         let turned_back = Rotation3::new(-turned_rad);
         (
-            turned_back * (base.rotation * moved + self.here.drift_m),
+            turned_back * (base.rotation * moved + self.here.drift_m * drift_share),
             base.rotation * displacement.rotation_rad,
         )
     }

@@ -82,12 +82,8 @@ pub fn export(
             .code(ErrorCode::ModelNotWritten));
     }
     let mut not_expressed = [robot.apart.clone(), not_expressed].concat();
-    not_expressed.extend(
-        model
-            .locked()
-            .iter()
-            .map(|&(joint, value)| locked(model, joint, value)),
-    );
+    let locked = model.locked().iter();
+    not_expressed.extend(locked.map(|&(joint, value)| in_words(model, joint, value)));
     calibration.texts = kept(robot, provenance, &not_expressed);
     let folder = path.parent().unwrap_or(Path::new(""));
     Ok(ExportedModel {
@@ -171,15 +167,15 @@ pub fn calibration(nominal: &ElasticArm, arm: &ElasticArm) -> ModelCalibration {
     }
 }
 
-/// A joint that is locked by the scenario alone, in words.
-fn locked(model: &Model, joint: usize, value: f64) -> String {
+/// A joint that a scenario locks, in words.
+fn in_words(model: &Model, joint: usize, value: f64) -> String {
     let name = model.joint_name(joint);
-    let (key, value) = if model.is_slide(joint) {
-        ("locked_mm", thousandths(value))
+    let at = if model.is_slide(joint) {
+        format!("{} mm", thousandths(value))
     } else {
-        ("locked_deg", degrees(value))
+        format!("{} deg", degrees(value))
     };
-    format!("{name} moves in it: a scenario locks it (robot.{key}.{name} = {value})")
+    format!("{name} is no joint of it: its body is fixed at {at}")
 }
 
 /// Texts that stay with the model.
@@ -208,6 +204,12 @@ fn to_leave_out(scenario: &Scenario) -> Vec<String> {
     }
     if !scenario.mounted.payloads.is_empty() {
         all.push("[[robot.payload]]".to_owned());
+    }
+    for (key, is_slide) in [("robot.locked_deg", false), ("robot.locked_mm", true)] {
+        let mut locked = robot.model.locked().iter();
+        if locked.any(|&(joint, _)| robot.model.is_slide(joint) == is_slide) {
+            all.push(key.to_owned());
+        }
     }
     let own = (robot.chain.joints.iter()).map(|joint| joint.model_compliance_rad_per_nm);
     if own
@@ -238,10 +240,7 @@ fn differences(
     let file = folder.path().join("model.xml");
     let written = write(folder.path())?;
     std::fs::write(&file, written.text).map_err(failed)?;
-    let locked: Vec<(String, f64)> = (own.locked().iter())
-        .map(|&(joint, value)| (own.joint_name(joint), value))
-        .collect();
-    let model = Model::load(&file)?.with_locked(&locked)?;
+    let model = Model::load(&file)?;
     let again = SerialChain::from_model(&model)?;
     let own_chain = arm.loaded_chain();
     let compliance: Vec<f64> = (again.joints.iter())

@@ -14,12 +14,13 @@ use crate::identification::{
     ReadingWeights, RejectedReading, RepeatComponents, Repeats, Robustness, Told,
     joint_space_blocks, left_out, residuals,
 };
-use crate::measurement::AbsoluteReading;
+use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
+use crate::quantities::units::thousandths;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage, results};
 use crate::scenario::Scenario;
-use crate::task::{Belief, Extended};
+use crate::task::{Belief, Extended, Gauge};
 
 /// What measurements say.
 #[derive(Debug)]
@@ -32,6 +33,8 @@ pub struct Identified {
     pub residuals: Vec<MeasurementResidual>,
     /// What the table shows by itself.
     pub of_table: Vec<Condition>,
+    /// What a gauge shows beyond its range.
+    beyond_range: Option<String>,
     /// Likely input errors.
     pub input_errors: Vec<LikelyInputError>,
     /// What the residuals go with.
@@ -91,11 +94,33 @@ pub fn identify_measurements(
         rejected: robust.rejected,
         residuals,
         of_table,
+        beyond_range: None,
         input_errors,
     })
 }
 
 impl Identified {
+    /// The same with a note of what a gauge has shown beyond its range, where it read some of the measurements.
+    pub fn read_by(mut self, gauge: Option<Gauge>, measurements: &[Measurement]) -> Self {
+        let Some(range_m) = gauge.and_then(|gauge| gauge.range_m) else {
+            return self;
+        };
+        let is_beyond = |each: &Measurement| {
+            each.direction.is_some() && each.deflection_m.norm() > range_m * (1.0 + 1e-9)
+        };
+        let numbered = measurements.iter().zip(1..);
+        let beyond = numbered.filter(|(each, _)| is_beyond(each));
+        let beyond: Vec<String> = beyond.map(|(_, number)| number.to_string()).collect();
+        self.beyond_range = (!beyond.is_empty()).then(|| {
+            format!(
+                "the gauge shows at most {} mm to either side, and more in measurement {}",
+                thousandths(range_m),
+                beyond.join(", ")
+            )
+        });
+        self
+    }
+
     /// What must be looked at.
     pub fn conditions(&self) -> impl Iterator<Item = Condition> {
         let conditions = self.identification.conditions().into_iter();
@@ -112,6 +137,7 @@ impl Identified {
     /// What holds since the fit counts it, and nobody need act on.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = self.identification.notes();
+        notes.extend(self.beyond_range.clone());
         notes.extend(self.left_out().and_then(Result::err));
         notes
     }

@@ -335,34 +335,64 @@ fn what_was_not_identified_stays_as_it_was() {
     assert!(document("elastocal_provenance").contains("scenario_sha256"));
 }
 
-/// What the scenario locks moves in the file, which says so, in what it prints and in what stays with the model.
+/// What the scenario locks is fixed in the file, with what acts on it alone: read without the scenario, it has the robot's other joints,
+/// its check is of that, and what is printed stays with the model.
 #[test]
-fn locked_joints_are_named() {
-    let place = Workplace::new();
-    written_by_hand(&place);
-    let scenario = SCENARIO
-        .replace("MODEL", "robot/arm.xml")
-        .replace("TOOLS", &format!("locked_deg = {{ turn = -30 }}\n{TOOLS}"))
-        .replace("parameters = [\"turn\", ", "parameters = [")
-        .replace("joints = [\"turn\", ", "joints = [")
-        .replace("q_deg = [10, ", "q_deg = [");
-    place.write("a.toml", scenario);
-    for command in [
-        "plan a.toml --no-proof --plan-out p.csv",
-        "measure a.toml --plan p.csv --measurements-out m.csv",
-        "identify a.toml --measurements m.csv --identified-out i.json",
-    ] {
-        let outcome = place.run(&format!("{command} --quiet"));
-        assert!([Some(0), Some(3)].contains(&outcome.code), "{outcome:?}");
+fn locked_joints_are_fixed() {
+    for (locked, value) in [("turn", -30), ("lean", 25), ("bend", 40)] {
+        let place = Workplace::new();
+        written_by_hand(&place);
+        let arm = place.read("robot/arm.xml").replace(
+            "</actuator>",
+            &format!(
+                "</actuator><sensor><jointpos joint=\"{locked}\"/></sensor><keyframe><key qpos=\"0 0 0 0\"/></keyframe>"
+            ),
+        );
+        place.write("robot/arm.xml", arm);
+        let scenario = SCENARIO
+            .replace(&format!("\"{locked}\", "), "")
+            .replace("q_deg = [10, ", "q_deg = [");
+        let lock = format!("locked_deg = {{ {locked} = {value} }}\n{TOOLS}");
+        place.write(
+            "a.toml",
+            (scenario.replace("MODEL", "robot/arm.xml")).replace("TOOLS", &lock),
+        );
+        for command in [
+            "plan a.toml --no-proof --plan-out p.csv",
+            "measure a.toml --plan p.csv --measurements-out m.csv",
+            "identify a.toml --measurements m.csv --identified-out i.json",
+        ] {
+            let outcome = place.run(&format!("{command} --quiet"));
+            assert!([Some(0), Some(3)].contains(&outcome.code), "{outcome:?}");
+        }
+        let outcome =
+            place.run("export a.toml --identified i.json --model-out out.xml --json --quiet");
+        let json = outcome.json();
+        for key in ["place_difference_mm", "deflection_difference_mm"] {
+            assert!(json[key].as_f64().expect("a number") < 1e-9, "{json}");
+        }
+        let said = format!("{locked} is no joint of it: its body is fixed at {value} deg");
+        assert!(json["not_expressed"].to_string().contains(&said), "{json}");
+        assert!(
+            json["not_expressed"].to_string().contains("keyframes"),
+            "{json}"
+        );
+        let leave_out = json["to_leave_out"].as_array().expect("a list");
+        assert!(
+            leave_out.iter().any(|key| key == "robot.locked_deg"),
+            "{json}"
+        );
+        let kept = kept_in(&place.read("out.xml"))("elastocal_not_expressed");
+        let kept: Value = serde_json::from_str(&kept).expect("JSON");
+        assert_eq!(kept, json["not_expressed"]);
+        let again = Model::load(&place.path("out.xml")).expect("MuJoCo takes it");
+        assert_eq!(again.joints(), 3);
+        place.write(
+            "b.toml",
+            (scenario.replace("MODEL", "out.xml")).replace("TOOLS", ""),
+        );
+        place.run("check b.toml --quiet").ends_with(0);
     }
-    let outcome = place.run("export a.toml --identified i.json --model-out out.xml --json --quiet");
-    let json = outcome.json();
-    let said = json["not_expressed"].to_string();
-    let lock = "turn moves in it: a scenario locks it (robot.locked_deg.turn = -30)";
-    assert!(said.contains(lock), "{said}");
-    let kept = kept_in(&place.read("out.xml"))("elastocal_not_expressed");
-    let kept: Value = serde_json::from_str(&kept).expect("JSON");
-    assert_eq!(kept, json["not_expressed"]);
 }
 
 /// The data of what a model keeps by its name.

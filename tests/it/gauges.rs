@@ -211,6 +211,13 @@ fn files_of_a_gauge_are_read_as_they_are_written() {
         let steps = steps.expect("a direction");
         assert!((steps - steps.round()).abs() < 1e-6, "{steps}");
     }
+    let step = |row: &str| {
+        row.rsplit(',')
+            .next()
+            .is_some_and(|mm| mm.len() <= "-10.001".len())
+    };
+    let mut rows = header.lines().filter(|row| !row.starts_with(['#', 'q']));
+    assert!(rows.all(step), "{header}");
     let json = place.json("identify gauge.toml --measurements measured.csv");
     // Six numbers, of which the priors of five compliances take up what they do not know.
     let residuals = json["residuals"].as_array().expect("a list");
@@ -220,6 +227,30 @@ fn files_of_a_gauge_are_read_as_they_are_written() {
         assert!(number(&each["degrees_of_freedom"]) < 1.5);
     }
     place.json("evaluate gauge.toml --plan plan.csv --no-proof");
+    // A gauge at its stop, and one that a file calls exact.
+    place.write(
+        "narrow.toml",
+        scenario_text(GAUGE).replace("range_mm = 10", "range_mm = 0.001"),
+    );
+    let notes = &place.json("identify narrow.toml --measurements measured.csv")["notes"];
+    let said = "the gauge shows at most 0.001 mm to either side, and more in measurement 1, 2";
+    assert!(notes.to_string().contains(said), "{notes}");
+    let exact = header.replace("displacement_mm", "displacement_mm,s_mm");
+    let exact: Vec<String> = (exact.lines())
+        .map(|row| {
+            if row.starts_with(['#', 'q']) {
+                row.to_owned()
+            } else {
+                format!("{row},0")
+            }
+        })
+        .collect();
+    place.write("exact.csv", exact.join("\n"));
+    let said = place
+        .run("identify gauge.toml --measurements exact.csv")
+        .ends_with(1)
+        .stderr;
+    assert!(said.contains("s_mm: found 0; "), "{said}");
 }
 
 /// For each measurement a gauge is set and the weight hung: minutes count both, the table says the direction.
@@ -463,19 +494,60 @@ fn plans_by_minutes_count_what_each_instrument_costs() {
     assert!(!along.all(|along| along), "{plan:?}");
 }
 
-/// The two instruments' deflections take different times, and a drift has one.
+/// A gauge's load is hung in place, so that the instrument drifts no longer than that takes, also where a tracker reads before and after
+/// the robot's return: predictions of a plan of the gauge alone are those of a laboratory that hangs all in place, and virtual robots
+/// agree on plans of both.
 #[test]
-fn a_drift_of_two_instruments_is_refused_where_loads_return() {
+fn drifts_are_as_long_as_each_instrument_takes() {
     let place = Workplace::new();
     let text = beside(&scenario_text(GAUGE));
     let (head, _) = text.split_once("[[plan]]").expect("a plan");
-    let head = head.to_owned() + "[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 20\n";
-    place.write("both.toml", &head);
-    let said = place.run("check both.toml").ends_with(1).stderr;
-    assert!(said.contains("laboratory.loading = \"in_place\""), "{said}");
+    let head = head.replace("experiments = 9", "experiments = 6")
+        + "[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 600\n";
+    let study = "[study]\nlevel = \"robot\"\ntrials = 4000\n[[study.plan]]\nkind = \"file\"\nname = \"both\"\nfile = \"both.csv\"\n";
+    place.write("returns.toml", format!("{head}{study}"));
     let in_place = "[laboratory]\nloading = \"in_place\"\n";
-    place.write("both.toml", head.replacen("[laboratory]\n", in_place, 1));
-    place.run("check both.toml").ends_with(0);
+    place.write(
+        "in_place.toml",
+        head.replacen("[laboratory]\n", in_place, 1),
+    );
+    let scenario = loaded(&text);
+    let both = of_both(&scenario);
+    for (name, is_of) in [
+        ("gauge.csv", Some(true)),
+        ("tracker.csv", Some(false)),
+        ("both.csv", None),
+    ] {
+        let mut plan = both.clone();
+        (plan.experiments).retain(|each| is_of.is_none_or(|is| each.direction.is_some() == is));
+        let commands = scenario.task.belief.commands();
+        elastocal::plan::write_plan(&place.path(name), commands, &plan).expect("written");
+    }
+    let rho0 = |plan: &str| {
+        ["returns", "in_place"].map(|name| {
+            let json = place.json(&format!(
+                "evaluate {name}.toml --plan {plan}.csv --no-proof"
+            ));
+            number(&json["rho0_mm"])
+        })
+    };
+    let [returns, in_place] = rho0("gauge");
+    assert!(
+        (returns / in_place - 1.0).abs() < 1e-9,
+        "{returns} {in_place}"
+    );
+    let [returns, in_place] = rho0("tracker");
+    assert!(returns > 1.01 * in_place, "{returns} {in_place}");
+    let found = place.json("study returns.toml")["plans"][0].clone();
+    let [rms, error, predicted, coverage] =
+        ["rms_mm", "rms_std_mm", "combined_rms_mm", "coverage95"].map(|key| number(&found[key]));
+    println!("{rms} {error} {predicted} {coverage}");
+    assert!(
+        (rms - predicted).abs() < 3.0 * error + 0.005 * predicted,
+        "{rms} {predicted}"
+    );
+    let error = (0.95 * 0.05 / 4000.0_f64).sqrt();
+    assert!((coverage - 0.95).abs() < 3.0 * error, "{coverage}");
 }
 
 /// Recordings have no coordinates of what a gauge reads, and no one number stands for the noise of both.

@@ -209,6 +209,21 @@ fn the_tip_chooses_among_arms() {
         .says("nor a body of that name; bodies: ");
 }
 
+/// A scenario beside its model's folder names the model from where it stands, and can be moved with it.
+#[test]
+fn models_are_named_from_the_scenario() {
+    let place = Workplace::new();
+    for folder in ["robot", "cells"] {
+        std::fs::create_dir(place.path(folder)).expect("a folder");
+    }
+    let model = std::fs::read_to_string(project("models/planar_3r.xml")).expect("a model");
+    place.write("robot/arm.xml", model);
+    place.run("init robot/arm.xml --scenario-out cells/a.toml --quiet");
+    let text = place.read("cells/a.toml");
+    assert!(text.contains("model = \"../robot/arm.xml\""), "{text}");
+    place.run("check cells/a.toml --quiet").ends_with(0);
+}
+
 #[test]
 fn what_cannot_serve_is_one_error_and_no_file() {
     let still =

@@ -16,11 +16,11 @@ use crate::robot::Drive;
 use crate::scenario::file::{UncertaintyKind as Kind, UncertaintyTable};
 use crate::task::Belief;
 
-/// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, where all deflections have
-/// the same, and the first test pose.
+/// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, where the
+/// instrument may stand, and the first test pose.
 #[derive(Clone, Copy)]
 pub(super) struct ReadingPlaces<'a> {
-    pub between_h: Option<f64>,
+    pub between_h: f64,
     pub test_pose_rad: &'a DVector<f64>,
 }
 
@@ -116,13 +116,10 @@ impl<'a> UncertaintyEntry<'a> {
                 return Ok(Source::Plan(self.joint_sizes(key)?.map(of).collect()));
             }
             kind => {
-                let times = match kind {
-                    Kind::Drift => self.places.between_h.ok_or_else(|| {
-                        let problem = "grows between the unloaded and the loaded reading, and a gauge beside a tracker has its load hung in \
-                                       place: give laboratory.loading = \"in_place\", or leave it out";
-                        self.wrong("kind", problem)
-                    })?,
-                    _ => 1.0,
+                let times = if kind == Kind::Drift {
+                    self.places.between_h
+                } else {
+                    1.0
                 };
                 let (parameters, size) = (self.parameters()?, self.size(key)? * times);
                 let sized = parameters.into_iter().map(|kind| (kind, size));

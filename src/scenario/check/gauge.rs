@@ -65,6 +65,7 @@ impl Checker<'_> {
             beside_m: None,
             range_m: size("range_mm", range_mm, &SIZE)?,
             resolution_m: size("resolution_mm", resolution_mm, &RESOLUTION)?.unwrap_or(0.0),
+            drift_share: 1.0,
         };
         if let Some(beside) = &table.gauge {
             let sigma_mm = self.number("instrument.gauge.sigma_mm", beside.sigma_mm, &DEVIATION)?;

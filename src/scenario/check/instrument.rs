@@ -63,6 +63,7 @@ impl Checker<'_> {
             beside_m: None,
             range_m: None,
             resolution_m: step.unwrap_or(0.0) * 1e-3,
+            drift_share: 1.0,
         };
         // As of two readings.
         shows.beside_m = Some(SQRT_2 * sigma_m.hypot(shows.rounding_m2().sqrt()));

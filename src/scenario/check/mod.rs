@@ -130,8 +130,9 @@ impl Checker<'_> {
             stations,
             method: file.identification.method,
         };
+        let between_h = file.between_readings_h(&laboratory.costs, &mut belief.instrument.gauge);
         let places = ReadingPlaces {
-            between_h: file.between_readings_h(&laboratory.costs),
+            between_h,
             test_pose_rad: &test_poses[0].configuration_rad,
         };
         let mut sources = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;

@@ -13,7 +13,7 @@ use std::path::Path;
 use self::arm::FoundArm;
 use self::pose::tried;
 use self::tools::Tools;
-use crate::files::{FileError, read_text};
+use crate::files::{FileError, absolute, read_text, way};
 use crate::mujoco::Model;
 use crate::scenario::Scenario;
 use crate::understanding::Understanding;
@@ -57,11 +57,15 @@ pub fn draft(
     })
 }
 
-/// The model's path as a scenario names it: relative where both are in one folder or below it.
+/// The model's path as a scenario names it: from its folder, unless they have nothing in common but the root.
 fn named_from(model: &Path, scenario: &Path) -> String {
-    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let (model, scenario) = (absolute(model), absolute(scenario));
     let folder = scenario.parent().unwrap_or(Path::new(""));
-    let named = model.strip_prefix(folder).unwrap_or(&model);
+    let [model, folder] = [model, folder].map(absolute);
+    let is_apart = model.components().nth(1) != folder.components().nth(1);
+    let named = if is_apart {
+        model
+    } else {
+        way(&folder, &model)
+    };
     named.to_string_lossy().into_owned()
 }
