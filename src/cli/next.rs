@@ -144,7 +144,7 @@ impl Next {
             let mut found = search(&self.common, PLANNING, |watch| {
                 rest(&left, goal, scenario.seed, watch)
             })?;
-            take_nearest_turns(&scenario.task, scenario.laboratory.home(), &mut found.plan);
+            take_nearest_turns(&left.task, scenario.laboratory.home(), &mut found.plan);
             Some(found)
         };
         let empty = Plan::default();

@@ -6,18 +6,20 @@ use super::Plan;
 use crate::task::Task;
 
 /// Makes a designed plan what is commanded: repeats together, and each joint on the turn that is nearest to a home (rad)
-/// within the region's ranges, where the arm stands alike and hoses are wound least.
+/// within the region's ranges, where the arm stands alike and hoses are wound least; no turn leads to a forbidden configuration.
 pub fn take_nearest_turns(task: &Task, home_rad: Option<&[f64]>, plan: &mut Plan) {
     plan.put_repeats_together();
     let joints = &task.belief.nominal.chain.joints;
     for experiment in &mut plan.experiments {
-        for (joint, angle) in experiment.configuration_rad.iter_mut().enumerate() {
-            if joints[joint].drive.slides {
+        let q = &mut experiment.configuration_rad;
+        for (joint, own) in joints.iter().enumerate() {
+            if own.drive.slides {
                 continue;
             }
+            let angle = q[joint];
             let [low, high] = task.region.joint_range_rad[joint];
             let home = home_rad.map_or(0.0, |home| home[joint]);
-            let mut turned = *angle - TAU * ((*angle - home) / TAU).round();
+            let mut turned = angle - TAU * ((angle - home) / TAU).round();
             while turned < low {
                 turned += TAU;
             }
@@ -25,8 +27,16 @@ pub fn take_nearest_turns(task: &Task, home_rad: Option<&[f64]>, plan: &mut Plan
                 turned -= TAU;
             }
             // Rounding is no reason to turn.
-            if turned >= low && (turned - home).abs() < (*angle - home).abs() - 1e-9 {
-                *angle = turned;
+            if turned >= low && (turned - home).abs() < (angle - home).abs() - 1e-9 {
+                q[joint] = turned;
+                if task
+                    .region
+                    .forbidden
+                    .iter()
+                    .any(|each| each.is_near(q.as_slice()))
+                {
+                    q[joint] = angle;
+                }
             }
         }
     }

@@ -31,3 +31,11 @@ pub struct Forbidden {
     /// Some joint must differ by more than this (rad).
     pub within_rad: f64,
 }
+
+impl Forbidden {
+    /// Whether no joint differs by more than is asked for.
+    pub fn is_near(&self, q: &[f64]) -> bool {
+        let mut pairs = self.configuration_rad.iter().zip(q);
+        pairs.all(|(own, angle)| (own - angle).abs() <= self.within_rad)
+    }
+}
