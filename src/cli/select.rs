@@ -106,7 +106,7 @@ fn describe(selection: &Selection<'_>) -> String {
         "count joint error functions, which every fit has"
     };
     text += &format!("\n  rho0 and predicted rms (with what is new at each reading) {counted}.\n");
-    if !(0..selection.parts.case.observations.len()).all(|place| selection.parts.is_judged(place)) {
+    if !selection.parts.are_all_judged() {
         text += "  Positions alone are judged on, and no measured distances.\n";
     }
     text += "  Distances are those at all readings that were not chosen.\n  From all is the rms distance from the robot that all readings are fitted to; without discrepancy, the \

@@ -81,7 +81,7 @@ fn fix_in(body: &mut MjsBody, joint: &str, value: f64) -> Result<bool, MjEditErr
         return Ok(false);
     };
     let mut by = Isometry3::identity();
-    for own in body.joint_iter(false).skip(place).take(1) {
+    if let Some(own) = body.joint_iter(false).nth(place) {
         let axis = Unit::new_normalize(Vector3::from(*own.axis()));
         let (anchor, by_value) = (Vector3::from(*own.pos()), value - own.ref_());
         by = if own.type_() == MjtJoint::mjJNT_SLIDE {

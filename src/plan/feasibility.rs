@@ -289,13 +289,7 @@ impl<'a> Feasibility<'a> {
     fn forbidden(&self, q: &[f64]) -> Option<(usize, (usize, f64), f64)> {
         let mut all = self.task.region.forbidden.iter().enumerate();
         all.find_map(|(index, forbidden)| {
-            let pairs = forbidden.configuration_rad.iter().zip(q).enumerate();
-            let apart = pairs.map(|(joint, (one, other))| (joint, (one - other).abs()));
-            let largest = |most: (usize, f64), next: (usize, f64)| {
-                if next.1 > most.1 { next } else { most }
-            };
-            let apart = apart.fold((0, 0.0), largest);
-            (apart.1 <= forbidden.within_rad).then_some((index + 1, apart, forbidden.within_rad))
+            Some((index + 1, forbidden.too_near(q)?, forbidden.within_rad))
         })
     }
 

@@ -29,12 +29,8 @@ pub fn take_nearest_turns(task: &Task, home_rad: Option<&[f64]>, plan: &mut Plan
             // Rounding is no reason to turn.
             if turned >= low && (turned - home).abs() < (angle - home).abs() - 1e-9 {
                 q[joint] = turned;
-                if task
-                    .region
-                    .forbidden
-                    .iter()
-                    .any(|each| each.is_near(q.as_slice()))
-                {
+                let mut forbidden = task.region.forbidden.iter();
+                if forbidden.any(|each| each.too_near(q.as_slice()).is_some()) {
                     q[joint] = angle;
                 }
             }

@@ -240,7 +240,7 @@ pub fn select<'a>(
     let campaigns: Result<Vec<_>, _> = (0..u64::from(wanted.campaigns)).map(campaign).collect();
     let told = CandidateInformation::of_all(parts.set().len(), &parts.told());
     let mut before = parts.known_before();
-    if !(0..parts.case.observations.len()).all(|place| parts.is_judged(place)) {
+    if !parts.are_all_judged() {
         // What only readings show that are not judged on may be left open.
         let faint = FAINT * told.mean().diagonal().amax();
         before += DMatrix::identity(told.size(), told.size()) * faint;

@@ -33,9 +33,13 @@ pub struct Forbidden {
 }
 
 impl Forbidden {
-    /// Whether no joint differs by more than is asked for.
-    pub fn is_near(&self, q: &[f64]) -> bool {
-        let mut pairs = self.configuration_rad.iter().zip(q);
-        pairs.all(|(own, angle)| (own - angle).abs() <= self.within_rad)
+    /// The joint with the largest difference, and that (rad; m where it slides), where no joint differs by more than is asked for.
+    pub fn too_near(&self, q: &[f64]) -> Option<(usize, f64)> {
+        let pairs = self.configuration_rad.iter().zip(q).enumerate();
+        let apart = pairs.map(|(joint, (one, other))| (joint, (one - other).abs()));
+        let largest =
+            |most: (usize, f64), next: (usize, f64)| if next.1 > most.1 { next } else { most };
+        let apart = apart.fold((0, 0.0), largest);
+        (apart.1 <= self.within_rad).then_some(apart)
     }
 }

@@ -132,6 +132,11 @@ impl PartsOfReadings<'_> {
         !is_distance(&all[place]) || all.iter().all(is_distance)
     }
 
+    /// Whether all are.
+    pub fn are_all_judged(&self) -> bool {
+        (0..self.case.observations.len()).all(|place| self.is_judged(place))
+    }
+
     /// How far the readings that are judged on are from where all together say (m).
     pub fn distances_m(&self) -> Vec<f64> {
         let both = self.case.observations.iter().zip(&self.expected_m);
