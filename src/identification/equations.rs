@@ -91,7 +91,7 @@ impl Case<'_> {
                 };
             return self.extended_rows(extended, values, at_rest);
         }
-        let compliance = &belief.arm_at(values).compliance_rad_per_nm;
+        let compliance = &belief.compliance_at(values);
         let chain = &belief.nominal.chain;
         let mut arm = chain.at(&belief.calibration_tool);
         let mut solver = EquilibriumSolver::new(chain.len());

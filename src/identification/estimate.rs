@@ -276,7 +276,7 @@ fn report(
         method,
         parameters,
         uncertain: Vec::new(),
-        compliance_rad_per_nm: source.belief.arm_at(&posterior.mean).compliance_rad_per_nm,
+        compliance_rad_per_nm: source.belief.compliance_at(&posterior.mean),
         posterior,
         sigma_m: sigma_m * factor,
         residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),

@@ -10,6 +10,7 @@ use super::tally::{FailedRun, Failure, Outcome};
 use crate::calibration::{prepared_as_planned, see_residual};
 use crate::compensation::{compensate_arm, test_pose_rows};
 use crate::numeric::random::normal::LANES;
+use crate::parameter::ElasticArm;
 use crate::plan::Plan;
 use crate::task::Task;
 use crate::testbed::{TrueRobots, Truth, add_noise};
@@ -40,6 +41,8 @@ pub struct RobotRuns<'a> {
     values: Vec<f64>,
     /// A_0 of each test pose.
     test_poses: Vec<DMatrix<f64>>,
+    /// The arm as it was identified in a run.
+    identified: ElasticArm,
 }
 
 impl<'a> RobotRuns<'a> {
@@ -56,6 +59,7 @@ impl<'a> RobotRuns<'a> {
             test_poses: (task.test_poses.iter())
                 .map(|pose| test_pose_rows(belief, pose))
                 .collect(),
+            identified: belief.arm(),
         })
     }
 
@@ -123,10 +127,11 @@ impl<'a> RobotRuns<'a> {
             return Err(Failure::Undetermined.into());
         }
         let nees = (posterior.normalised_square(&error)).ok_or(Failure::Undetermined)?;
-        let arm = belief.arm_at(&posterior.mean);
+        let arm = &mut self.identified;
+        belief.set_values(arm, &posterior.mean);
         let mut square_m2 = 0.0;
         for pose in &self.task.test_poses {
-            let seen = compensate_arm(&arm, arm.tools.len() - 1, pose, belief.method)
+            let seen = compensate_arm(arm, arm.tools.len() - 1, pose, belief.method)
                 .and_then(|commanded| see_residual(&mut self.robots, pose, &commanded))
                 .map_err(|error| Failure::TestPose.because(&error))?;
             square_m2 += pose.weight * seen.norm_squared();

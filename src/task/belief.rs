@@ -228,16 +228,32 @@ impl Belief {
         arm
     }
 
+    /// The compliance of every joint (rad/(N m)) at values of the unknowns (p).
+    pub fn compliance_at(&self, values: &[f64]) -> Vec<f64> {
+        if let Some(extended) = &self.uncertain {
+            let arm = extended.set().apply(extended.arm(), values);
+            return arm.compliance_rad_per_nm;
+        }
+        let mut compliance_rad_per_nm = self.nominal.compliance_rad_per_nm.clone();
+        for (&joint, &value) in self.parameters.iter().zip(values) {
+            compliance_rad_per_nm[joint] = value;
+        }
+        compliance_rad_per_nm
+    }
+
     /// The arm at values of the unknowns (p); the last of its tools machines.
     pub fn arm_at(&self, values: &[f64]) -> ElasticArm {
-        if let Some(extended) = &self.uncertain {
-            return extended.set().apply(extended.arm(), values);
-        }
         let mut arm = self.arm();
-        for (&joint, &value) in self.parameters.iter().zip(values) {
-            arm.compliance_rad_per_nm[joint] = value;
-        }
+        self.set_values(&mut arm, values);
         arm
+    }
+
+    /// Makes [that](Self::arm_at) of one that was made so for other values.
+    pub fn set_values(&self, arm: &mut ElasticArm, values: &[f64]) {
+        match &self.uncertain {
+            Some(extended) => *arm = extended.set().apply(extended.arm(), values),
+            None => arm.compliance_rad_per_nm = self.compliance_at(values),
+        }
     }
 
     /// The arm to which the values of the unknowns are applied, and the unknowns as its parameters; the last of its tools machines.
