@@ -52,7 +52,7 @@ const ROUNDS: usize = 60;
 const TOLERANCE: f64 = 1e-4;
 /// Where searches from random starts end this share above, they are missed.
 const MISSED: f64 = 3e-4;
-/// How often such are added, at most.
+/// How often such are added, at most, as long as there is time for more searches.
 const RETURNS: usize = 6;
 /// As long as experiments of the pool prediction more than this share, there are no local searches.
 const ROUGH_TOLERANCE: f64 = 2e-2;
@@ -182,11 +182,12 @@ pub fn approximate_design(
         informative.extend(ends.iter().map(|(point, _)| point.clone()));
         // Where many searches come across more than those that start near the support, it goes on from there.
         let is_over = (ends.first()).is_none_or(|(_, value)| *value <= mean * (1.0 + MISSED));
-        if is_over || returns == RETURNS || problem.is_stopped() {
+        searches += certificate.searches;
+        let is_afforded = searches < problem.affordable(1);
+        if is_over || returns == RETURNS || !is_afforded || problem.is_stopped() {
             break certificate;
         }
         returns += 1;
-        searches += certificate.searches;
         gap = certificate.largest_inside / mean - 1.0;
         let more = (ends.into_iter()).filter(|(_, value)| *value > mean * (1.0 + TOLERANCE));
         growing.add(more.collect());
