@@ -29,7 +29,7 @@ use serde_json::{Value, json};
 use super::identify::deflections::{self, explained};
 use super::interruption::STOP;
 use super::plan_args::{ReadingsArgs, offered};
-use super::planned::search_stopped;
+use super::planned::{search_stopped, undetermined_by_plan};
 use super::progress::search;
 use super::table::table;
 use super::{Common, Report, named_by_file, without_effect};
@@ -149,7 +149,9 @@ impl Next {
         };
         let empty = Plan::default();
         let next = found.as_ref().map_or(&empty, |found| &found.plan);
-        let old_m = (given.as_ref()).and_then(|plan| self.old(&left, plan, &so_far, next));
+        // Where nothing is planned there is no other rest to set it beside.
+        let given = given.as_ref().filter(|_| found.is_some());
+        let old_m = given.and_then(|plan| self.old(&left, plan, &so_far, next));
         if let Some(found) = &found {
             text += &tell(found, old_m);
             let all = measured + found.plan.measurements();
@@ -182,8 +184,8 @@ impl Next {
     fn absolute(&self, scenario: &Scenario) -> anyhow::Result<Report> {
         let task = &scenario.task;
         let why = "; the scenario asks for an absolute accuracy";
-        let taken = read_measured_so_far(&self.measurements, &task.belief)?
-            .absolute(&self.measurements, why)?;
+        let taken =
+            read_measured_so_far(&self.measurements, task)?.absolute(&self.measurements, why)?;
         AbsoluteCase::placed(&task.belief, &taken).map_err(|error| {
             FileError::new(&self.measurements, error.to_string()).code(ErrorCode::Measurements)
         })?;
@@ -226,6 +228,8 @@ impl Next {
             found.map_err(wrong)?.pop()
         };
         let (plan, bound) = found.map_or_else(Default::default, |found| (found.plan, found.bound));
+        let unplaced = planning.unplaced_stations(&plan);
+        conditions.extend(unplaced.iter().map(|words| undetermined_by_plan(words)));
         let bound_m = bound.map(|bound| bound.best);
         let prediction = planning.prediction(&plan);
         let reached_m = prediction.rho0_m();

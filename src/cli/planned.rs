@@ -97,7 +97,10 @@ impl<'a> PlannedAccuracy<'a> {
             undetermined_by_plan(&format!("{place} {}", names.join(", ")))
         });
         let compliances = undetermined_compliances(studied, prediction);
+        let unplaced = studied.planning.unplaced_stations(&studied.plan);
+        let unplaced = unplaced.iter().map(|words| undetermined_by_plan(words));
         (left.into_iter())
+            .chain(unplaced)
             .chain(below_bound(record.efficiency, compliances.is_empty()))
             .chain(compliances)
             .collect()

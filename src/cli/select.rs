@@ -51,8 +51,8 @@ impl Select {
         let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
         self.common.check_files(&scenario, None)?;
         let why = ", and readings are chosen of absolute ones";
-        let readings = read_measured(&self.measurements, &scenario.task.belief)?
-            .absolute(&self.measurements, why)?;
+        let readings =
+            read_measured(&self.measurements, &scenario.task)?.absolute(&self.measurements, why)?;
         let ways = self.sizes.len() * (CHOICES.len() + self.draws as usize);
         let readings_words = counted(readings.len() as u64, "reading");
         let says = format!("choosing among {readings_words} in {ways} ways");

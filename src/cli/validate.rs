@@ -113,7 +113,7 @@ impl Validate {
         trust(identified, scenario, Some(&robot.identified_with))?;
         let (robot, mut conditions) = robot.with_possible_compliances(&belief.arm());
         let why = ", and what was identified rests on absolute readings";
-        let readings = read_measured(file, belief)?.absolute(file, why)?;
+        let readings = read_measured(file, &scenario.task)?.absolute(file, why)?;
         let validation = validate_absolute(belief, identified, &robot, file, &readings)?;
         conditions.extend(validation.conditions());
         let left = validation.left.iter().map(|each| each.position_m);

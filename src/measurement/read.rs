@@ -21,7 +21,7 @@ use crate::files::FileError;
 use crate::parameter::Unloaded;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
 use crate::robot::{Commands, ReadsAlong};
-use crate::task::Belief;
+use crate::task::{AccuracyKind, Belief, Task};
 
 /// Reads measurements of an arm, which may be given by its number of joints: deflections, or the positions without and
 /// with the load of which they are the differences.
@@ -47,6 +47,8 @@ pub struct MeasuredArm {
     pub unloaded: Unloaded,
     /// The standard deviation (m) of what a gauge shows beside an instrument that reads all coordinates.
     pub beside_m: Option<f64>,
+    /// What absolute readings of it have, where these are what is measured.
+    pub absolute: Option<&'static [&'static str]>,
 }
 
 impl From<Commands> for MeasuredArm {
@@ -55,6 +57,7 @@ impl From<Commands> for MeasuredArm {
             commands,
             unloaded: Unloaded::Own,
             beside_m: None,
+            absolute: None,
         }
     }
 }
@@ -71,6 +74,21 @@ impl From<&Belief> for MeasuredArm {
             commands: belief.commands(),
             unloaded: belief.instrument.unloaded,
             beside_m: (belief.instrument.gauge).and_then(|gauge| gauge.beside_m),
+            absolute: None,
+        }
+    }
+}
+
+impl From<&Task> for MeasuredArm {
+    fn from(task: &Task) -> Self {
+        let read: &[_] = if task.belief.instrument.reads_positions() {
+            &POSITION
+        } else {
+            &[DISTANCE]
+        };
+        Self {
+            absolute: (task.design.accuracy == AccuracyKind::Absolute).then_some(read),
+            ..Self::from(&task.belief)
         }
     }
 }
@@ -160,6 +178,8 @@ fn read(path: &Path, of: &MeasuredArm, may_be_unfinished: bool) -> Result<Measur
             displacement_columns(commands, may_be_unfinished)
         } else if POSITION.into_iter().chain([DISTANCE]).any(has) {
             absolute_columns(commands, header, may_be_unfinished)
+        } else if let Some(read) = of.absolute.filter(|_| !reads_all) {
+            absolute_columns(commands, &owned(read), may_be_unfinished)
         } else {
             deflection_columns(commands, may_be_unfinished)
         }

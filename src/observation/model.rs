@@ -595,16 +595,7 @@ impl<'a> ObservationModel<'a> {
             prediction.position_m += self.belief.drift_m * self.drift_share;
         }
         if kind == ReadingKind::Distance {
-            let apart = prediction.position_m;
-            let away = apart.try_normalize(0.0).unwrap_or_default();
-            for mut column in derivatives.column_iter_mut() {
-                let along = away.dot(&column.fixed_rows::<3>(0));
-                column.copy_from(&Vector6::ith(0, along));
-            }
-            *prediction = Prediction {
-                position_m: Vector3::ith(0, apart.norm()),
-                rotation: Matrix3::identity(),
-            };
+            *prediction = prediction.distance(derivatives);
         }
     }
 }

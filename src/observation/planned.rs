@@ -1,5 +1,7 @@
 //! Readings that are planned: the one way in which planning, predictions and studies see them.
 
+mod together;
+
 use std::borrow::Cow;
 use std::cell::RefCell;
 
@@ -13,6 +15,8 @@ use super::reading_errors::for_each_effect;
 use super::shown::ShownRows;
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource, Unloaded, counted_times};
 use crate::robot::{Approach, KinematicState, Kinematics, Load};
+
+pub use together::CovarianceTogether;
 
 /// How far joints are moved to see what follows them (rad, m).
 const SHIFT: f64 = 1e-5;
@@ -556,46 +560,6 @@ impl ClosedGradient<'_> {
                 });
             }
         }
-    }
-}
-
-/// The covariance of the readings of all experiments of one configuration, taken so that r readings of each that are independent
-/// of one another tell as much as they do: with the mean readings' covariance C and the repeats D, it is D^1/2 C D^1/2.
-#[derive(Debug, Clone)]
-pub struct CovarianceTogether {
-    /// By the instrument's own noise.
-    pub noise: DMatrix<f64>,
-    /// By each of the sources.
-    pub sources: Vec<DMatrix<f64>>,
-}
-
-impl CovarianceTogether {
-    /// By all.
-    pub fn all(&self) -> DMatrix<f64> {
-        let nothing = DMatrix::zeros(self.noise.nrows(), self.noise.ncols());
-        &self.noise + (self.sources.iter()).fold(nothing, |sum, source| sum + source)
-    }
-
-    /// Makes columns (of readings, one experiment's below the other's) those of whitened readings, each of as many as there are
-    /// repeats.
-    pub fn whiten(&self, experiments: &[(Load, u32)], columns: &mut DMatrix<f64>) {
-        let rows = columns.nrows() / experiments.len();
-        weigh_repeats(experiments, rows, columns, 1.0);
-        let covariance = self.all();
-        let typical = covariance.diagonal().map(f64::sqrt);
-        let factor = covariance.cholesky().map(nalgebra::Cholesky::unpack);
-        // It is positive definite: the instrument's noise is in it.
-        let factor = factor.unwrap_or_else(|| DMatrix::from_diagonal(&typical));
-        factor.solve_lower_triangular_mut(columns);
-        weigh_repeats(experiments, rows, columns, -1.0);
-    }
-}
-
-/// Rows of each experiment times the root of its repeats, or over it.
-fn weigh_repeats(experiments: &[(Load, u32)], rows: usize, columns: &mut DMatrix<f64>, power: f64) {
-    for (place, &(_, repeats)) in experiments.iter().enumerate() {
-        let mut own = columns.rows_mut(rows * place, rows);
-        own *= f64::from(repeats).sqrt().powf(power);
     }
 }
 

@@ -169,6 +169,21 @@ pub struct Prediction {
     pub rotation: Matrix3<f64>,
 }
 
+impl Prediction {
+    /// The distance alone of what is seen from a station's point, with the derivatives of it: their first row.
+    pub(super) fn distance(&self, derivatives: &mut Matrix6xX<f64>) -> Self {
+        let away = self.position_m.try_normalize(0.0).unwrap_or_default();
+        for mut column in derivatives.column_iter_mut() {
+            let along = away.dot(&column.fixed_rows::<3>(0));
+            column.copy_from(&Vector6::ith(0, along));
+        }
+        Self {
+            position_m: Vector3::ith(0, self.position_m.norm()),
+            rotation: Matrix3::identity(),
+        }
+    }
+}
+
 /// Turns rows of a covariance C into rows of unit variance: W with W C W^T = I.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Whitener {

@@ -307,6 +307,7 @@ impl Chooser<'_> {
             beside: self.before.clone(),
             told: self.told.clone(),
             most: vec![1; self.told.len()],
+            configurations: (0..self.told.len()).collect(),
             sharing: None,
         }
     }

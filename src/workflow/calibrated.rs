@@ -15,7 +15,9 @@ use crate::identification::{JointError, covariance_of};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
-use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
+use crate::parameter::{
+    ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet, SourceLevel,
+};
 use crate::quantities::plausible::ANY_VARIANCE;
 use crate::robot::SerialChain;
 use crate::task::{Belief, Method, Task};
@@ -213,7 +215,7 @@ impl CalibratedRobot {
             .filter(|&(joint, _)| nominal.compliance_rad_per_nm[joint] > 0.0 && !is_asked(joint))
             .map(|(_, each)| each.name.clone())
             .collect();
-        let known = known(path, stored, &reference, &covariance, &kinds)?;
+        let known = known(path, stored, (&reference, belief), &covariance, &kinds)?;
         let arm = stored.apply(path, &reference)?;
         let with_joint_errors = match stored.beside_joint_errors() {
             None => None,
@@ -317,11 +319,11 @@ const fn machining_tool(arm: &ElasticArm) -> usize {
     arm.tools.len() - 1
 }
 
-/// What is known of the robot's own parameters, wherever the stations are.
+/// What is known of the robot's own parameters, wherever the stations are, and of the task's force, of which no reading says anything.
 fn known(
     path: &Path,
     stored: &StoredRobot,
-    arm: &ElasticArm,
+    (arm, belief): (&ElasticArm, &Belief),
     covariance: &DMatrix<f64>,
     kinds: &[Option<ParameterKind>],
 ) -> Result<Knowledge, FileError> {
@@ -329,7 +331,15 @@ fn known(
     let own: Vec<(usize, ParameterKind)> = (kinds.iter().enumerate())
         .filter_map(|(index, kind)| Some((index, (*kind)?)))
         .collect();
-    let set = ParameterSet::new(arm, own.iter().map(|&(_, kind)| (kind, None)))
+    let of_task = (belief.uncertain.iter())
+        .flat_map(|extended| extended.set().parameters())
+        .filter(|each| each.kind.level() == SourceLevel::Task);
+    let of_task: Vec<(ParameterKind, f64)> = of_task
+        .filter_map(|each| Some((each.kind, each.prior_deviation?)))
+        .collect();
+    let all = own.iter().map(|&(_, kind)| kind);
+    let all = all.chain(of_task.iter().map(|&(kind, _)| kind));
+    let set = ParameterSet::new(arm, all.map(|kind| (kind, None)))
         .map_err(|error| wrong(path, "unknowns".to_owned(), error.to_string()))?;
     // Of logarithms the file has the quantity itself.
     let factors: Vec<f64> = (own.iter().zip(set.parameters()))
@@ -345,18 +355,22 @@ fn known(
     let hidden: Vec<usize> = (0..own.len())
         .filter(|&place| unknowns[own[place].0].standard_error.is_none())
         .collect();
+    let covariance = DMatrix::from_fn(set.len(), set.len(), |row, column| {
+        if row < own.len() && column < own.len() {
+            return covariance[(own[row].0, own[column].0)] * factors[row] * factors[column];
+        }
+        let own_place = row.checked_sub(own.len()).filter(|_| row == column);
+        own_place.map_or(0.0, |place| of_task[place].1.powi(2))
+    });
     let posterior = Posterior {
-        names: own
-            .iter()
-            .map(|&(index, _)| unknowns[index].name.clone())
+        names: (set.parameters().iter())
+            .map(|each| each.name.clone())
             .collect(),
         mean: set.prior().mean.as_slice().to_vec(),
-        covariance: DMatrix::from_fn(own.len(), own.len(), |row, column| {
-            covariance[(own[row].0, own[column].0)] * factors[row] * factors[column]
-        }),
+        covariance,
         estimable: Estimable::with_hidden(
             set.scales().as_slice(),
-            DMatrix::identity(own.len(), own.len()).select_columns(&hidden),
+            DMatrix::identity(set.len(), set.len()).select_columns(&hidden),
         ),
     };
     Ok(Knowledge::Of(set, posterior))

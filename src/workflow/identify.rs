@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use crate::codes::Condition;
+use crate::codes::{Condition, ConditionCode};
 use crate::identification::input_errors::{
     LikelyInputError, conditions_of_table, suspected_input_errors, unknown_approaches,
 };
@@ -19,6 +19,7 @@ use crate::numeric::tolerance::ends;
 use crate::quantities::units::thousandths;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage, results};
+use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
 use crate::task::{Belief, Extended, Gauge};
 
@@ -178,6 +179,11 @@ impl Identified {
     }
 }
 
+/// A target is another one where it is further than this from its place (m)
+const MOUNTED_M: f64 = 0.01;
+/// and nearer to that one's by this factor.
+const EXCHANGED: f64 = 0.25;
+
 /// What absolute readings say.
 #[derive(Debug)]
 pub struct IdentifiedRobot<'a> {
@@ -322,6 +328,7 @@ impl<'a> IdentifiedRobot<'a> {
     /// What must be looked at.
     pub fn conditions(&self) -> Vec<Condition> {
         let mut conditions: Vec<Condition> = self.likely.iter().cloned().collect();
+        conditions.extend(self.exchanged_targets());
         conditions.extend(self.fit.conditions());
         let (belief, readings) = (self.case.belief, self.case.observations.iter());
         let sides = readings.map(|each| each.setup.approach.as_ref());
@@ -330,6 +337,32 @@ impl<'a> IdentifiedRobot<'a> {
         let inconsistencies = self.inconsistencies.iter();
         conditions.extend(inconsistencies.flat_map(Inconsistencies::conditions));
         conditions
+    }
+
+    /// Targets that are found where the model has another one on the same link: their names may be exchanged.
+    fn exchanged_targets(&self) -> Vec<Condition> {
+        let model = &self.case.belief.nominal.model;
+        let places = self.case.targets.iter().zip(&self.fit.arm.tools);
+        let places: Vec<(Tool, &Tool)> = places
+            .filter_map(|(name, found)| Some((SerialChain::tool(model, name).ok()?, found)))
+            .collect();
+        let nearest = |(own, found): &(Tool, &Tool)| {
+            let place = found.link_from_tool.translation.vector;
+            let away_m = |tool: &Tool| (place - tool.link_from_tool.translation.vector).norm();
+            let others = (places.iter()).filter(|(tool, _)| tool.joints == own.joints);
+            let others = others.map(|(tool, _)| (away_m(tool), &tool.name));
+            let (other_m, other) = others.min_by(|one, other| one.0.total_cmp(&other.0))?;
+            let is_other = away_m(own) > MOUNTED_M && other_m < EXCHANGED * away_m(own);
+            is_other.then(|| {
+                let name = &own.name;
+                ConditionCode::InputError.with(format!(
+                    "likely input error: are targets exchanged? {name:?} is {:.1} mm from where the model has it, and {:.1} mm from {other:?}",
+                    away_m(own) * 1e3,
+                    other_m * 1e3
+                ))
+            })
+        };
+        places.iter().filter_map(nearest).collect()
     }
 
     /// What holds since the fit counts it, and nobody need act on.

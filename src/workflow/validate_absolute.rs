@@ -67,6 +67,7 @@ impl AbsoluteValidation {
             }
         }
         conditions.extend(self.probability.and_then(prediction_failed));
+        conditions.extend(self.worse_than_nominal());
         for (part, name) in self.names.into_iter().enumerate() {
             if let Some(share) = self.coverage(part)
                 && self.prognoses.len() >= LEAST_JUDGED
@@ -80,7 +81,25 @@ impl AbsoluteValidation {
         }
         conditions
     }
+
+    /// That the nominal robot in its best frames is nearer to the readings, by more than what these frames and chance may do.
+    fn worse_than_nominal(&self) -> Option<Condition> {
+        let before = (self.before.as_ref()).filter(|all| all.len() >= LEAST_JUDGED)?;
+        let [identified_mm, nominal_mm] = [&self.left, before].map(|all| {
+            let square: f64 = all.iter().map(|each| each.position_m.norm_squared()).sum();
+            (square / all.len() as f64).sqrt() * 1e3
+        });
+        (identified_mm > WORSE * nominal_mm).then(|| {
+            let words = format!(
+                "the identified robot is {identified_mm:.3} mm (rms) from the readings, the nominal one in its best frames {nominal_mm:.3} mm"
+            );
+            ConditionCode::PredictionFailed.with(words)
+        })
+    }
 }
+
+/// Frames that are fitted to the readings take less than this factor of what they are off by, with as many readings as are judged.
+const WORSE: f64 = 1.5;
 
 /// Less likely differences break the prediction.
 const BROKEN: f64 = 1e-3;

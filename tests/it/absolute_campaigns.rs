@@ -1,5 +1,7 @@
 //! Plans of absolute readings in the laboratory: visits, stations, loads, run sheet, and the table to fill in.
 
+use std::collections::BTreeSet;
+
 use serde_json::Value;
 
 use crate::support::{Workplace, absolute_scenario_text, number, numbers};
@@ -214,6 +216,70 @@ fn filled_in_tables_are_read_as_they_are() {
             .contains("z_mm,qw,qx,qy,qz\n")
     );
     fits_alike(&place, "s", "--parameters frames");
+}
+
+/// What a table cannot be is said: loads that are not those of the scenario, targets whose names are exchanged. One reading is no evidence
+/// of anything.
+#[test]
+fn wrong_tables_are_noticed() {
+    let place = workplace("");
+    place.json("measure s.toml --plan plan.csv --measurements-out m.csv");
+    let right = place.read("m.csv");
+    let said = |text: &str| {
+        place.write("w.csv", text);
+        let identify = "identify s.toml --measurements w.csv --parameters frames --quiet";
+        place.run(identify).stderr
+    };
+    let of_right = said(&right);
+    assert!(
+        !of_right.contains("C0105") && !of_right.contains("C0210"),
+        "{of_right}"
+    );
+    let in_kg = right.replace(",-98,", ",-9.9898,");
+    assert!(said(&in_kg).contains("condition C0105"));
+    let exchanged = right
+        .replace("spindle", "other")
+        .replace("reflector", "spindle");
+    let exchanged = said(&exchanged.replace("other", "reflector"));
+    assert!(
+        exchanged.contains("are targets exchanged? \"spindle\" is"),
+        "{exchanged}"
+    );
+    let first = right.lines().filter(|line| !line.starts_with('#')).take(2);
+    let one = said(&first.collect::<Vec<_>>().join("\n"));
+    assert!(
+        one.contains("E0504") && !one.contains("likely input error"),
+        "{one}"
+    );
+}
+
+/// A station that is read at fewer places than its frame takes is named, whether it is planned or measured.
+#[test]
+fn stations_of_few_readings_are_named() {
+    let place = workplace("");
+    let mut few: Vec<&str> = PLAN.lines().collect();
+    few.truncate(few.len() - 3);
+    place.write("few.csv", few.join("\n"));
+    let evaluate = "evaluate s.toml --parameters frames --plan few.csv --quiet";
+    place
+        .run(evaluate)
+        .ends_with(3)
+        .says("the frame of station \"wall\", which is read at 1 of");
+    place
+        .run("evaluate s.toml --parameters frames --plan plan.csv --quiet")
+        .ends_with(0);
+}
+
+/// A limit of configurations counts these, and not their targets and loads.
+#[test]
+fn configurations_are_limited() {
+    let place = workplace("");
+    let plan = "plan s.toml --parameters frames --candidates plan.csv --experiments 11";
+    let json = place.json(&format!("{plan} --configurations 4"));
+    let read = json["plan"].as_array().expect("a list");
+    let configurations: BTreeSet<String> =
+        read.iter().map(|each| each["q_deg"].to_string()).collect();
+    assert!(configurations.len() <= 4 && read.len() > 4, "{json}");
 }
 
 /// The sheet as a browser shows it, on paper too: each reading has its line, each station its box.

@@ -12,6 +12,7 @@ use serde_json::Value;
 
 use crate::absolute_campaigns::fits_alike;
 use crate::absolute_trials::holds;
+use crate::bad_input::{assert_none, complaints};
 use crate::support::{Workplace, number, numbers, scenario, scenario_text};
 use crate::uncertainties::loaded;
 
@@ -36,6 +37,49 @@ fn predictions_hold_on_virtual_robots() {
     let place = workplace();
     let json = place.json("evaluate s.toml --plan plan.csv --trials 1000");
     holds(&json["trials"]);
+}
+
+/// No compliance need be unknown where the accuracy is absolute: a calibration of geometry alone, with the elasticity as it is believed.
+#[test]
+fn geometry_is_calibrated_alone() {
+    let place = workplace();
+    let text = scenario_text(BALLBAR);
+    let (geometry, others) = text
+        .split_once("[[uncertainty]]\nkind = \"compliance\"")
+        .expect("a source");
+    let (_, others) = others.split_once("[[uncertainty]]").expect("others");
+    let text = format!("{geometry}[[uncertainty]]{others}");
+    place.write(
+        "s.toml",
+        text.replacen("[\"shoulder_lift\"]", "[\"shoulder_lift.zero\"]", 1),
+    );
+    let json = place.json("evaluate s.toml --plan plan.csv --trials 1000");
+    holds(&json["trials"]);
+    place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
+    let json = place.json("identify s.toml --measurements read.csv --identified-out robot.json");
+    let unknowns = json["unknowns"].as_array().expect("a list");
+    let names: Vec<_> = (unknowns.iter())
+        .filter_map(|each| each["name"].as_str())
+        .collect();
+    assert!(names.contains(&"shoulder_lift.zero"), "{names:?}");
+    assert!(
+        !names.iter().any(|name| name.ends_with(".compliance")),
+        "{names:?}"
+    );
+    let said = place
+        .run("compensate s.toml --identified robot.json --quiet")
+        .ends_with(0)
+        .stdout;
+    assert!(
+        said.contains("Assumed exact") && said.contains("--targets"),
+        "{said}"
+    );
+    // Relative accuracy rests on compliances.
+    let relative =
+        scenario_text("kr270").replacen("parameters = [", "parameters = [\"joint_2.zero\"] # [", 1);
+    place.write("r.toml", relative);
+    let says = ["robot.parameters", "joint_2.zero", "at least one joint"];
+    assert_none(&complaints(&place, "check r.toml", &says, None));
 }
 
 /// The same in a study, whose regions of 95 % hold the place in 95 % of the runs, within three standard errors.
@@ -111,6 +155,40 @@ fn files_of_distances_are_read_as_they_are_written() {
         }
     }
     place.json("compensate s.toml --identified robot.json");
+}
+
+/// No reading shows the task's force: what it is uncertain by counts in compensation beside what was identified.
+#[test]
+fn the_force_of_the_task_counts() {
+    let force = "\n[[uncertainty]]\nkind = \"task_force\"\nstd_relative = 0.05\n";
+    let [without, with] = ["", force].map(|more| {
+        let place = workplace();
+        place.write("s.toml", scenario_text(BALLBAR) + more);
+        place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
+        place.json("identify s.toml --measurements read.csv --identified-out robot.json");
+        place.json("compensate s.toml --identified robot.json")
+    });
+    let [without_mm, with_mm] = [&without, &with].map(|json| number(&json["rho0_mm"]));
+    let force_mm = 0.05 * number(&without["uncompensated_mm"]);
+    let found = (with_mm.powi(2) - without_mm.powi(2)) / force_mm.powi(2);
+    assert!(
+        (found - 1.0).abs() < 0.1,
+        "{without_mm} {with_mm} {force_mm}"
+    );
+}
+
+/// A header without what is read is told what the scenario reads.
+#[test]
+fn a_header_is_that_of_what_the_scenario_reads() {
+    let place = workplace();
+    let header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,L\n1,2,3,4,5,6,900\n";
+    place.write("m.csv", header);
+    let commands = ["identify s.toml", "next s.toml"];
+    let wrong = commands.map(|command| {
+        let command = format!("{command} --measurements m.csv");
+        complaints(&place, &command, &["\"L\""], Some("q6_deg,distance_mm"))
+    });
+    assert_none(&wrong.concat());
 }
 
 /// Whatever is read, distances show neither the direction of the base's axes nor where it is: joint 1's zero and its link stay as they

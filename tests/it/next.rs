@@ -398,4 +398,10 @@ fn what_a_configuration_shares_is_counted_once() {
         (rest_um / whole_um - 1.0).abs() < 0.05,
         "{rest_um}, {whole_um}"
     );
+    // Where nothing is left there is no rest.
+    let done = place
+        .run("next s.toml --measurements m.csv --plan half.csv --experiments 6 --json --quiet")
+        .json();
+    assert!(done["measured_rho0_mm"].is_number());
+    assert!(done["old_rest_rho0_mm"].is_null(), "{done}");
 }

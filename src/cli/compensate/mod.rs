@@ -102,8 +102,11 @@ impl Compensate {
         let messages: Vec<TestPoseMessage> = (poses.iter())
             .map(|each| TestPoseMessage::new(&commands, each))
             .collect();
-        let text = describe(&messages, commands.unit(), simulated.is_some()) + RELATIVE;
-        let text = text + &taken_as_believed(&robot);
+        let mut text = describe(&messages, commands.unit(), simulated.is_some()) + RELATIVE;
+        if scenario.task.design.accuracy == AccuracyKind::Absolute {
+            text += "Commands for absolute places: --targets.\n";
+        }
+        text += &taken_as_believed(&robot);
         let mut report = Report::new(Value::Null, text, conditions);
         // Before anything is written: there may be no way.
         let files = match &dialect {

@@ -49,7 +49,7 @@ impl Identify {
         let mut identified = identify_absolute(belief, readings, groups, how).map_err(wrong)?;
         if let Some(other) = &self.against {
             let why = ", and absolute readings are held against it";
-            let others = read_measured(other, belief)?.absolute(other, why)?;
+            let others = read_measured(other, &scenario.task)?.absolute(other, why)?;
             if others == readings {
                 let problem = format!("holds the same readings as {}", file.display());
                 let wrong = FileError::new(other, problem).code(ErrorCode::Measurements);
@@ -97,9 +97,8 @@ impl Identify {
         let loads = readings.iter().map(|each| &each.load);
         let loads = loads.filter(|load| **load != Load::NONE);
         let outside = scenario.task.loads.outside_all("loaded reading", loads);
-        let mut notes = identified.notes();
-        notes.extend(outside.map(|each| each.text));
-        *text += &noted(&notes);
+        *text += &noted(&identified.notes());
+        report.conditions.extend(outside);
         Ok(report)
     }
 }

@@ -65,7 +65,7 @@ impl Identify {
         let origin = Origin::read(&self.measurements)?;
         let input = ["identify", "--measurements"];
         let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
-        let measured = read_measured(&self.measurements, &scenario.task.belief)?;
+        let measured = read_measured(&self.measurements, &scenario.task)?;
         self.common.check_files(&scenario, None)?;
         let held = match &measured {
             MeasuredFile::Deflections(_) => AccuracyKind::Relative,

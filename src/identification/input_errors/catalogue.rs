@@ -126,16 +126,7 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
         let change = commands(move |q| q[joint] += turn);
         InputError::new("joint_offset", (question, remedy), change)
     };
-    let mut angles = Commands::from(chain).columns();
-    angles.retain(|column| column.ends_with("_deg"));
     let turning = || (0..joints).filter(|&joint| !chain.joints[joint].drive.slides);
-    let unit = |question: &str, factor: f64| {
-        let remedy = format!("Multiply {} by {factor:.6}", angles.join(", "));
-        let turning: Vec<usize> = turning().collect();
-        let change =
-            move |q: &mut DVector<f64>| turning.iter().for_each(|&joint| q[joint] *= factor);
-        InputError::new("angle_unit", (question, remedy), commands(change))
-    };
     let swapped = |one: usize, other: usize| {
         let [[own, other_name], [column, other_column]] =
             [&named as &dyn Fn(usize) -> String, &plain].map(|name| [one, other].map(name));
@@ -156,17 +147,10 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
         let change = move |q: &mut DVector<f64>| q[joint] += times * q[joint - 1];
         InputError::new("joint_from_before", (question, remedy), commands(change))
     };
-    let degrees = 1_f64.to_degrees();
     [
         sets.into_iter().map(reversed).collect(),
         (turning().flat_map(|joint| [1, -1, 2].map(|quarters| offset(joint, quarters)))).collect(),
-        vec![
-            unit("are the angles in radians instead of degrees", degrees),
-            unit(
-                "were the angles converted to degrees twice",
-                degrees.recip(),
-            ),
-        ],
+        units(chain),
         (0..joints)
             .flat_map(|other| (0..other).map(move |one| swapped(one, other)))
             .collect(),
@@ -174,6 +158,42 @@ pub(super) fn of_commands(chain: &SerialChain) -> [Vec<InputError>; 5] {
             .flat_map(|joint| [1.0, -1.0].map(|times| from_before(joint, times)))
             .collect(),
     ]
+}
+
+/// Units of angles and slides.
+fn units(chain: &SerialChain) -> Vec<InputError> {
+    let kind_of = |joint: usize| usize::from(chain.joints[joint].drive.slides);
+    // By which factors angles and slides are wrong, where they are.
+    let unit = |question: &str, factors: [Option<f64>; 2]| {
+        let joints = 0..chain.len();
+        let remedies = (0..2).filter_map(|kind| {
+            let wrong = joints.clone().filter(|&joint| kind_of(joint) == kind);
+            let columns = wrong.filter_map(|joint| Commands::from(chain).column(joint));
+            let columns: Vec<String> = columns.collect();
+            Some(format!("{} by {:.6}", columns.join(", "), factors[kind]?))
+        });
+        let remedy = format!("Multiply {}", remedies.collect::<Vec<_>>().join(", "));
+        let of = joints.clone().map(|joint| factors[kind_of(joint)]);
+        let of: Vec<f64> = of.map(|factor| factor.unwrap_or(1.0)).collect();
+        let change = move |q: &mut DVector<f64>| {
+            (q.iter_mut().zip(&of)).for_each(|(value, factor)| *value *= factor);
+        };
+        InputError::new("angle_unit", (question, remedy), commands(change))
+    };
+    let degrees = 1_f64.to_degrees();
+    let radians = "are the angles in radians instead of degrees";
+    let twice = "were the angles converted to degrees twice";
+    let metres = "are the slides in m instead of mm";
+    let both = "are the angles in radians and the slides in m, instead of degrees and mm";
+    let mut all = vec![
+        unit(radians, [Some(degrees), None]),
+        unit(twice, [Some(degrees.recip()), None]),
+    ];
+    if (0..chain.len()).any(|joint| kind_of(joint) == 1) {
+        all.push(unit(metres, [None, Some(1e3)]));
+        all.push(unit(both, [Some(degrees), Some(1e3)]));
+    }
+    all
 }
 
 /// Errors of deflections and loads by their kinds: signs, units of loads and of deflections, the tool's frame, and frames of right angles.

@@ -32,7 +32,9 @@ impl AbsoluteCase<'_> {
         let sights = some.sights();
         let robust = RobustFrames::guessed(&sights, some.stations.len(), &some.link_from_tools());
         let as_it_is_m = robust.median_m;
-        if as_it_is_m <= LOOKED_AT * reach(&sights) {
+        // What an instrument errs by is no error of the table.
+        let is_explained = (LOOKED_AT * reach(&sights)).max(self.belief.instrument.sigma_m);
+        if as_it_is_m <= is_explained {
             return None;
         }
         // Where positions hardly differ, whatever makes the robot's hardly differ would leave little of them.

@@ -18,6 +18,7 @@ mod from_rows;
 mod joint_functions;
 mod predicted_accuracy;
 mod readable;
+mod stations;
 mod tied_choice;
 mod together;
 
@@ -187,28 +188,6 @@ impl AbsolutePlanning<'_> {
         self.task
     }
 
-    /// The names of the stations that candidates are read from; one without a name where they name none.
-    pub fn stations(&self) -> &[Option<String>] {
-        &self.case.stations
-    }
-
-    /// Whether an unknown is of a station or of a target that no reading of a plan is from or of.
-    pub fn is_elsewhere(&self, unknown: usize, plan: &[(usize, u32)]) -> bool {
-        let mut setups = plan
-            .iter()
-            .map(|&(place, _)| &self.case.observations[place].setup);
-        match self.set.parameters()[unknown].kind {
-            ParameterKind::BasePosition { station, .. }
-            | ParameterKind::BaseRotation { station, .. } => {
-                setups.all(|setup| setup.station != station)
-            }
-            ParameterKind::ToolPosition { tool, .. } | ParameterKind::ToolRotation { tool, .. } => {
-                setups.all(|setup| setup.target != tool)
-            }
-            _ => false,
-        }
-    }
-
     /// Some candidates, of which so many are to be measured, by what they tell of what they can tell at all.
     fn shown(&self, places: Vec<usize>, measurements: u32) -> Result<Shown, AbsolutePlanError> {
         let told_of = |places: &[usize]| {
@@ -280,7 +259,6 @@ impl AbsolutePlanning<'_> {
         work: impl FnOnce(&FiniteProblem<'_>) -> T,
     ) -> T {
         let configuration = |&place: &usize| self.neighbours.configurations[place];
-        let configurations: Vec<usize> = shown.places.iter().map(configuration).collect();
         let told = |measured: &[(usize, u32)]| {
             let each = measured.iter();
             let group = each.map(|&(index, times)| (shown.places[index], times));
@@ -299,20 +277,12 @@ impl AbsolutePlanning<'_> {
             beside: &shown.beside + DMatrix::identity(size, size) * faint,
             told: shown.told.clone(),
             most: shown.places.iter().map(most).collect(),
+            configurations: shown.places.iter().map(configuration).collect(),
             sharing: self.shares(&shown.places).then_some(SharingCandidates {
-                configurations: &configurations,
                 told: &told,
                 bounds: shown.together.as_ref(),
             }),
         })
-    }
-
-    /// The stations in whose frames the tool's place may count, by their numbers.
-    fn frames(&self) -> Vec<usize> {
-        let first = self.poses.iter().take(1);
-        first
-            .flat_map(|pose| pose.by_station.keys().copied())
-            .collect()
     }
 
     /// All candidates that may be chosen.
@@ -358,10 +328,6 @@ impl AbsolutePlanning<'_> {
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        if let Some(tied) = self.tied_plan(searches, known, size, seed, watch.stop) {
-            (watch.progress)(1, 1, f64::INFINITY);
-            return Ok(tied);
-        }
         let measurements = size.measurements;
         let effort = FiniteEffort {
             measurements,
@@ -370,6 +336,10 @@ impl AbsolutePlanning<'_> {
             seed,
             is_thorough: false,
         };
+        if let Some(tied) = self.tied_plan(known, effort, watch.stop) {
+            (watch.progress)(1, 1, f64::INFINITY);
+            return Ok(tied);
+        }
         let shown = self.shown(self.places(), measurements)?;
         let frames = shown.test_poses.len();
         let (mut designs, mut bounds) = (Vec::new(), Vec::new());

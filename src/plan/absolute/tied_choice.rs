@@ -2,6 +2,7 @@
 //!
 //! The search alone is simpler than predictions are: it takes errors of visits as new in each reading.
 
+use std::collections::BTreeSet;
 use std::iter::repeat_n;
 use std::sync::atomic::AtomicBool;
 
@@ -14,7 +15,7 @@ use crate::numeric::markov::ProcessPoint;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::drawn_candidates;
 use crate::observation::{ReadingKind, planned_rows};
-use crate::plan::search::{CandidatePlan, PlanSize, best_choice};
+use crate::plan::search::{CandidatePlan, FiniteEffort, best_choice};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 
@@ -27,42 +28,57 @@ const ANYWHERE: f64 = 1e-4;
 const SAMPLED: usize = 12;
 
 impl AbsolutePlanning<'_> {
-    /// The best plan that is found of so many readings, of so many different candidates, by so many searches and from plans that are known,
-    /// without a bound; none without functions, where candidates may not be read so often, and where none determines the tool's place.
+    /// The best plan that is found with so much effort and from plans that are known, without a bound; none without functions, where
+    /// candidates may not be read so often, and where none determines the tool's place.
     pub(super) fn tied_plan(
         &self,
-        searches: usize,
         known: &[CandidatePlan],
-        size: PlanSize,
-        seed: u64,
+        effort: FiniteEffort,
         stop: &AtomicBool,
     ) -> Option<AbsolutePlan> {
         if !self.ties_all() {
             return None;
         }
-        let found = self.frames().into_iter().filter_map(|station| {
-            let found = self.tied_choice(station, searches, known, size, seed, stop)?;
-            Some((self.prediction(&found.plan).rho0_m()?, found))
-        });
+        let rho0_m = |found: &AbsolutePlan| self.prediction(&found.plan).rho0_m();
+        let of_station = |station: usize| {
+            let found = self.tied_choice(station, self.places(), known, effort, stop)?;
+            if effort.configurations >= effort.measurements {
+                return Some((rho0_m(&found)?, found));
+            }
+            // All that can be read in the configurations that were found.
+            let configurations = &self.neighbours.configurations;
+            let chosen = found.plan.iter().map(|(place, _)| configurations[*place]);
+            let chosen: BTreeSet<usize> = chosen.collect();
+            let mut places = self.places();
+            places.retain(|place| chosen.contains(&configurations[*place]));
+            let effort = FiniteEffort {
+                configurations: effort.measurements,
+                ..effort
+            };
+            let known = [found.plan.clone()];
+            let more = self.tied_choice(station, places, &known, effort, stop);
+            let both = [Some(found), more].into_iter().flatten();
+            let both = both.filter_map(|found| Some((rho0_m(&found)?, found)));
+            both.min_by(|one, other| one.0.total_cmp(&other.0))
+        };
+        let found = self.frames().into_iter().filter_map(of_station);
         let best = found.min_by(|one, other| one.0.total_cmp(&other.0));
         best.map(|(_, found)| found)
     }
 
-    /// The same for the tool's place in the frame of a station.
+    /// The same of some candidates, for the tool's place in the frame of a station: of so many of them as there may be configurations.
     fn tied_choice(
         &self,
         station: usize,
-        searches: usize,
+        mut places: Vec<usize>,
         known: &[CandidatePlan],
-        size: PlanSize,
-        seed: u64,
+        effort: FiniteEffort,
         stop: &AtomicBool,
     ) -> Option<AbsolutePlan> {
-        let (measurements, configurations) = (size.measurements, size.configurations);
+        let (measurements, configurations) = (effort.measurements, effort.configurations);
         // Where there are fewer configurations than readings, each that is chosen is read so often.
         let repeats = measurements.div_ceil(configurations);
         let most = |place: usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS) / repeats;
-        let mut places = self.places();
         places.retain(|&place| most(place) > 0);
         let share = f64::from(configurations) / f64::from(measurements);
         let mut list = self.tied_list(station, &places, share)?;
@@ -76,7 +92,7 @@ impl AbsolutePlanning<'_> {
             indices.flatten().take(count).collect()
         };
         let known: Vec<Vec<usize>> = known.iter().map(indices).collect();
-        let found = best_choice(&list, count, searches, &known, seed, stop)?;
+        let found = best_choice(&list, count, effort.searches, &known, effort.seed, stop)?;
         let more = (measurements % configurations) as usize;
         let mut plan = CandidatePlan::new();
         for (number, index) in found.chosen.into_iter().enumerate() {

@@ -221,18 +221,16 @@ impl Candidates {
             .map(|experiment| problem.told(experiment, 1))
             .collect();
         let is_shared = problem.is_shared_by_configuration();
-        let mut configurations = numbered(
-            if is_shared { all.len() } else { 0 },
+        let configurations = numbered(
+            all.len(),
             |place| &all[place].configuration_rad,
             |one, other| all[one].stands_as(&all[other]),
         );
-        configurations.resize(all.len(), 0);
         let told = |measured: &[(usize, u32)]| match *measured {
             [(only, times)] => problem.told(&all[only], times),
             _ => problem.told_by(self.measured(measured)),
         };
         let sharing = SharingCandidates {
-            configurations: &configurations,
             told: &told,
             // Bounds speak about plans that hang one load in each configuration.
             bounds: None,
@@ -243,6 +241,7 @@ impl Candidates {
             beside: problem.information(&problem.task.design.mandatory),
             told: CandidateInformation::of_all(problem.parameters(), &each),
             most: all.iter().map(|each| each.repeats).collect(),
+            configurations,
             sharing: is_shared.then_some(sharing),
         })
     }

@@ -13,6 +13,8 @@
 //!
 //! Candidates of one configuration that share errors may tell more together than the sum of each: [`TogetherBounds`].
 
+use std::collections::BTreeMap;
+
 use nalgebra::DMatrix;
 
 use super::candidate_error::CandidateError;
@@ -49,6 +51,8 @@ pub struct FiniteProblem<'a> {
     pub told: CandidateInformation,
     /// How often each may be measured.
     pub most: Vec<u32>,
+    /// The number of each one's configuration.
+    pub configurations: Vec<usize>,
     /// Where readings share errors, which do, and what they tell.
     pub sharing: Option<SharingCandidates<'a>>,
 }
@@ -59,8 +63,6 @@ type ToldTogether<'a> = dyn Fn(&[(usize, u32)]) -> DMatrix<f64> + Sync + 'a;
 /// Candidates whose readings share errors where they are of one configuration.
 #[derive(Clone, Copy)]
 pub struct SharingCandidates<'a> {
-    /// The number of each candidate's configuration.
-    pub configurations: &'a [usize],
     /// What those of one configuration tell together.
     pub told: &'a ToldTogether<'a>,
     /// What those of one configuration tell at most together, where several may be chosen that tell more than by themselves; none
@@ -94,15 +96,6 @@ impl TogetherBounds {
                 derivatives[candidate] = derivatives[candidate].max(together);
             }
         }
-    }
-}
-
-impl SharingCandidates<'_> {
-    /// Those of a plan that are of a candidate's configuration.
-    pub(super) fn beside(&self, plan: &[(usize, u32)], candidate: usize) -> Vec<(usize, u32)> {
-        let here = self.configurations[candidate];
-        let is_here = |&&(each, _): &&(usize, u32)| self.configurations[each] == here;
-        plan.iter().filter(is_here).copied().collect()
     }
 }
 
@@ -152,6 +145,17 @@ impl FiniteBound {
 pub type FiniteWeights = Vec<(usize, f64)>;
 
 impl FiniteProblem<'_> {
+    /// Those of a plan that are of a candidate's configuration.
+    pub(super) fn of_configuration(
+        &self,
+        plan: &[(usize, u32)],
+        candidate: usize,
+    ) -> Vec<(usize, u32)> {
+        let here = self.configurations[candidate];
+        let is_here = |&&(each, _): &&(usize, u32)| self.configurations[each] == here;
+        plan.iter().filter(is_here).copied().collect()
+    }
+
     /// The criterion as a cost.
     pub fn cost(&self) -> CriterionFunction {
         self.cost_of(self.criterion)
@@ -176,14 +180,14 @@ impl FiniteProblem<'_> {
     /// What a plan tells, with what is known whatever is chosen.
     pub fn information(&self, plan: &[(usize, u32)]) -> DMatrix<f64> {
         let mut sum = self.beside.clone();
-        let Some(sharing) = self.sharing else {
+        if self.sharing.is_none() {
             self.add(&mut sum, 1.0, plan);
             return sum;
-        };
+        }
         for (place, &(candidate, _)) in plan.iter().enumerate() {
             // The first adds what all of its configuration tell.
-            if sharing.beside(&plan[..place], candidate).is_empty() {
-                self.add(&mut sum, 1.0, &sharing.beside(plan, candidate));
+            if self.of_configuration(&plan[..place], candidate).is_empty() {
+                self.add(&mut sum, 1.0, &self.of_configuration(plan, candidate));
             }
         }
         sum
@@ -197,7 +201,7 @@ impl FiniteProblem<'_> {
         more: (usize, u32),
     ) -> DMatrix<f64> {
         let mut sum = rest.clone();
-        let here = self.sharing.map(|sharing| sharing.beside(plan, more.0));
+        let here = (self.sharing).map(|_| self.of_configuration(plan, more.0));
         match here.filter(|here| !here.is_empty()) {
             None => self.add(&mut sum, 1.0, &[more]),
             Some(mut here) => {
@@ -227,11 +231,14 @@ impl FiniteProblem<'_> {
         measurements: u32,
         configurations: u32,
     ) -> Result<(), CandidateError> {
-        let each = self.most.iter().map(|most| (*most).min(measurements));
-        let mut most: Vec<u32> = each.collect();
+        let mut most: BTreeMap<usize, u64> = BTreeMap::new();
+        for (configuration, each) in self.configurations.iter().zip(&self.most) {
+            *most.entry(*configuration).or_default() += u64::from(*each);
+        }
+        let mut most: Vec<u64> = most.into_values().collect();
         most.sort_unstable_by(|one, other| other.cmp(one));
         let all = most.iter().take(configurations as usize);
-        let allowed: u64 = all.copied().map(u64::from).sum();
+        let allowed: u64 = all.map(|each| (*each).min(measurements.into())).sum();
         if allowed < u64::from(measurements) {
             let problem = format!(
                 "the candidates allow {allowed} measurements, and {measurements} are wanted"

@@ -5,6 +5,7 @@
 //! tries all that may help: the costs are convex and of degree -1, phi(M') >= phi(M)^2 / trace(G M') with trace(G M) = phi(M), so
 //! that an exchange can lower phi only if what comes has a larger derivative trace(G I) than what goes.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
 
 use nalgebra::DMatrix;
@@ -66,7 +67,7 @@ pub struct FiniteDesign {
 pub struct FiniteEffort {
     /// The number of measurements, beside what is known.
     pub measurements: u32,
-    /// How many of them may be of different candidates.
+    /// How many different configurations they may be of.
     pub configurations: u32,
     /// The number of searches.
     pub searches: usize,
@@ -198,7 +199,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         };
         let planned: u32 = plan.iter().map(|(_, times)| times).sum();
         for _ in planned..self.effort.measurements {
-            self.add_best(&mut plan);
+            self.add_best(&mut plan, None);
         }
         plan
     }
@@ -207,7 +208,13 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
     fn rounded(&self, weights: &[(usize, f64)]) -> CandidatePlan {
         let mut heaviest = weights.to_vec();
         heaviest.sort_by(|one, other| other.1.total_cmp(&one.1).then(one.0.cmp(&other.0)));
-        heaviest.truncate(self.configurations);
+        let mut taken = CandidatePlan::new();
+        heaviest.retain(|&(candidate, _)| {
+            let may_be = self.may_be_beside(&taken, candidate);
+            taken.extend(may_be.then_some((candidate, 1)));
+            may_be
+        });
+        heaviest.truncate(self.effort.measurements as usize);
         let shares: Vec<f64> = heaviest.iter().map(|(_, weight)| *weight).collect();
         let most = |place: usize| self.problem.most[heaviest[place].0];
         let times = apportioned(&shares, self.effort.measurements, 1.0, most);
@@ -219,7 +226,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
     fn drawn(&self, weights: &[(usize, f64)], random: &mut ChaCha8Rng) -> CandidatePlan {
         let mut plan = CandidatePlan::new();
         for measurement in 0..self.effort.measurements {
-            let candidate = if plan.len() >= self.configurations {
+            let candidate = if self.configurations_of(&plan) >= self.configurations {
                 plan[random.random_range(0..plan.len())].0
             } else if measurement % 2 == 0 {
                 let mut left: f64 = random.random();
@@ -239,11 +246,31 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         plan
     }
 
-    /// Adds the measurement that helps most.
-    fn add_best(&mut self, plan: &mut CandidatePlan) {
+    /// How many different configurations a plan has, as far as that matters.
+    fn configurations_of(&self, plan: &[(usize, u32)]) -> usize {
+        if plan.len() < self.configurations {
+            return plan.len();
+        }
+        let all = (plan.iter()).map(|&(candidate, _)| self.problem.configurations[candidate]);
+        all.collect::<BTreeSet<usize>>().len()
+    }
+
+    /// Whether a plan may have a candidate, too, by the number of configurations.
+    fn may_be_beside(&self, plan: &[(usize, u32)], candidate: usize) -> bool {
+        self.configurations_of(plan) < self.configurations
+            || !self.problem.of_configuration(plan, candidate).is_empty()
+    }
+
+    /// Adds the measurement that helps most, of one configuration none.
+    fn add_best(&mut self, plan: &mut CandidatePlan, but: Option<usize>) {
         let rest = self.information(plan);
         self.cost.cost(&rest, &mut self.directions);
-        let derivatives = self.problem.told.derivatives(&self.directions);
+        let mut derivatives = self.problem.told.derivatives(&self.directions);
+        for (derivative, here) in derivatives.iter_mut().zip(&self.problem.configurations) {
+            if but == Some(*here) {
+                *derivative = f64::NEG_INFINITY;
+            }
+        }
         let tried = self.tried(false);
         if let Some((candidate, _)) = self.best_addition(plan, &rest, 1, &derivatives, tried) {
             measure(plan, candidate, 1);
@@ -285,6 +312,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
             let listed = listed.as_deref().map_or(Listed::All, Listed::These);
             let before = found.cost;
             self.pass(&mut found, listed);
+            self.exchange_configurations(&mut found);
             if found.cost < before {
                 is_complete = is_few;
             } else if is_complete {
@@ -305,6 +333,29 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
                 self.exchange(found, place, times, listed);
             }
             place += 1;
+        }
+    }
+
+    /// Where there may be fewer configurations than measurements: puts all measurements of one elsewhere, wherever that lowers the cost.
+    fn exchange_configurations(&mut self, found: &mut FoundAmong) {
+        if self.configurations >= self.effort.measurements as usize {
+            return;
+        }
+        for (candidate, _) in found.plan.clone() {
+            let here = self.problem.of_configuration(&found.plan, candidate);
+            let own = self.problem.configurations[candidate];
+            let mut others = found.plan.clone();
+            others.retain(|&(each, _)| self.problem.configurations[each] != own);
+            let moved: u32 = here.iter().map(|(_, times)| times).sum();
+            for _ in 0..moved {
+                self.add_best(&mut others, Some(own));
+            }
+            let is_whole =
+                others.iter().map(|(_, times)| times).sum::<u32>() == self.effort.measurements;
+            let cost = (self.cost).cost(&self.information(&others), &mut self.directions);
+            if is_whole && cost < found.cost * (1.0 - GAIN) {
+                *found = FoundAmong { plan: others, cost };
+            }
         }
     }
 
@@ -366,15 +417,15 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         tried: usize,
     ) -> Option<(usize, f64)> {
         let problem = self.problem;
-        let is_full = plan.len() >= self.configurations;
+        let is_full = self.configurations_of(plan) >= self.configurations;
         let may_be = |candidate: usize| {
-            let known = times_in(plan, candidate);
             derivatives[candidate] > f64::NEG_INFINITY
-                && (known > 0 || !is_full)
-                && known + times <= problem.most[candidate]
+                && (!is_full || !problem.of_configuration(plan, candidate).is_empty())
+                && times_in(plan, candidate) + times <= problem.most[candidate]
         };
+        let promising = highest(derivatives, tried, may_be);
         let mut best: Option<(usize, f64)> = None;
-        for candidate in highest(derivatives, tried, may_be) {
+        for candidate in promising {
             let sum = problem.with(rest, plan, (candidate, times));
             let cost = self.cost.cost(&sum, &mut self.directions);
             if best.is_none_or(|(_, lowest)| cost < lowest) {

@@ -86,7 +86,7 @@ impl Checker<'_> {
             &nominal.model,
             &file.robot.machining_site,
         )?;
-        let (mut parameters, further) = self.parameters(&nominal.chain, &file.robot.parameters)?;
+        let (mut parameters, further) = self.parameters(&nominal.chain, &file)?;
         let true_robot = self.true_robot(&file, &nominal, &additions, &locked)?;
         let before = self.prior(&file, &mut nominal, &mut parameters)?;
         let is_listed = |joint: &&usize| {

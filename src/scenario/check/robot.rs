@@ -13,7 +13,7 @@ use crate::quantities::limits::MOST_JOINTS;
 use crate::quantities::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
 use crate::robot::{Joint, KnownJoint, Robot, SerialChain, Tool, TrueRobot};
 use crate::scenario::file::{Actuators, File};
-use crate::task::Belief;
+use crate::task::{AccuracyKind, Belief};
 
 impl Checker<'_> {
     /// The model in its laboratory.
@@ -140,13 +140,15 @@ impl Checker<'_> {
         self.one_per_command(key, values, &COMPLIANCE, chain, own)
     }
 
-    /// The joints whose compliances are to be found, in ascending order, and the names of what else is.
+    /// The joints whose compliances are to be found, in ascending order, and the names of what else is; where the accuracy is absolute
+    /// that may be all.
     pub(super) fn parameters<'n>(
         &self,
         chain: &SerialChain,
-        names: &'n [String],
+        file: &'n File,
     ) -> Result<(Vec<usize>, Vec<&'n str>), FileError> {
-        let key = "robot.parameters";
+        let (key, names) = ("robot.parameters", &file.robot.parameters);
+        let is_absolute = file.design.accuracy == AccuracyKind::Absolute;
         let known = || names_of(chain);
         let (mut parameters, mut others) = (Vec::new(), Vec::new());
         for name in names {
@@ -161,7 +163,7 @@ impl Checker<'_> {
             }
             parameters.push(joint);
         }
-        if parameters.is_empty() {
+        if parameters.is_empty() && (others.is_empty() || !is_absolute) {
             let problem = match others.first() {
                 Some(name) => format!(
                     "found {name:?}; at least one joint, whose compliance is unknown, is needed of: {}",
