@@ -119,15 +119,6 @@ impl<'a> ExperimentModel<'a> {
         }
         rows
     }
-
-    /// The information matrix of a plan for sigma = 1: the sum of A^T A, p x p, in m^2 (N m/rad)^2.
-    pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
-        let size = self.readings().parameters();
-        let matrices = self.observation_matrices(plan);
-        (plan.experiments.iter().zip(matrices))
-            .map(|(experiment, matrix)| f64::from(experiment.repeats) * matrix.tr_mul(&matrix))
-            .fold(DMatrix::zeros(size, size), |sum, own| sum + own)
-    }
 }
 
 /// The experiments of a plan by configuration, where deflections of one configuration share something; else each by itself. Those that

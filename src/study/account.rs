@@ -69,12 +69,6 @@ pub struct Account {
 }
 
 impl Account {
-    /// The rms distance that is to be expected (m).
-    pub fn expected_m(&self) -> f64 {
-        let squares = self.parts.iter().filter_map(Contribution::square_um2);
-        squares.sum::<f64>().sqrt() * 1e-6
-    }
-
     /// What an observed rms distance (m) says of the prediction, in words.
     pub fn verdict(&self, observed_m: Measured) -> String {
         let ratio = observed_m.value / self.predicted_m;

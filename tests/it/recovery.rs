@@ -8,7 +8,7 @@ use elastocal::plan::{ExperimentModel, Plan};
 use elastocal::robot::{Load, ObservationMatrix};
 use elastocal::scenario::Scenario;
 use elastocal::task::{Belief, Method};
-use elastocal::testbed::{TrueRobots, VirtualRobot};
+use elastocal::testbed::{TrueRobots, VirtualRobot, add_noise_of};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::support::{Workplace, plan, scenario, scenario_text, table4};
@@ -294,13 +294,12 @@ fn residuals_tell_sigma() {
     for experiment in &mut plan.experiments {
         experiment.repeats = 20;
     }
-    let measurements = VirtualRobot::new(
-        &scenario.truth.robot,
-        &scenario.task.belief.calibration_tool.name,
-    )
-    .expect("the site exists")
-    .measure(&plan, &scenario.task.belief.instrument, 11, 0)
-    .expect("stable");
+    let belief = &scenario.task.belief;
+    let mut measurements = VirtualRobot::new(&scenario.truth.robot, &belief.calibration_tool.name)
+        .expect("the site exists")
+        .measure_noise_free(&plan, &belief.instrument)
+        .expect("stable");
+    add_noise_of(&mut measurements, &belief.instrument, 11, 0);
     let found = identified(
         &scenario,
         &measurements,

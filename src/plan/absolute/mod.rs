@@ -320,21 +320,11 @@ impl AbsolutePlanning<'_> {
         (0..self.candidates.len() - self.measured.len()).collect()
     }
 
-    /// The best plan of so many readings, of so many different candidates.
+    /// The best plan of so many readings, of so many different candidates, begun also from plans that are known.
     ///
     /// # Errors
     /// The candidates do not determine the tool's place, or allow fewer readings.
-    pub fn design(
-        &self,
-        size: PlanSize,
-        seed: u64,
-        watch: Watch<'_>,
-    ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        self.design_from(&[], size, seed, watch)
-    }
-
-    /// The same also from plans that are known.
-    fn design_from(
+    pub fn design_from(
         &self,
         known: &[CandidatePlan],
         size: PlanSize,
