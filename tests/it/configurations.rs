@@ -12,7 +12,7 @@ use elastocal::plan::search::{Bound, NoBound};
 use elastocal::plan::{Assessment, Experiment, Plan, posterior, write_plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::study::account::{Account, Contribution};
+use elastocal::study::account::Account;
 use elastocal::task::Method;
 use elastocal::testbed::{Circumstances, TrueRobots, add_noise_of};
 use nalgebra::{DMatrix, Matrix3, Matrix6xX, Vector3};
@@ -146,7 +146,7 @@ fn gears_turn_joints_before_and_under_the_load() {
 }
 
 fn rms_mm(account: &Account) -> f64 {
-    let squares = account.parts.iter().filter_map(Contribution::square_um2);
+    let squares = account.parts.iter().filter_map(|each| Some(each.contribution_um?.powi(2)));
     squares.sum::<f64>().sqrt() * 1e-3
 }
 
