@@ -120,7 +120,8 @@ impl<'a> ReadingSums<'a> {
 
     pub fn add_planned(&mut self, each: &PlannedReading) {
         let (mut residual, rows) = (Vector6::zeros(), &mut self.rows);
-        self.model.predict_as_planned(&each.setup, each.kind, rows);
+        self.model
+            .predict_as_planned(None, &each.setup, each.kind, rows);
         each.whitener.whiten(each.kind, &mut residual, rows);
         self.add_whitened(each.kind, &residual);
     }
@@ -227,7 +228,7 @@ pub fn planned_rows(
     (wanted.iter())
         .map(|&(setup, kind)| {
             let mut derivatives = Matrix6xX::zeros(set.len());
-            model.predict_as_planned(setup, kind, &mut derivatives);
+            model.predict_as_planned(None, setup, kind, &mut derivatives);
             in_sizes(&mut derivatives, &scales);
             derivatives
         })

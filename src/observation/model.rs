@@ -188,16 +188,8 @@ impl<'a> ObservationModel<'a> {
 
     /// The same to first order in compliance, with torques and Jacobian at the commanded angles (eqs. 3 to 8), which always exists. Neither
     /// gravity nor springs beside the joints' own have a part in a deflection.
+    /// The target's geometry there may be known already.
     pub fn predict_first_order(
-        &mut self,
-        setup: &Setup,
-        kind: ReadingKind,
-        derivatives: &mut Matrix6xX<f64>,
-    ) -> Prediction {
-        self.first_order_at(None, setup, kind, derivatives)
-    }
-
-    fn first_order_at(
         &mut self,
         state: Option<&KinematicState>,
         setup: &Setup,
@@ -219,16 +211,6 @@ impl<'a> ObservationModel<'a> {
     /// with them through the static equilibrium, where there is one.
     pub fn predict_as_planned(
         &mut self,
-        setup: &Setup,
-        kind: ReadingKind,
-        derivatives: &mut Matrix6xX<f64>,
-    ) -> Prediction {
-        self.predict_as_planned_at(None, setup, kind, derivatives)
-    }
-
-    /// The same where the target's geometry at the commanded angles may be known already.
-    pub(super) fn predict_as_planned_at(
-        &mut self,
         state: Option<&KinematicState>,
         setup: &Setup,
         kind: ReadingKind,
@@ -239,7 +221,7 @@ impl<'a> ObservationModel<'a> {
         {
             return prediction;
         }
-        self.first_order_at(state, setup, kind, derivatives)
+        self.predict_first_order(state, setup, kind, derivatives)
     }
 
     /// Writes the derivatives of what is left at a target under a load if the joints' own deflections at the model's values are

@@ -94,7 +94,7 @@ fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, at_rest: bool, softn
             let seen = model.predict(setup, kind, derivatives);
             seen.expect("an equilibrium")
         } else {
-            model.predict_first_order(setup, kind, derivatives)
+            model.predict_first_order(None, setup, kind, derivatives)
         }
     };
     let mut worst: f64 = 0.0;
@@ -206,7 +206,7 @@ fn compliances_alone_give_the_observation_matrix_and_its_nonlinear_form() {
             let kind = ReadingKind::DeflectionAndRotation;
             arm.update(q, &mut state);
             let linear = ObservationMatrix::new(&state, &setup.load, &joints);
-            model.predict_first_order(&setup, kind, &mut derivatives);
+            model.predict_first_order(None, &setup, kind, &mut derivatives);
             assert_eq!(derivatives.fixed_rows::<3>(0), linear.position);
             assert_eq!(derivatives.fixed_rows::<3>(3), linear.rotation);
 

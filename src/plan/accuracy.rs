@@ -27,7 +27,7 @@ impl<'a> ExperimentModel<'a> {
             arm: belief.arm_with(&belief.calibration_tool),
             parameters: &belief.parameters,
             precision: belief.instrument.precision(),
-            uncertain: belief.uncertain.as_ref(),
+            uncertain: Some(&belief.uncertain).filter(|each| !each.is_plain()),
         }
     }
 

@@ -269,7 +269,10 @@ fn sources() -> [ReadingSource; 6] {
     let deviations = vec![2e-5, 3e-5, 1e-5, 5e-5, 4e-5, 6e-5];
     [
         ReadingSource::JointRepeatability(deviations.clone()),
-        ReadingSource::TransmissionError(TransmissionError::independent(deviations.clone())),
+        ReadingSource::TransmissionError(TransmissionError {
+            deviations: deviations.clone(),
+            kernel: None,
+        }),
         ReadingSource::LoadDirection(0.01),
         ReadingSource::LoadPoint(0.005),
         ReadingSource::Range(RangeNoise {

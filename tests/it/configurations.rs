@@ -146,7 +146,10 @@ fn gears_turn_joints_before_and_under_the_load() {
 }
 
 fn rms_mm(account: &Account) -> f64 {
-    let squares = account.parts.iter().filter_map(|each| Some(each.contribution_um?.powi(2)));
+    let squares = account
+        .parts
+        .iter()
+        .filter_map(|each| Some(each.contribution_um?.powi(2)));
     squares.sum::<f64>().sqrt() * 1e-3
 }
 
@@ -186,7 +189,7 @@ fn hidden_errors_of_configurations_leave_what_the_account_says() {
 /// differences of the deflection.
 fn written_out(scenario: &Scenario, measurements: &[Measurement]) -> DMatrix<f64> {
     let belief = &scenario.task.belief;
-    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    let extended = &belief.uncertain;
     let arm = extended.arm();
     let along = |each: &Measurement, joint: usize| {
         let at = |shift: f64| {
@@ -504,7 +507,7 @@ fn the_laboratory_reads_each_configuration_once_without_a_load() {
 fn gears_err_alike_under_all_loads() {
     let scenario = loaded("own", GEARS);
     let belief = &scenario.task.belief;
-    let extended = belief.uncertain.as_ref().expect("gears err");
+    let extended = &belief.uncertain;
     let arm = extended.arm();
     let kinds = (0..6).map(|joint| (ParameterKind::JointZero { joint }, None));
     let set = elastocal::parameter::ParameterSet::new(arm, kinds).expect("zeros");

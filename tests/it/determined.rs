@@ -19,7 +19,7 @@ use serde_json::Value;
 use std::sync::atomic::AtomicBool;
 
 use crate::identifiability::{TWINS, TWINS_SCENARIO};
-use crate::support::{Outcome, Workplace, project, scenario_text};
+use crate::support::{Outcome, Workplace, leave_open, project, scenario_text};
 
 /// The paper's robot with the reflector where the tool machines, on axis 6: no weight turns joint 6.
 fn reflector_on_axis_6(workplace: &Workplace) {
@@ -437,6 +437,8 @@ fn a_nominal_compliance_of_zero_is_a_fine_start() {
         for joint in joints {
             scenario.task.belief.nominal.compliance_rad_per_nm[joint] = nominal;
         }
+        let parameters = scenario.task.belief.parameters.clone();
+        leave_open(&mut scenario, &parameters);
         let plan = crate::support::table4(4);
         let assessment = Assessment::new(&scenario.task, &plan, None);
         let undetermined = assessment.undetermined(&scenario.task.belief);

@@ -15,7 +15,7 @@ use elastocal::testbed::{VirtualRobot, add_noise_of};
 use nalgebra::{DVector, Matrix3, Rotation3, Unit, Vector3};
 
 use crate::recovery::differing;
-use crate::support::{Workplace, scenario_text, table4};
+use crate::support::{Workplace, leave_open, scenario_text, table4};
 
 /// Angles and pulls of every kind, for an arm of n joints.
 fn varied(scenario: &Scenario, experiments: usize, force_n: f64) -> Plan {
@@ -427,7 +427,7 @@ fn distances_are_as_chance_has_them() {
 #[test]
 fn without_spare_measurements_nothing_is_judged() {
     let (mut scenario, plan) = arms()[0].clone();
-    scenario.task.belief.parameters = vec![1, 2, 3];
+    leave_open(&mut scenario, &[1, 2, 3]);
     let measurements = &measured(&scenario, &plan, 11)[..1];
     let case = case(&scenario, measurements);
     let residuals =

@@ -136,7 +136,7 @@ fn every_frame_moves_the_tool_as_mujoco_says() {
                     let seen = ours.predict(&setup, ReadingKind::Pose, &mut derivatives);
                     seen.expect("rigid")
                 } else {
-                    ours.predict_first_order(&setup, ReadingKind::Pose, &mut derivatives)
+                    ours.predict_first_order(None, &setup, ReadingKind::Pose, &mut derivatives)
                 };
                 assert!((seen.position_m - position).amax() < 1e-12);
                 assert!((seen.rotation - axes).amax() < 1e-12);

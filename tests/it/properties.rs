@@ -115,7 +115,7 @@ fn information_of_repeats_is_a_sum() {
     let information = problem.information(&repeated);
     assert!((&information - &sum).amax() < 1e-12 * sum.amax());
     let written_out = Plan {
-        experiments: (repeated.repeated().cloned())
+        experiments: (crate::support::repeated(&repeated).cloned())
             .map(|mut each| {
                 each.repeats = 1;
                 each

@@ -11,7 +11,7 @@ use elastocal::task::{Belief, Method};
 use elastocal::testbed::{TrueRobots, VirtualRobot, add_noise_of};
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::support::{Workplace, plan, scenario, scenario_text, table4};
+use crate::support::{Workplace, plan, repeated, scenario, scenario_text, table4};
 
 /// A scenario whose true robot is not the nominal one: each compliance is 20 % larger or smaller.
 pub fn differing(name: &str) -> Scenario {
@@ -35,12 +35,7 @@ pub fn noise_free(scenario: &Scenario, plan: &Plan) -> Vec<Measurement> {
 
 /// A belief that leaves open the compliances of these joints, and nothing else.
 pub fn of_compliances(belief: &Belief, parameters: &[usize]) -> Belief {
-    Belief {
-        parameters: parameters.to_vec(),
-        prior: None,
-        uncertain: None,
-        ..belief.clone()
-    }
+    (belief.of_compliances(parameters.to_vec(), None)).expect("the joints exist")
 }
 
 pub fn identified(
@@ -133,8 +128,7 @@ fn files_carry_the_true_compliances() {
 /// A^(p) of all measurements (eq. 7), stacked, of an instrument that measures no rotations.
 fn stacked(scenario: &Scenario, plan: &Plan) -> DMatrix<f64> {
     let model = ExperimentModel::new(&scenario.task.belief);
-    let blocks: Vec<_> = plan
-        .repeated()
+    let blocks: Vec<_> = repeated(plan)
         .map(|each| model.observation_matrix(each))
         .collect();
     DMatrix::from_fn(

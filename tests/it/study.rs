@@ -123,7 +123,7 @@ fn a_run_can_be_replayed_by_itself() {
 
     let experiments = elastocal::plan::ExperimentModel::new(&scenario.task.belief);
     let mut observed = nalgebra::DMatrix::zeros(9, 5);
-    for (index, experiment) in plan.repeated().enumerate() {
+    for (index, experiment) in crate::support::repeated(&plan).enumerate() {
         let matrix = experiments.observation_matrix(experiment);
         observed.rows_mut(3 * index, 3).copy_from(&matrix);
     }

@@ -39,9 +39,10 @@ impl Identify {
         if self.sigma_from_residuals && scenario.task.belief.knows_before() {
             let problem = "with what is known before, sigma has to be known, too";
             let wrong = FileError::new(&scenario.path, problem).code(ErrorCode::Scenario);
-            let (key, or) = match scenario.task.belief.uncertain {
-                Some(_) => ("uncertainty", "give --noise-only"),
-                None => ("robot.prior", "the key"),
+            let (key, or) = if scenario.task.belief.uncertain.is_plain() {
+                ("robot.prior", "the key")
+            } else {
+                ("uncertainty", "give --noise-only")
             };
             let hint = format!("leave out --sigma-from-residuals, or {or}");
             return Err(wrong.at(key).hint(hint).into());

@@ -559,9 +559,7 @@ fn place_rows(
 
 /// The parameters of the task's force that the planner's model has, each with its standard deviation.
 fn of_task(task: &Task) -> Vec<(ParameterKind, f64)> {
-    let Some(extended) = &task.belief.uncertain else {
-        return Vec::new();
-    };
+    let extended = &task.belief.uncertain;
     let parameters = extended.set().parameters().iter().enumerate();
     parameters
         .filter(|(_, each)| is_of_task(each.kind))
