@@ -69,7 +69,7 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
         Some(_) => (instrument.along_sigma_m(), "m"),
         None => (instrument.sigma_m, "m"),
     }));
-    let before = || (&gain * belief.earlier_precision() * gain.transpose()).trace();
+    let before = || (&gain * belief.uncertain.earlier() * gain.transpose()).trace();
     let of_groups = extended.shared().iter();
     let of_group = |places: &Vec<usize>| -> f64 {
         let known = |place| extended.own_precision(place);

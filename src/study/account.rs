@@ -268,7 +268,7 @@ fn earlier(
 ) -> f64 {
     let belief = &task.belief;
     let Some(drawn) = (truth.earlier.as_ref()).filter(|drawn| !drawn.joints.is_empty()) else {
-        return (gain * belief.earlier_precision() * gain.transpose()).trace();
+        return (gain * belief.uncertain.earlier() * gain.transpose()).trace();
     };
     let precision = belief.precision();
     let joints = drawn.joints.iter();

@@ -290,11 +290,6 @@ impl Belief {
         self.known().mean.as_slice().to_vec()
     }
 
-    /// Whether something is known, or held to be uncertain, before any measurement.
-    pub const fn knows_before(&self) -> bool {
-        self.prior.is_some() || !self.uncertain.is_plain()
-    }
-
     /// What is known of the unknowns before any measurement.
     fn known(&self) -> &Prior {
         self.uncertain.set().prior()
@@ -314,11 +309,6 @@ impl Belief {
         self.known().precision.clone()
     }
 
-    /// The part of it that the campaign of `robot.prior` gives them.
-    pub fn earlier_precision(&self) -> DMatrix<f64> {
-        self.uncertain.earlier().clone()
-    }
-
     /// Whether deflections of one configuration share something that repeats do not average.
     pub fn is_shared_by_configuration(&self) -> bool {
         self.uncertain.is_shared_by_configuration()
@@ -328,11 +318,6 @@ impl Belief {
     /// p x p.
     pub fn prior_information(&self) -> DMatrix<f64> {
         self.known().relative(&self.sizes())
-    }
-
-    /// The same as whitened equations, r x p (1 over the unknowns' units); without a prior there are none.
-    pub fn prior_rows(&self) -> DMatrix<f64> {
-        self.uncertain.prior_rows().clone()
     }
 
     /// The same about other compliances of all joints (rad/(N m)), with what measurements tell besides what is known

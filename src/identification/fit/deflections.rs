@@ -53,7 +53,7 @@ impl FitStart {
     pub fn new(source: &Case<'_>, is_near: bool) -> Self {
         let whitening = source.whitening();
         let nominal = DVector::from_vec(source.belief.values());
-        let prior = source.belief.prior_rows();
+        let prior = source.belief.uncertain.prior_rows().clone();
         let mut at_nominal = source.predicted_linearly();
         whitening.whiten(&mut at_nominal.derivatives);
         let estimable = source.estimable(&stack![at_nominal.derivatives; prior]);
