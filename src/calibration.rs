@@ -279,7 +279,7 @@ pub fn see_residual(
     pose: &TestPose,
     commanded_rad: &DVector<f64>,
 ) -> Result<Vector3<f64>, EquilibriumError> {
-    let wanted = robots.machining_tool(&pose.configuration_rad, &Load::NONE)?;
+    let (wanted, _) = robots.machining_tool(&pose.configuration_rad, &Load::NONE)?;
     let loaded = robots.machining_tool_at_work(commanded_rad, pose)?;
     Ok(pose.counted(&(loaded - wanted)))
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::ParameterSet;
 use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::robot::Load;
@@ -51,7 +51,7 @@ fn poses(scenario: &Scenario, transmission_error_rad: f64) -> Vec<AbsoluteReadin
                 approach: None,
             };
             let seen = model
-                .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)
+                .predict(&setup, ReadingKind::Pose, &mut ignored)
                 .expect("stable");
             let mut error =
                 || Vector3::from_fn(|_, _| 3.0_f64.sqrt() * SIGMA * random.random_range(-1.0..1.0));

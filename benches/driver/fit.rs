@@ -3,7 +3,7 @@
 use elastocal::identification::{ParameterFit, fit_parameters};
 use elastocal::numeric::random::generator;
 use elastocal::observation::{
-    Form, Observation, ObservationModel, PlannedReading, Reading, ReadingKind, Setup, Whitener,
+    Observation, ObservationModel, PlannedReading, Reading, ReadingKind, Setup, Whitener,
     planned_information,
 };
 use elastocal::parameter::{Axis, ElasticArm, Freedoms, ParameterKind, ParameterSet, Payload};
@@ -59,7 +59,7 @@ impl Fit {
             .into_iter()
             .map(|setup| {
                 let seen = model
-                    .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)
+                    .predict(&setup, ReadingKind::Pose, &mut ignored)
                     .expect("stable");
                 Observation {
                     setup,

@@ -16,7 +16,7 @@ use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, block_runs};
 use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, repeated};
 use elastocal::task::{AccuracyKind, Method};
-use elastocal::testbed::VirtualRobot;
+use elastocal::testbed::{VirtualRobot, add_noise_of};
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::recording::{CarriedOutPlan, Recording};
 use elastocal::view::rerun_file::write_rerun;
@@ -108,10 +108,12 @@ pub fn plan_of(experiments: u32) -> Plan {
 pub fn measurements(scenario: &Scenario, experiments: u32) -> Vec<Measurement> {
     let size = size_of_part(experiments);
     let site = &scenario.task.belief.calibration_tool.name;
-    let once = VirtualRobot::new(&scenario.truth.robot, site)
+    let instrument = &scenario.task.belief.instrument;
+    let mut once = VirtualRobot::new(&scenario.truth.robot, site)
         .expect("the site exists")
-        .measure(&plan_of(size), &scenario.task.belief.instrument, 1, 0)
+        .measure_noise_free(&plan_of(size), instrument)
         .expect("stable");
+    add_noise_of(&mut once, instrument, 1, 0);
     vec![once; (experiments / size) as usize].concat()
 }
 

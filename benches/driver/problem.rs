@@ -9,7 +9,7 @@ use elastocal::plan::{Criterion, Plan};
 use elastocal::robot::{Load, Tool};
 use elastocal::scenario::Scenario;
 use elastocal::study::model_level::LinearModel;
-use elastocal::study::robot_level::RobotRuns;
+use elastocal::study::robot_level::{PreparedPlan, RobotRuns};
 use elastocal::task::Method;
 use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
@@ -117,6 +117,7 @@ fn study(scenario: &Scenario) -> Value {
         .expect("determined")
         .run(&normals, &[]);
     let plan = plan_of(3);
+    let plan = PreparedPlan::new(&scenario.task, &plan);
     let mut robot = RobotRuns::new(&scenario.task, &scenario.truth).expect("the tools exist");
     let runs: Vec<(f64, f64)> = (0..LANES)
         .map(|lane| robot.run(&plan, &normals, &[], lane).expect("a run"))

@@ -129,12 +129,12 @@ pub fn read_identified(
             conditions.extend(impossible);
         }
     }
-    if let Some(extended) = &belief.uncertain {
+    if !belief.uncertain.is_plain() {
         let found = stored
             .all
             .as_ref()
             .map_or(&[][..], |all| &all.names[expected.len()..]);
-        if found != extended.other_names() {
+        if found != belief.uncertain.other_names() {
             let problem = "does not say what is known of the uncertainties that the scenario lists";
             let renew = "identify again under this scenario, or leave them out with --noise-only";
             let wrong = FileError::new(path, problem).at("uncertain").hint(renew);

@@ -15,7 +15,7 @@ use crate::plan::{Feasibility, Plan, read_plan};
 use crate::record::campaign::campaign_json;
 use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Extended};
+use crate::task::AccuracyKind;
 use crate::text::wording::{counted, duration};
 use crate::view::run_sheet::run_sheet;
 use crate::view::stills::Stills;
@@ -187,8 +187,7 @@ impl Lab {
 
 /// Whether a table says from which side configurations are approached.
 fn says_sides(scenario: &Scenario, plan_says: bool) -> bool {
-    let uncertain = scenario.task.belief.uncertain.as_ref();
-    plan_says || uncertain.is_some_and(Extended::has_backlash)
+    plan_says || scenario.task.belief.uncertain.has_backlash()
 }
 
 /// A file of absolute readings that are to be filled in, in the order of work.

@@ -139,11 +139,11 @@ impl<'a> PlannedAccuracy<'a> {
     pub fn add_static_compliance(&self, report: &mut Report, task: &Task) -> anyhow::Result<()> {
         match self {
             Self::Deflections(plan, _) => {
-                let (arm, set) = task.belief.parameters_of_arm()?;
+                let (arm, set) = (task.belief.uncertain.arm(), task.belief.uncertain.set());
                 let known = KnownArm {
                     tool: arm.tools.len() - 1,
-                    arm: &arm,
-                    set: &set,
+                    arm,
+                    set,
                     posterior: &posterior(&task.belief, plan),
                 };
                 add_static_compliance(report, &known, &task.test_poses)?;

@@ -122,11 +122,11 @@ pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) 
 /// The same for all unknowns of a belief, 3 x p: what compensation leaves at a test pose follows from their
 /// errors by these rows (eq. 19, extended).
 pub fn test_pose_rows(belief: &Belief, pose: &TestPose) -> DMatrix<f64> {
-    let Some(extended) = &belief.uncertain else {
+    if belief.uncertain.is_plain() {
         return test_pose_matrix(belief, pose, &belief.parameters);
-    };
-    let size = belief.unknowns();
-    uncompensated_rows(extended.at_test_pose(&vec![1.0; size]), pose)
+    }
+    let sizes = vec![1.0; belief.unknowns()];
+    uncompensated_rows(belief.uncertain.at_test_pose(&sizes), pose)
 }
 
 /// What compensation leaves at a test pose by the unknowns of a model there; of it what counts.

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Matrix6xX, Vector3};
 
 use crate::numeric::posterior::Posterior;
 use crate::numeric::tolerance::CHI_SQUARE_95;
-use crate::observation::{Form, ObservationModel, ReadingKind, Setup};
+use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::{EquilibriumError, Load};
 
@@ -81,7 +81,7 @@ impl KnownArm<'_> {
                     approach: None,
                 };
                 let kind = ReadingKind::Deflection;
-                let moved = model.predict(Form::AtRest, &setup, kind, &mut derivatives)?;
+                let moved = model.predict(&setup, kind, &mut derivatives)?;
                 let share = sign / (2.0 * FORCE_N);
                 let mut column = m_per_n.column_mut(axis);
                 column += moved.position_m * share;

@@ -188,11 +188,4 @@ impl Plan {
     pub fn measurements(&self) -> u32 {
         self.experiments.iter().map(|each| each.repeats).sum()
     }
-
-    /// Every experiment as often as it is measured.
-    pub fn repeated(&self) -> impl Iterator<Item = &Experiment> {
-        self.experiments
-            .iter()
-            .flat_map(|each| std::iter::repeat_n(each, each.repeats as usize))
-    }
 }

@@ -13,7 +13,6 @@ use crate::observation::{ObservationModel, Prediction, ReadingKind, RestTorques,
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
 };
-use crate::task::Extended;
 
 impl Case<'_> {
     pub(super) fn rows(&self) -> usize {
@@ -49,11 +48,11 @@ impl Case<'_> {
     /// configurations. Where springs brace the arm, it holds near the nominal compliances.
     pub(super) fn predicted_linearly(&self) -> PredictedRows {
         let belief = self.belief;
-        if let Some(extended) = &belief.uncertain {
+        if !belief.uncertain.is_plain() {
             let planned = |model: &mut ObservationModel<'_>, _, setup: &_, kind, rows: &mut _| {
-                Ok::<_, Infallible>(model.predict_as_planned(setup, kind, rows))
+                Ok::<_, Infallible>(model.predict_as_planned(None, setup, kind, rows))
             };
-            let Ok(rows) = self.extended_rows(extended, &belief.values(), planned);
+            let Ok(rows) = self.extended_rows(&belief.values(), planned);
             return rows;
         }
         let (chain, compliance) = (&belief.nominal.chain, &belief.nominal.compliance_rad_per_nm);
@@ -83,13 +82,13 @@ impl Case<'_> {
     ) -> Result<PredictedRows, IdentificationError> {
         torques.resize_with(self.measurements.len(), RestTorques::default);
         let belief = self.belief;
-        if let Some(extended) = &belief.uncertain {
+        if !belief.uncertain.is_plain() {
             let at_rest =
                 |model: &mut ObservationModel<'_>, index, setup: &_, kind, rows: &mut _| {
                     (model.predict_near(&mut torques[index], setup, kind, rows))
                         .map_err(|error| IdentificationError::from((index, error)))
                 };
-            return self.extended_rows(extended, values, at_rest);
+            return self.extended_rows(values, at_rest);
         }
         let compliance = &belief.compliance_at(values);
         let chain = &belief.nominal.chain;
@@ -124,7 +123,6 @@ impl Case<'_> {
     /// Predictions of all measurements, by their places, at values of the unknowns.
     fn extended_rows<E>(
         &self,
-        extended: &Extended,
         values: &[f64],
         mut predict: impl FnMut(
             &mut ObservationModel<'_>,
@@ -134,6 +132,7 @@ impl Case<'_> {
             &mut Matrix6xX<f64>,
         ) -> Result<Prediction, E>,
     ) -> Result<PredictedRows, E> {
+        let extended = &self.belief.uncertain;
         let mut model = ObservationModel::new(extended.set(), extended.arm(), values);
         let mut derivatives = Matrix6xX::zeros(values.len());
         let mut predicted = PredictedRows::new(self.rows(), values.len());

@@ -152,9 +152,10 @@ impl Case<'_> {
 
     /// What is told of what else is uncertain.
     fn others(&self, found: &Identification, start: &FitStart) -> Vec<UncertainEstimate> {
-        let Some(extended) = &self.belief.uncertain else {
+        let extended = &self.belief.uncertain;
+        if extended.is_plain() {
             return Vec::new();
-        };
+        }
         let spare = start.equations().saturating_sub(found.rank);
         let quantile = self.sigma.quantile(spare);
         let parameters = extended.set().parameters().iter().enumerate();
@@ -253,7 +254,8 @@ fn report(
         estimable: start.estimable.clone(),
     };
     // Files hold what is known of the compliances alone: what is told of them is decided there.
-    let compliances = (source.belief.uncertain.as_ref()).map(|_| posterior.of_first(joints.len()));
+    let has_more = !source.belief.uncertain.is_plain();
+    let compliances = has_more.then(|| posterior.of_first(joints.len()));
     let compliances = compliances.as_ref().unwrap_or(&posterior);
     let parameters = (joints.iter().enumerate())
         .map(|(index, &joint)| ParameterEstimate {

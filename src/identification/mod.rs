@@ -55,3 +55,4 @@ pub use residuals::{MeasurementResidual, residuals};
 pub use robust::{RobustIdentification, Robustness};
 pub use spread::{MOST_SPREAD, SPREAD_ORDERS};
 pub use stored::{StoredIdentification, hold_impossible, nominal_instead};
+pub(crate) use stored::{StoredOrigin, read_identified};

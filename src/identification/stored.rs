@@ -4,6 +4,7 @@ use std::path::Path;
 
 use nalgebra::DMatrix;
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use super::agreement::{SaidEstimate, agree};
 use super::covariance::covariance_of;
@@ -89,17 +90,32 @@ struct IdentificationFile {
     #[serde(default)]
     conditions: Vec<Condition>,
     identified_with: Option<Fingerprint>,
-    scenario_file: Option<String>,
     #[serde(default)]
     error_sources: Vec<String>,
-    #[serde(default)]
+}
+
+/// The keys of any identified file that say under which scenario it was made.
+#[derive(Debug, Deserialize)]
+pub(crate) struct StoredOrigin {
+    scenario_file: Option<String>,
     simulated: Option<SimulatedRun>,
     provenance: Option<StoredProvenance>,
 }
 
-#[derive(Deserialize)]
+#[derive(Debug, Deserialize)]
 struct StoredProvenance {
     scenario_sha256: Option<String>,
+}
+
+impl StoredOrigin {
+    /// That scenario.
+    pub fn origin(self) -> Option<Origin> {
+        Some(Origin {
+            scenario: self.scenario_file?.into(),
+            scenario_sha256: self.provenance?.scenario_sha256?,
+            simulated: self.simulated,
+        })
+    }
 }
 
 impl StoredIdentification {
@@ -108,15 +124,7 @@ impl StoredIdentification {
     /// # Errors
     /// The file is no identification.
     pub fn origin(path: &Path) -> Result<Option<Origin>, FileError> {
-        let stored = read(path)?;
-        let hash = stored.provenance.and_then(|each| each.scenario_sha256);
-        Ok(
-            (stored.scenario_file.zip(hash)).map(|(scenario, hash)| Origin {
-                scenario: scenario.into(),
-                scenario_sha256: hash,
-                simulated: stored.simulated,
-            }),
-        )
+        Ok(of_deflections::<StoredOrigin>(path)?.origin())
     }
 
     /// Reads what `identify --identified-out` or `run` wrote, for a robot with the same joints' names.
@@ -128,7 +136,7 @@ impl StoredIdentification {
     }
 
     fn read_for(path: &Path, robot: &Robot) -> Result<Self, FileError> {
-        let mut stored = read(path)?;
+        let mut stored: IdentificationFile = of_deflections(path)?;
         let joints = joints_of(path, &stored.parameters, robot)?;
         let mut posterior = posterior(path, &stored)?;
         let mut all = posterior_of_all(path, &stored, &posterior)?;
@@ -220,13 +228,23 @@ fn size(path: &Path, key: &str, size: Option<f64>) -> Result<f64, FileError> {
     Err(FileError::new(path, problem).at(key))
 }
 
-fn read(path: &Path) -> Result<IdentificationFile, FileError> {
-    let coded = |wrong: FileError| wrong.or_code(ErrorCode::IdentifiedFile);
-    let (text, json) = read_results(path, &["identify", "run"], WANTED).map_err(coded)?;
-    if json["kind"] == "absolute" {
+fn of_deflections<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
+    read_identified(path, false)?.ok_or_else(|| {
         let problem = "was identified from absolute readings; what is identified from deflections is needed here";
         let wrong = FileError::new(path, problem).at("kind");
-        return Err(wrong.code(ErrorCode::OtherAccuracy));
+        wrong.code(ErrorCode::OtherAccuracy)
+    })
+}
+
+/// What `identify --identified-out` or `run` wrote of absolute readings, or of deflections; `None` if the file is of the others.
+pub(crate) fn read_identified<T: DeserializeOwned>(
+    path: &Path,
+    is_absolute: bool,
+) -> Result<Option<T>, FileError> {
+    let coded = |wrong: FileError| wrong.or_code(ErrorCode::IdentifiedFile);
+    let (text, json) = read_results(path, &["identify", "run"], WANTED).map_err(coded)?;
+    if (json["kind"] == "absolute") != is_absolute {
+        return Ok(None);
     }
     from_json(path, &text).map_err(|wrong: FileError| coded(wrong.hint(WANTED)))
 }

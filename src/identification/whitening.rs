@@ -8,7 +8,6 @@ use super::discrepancy::six_rows;
 use super::equations::rows_of;
 use crate::measurement::{Measurement, by_configuration};
 use crate::observation::{DeflectionPrecision, PlannedReadings};
-use crate::task::Extended;
 
 /// The factors L of the readings' covariances L L^T, block by block.
 #[derive(Debug, Clone)]
@@ -55,7 +54,7 @@ impl Case<'_> {
     /// readings of one configuration share.
     pub(super) fn whitening(&self) -> Whitening {
         let ranges: Vec<_> = self.rows_of_each().collect();
-        let mut model = (self.belief.uncertain.as_ref()).map(|extended| self.readings(extended));
+        let mut model = self.readings();
         let block = |members: Vec<usize>| {
             let covariance = self.covariance_together(model.as_mut(), &members);
             let rows = members.into_iter().flat_map(|index| ranges[index].clone());
@@ -72,21 +71,18 @@ impl Case<'_> {
     /// The covariance of each measured deflection with its rotation (m^2, m rad, rad^2), whatever repeats it; of what is along a
     /// direction the first element.
     pub(super) fn covariances(&self) -> Vec<Matrix6<f64>> {
-        let mut model = (self.belief.uncertain.as_ref()).map(|extended| self.readings(extended));
+        let mut model = self.readings();
         let alone = |index| six_rows(&self.covariance_together(model.as_mut(), &[index]));
         (0..self.measurements.len()).map(alone).collect()
     }
 
     /// Measurements that share something, together, else each alone.
     fn sharing(&self) -> Vec<Vec<usize>> {
-        match &self.belief.uncertain {
-            Some(extended) if extended.is_shared_by_configuration() => {
-                by_configuration(self.measurements)
-            }
-            _ => (0..self.measurements.len())
-                .map(|index| vec![index])
-                .collect(),
+        if self.belief.is_shared_by_configuration() {
+            return by_configuration(self.measurements);
         }
+        let all = 0..self.measurements.len();
+        all.map(|index| vec![index]).collect()
     }
 
     /// The covariance of readings of one configuration (m^2, m rad, rad^2): what each reads on the diagonal, and what two of them share
@@ -129,16 +125,21 @@ impl Case<'_> {
     }
 
     /// The readings of these measurements as planning sees them: of rotations, too, where some are measured. The
-    /// instrument's noise is the measurements' own.
-    fn readings<'e>(&self, extended: &'e Extended) -> PlannedReadings<'e> {
+    /// instrument's noise is the measurements' own; none where there is nothing else.
+    fn readings(&self) -> Option<PlannedReadings<'_>> {
+        let extended = &self.belief.uncertain;
+        if extended.is_plain() {
+            return None;
+        }
         let has_rotations = self.measurements.iter().any(|each| each.rotation.is_some());
-        extended.readings_of_all(DeflectionPrecision {
+        let precision = DeflectionPrecision {
             sigma_m: self.sigma.weight_m(),
             rotation_sigma_rad: has_rotations.then_some(1.0),
             unloaded: extended.unloaded(),
             along_sigma_m: None,
             reads_all: true,
-        })
+        };
+        Some(extended.readings_of_all(precision))
     }
 
     /// What the covariance of two readings by the instrument would be, were all their noise the same. Of readings with deviations of

@@ -6,7 +6,7 @@ use nalgebra::DVector;
 
 use super::PathJudge;
 use crate::robot::{Approach, Load};
-use crate::task::{Extended, Task};
+use crate::task::Task;
 
 /// Of the ways to approach a configuration so many are tried.
 const SIDES: usize = 64;
@@ -37,7 +37,7 @@ impl Display for Side {
 /// count; `None` where any side is as good.
 pub(super) fn wanted_side(task: &Task, approach: Option<&Approach>) -> Option<Vec<bool>> {
     let belief = &task.belief;
-    let has_backlash = (belief.uncertain.as_ref()).is_some_and(Extended::has_backlash);
+    let has_backlash = belief.uncertain.has_backlash();
     (has_backlash || approach.is_some()).then(|| Approach::of_all(approach, &belief.nominal.chain))
 }
 

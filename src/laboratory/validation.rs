@@ -66,9 +66,5 @@ pub fn validate(
     measurements: &[Measurement],
 ) -> Result<Predictions, PredictionError> {
     let case = Case::as_believed(belief, measurements);
-    let posterior = match &belief.uncertain {
-        Some(uncertain) => &uncertain.in_another_campaign(posterior),
-        None => posterior,
-    };
-    case.predictions(posterior)
+    case.predictions(&belief.uncertain.in_another_campaign(posterior))
 }

@@ -25,7 +25,6 @@ pub use read::{
 };
 pub use write::{
     RowToFillIn, absolute_table, deflection_table, readings_to_fill_in, table_to_fill_in,
-    write_measurements,
 };
 
 /// One calibration experiment's outcome (A2).

@@ -12,7 +12,7 @@ use super::columns::{
 use super::{AbsoluteReading, Measurement};
 use crate::csv::{Sheet, owned, word_field};
 use crate::experiment::{LOAD, add_approach, fields_of, reading_columns, reading_fields};
-use crate::files::{FileError, output::write_whole};
+use crate::files::FileError;
 use crate::quantities::units::thousandths;
 use crate::robot::{Approach, Commands, Load, ReadsAlong};
 
@@ -87,20 +87,6 @@ pub fn table_to_fill_in<'a>(
     }
     add_approach(&mut sheet, |row| row.approach.as_ref());
     sheet.text()
-}
-
-/// Writes measurements of an arm, which may be given by its number of joints.
-///
-/// # Errors
-/// The file cannot be written; or some measurements have standard deviations or rotations and some
-/// have none, which the columns of a file cannot say.
-pub fn write_measurements(
-    path: &Path,
-    commands: impl Into<Commands>,
-    measurements: &[Measurement],
-) -> Result<(), FileError> {
-    let text = deflection_table(path, &commands.into(), measurements)?;
-    write_whole(path, text.as_bytes())
 }
 
 /// The text of a file of deflections.

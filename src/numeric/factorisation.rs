@@ -21,7 +21,7 @@ pub fn finite_eigen<D: DimSub<U1>>(matrix: &OMatrix<f64, D, D>) -> Option<Symmet
 where
     DefaultAllocator: Allocator<D, D> + Allocator<D> + Allocator<DimDiff<D, U1>>,
 {
-    if !is_tame(matrix.iter()) {
+    if matrix.is_empty() || !is_tame(matrix.iter()) {
         return None;
     }
     SymmetricEigen::try_new(matrix.clone_owned(), f64::EPSILON, MAXIMUM_SWEEPS)

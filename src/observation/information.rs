@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, Vector6};
 use rayon::prelude::*;
 
-use super::model::{Form, ObservationModel};
+use super::model::ObservationModel;
 use super::reading::{Observation, PlannedReading, Prediction, ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::EquilibriumError;
@@ -112,7 +112,7 @@ impl<'a> ReadingSums<'a> {
     /// Adds an observation through the static equilibrium, and returns its whitened residual.
     pub fn add(&mut self, each: &Observation) -> Result<Vector6<f64>, EquilibriumError> {
         let (kind, rows) = (each.reading.kind(), &mut self.rows);
-        let predicted = self.model.predict(Form::AtRest, &each.setup, kind, rows)?;
+        let predicted = self.model.predict(&each.setup, kind, rows)?;
         let residual = each.whiten(&predicted, rows);
         self.add_whitened(kind, &residual);
         Ok(residual)
@@ -120,7 +120,8 @@ impl<'a> ReadingSums<'a> {
 
     pub fn add_planned(&mut self, each: &PlannedReading) {
         let (mut residual, rows) = (Vector6::zeros(), &mut self.rows);
-        self.model.predict_as_planned(&each.setup, each.kind, rows);
+        self.model
+            .predict_as_planned(None, &each.setup, each.kind, rows);
         each.whitener.whiten(each.kind, &mut residual, rows);
         self.add_whitened(each.kind, &residual);
     }
@@ -166,7 +167,7 @@ pub fn of_each_prediction<T: Send>(
         let mut derivatives = Matrix6xX::zeros(model.set().len());
         let each = (block * BLOCK..).zip(observations).map(|(place, each)| {
             let kind = each.reading.kind();
-            let predicted = model.predict(Form::AtRest, &each.setup, kind, &mut derivatives);
+            let predicted = model.predict(&each.setup, kind, &mut derivatives);
             let predicted = predicted.map_err(|error| (place, error))?;
             Ok(made_of(place, &predicted, &mut derivatives))
         });
@@ -227,7 +228,7 @@ pub fn planned_rows(
     (wanted.iter())
         .map(|&(setup, kind)| {
             let mut derivatives = Matrix6xX::zeros(set.len());
-            model.predict_as_planned(setup, kind, &mut derivatives);
+            model.predict_as_planned(None, setup, kind, &mut derivatives);
             in_sizes(&mut derivatives, &scales);
             derivatives
         })

@@ -35,7 +35,7 @@ pub use information::{
     NormalEquations, normal_equations, of_each_prediction, planned_information, planned_positions,
     planned_rows, turning_load_rows,
 };
-pub use model::{Form, ObservationModel, RestTorques};
+pub use model::{ObservationModel, RestTorques};
 pub use planned::{CovarianceTogether, NOTHING_READ, PlannedReadings};
 pub use reading::{
     DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,

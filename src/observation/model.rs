@@ -15,17 +15,6 @@ use crate::robot::{
 /// What loads are changed by to see what they move (N, N m).
 const PROBE: f64 = 10.0;
 
-/// How far the arm's deflection is followed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
-    /// To first order in compliance, with torques and Jacobian at the commanded angles: eqs. 3 to 8.
-    /// A deflection is then J k J^T W, and neither gravity nor springs beside the joints' own have a part
-    /// in it.
-    FirstOrder,
-    /// Through the static equilibrium under gravity, payload and load.
-    AtRest,
-}
-
 /// Predicts readings of an arm with the derivatives with respect to a set of parameters, at one vector
 /// of their values. Keeps its workspace, so that predicting does not allocate.
 #[derive(Debug, Clone)]
@@ -146,31 +135,20 @@ impl<'a> ObservationModel<'a> {
         &self.set
     }
 
-    /// The belief with the parameters' values.
-    pub fn belief(&self) -> &ElasticArm {
-        &self.belief
-    }
-
     /// Predicts a reading and writes its derivatives (6 x p, each column in m and rad per the
     /// parameter's unit; a reading of three rows leaves the last three to be ignored). Rotation rows
-    /// are those of the rotation vector for a deflection, and the angular velocity for a pose. At rest, derivatives without a column
-    /// stay without.
+    /// are those of the rotation vector for a deflection, and the angular velocity for a pose. Through the static equilibrium under
+    /// gravity, payload and load; derivatives without a column stay without.
     ///
     /// # Errors
     /// The arm has no equilibrium there.
     pub fn predict(
         &mut self,
-        form: Form,
         setup: &Setup,
         kind: ReadingKind,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Result<Prediction, EquilibriumError> {
-        let load = match form {
-            Form::FirstOrder => {
-                return Ok(self.predict_first_order(setup, kind, derivatives));
-            }
-            Form::AtRest => self.command(setup),
-        };
+        let load = self.command(setup);
         let mut prediction = if kind.is_deflection() {
             self.stand_off_springs(setup, false);
             let unloaded = if derivatives.ncols() == 0 {
@@ -191,7 +169,7 @@ impl<'a> ObservationModel<'a> {
         Ok(prediction)
     }
 
-    /// The same at rest, begun near equilibria of other values of the parameters; their torques become those of these.
+    /// The same begun near equilibria of other values of the parameters; their torques become those of these.
     ///
     /// # Errors
     /// As [`Self::predict`].
@@ -203,22 +181,15 @@ impl<'a> ObservationModel<'a> {
         derivatives: &mut Matrix6xX<f64>,
     ) -> Result<Prediction, EquilibriumError> {
         self.near = Some(std::mem::take(torques));
-        let prediction = self.predict(Form::AtRest, setup, kind, derivatives);
+        let prediction = self.predict(setup, kind, derivatives);
         *torques = self.near.take().unwrap_or_default();
         prediction
     }
 
-    /// The same to first order in compliance, which always exists.
+    /// The same to first order in compliance, with torques and Jacobian at the commanded angles (eqs. 3 to 8), which always exists. Neither
+    /// gravity nor springs beside the joints' own have a part in a deflection.
+    /// The target's geometry there may be known already.
     pub fn predict_first_order(
-        &mut self,
-        setup: &Setup,
-        kind: ReadingKind,
-        derivatives: &mut Matrix6xX<f64>,
-    ) -> Prediction {
-        self.first_order_at(None, setup, kind, derivatives)
-    }
-
-    fn first_order_at(
         &mut self,
         state: Option<&KinematicState>,
         setup: &Setup,
@@ -240,27 +211,17 @@ impl<'a> ObservationModel<'a> {
     /// with them through the static equilibrium, where there is one.
     pub fn predict_as_planned(
         &mut self,
-        setup: &Setup,
-        kind: ReadingKind,
-        derivatives: &mut Matrix6xX<f64>,
-    ) -> Prediction {
-        self.predict_as_planned_at(None, setup, kind, derivatives)
-    }
-
-    /// The same where the target's geometry at the commanded angles may be known already.
-    pub(super) fn predict_as_planned_at(
-        &mut self,
         state: Option<&KinematicState>,
         setup: &Setup,
         kind: ReadingKind,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Prediction {
         if self.chain.elements.has_springs()
-            && let Ok(prediction) = self.predict(Form::AtRest, setup, kind, derivatives)
+            && let Ok(prediction) = self.predict(setup, kind, derivatives)
         {
             return prediction;
         }
-        self.first_order_at(state, setup, kind, derivatives)
+        self.predict_first_order(state, setup, kind, derivatives)
     }
 
     /// Writes the derivatives of what is left at a target under a load if the joints' own deflections at the model's values are

@@ -115,7 +115,7 @@ impl<'a> ObservedRows<'a> {
                 model, setup, rows, ..
             } = &mut *room;
             setup.load = *load;
-            model.predict_as_planned_at(Some(state), setup, self.kind, rows);
+            model.predict_as_planned(Some(state), setup, self.kind, rows);
             room.is_predicted = true;
         }
         room

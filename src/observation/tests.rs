@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::rotation::inverse_left_jacobian;
-use super::{Form, ObservationModel, Prediction, ReadingKind, Setup};
+use super::{ObservationModel, Prediction, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, everything, random, random_elastic, ur10};
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 use crate::robot::{
@@ -68,7 +68,7 @@ fn step_size(parameter: &Parameter, belief: &ElasticArm) -> f64 {
 
 /// Largest differences between derivatives and central differences, relative to each parameter's
 /// effect.
-fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, form: Form, softness: f64) -> f64 {
+fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, at_rest: bool, softness: f64) -> f64 {
     let mut belief = belief.clone();
     for compliance in &mut belief.compliance_rad_per_nm {
         *compliance *= softness;
@@ -89,9 +89,13 @@ fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, form: Form, softness
         }
     }
     let predict = |values: &[f64], setup: &Setup, kind, derivatives: &mut Matrix6xX<f64>| {
-        ObservationModel::new(&set, &belief, values)
-            .predict(form, setup, kind, derivatives)
-            .expect("an equilibrium")
+        let mut model = ObservationModel::new(&set, &belief, values);
+        if at_rest {
+            let seen = model.predict(setup, kind, derivatives);
+            seen.expect("an equilibrium")
+        } else {
+            model.predict_first_order(None, setup, kind, derivatives)
+        }
     };
     let mut worst: f64 = 0.0;
     let own = (0..belief.tools.len()).map(|target| (target, None));
@@ -129,7 +133,7 @@ fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, form: Form, softness
                 let relative = error / (effect + floor);
                 if relative > 1e-5 && std::env::var("SHOW").is_ok() {
                     println!(
-                        "{form:?} {kind:?} {target} {} {slope} {}",
+                        "{at_rest} {kind:?} {target} {} {slope} {}",
                         parameter.name,
                         derivatives.column(index)
                     );
@@ -148,9 +152,9 @@ fn derivatives_of_elastic_arms_are_those_of_predictions() {
     for joints in [1, 2, 4, 7] {
         for _ in 0..2 {
             let belief = random_elastic(&mut numbers, joints);
-            let worst = worst_of_arm(&mut numbers, &belief, Form::AtRest, 1.0);
+            let worst = worst_of_arm(&mut numbers, &belief, true, 1.0);
             assert!(worst < 1e-5, "{joints} joints: {worst:.1e}");
-            let worst = worst_of_arm(&mut numbers, &belief, Form::FirstOrder, 1e-4);
+            let worst = worst_of_arm(&mut numbers, &belief, false, 1e-4);
             assert!(worst < 1e-5, "{joints} joints, first order: {worst:.1e}");
         }
     }
@@ -162,7 +166,7 @@ fn derivatives_at_rest_are_those_of_predictions() {
     for joints in [1, 2, 3, 5, 6, 7] {
         for _ in 0..4 {
             let belief = random(&mut numbers, joints);
-            let worst = worst_of_arm(&mut numbers, &belief, Form::AtRest, 1.0);
+            let worst = worst_of_arm(&mut numbers, &belief, true, 1.0);
             assert!(worst < 1e-5, "{joints} joints: {worst:.1e}");
         }
     }
@@ -176,7 +180,7 @@ fn derivatives_to_first_order_are_those_of_predictions() {
     for joints in [1, 2, 3, 6, 7] {
         for _ in 0..4 {
             let belief = random(&mut numbers, joints);
-            let worst = worst_of_arm(&mut numbers, &belief, Form::FirstOrder, 1e-4);
+            let worst = worst_of_arm(&mut numbers, &belief, false, 1e-4);
             assert!(worst < 1e-5, "{joints} joints: {worst:.1e}");
         }
     }
@@ -202,14 +206,12 @@ fn compliances_alone_give_the_observation_matrix_and_its_nonlinear_form() {
             let kind = ReadingKind::DeflectionAndRotation;
             arm.update(q, &mut state);
             let linear = ObservationMatrix::new(&state, &setup.load, &joints);
-            model
-                .predict(Form::FirstOrder, &setup, kind, &mut derivatives)
-                .expect("exists");
+            model.predict_first_order(None, &setup, kind, &mut derivatives);
             assert_eq!(derivatives.fixed_rows::<3>(0), linear.position);
             assert_eq!(derivatives.fixed_rows::<3>(3), linear.rotation);
 
             let predicted = model
-                .predict(Form::AtRest, &setup, kind, &mut derivatives)
+                .predict(&setup, kind, &mut derivatives)
                 .expect("stable");
             let compliance = &belief.compliance_rad_per_nm;
             let mut solver = EquilibriumSolver::new(6);
@@ -247,7 +249,7 @@ fn an_instrument_elsewhere_sees_the_same_arm() {
     let mut nothing = Matrix6xX::zeros(0);
     let mut see = |belief: &ElasticArm, kind| {
         ObservationModel::new(&set, belief, &[])
-            .predict(Form::AtRest, &setup, kind, &mut nothing)
+            .predict(&setup, kind, &mut nothing)
             .expect("stable")
     };
     let base = belief.instrument_from_base[0];

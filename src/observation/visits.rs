@@ -134,7 +134,7 @@ impl<'a> ConfigurationEquations<'a> {
     fn products(&mut self, reading: &SharingReading<'_>) -> DMatrix<f64> {
         let SharingReading { planned, errors } = reading;
         let mut rows = Matrix6xX::zeros(self.scales.len());
-        (self.model).predict_as_planned(&planned.setup, planned.kind, &mut rows);
+        (self.model).predict_as_planned(None, &planned.setup, planned.kind, &mut rows);
         in_sizes(&mut rows, &self.scales);
         let mut columns: Vec<Vector6<f64>> = Vec::new();
         for part in [&rows, &errors.configuration, &errors.visit] {

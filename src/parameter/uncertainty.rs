@@ -163,14 +163,6 @@ impl TransmissionError {
             })
         })
     }
-
-    /// Errors that are independent between configurations.
-    pub const fn independent(deviations: Vec<f64>) -> Self {
-        Self {
-            deviations,
-            kernel: None,
-        }
-    }
 }
 
 /// Noise of an instrument that grows with the distance of what it reads. A laser tracker tells distances by its beam's

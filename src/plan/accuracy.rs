@@ -27,7 +27,7 @@ impl<'a> ExperimentModel<'a> {
             arm: belief.arm_with(&belief.calibration_tool),
             parameters: &belief.parameters,
             precision: belief.instrument.precision(),
-            uncertain: belief.uncertain.as_ref(),
+            uncertain: Some(&belief.uncertain).filter(|each| !each.is_plain()),
         }
     }
 
@@ -118,15 +118,6 @@ impl<'a> ExperimentModel<'a> {
                 .copy_from(&matrix.columns(block * size, size));
         }
         rows
-    }
-
-    /// The information matrix of a plan for sigma = 1: the sum of A^T A, p x p, in m^2 (N m/rad)^2.
-    pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
-        let size = self.readings().parameters();
-        let matrices = self.observation_matrices(plan);
-        (plan.experiments.iter().zip(matrices))
-            .map(|(experiment, matrix)| f64::from(experiment.repeats) * matrix.tr_mul(&matrix))
-            .fold(DMatrix::zeros(size, size), |sum, own| sum + own)
     }
 }
 

@@ -174,9 +174,7 @@ impl Assessment {
 }
 
 fn further(belief: &Belief, posterior: &Posterior) -> Vec<FurtherError> {
-    let Some(extended) = &belief.uncertain else {
-        return Vec::new();
-    };
+    let extended = &belief.uncertain;
     let first = extended.identified();
     let places = first..first + extended.further().count();
     places

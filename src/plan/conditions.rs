@@ -4,7 +4,7 @@ use super::{Plan, posterior, rho0_m};
 use crate::codes::{Condition, ConditionCode};
 use crate::compensation::test_pose_matrix;
 use crate::robot::Approach;
-use crate::task::{Extended, Task};
+use crate::task::Task;
 
 /// Configurations that differ by less than this in every joint (rad, m) hardly have discrepancies of their own.
 const NEAR: f64 = 5.0 * std::f64::consts::PI / 180.0;
@@ -25,8 +25,7 @@ pub(super) fn conditions(task: &Task, plan: &Plan, rho0_m: Option<f64>) -> Vec<C
 
 /// Whether the accuracy rests on discrepancies of neighbouring configurations being independent.
 fn near(task: &Task, plan: &Plan, own_m: f64) -> Option<Condition> {
-    let extended = task.belief.uncertain.as_ref();
-    if !extended.is_some_and(Extended::has_discrepancies) {
+    if !task.belief.uncertain.has_discrepancies() {
         return None;
     }
     let all = &plan.experiments;

@@ -16,7 +16,7 @@ use nalgebra::DMatrix;
 use super::uncertainty_budget::{Squares, UncertaintyBudget, common};
 use super::{ExperimentModel, Plan, hung, quantile95_m, sharing_groups, stand_at, task_rows};
 use crate::numeric::posterior::Posterior;
-use crate::task::{Extended, Task};
+use crate::task::Task;
 use crate::text::wording::significant;
 
 impl UncertaintyBudget {
@@ -36,10 +36,10 @@ impl UncertaintyBudget {
 
 fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     let belief = &task.belief;
-    let extended = belief.uncertain.as_ref();
+    let extended = &belief.uncertain;
     let gain = task_rows(task) * &posterior.covariance;
     let (mut noise, mut readings) = (0.0, Vec::new());
-    readings.resize(extended.map_or(0, |each| each.sources().count()), 0.0);
+    readings.resize(extended.sources().count(), 0.0);
     let experiments = ExperimentModel::new(belief);
     let rows = experiments.rows();
     let mut model = experiments.readings();
@@ -69,10 +69,10 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
         Some(_) => (instrument.along_sigma_m(), "m"),
         None => (instrument.sigma_m, "m"),
     }));
-    let before = || (&gain * belief.earlier_precision() * gain.transpose()).trace();
-    let of_groups = extended.map_or(&[][..], Extended::shared).iter();
+    let before = || (&gain * belief.uncertain.earlier() * gain.transpose()).trace();
+    let of_groups = extended.shared().iter();
     let of_group = |places: &Vec<usize>| -> f64 {
-        let known = |place| extended.map_or(0.0, |each| each.own_precision(place));
+        let known = |place| extended.own_precision(place);
         let places = places.iter();
         places
             .map(|&place| gain.column(place).norm_squared() * known(place))
@@ -81,7 +81,7 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     Squares {
         noise: (input.filter(|_| is_of_positions), noise),
         before: belief.prior.as_ref().map(|_| before()),
-        readings: (extended.into_iter().flat_map(Extended::sources))
+        readings: (extended.sources())
             .map(|(_, source)| source.level())
             .zip(readings)
             .collect(),

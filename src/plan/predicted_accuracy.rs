@@ -15,7 +15,7 @@ pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
     let model = ExperimentModel::new(belief);
     // A plan without experiments tells as much as one that tells nothing.
     let rows = model.rows();
-    let before = belief.prior_rows();
+    let before = belief.uncertain.prior_rows();
     let known = rows * plan.experiments.len().max(1);
     let mut matrix = DMatrix::zeros(known + before.nrows(), belief.unknowns());
     let matrices = model.observation_matrices(plan);

@@ -263,16 +263,15 @@ impl Squares {
                 ..of(EARLIER)
             }
         }));
-        if let Some(extended) = &belief.uncertain {
-            let readings = extended.sources().zip(self.readings);
-            sources.extend(readings.map(|((name, source), square)| {
-                BudgetSource::of_readings(name, source, extended, square)
-            }));
-            let parameters = extended.shared().iter().zip(self.parameters);
-            sources.extend(parameters.map(|((name, places), square)| {
-                BudgetSource::of_parameters(name, extended, places, square)
-            }));
-        }
+        let extended = &belief.uncertain;
+        let readings = extended.sources().zip(self.readings);
+        sources.extend(readings.map(|((name, source), square)| {
+            BudgetSource::of_readings(name, source, extended, square)
+        }));
+        let parameters = extended.shared().iter().zip(self.parameters);
+        sources.extend(parameters.map(|((name, places), square)| {
+            BudgetSource::of_parameters(name, extended, places, square)
+        }));
         UncertaintyBudget::new(sources, radius95_m)
     }
 }
@@ -293,7 +292,7 @@ pub(crate) fn common(each: impl IntoIterator<Item = Input>) -> Option<Input> {
 
 /// The error sources whose values are the same as in the earlier campaign, in words.
 fn kept(belief: &Belief) -> Option<String> {
-    let kept = belief.uncertain.as_ref()?.kept().iter();
+    let kept = belief.uncertain.kept().iter();
     let names: Vec<&str> = kept.map(|(name, _)| name.as_str()).collect();
     (!names.is_empty())
         .then(|| format!("includes {}: one value in both campaigns", names.join(", ")))

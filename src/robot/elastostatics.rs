@@ -1,6 +1,6 @@
 //! Linear elastostatics: eqs. 2 to 4, 7 and 8 of Klimchik et al. 2012.
 
-use nalgebra::{Matrix3xX, Matrix6xX};
+use nalgebra::Matrix3xX;
 
 use super::kinematic_state::{KinematicState, Load};
 
@@ -32,13 +32,5 @@ impl ObservationMatrix {
                 .set_column(column, &(state.rotation_column(joint) * torque));
         }
         matrix
-    }
-
-    /// All six rows, position above rotation (eq. 8).
-    pub fn rows(&self) -> Matrix6xX<f64> {
-        let mut rows = Matrix6xX::zeros(self.position.ncols());
-        rows.fixed_rows_mut::<3>(0).copy_from(&self.position);
-        rows.fixed_rows_mut::<3>(3).copy_from(&self.rotation);
-        rows
     }
 }

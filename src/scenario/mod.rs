@@ -88,11 +88,11 @@ impl Scenario {
     /// is.
     pub fn noise_only(&mut self) {
         let belief = &mut self.task.belief;
-        let Some(extended) = belief.uncertain.take() else {
-            return;
-        };
-        self.is_noise_only = !extended.is_certain();
-        belief.uncertain = extended.noise_only(&belief.parameters, belief.prior.as_ref());
+        self.is_noise_only |= !belief.uncertain.is_certain();
+        let prior = belief.prior.as_ref();
+        if let Ok(noise_only) = belief.uncertain.noise_only(&belief.parameters, prior) {
+            belief.uncertain = noise_only;
+        }
     }
 
     /// What files that are made under this scenario say of it.

@@ -17,7 +17,7 @@ use crate::files::FileError;
 use crate::identification::{AbsoluteCase, AbsoluteFit, JointError, ReadingWeights};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::tolerance::CHI_SQUARE_95;
-use crate::observation::{Form, ObservationModel, ReadingKind, Setup, turned_covariance};
+use crate::observation::{ObservationModel, ReadingKind, Setup, turned_covariance};
 use crate::parameter::{
     ElasticArm, ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty,
 };
@@ -288,7 +288,7 @@ impl<'a> ReadingRuns<'a> {
                 let rest = |load: &Load| {
                     setup.load = *load;
                     let kind = ReadingKind::Position;
-                    let said = model.predict(Form::AtRest, &setup, kind, &mut ignored)?;
+                    let said = model.predict(&setup, kind, &mut ignored)?;
                     let axes = base.to_rotation_matrix() * said.rotation;
                     Ok((said.position_m, axes))
                 };

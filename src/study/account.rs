@@ -69,12 +69,6 @@ pub struct Account {
 }
 
 impl Account {
-    /// The rms distance that is to be expected (m).
-    pub fn expected_m(&self) -> f64 {
-        let squares = self.parts.iter().filter_map(Contribution::square_um2);
-        squares.sum::<f64>().sqrt() * 1e-6
-    }
-
     /// What an observed rms distance (m) says of the prediction, in words.
     pub fn verdict(&self, observed_m: Measured) -> String {
         let ratio = observed_m.value / self.predicted_m;
@@ -119,7 +113,7 @@ impl Account {
         let (planning, plan) = (&readings.planning, &readings.plan);
         let believed = planning.uncertainty_budget(plan, prediction)?.sources;
         let hidden: Vec<&Uncertainty> = (truth.uncertainties.iter())
-            .filter(|each| each.is_hidden || task.belief.uncertain.is_none())
+            .filter(|each| each.is_hidden || task.belief.uncertain.is_plain())
             .collect();
         let left_m = planning.left_by_hidden(task, plan, prediction, &hidden);
         let believed = (believed.iter()).map(|each| Contribution {
@@ -235,7 +229,7 @@ impl Account {
                     }),
             };
             // A belief in noise alone knows of none.
-            let is_hidden = each.is_hidden || belief.uncertain.is_none();
+            let is_hidden = each.is_hidden || belief.uncertain.is_plain();
             parts.push(part(&each.name, is_hidden, square));
         }
         // Compliances that the scenario says to be others than believed.
@@ -274,7 +268,7 @@ fn earlier(
 ) -> f64 {
     let belief = &task.belief;
     let Some(drawn) = (truth.earlier.as_ref()).filter(|drawn| !drawn.joints.is_empty()) else {
-        return (gain * belief.earlier_precision() * gain.transpose()).trace();
+        return (gain * belief.uncertain.earlier() * gain.transpose()).trace();
     };
     let precision = belief.precision();
     let joints = drawn.joints.iter();
@@ -296,10 +290,10 @@ fn earlier(
 /// The part of it that a source of compliances leaves of which an earlier identification tells, too: runs sample these once, from
 /// both.
 fn with_earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>, name: &str) -> f64 {
-    let Some(extended) = (task.belief.uncertain.as_ref()).filter(|_| truth.earlier.is_some())
-    else {
+    let extended = &task.belief.uncertain;
+    if truth.earlier.is_none() {
         return 0.0;
-    };
+    }
     let own = |&place: &usize| gain.column(place).norm_squared() * extended.own_precision(place);
     let of_source = extended.shared().iter().filter(|(each, _)| each == name);
     let places = of_source.flat_map(|(_, places)| places);

@@ -28,8 +28,6 @@ pub struct AtRest {
 pub struct CarriedOutRow {
     /// Its readings in the plan's order: repeats differ by what is new in each, and the first one is shown.
     pub readings: Range<usize>,
-    /// The site that is read.
-    pub target: String,
     /// Where the instrument stands (m, world frame), where somebody says.
     pub station_m: Option<Vector3<f64>>,
     /// The commanded angles (rad).
@@ -125,7 +123,6 @@ impl VisitedRow<'_> {
         let first = self.numbers[0].reading;
         Ok(CarriedOutRow {
             readings: first..first + self.numbers.len(),
-            target: self.seen.target.to_owned(),
             station_m: self.seen.station_m,
             commanded_rad: self.row.configuration_rad.clone(),
             load,

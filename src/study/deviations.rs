@@ -77,10 +77,10 @@ impl<'a> Deviations<'a> {
         let foreign_kinds: Vec<ParameterKind> = (drawn.iter().copied())
             .filter(|&kind| !is_compliance(kind) && place(belief, kind).is_none())
             .collect();
-        let extended = belief.uncertain.as_ref();
+        let extended = &belief.uncertain;
         let has_laws = !truth.robot.torque_laws.is_empty();
         let is_plain =
-            extended.is_none() && truth.uncertainties.is_empty() && truth.kept().is_empty();
+            extended.is_plain() && truth.uncertainties.is_empty() && truth.kept().is_empty();
         let unknowns = (joints.iter())
             .map(|&joint| (ParameterKind::JointCompliance { joint }, None))
             .chain(foreign_kinds.iter().map(|&kind| (kind, Some(1.0))));
@@ -105,12 +105,7 @@ impl<'a> Deviations<'a> {
                 .then(|| Circumstances::new(arm.clone(), &truth.uncertainties, truth.kept()).ok())
                 .flatten()
                 .map(|laboratory| laboratory.resting_on(belief.instrument.unloaded)),
-            believed: extended.map_or_else(Vec::new, |extended| {
-                extended
-                    .sources()
-                    .map(|(_, source)| source.clone())
-                    .collect()
-            }),
+            believed: (extended.sources().map(|(_, source)| source.clone())).collect(),
             sources: truth.uncertainties.iter().filter_map(reading).collect(),
             belief,
             arm,
@@ -276,9 +271,8 @@ impl<'a> Deviations<'a> {
 
     /// Whether a parameter is known, or foreign, in its logarithm.
     fn is_logarithmic(&self, kind: ParameterKind) -> bool {
-        let extended = self.belief.uncertain.as_ref();
-        let known = extended.zip(self.place(kind));
-        known.is_some_and(|(extended, place)| extended.set().parameters()[place].is_logarithmic)
+        let parameters = self.belief.uncertain.set().parameters();
+        (self.place(kind)).is_some_and(|place| parameters[place].is_logarithmic)
     }
 
     /// A standard deviation of a parameter in the unit of its column: compliances that are identified are linear.
@@ -447,13 +441,7 @@ fn differs(belief: &Belief, truth: &Truth, drawn: &[ParameterKind], joint: usize
 
 /// Whether the belief's vector has a parameter, and where.
 fn place(belief: &Belief, kind: ParameterKind) -> Option<usize> {
-    match (&belief.uncertain, kind) {
-        (Some(extended), kind) => extended.set().index_of(kind),
-        (None, ParameterKind::JointCompliance { joint }) => {
-            belief.parameters.iter().position(|each| *each == joint)
-        }
-        _ => None,
-    }
+    belief.uncertain.set().index_of(kind)
 }
 
 /// The unknowns of which something is known before, where the virtual robot may be another.
@@ -465,10 +453,7 @@ fn tied(belief: &Belief, truth: &Truth, drawn: &[ParameterKind]) -> Vec<(usize, 
             differs(belief, truth, drawn, joint)
                 .then_some(Deviation::Compliance(joint, is_logarithmic))
         };
-        let Some(extended) = &belief.uncertain else {
-            return of_joint(belief.parameters[index], false);
-        };
-        let parameter = &extended.set().parameters()[index];
+        let parameter = &belief.uncertain.set().parameters()[index];
         match parameter.kind {
             ParameterKind::JointCompliance { joint } => of_joint(joint, parameter.is_logarithmic),
             kind => drawn.contains(&kind).then_some(Deviation::Other(kind)),

@@ -89,17 +89,6 @@ impl<'a> RobotRuns<'a> {
     /// keeps its nominal value, which the test poses must not need.
     pub fn run(
         &mut self,
-        plan: &Plan,
-        noise: &[[f64; LANES]],
-        laboratory: &[[f64; LANES]],
-        lane: usize,
-    ) -> Result<Outcome, FailedRun> {
-        self.run_prepared(&PreparedPlan::new(self.task, plan), noise, laboratory, lane)
-    }
-
-    /// The same of a plan that is made ready.
-    pub fn run_prepared(
-        &mut self,
         PreparedPlan {
             plan,
             identification,

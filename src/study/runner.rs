@@ -451,7 +451,7 @@ fn robot_run(
         .map_err(|error| Failure::Measurement.because(&error))?;
     batch.put(
         lane,
-        &robot.run_prepared(plan, &workspace.normals, laboratory, lane)?,
+        &robot.run(plan, &workspace.normals, laboratory, lane)?,
     );
     Ok(())
 }

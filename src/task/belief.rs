@@ -1,15 +1,13 @@
 //! The planner's model: what planning and identification assume.
 
 use clap::ValueEnum;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Extended, Gauge, PriorCampaign, Station, station_named};
 use crate::observation::{BareArm, DeflectionPrecision};
-use crate::parameter::{
-    ElasticArm, ErrorDistribution, ParameterError, ParameterSet, Prior, Unloaded,
-};
+use crate::parameter::{ElasticArm, ErrorDistribution, ParameterError, Prior, Unloaded};
 use crate::robot::{Commands, ReadsAlong, Robot, Tool};
 
 /// How deflections are measured.
@@ -138,8 +136,8 @@ pub struct Belief {
     pub prior: Option<Prior>,
     /// The error sources of the campaign behind that.
     pub prior_campaign: Option<PriorCampaign>,
-    /// What else is uncertain, besides the instrument's noise; it makes the vector of unknowns longer.
-    pub uncertain: Option<Extended>,
+    /// The vector of unknowns: the identified compliances, what else is to be found, and what is uncertain besides the instrument's noise.
+    pub uncertain: Extended,
     /// The torque (N m; N where it slides) at which what a joint carries decides as much as the side of approach on which side
     /// of its gap it stands, where it has one; none where the side of approach alone decides.
     pub turned_over_at_nm: Vec<Option<f64>>,
@@ -230,9 +228,8 @@ impl Belief {
 
     /// The compliance of every joint (rad/(N m)) at values of the unknowns (p).
     pub fn compliance_at(&self, values: &[f64]) -> Vec<f64> {
-        if let Some(extended) = &self.uncertain {
-            let arm = extended.set().apply(extended.arm(), values);
-            return arm.compliance_rad_per_nm;
+        if !self.uncertain.is_plain() {
+            return self.uncertain.arm_at(values).compliance_rad_per_nm;
         }
         let mut compliance_rad_per_nm = self.nominal.compliance_rad_per_nm.clone();
         for (&joint, &value) in self.parameters.iter().zip(values) {
@@ -250,67 +247,57 @@ impl Belief {
 
     /// Makes [that](Self::arm_at) of one that was made so for other values.
     pub fn set_values(&self, arm: &mut ElasticArm, values: &[f64]) {
-        match &self.uncertain {
-            Some(extended) => *arm = extended.set().apply(extended.arm(), values),
-            None => arm.compliance_rad_per_nm = self.compliance_at(values),
+        if self.uncertain.is_plain() {
+            arm.compliance_rad_per_nm = self.compliance_at(values);
+        } else {
+            *arm = self.uncertain.arm_at(values);
         }
     }
 
-    /// The arm to which the values of the unknowns are applied, and the unknowns as its parameters; the last of its tools machines.
+    /// The same where the compliances of these joints alone are unknown, with what is known of them before, and only the instrument's noise
+    /// is uncertain.
     ///
     /// # Errors
-    /// None that the unknowns of a checked scenario have.
-    pub fn parameters_of_arm(&self) -> Result<(ElasticArm, ParameterSet), ParameterError> {
-        if let Some(extended) = &self.uncertain {
-            return Ok((extended.arm().clone(), extended.set().clone()));
-        }
+    /// The arm does not have one of them.
+    pub fn of_compliances(
+        &self,
+        parameters: Vec<usize>,
+        prior: Option<Prior>,
+    ) -> Result<Self, ParameterError> {
         let arm = self.arm();
-        let set = ParameterSet::compliances(&arm, &self.parameters)?;
-        Ok((arm, set))
+        Ok(Self {
+            uncertain: Extended::new(arm, &parameters, &[], prior.as_ref(), None, &[])?,
+            parameters,
+            prior,
+            ..self.clone()
+        })
     }
 
     /// The number p of unknowns: the identified compliances, and what else is uncertain and shared by a plan.
     pub fn unknowns(&self) -> usize {
-        (self.uncertain.as_ref()).map_or(self.parameters.len(), |extended| extended.set().len())
+        self.uncertain.set().len()
     }
 
     /// The typical sizes of the unknowns (p), in their units.
     pub fn sizes(&self) -> Vec<f64> {
         let mut sizes = self.nominal.typical_rad_per_nm(&self.parameters);
-        if let Some(extended) = &self.uncertain {
-            sizes.extend(extended.other_sizes());
-        }
+        sizes.extend(self.uncertain.other_sizes());
         sizes
     }
 
     /// The nominal values of the unknowns (p).
     pub fn values(&self) -> Vec<f64> {
-        match &self.uncertain {
-            Some(extended) => extended.set().prior().mean.as_slice().to_vec(),
-            None => (self.parameters.iter())
-                .map(|&joint| self.nominal.compliance_rad_per_nm[joint])
-                .collect(),
-        }
-    }
-
-    /// Whether something is known, or held to be uncertain, before any measurement.
-    pub const fn knows_before(&self) -> bool {
-        self.prior.is_some() || self.uncertain.is_some()
+        self.known().mean.as_slice().to_vec()
     }
 
     /// What is known of the unknowns before any measurement.
-    fn known(&self) -> Option<&Prior> {
-        match &self.uncertain {
-            Some(extended) => Some(extended.set().prior()),
-            None => self.prior.as_ref(),
-        }
+    fn known(&self) -> &Prior {
+        self.uncertain.set().prior()
     }
 
     /// The standard deviations of the unknowns before any measurement, in their units; `None` where nothing is known of one.
     pub fn prior_deviations(&self) -> Vec<Option<f64>> {
-        let Some(prior) = self.known() else {
-            return vec![None; self.unknowns()];
-        };
+        let prior = self.known();
         let spread = prior.spread(&self.sizes());
         let is_known = |place: usize| prior.precision[(place, place)] > 0.0;
         let deviation = |place: usize| is_known(place).then(|| spread.row(place).norm());
@@ -319,42 +306,18 @@ impl Belief {
 
     /// The precision of what is known of the unknowns before any measurement (p x p), in their units.
     pub fn precision(&self) -> DMatrix<f64> {
-        let nothing = || DMatrix::zeros(self.unknowns(), self.unknowns());
-        self.known()
-            .map_or_else(nothing, |prior| prior.precision.clone())
-    }
-
-    /// The part of it that the campaign of `robot.prior` gives them.
-    pub fn earlier_precision(&self) -> DMatrix<f64> {
-        match &self.uncertain {
-            Some(extended) => extended.earlier().clone(),
-            None => self.precision(),
-        }
+        self.known().precision.clone()
     }
 
     /// Whether deflections of one configuration share something that repeats do not average.
     pub fn is_shared_by_configuration(&self) -> bool {
-        let uncertain = self.uncertain.as_ref();
-        uncertain.is_some_and(Extended::is_shared_by_configuration)
+        self.uncertain.is_shared_by_configuration()
     }
 
     /// The precision of what is known of the unknowns before any measurement, in units of typical sizes,
     /// p x p.
     pub fn prior_information(&self) -> DMatrix<f64> {
-        let typical = self.sizes();
-        match self.known() {
-            Some(prior) => prior.relative(&typical),
-            None => DMatrix::zeros(typical.len(), typical.len()),
-        }
-    }
-
-    /// The same as whitened equations, r x p (1 over the unknowns' units); without a prior there are none.
-    pub fn prior_rows(&self) -> DMatrix<f64> {
-        match (&self.uncertain, &self.prior) {
-            (Some(extended), _) => extended.prior_rows().clone(),
-            (None, Some(prior)) => prior.rows(&self.sizes()),
-            (None, None) => DMatrix::zeros(0, self.unknowns()),
-        }
+        self.known().relative(&self.sizes())
     }
 
     /// The same about other compliances of all joints (rad/(N m)), with what measurements tell besides what is known
@@ -362,13 +325,9 @@ impl Belief {
     pub fn informed(&self, compliance_rad_per_nm: &[f64], precision: &DMatrix<f64>) -> Self {
         let mut informed = self.clone();
         (informed.nominal.compliance_rad_per_nm).copy_from_slice(compliance_rad_per_nm);
-        if let Some(extended) = &self.uncertain {
-            informed.uncertain = Some(extended.informed(compliance_rad_per_nm, precision));
-        } else {
-            informed.prior = Some(Prior {
-                mean: DVector::from_vec(informed.values()),
-                precision: self.precision() + precision,
-            });
+        informed.uncertain = (self.uncertain).informed(compliance_rad_per_nm, precision);
+        if self.uncertain.is_plain() {
+            informed.prior = Some(informed.known().clone());
             informed.prior_campaign = None;
         }
         informed
@@ -377,16 +336,13 @@ impl Belief {
     /// The names of the unknowns: joints for compliances that are identified.
     pub fn unknown_names(&self) -> Vec<String> {
         let mut names = self.parameter_names();
-        if let Some(extended) = &self.uncertain {
-            names.extend(extended.other_names());
-        }
+        names.extend(self.uncertain.other_names());
         names
     }
 
     /// The names of the error sources that all measurements share.
     pub fn source_names(&self) -> Vec<&str> {
-        let extended = self.uncertain.iter();
-        let sources = extended.flat_map(|each| each.shared().iter().chain(each.kept()));
+        let sources = (self.uncertain.shared().iter()).chain(self.uncertain.kept());
         sources.map(|(name, _)| name.as_str()).collect()
     }
 

@@ -237,21 +237,28 @@ impl Extended {
     }
 
     /// The same vector where only the instrument's noise is believed in, with what is known of the compliances before:
-    /// what is to be found stays. `None` where that is compliances alone, and each deflection has its own noise.
-    pub fn noise_only(&self, identified: &[usize], prior: Option<&Prior>) -> Option<Self> {
-        if self.further.is_empty() && self.unloaded == Unloaded::Own {
-            return None;
-        }
-        let noise_only = Self::new(
-            self.arm.clone(),
-            identified,
-            &self.further,
-            prior,
-            None,
-            &[],
-        )
-        .ok();
-        noise_only.map(|extended| extended.resting_on(self.unloaded))
+    /// what is to be found stays.
+    ///
+    /// # Errors
+    /// None, as it is a part of the same.
+    pub fn noise_only(
+        &self,
+        identified: &[usize],
+        prior: Option<&Prior>,
+    ) -> Result<Self, ParameterError> {
+        let (arm, further) = (self.arm.clone(), &self.further);
+        let noise_only = Self::new(arm, identified, further, prior, None, &[])?;
+        Ok(noise_only.resting_on(self.unloaded))
+    }
+
+    /// Whether compliances alone are unknown, and only the noise of each deflection is uncertain, so that closed forms hold.
+    pub const fn is_plain(&self) -> bool {
+        self.further.is_empty() && self.is_certain() && matches!(self.unloaded, Unloaded::Own)
+    }
+
+    /// The arm at values of the unknowns (p).
+    pub fn arm_at(&self, values: &[f64]) -> ElasticArm {
+        self.set.apply(&self.arm, values)
     }
 
     /// Whether nothing but the instrument's noise is uncertain.
@@ -289,11 +296,19 @@ impl Extended {
     }
 
     /// The same about other compliances of all joints (rad/(N m)), with what measurements tell besides: a precision of
-    /// all unknowns (p x p, in one over their units).
+    /// all unknowns (p x p, in one over their units). Where compliances alone are unknown, their mean becomes these.
     pub fn informed(&self, compliance_rad_per_nm: &[f64], precision: &DMatrix<f64>) -> Self {
         let mut informed = self.clone();
         (informed.arm.compliance_rad_per_nm).copy_from_slice(compliance_rad_per_nm);
         informed.set = informed.set.with_precision(precision);
+        if self.is_plain() {
+            let kinds = informed.set.parameters().iter().map(|each| each.kind);
+            let mean = kinds.map(|kind| kind.whole(&informed.arm)).collect();
+            let places: Vec<usize> = (0..self.identified).collect();
+            let precision = informed.set.prior().precision.clone();
+            let mean = DVector::from_vec(mean);
+            informed.set = (informed.set).with_earlier(&places, &mean, &precision);
+        }
         let identified = informed.set.parameters()[..self.identified].iter();
         let mut sizes: Vec<f64> = identified
             .map(|each| each.kind.typical_size(&informed.arm, false))

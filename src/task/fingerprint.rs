@@ -39,7 +39,8 @@ impl Belief {
         if let Some(prior) = &self.prior {
             belief.numbers(prior.precision.iter().copied());
         }
-        if let Some(extended) = &self.uncertain {
+        let extended = &self.uncertain;
+        if !extended.is_plain() {
             belief.text(&format!("{:?}", extended.sources().collect::<Vec<_>>()));
             for name in extended.other_names() {
                 belief.text(&name);

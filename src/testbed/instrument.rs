@@ -14,24 +14,7 @@ use crate::task::Instrument;
 pub(super) const OF_ONE_READING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 impl VirtualRobot {
-    /// Measures every experiment of a plan as often as it says, with the noise of run `run` under
-    /// `seed`, see [`add_noise`].
-    ///
-    /// # Errors
-    /// The first experiment that has no stable equilibrium.
-    pub fn measure(
-        &mut self,
-        plan: &Plan,
-        instrument: &Instrument,
-        seed: u64,
-        run: u64,
-    ) -> Result<Vec<Measurement>, MeasurementError> {
-        let mut measurements = self.measure_noise_free(plan, instrument)?;
-        add_noise_of(&mut measurements, instrument, seed, run);
-        Ok(measurements)
-    }
-
-    /// The same without noise.
+    /// Measures every experiment of a plan as often as it says, without noise.
     ///
     /// # Errors
     /// The first experiment that has no stable equilibrium.

@@ -268,10 +268,9 @@ impl TrueRobots {
         let mut values: Vec<f64> = (belief.parameters.iter())
             .map(|&joint| compliance[joint])
             .collect();
-        if let Some(extended) = &belief.uncertain {
-            let others = &extended.set().parameters()[extended.identified()..];
-            values.extend(others.iter().map(|each| self.value(belief, each)));
-        }
+        let extended = &belief.uncertain;
+        let others = &extended.set().parameters()[extended.identified()..];
+        values.extend(others.iter().map(|each| self.value(belief, each)));
         values
     }
 
@@ -348,22 +347,14 @@ impl TrueRobots {
         pose: &TestPose,
     ) -> Result<Vector3<f64>, EquilibriumError> {
         let load = self.laboratory.acting_at_test_pose(&pose.load);
-        pose.at_rest(&load, |load| self.machining_rest(commanded_rad, load))
+        pose.at_rest(&load, |load| self.machining_tool(commanded_rad, load))
     }
 
-    /// Where the machining tool rests (m) if a controller commands these angles (rad).
+    /// Where the machining tool rests (m), with its axes, if a controller commands these angles (rad).
     ///
     /// # Errors
     /// There is no stable equilibrium.
     pub fn machining_tool(
-        &mut self,
-        commanded_rad: &DVector<f64>,
-        load: &Load,
-    ) -> Result<Vector3<f64>, EquilibriumError> {
-        Ok(self.machining_rest(commanded_rad, load)?.0)
-    }
-
-    fn machining_rest(
         &mut self,
         commanded_rad: &DVector<f64>,
         load: &Load,

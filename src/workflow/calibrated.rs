@@ -98,23 +98,17 @@ impl CalibratedRobot {
     pub fn of_deflections(belief: &Belief, posterior: Posterior) -> Self {
         let nominal = belief.arm();
         let arm = belief.arm_at(&posterior.mean);
-        let parameters = (belief.uncertain.as_ref()).map(|extended| extended.set().parameters());
-        let of_compliance = |index: usize| {
-            let joint = &nominal.chain.joints[belief.parameters[index]];
-            joint.drive.compliance_unit()
-        };
-        let unit =
-            |index: usize| parameters.map_or_else(|| of_compliance(index), |all| all[index].unit());
+        let parameters = belief.uncertain.set().parameters();
         let names = posterior.names.iter().enumerate();
         let unknowns = names
             .map(|(index, name)| CalibratedUnknown {
                 name: name.clone(),
-                unit: unit(index).to_owned(),
+                unit: parameters[index].unit().to_owned(),
                 value: posterior.mean[index],
                 standard_error: posterior.standard_error(index),
             })
             .collect();
-        let apart = (parameters.unwrap_or_default().iter())
+        let apart = (parameters.iter())
             .zip(&posterior.mean)
             .filter_map(|(parameter, &value)| {
                 said_apart(
@@ -287,11 +281,11 @@ impl CalibratedRobot {
         let tool = self.machining_tool;
         match &self.known {
             Knowledge::OfBelief(posterior) => {
-                let (arm, set) = belief.parameters_of_arm()?;
+                let (arm, set) = (belief.uncertain.arm(), belief.uncertain.set());
                 Ok(work(&KnownArm {
-                    arm: &arm,
+                    arm,
                     tool,
-                    set: &set,
+                    set,
                     posterior,
                 }))
             }

@@ -21,7 +21,7 @@ use crate::record::absolute::AbsoluteMessage;
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage, results};
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
-use crate::task::{Belief, Extended, Gauge};
+use crate::task::{Belief, Gauge};
 
 /// What measurements say.
 #[derive(Debug)]
@@ -277,10 +277,8 @@ fn halves(case: &mut AbsoluteCase<'_>, fit: &AbsoluteFit) -> Option<Inconsistenc
 /// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
 /// by themselves, but for joint error functions. Distances count them, and what is read beside them.
 pub fn uncounted(case: &AbsoluteCase<'_>) -> Vec<String> {
-    let uncertain = case.belief.uncertain.iter();
-    let uncertain = uncertain.filter(|_| !case.reads_distances());
-    let sources = uncertain.flat_map(Extended::sources);
-    let new = sources.filter(|(_, source)| !source.is_function());
+    let sources = case.belief.uncertain.sources();
+    let new = sources.filter(|(_, source)| !case.reads_distances() && !source.is_function());
     new.map(|(name, _)| name.to_owned()).collect()
 }
 
@@ -332,8 +330,7 @@ impl<'a> IdentifiedRobot<'a> {
         conditions.extend(self.fit.conditions());
         let (belief, readings) = (self.case.belief, self.case.observations.iter());
         let sides = readings.map(|each| each.setup.approach.as_ref());
-        let uncertain = belief.uncertain.as_ref();
-        conditions.extend(unknown_approaches(uncertain, "reading", sides));
+        conditions.extend(unknown_approaches(&belief.uncertain, "reading", sides));
         let inconsistencies = self.inconsistencies.iter();
         conditions.extend(inconsistencies.flat_map(Inconsistencies::conditions));
         conditions

@@ -7,11 +7,9 @@ use serde::Deserialize;
 
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
-use crate::files::schema::read_results;
-use crate::files::typed::from_json;
 use crate::identification::{
-    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, SaidEstimate, covariance_of,
-    hold_impossible, nominal_instead,
+    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, SaidEstimate, StoredOrigin,
+    covariance_of, hold_impossible, nominal_instead, read_identified,
 };
 use crate::measurement::Origin;
 use crate::numeric::markov::{Kernel, MarkovProcess};
@@ -93,13 +91,8 @@ struct RobotFile {
     #[serde(flatten)]
     message: AbsoluteMessage,
     identified_with: Fingerprint,
-    scenario_file: Option<String>,
-    provenance: RobotProvenance,
-}
-
-#[derive(Deserialize)]
-struct RobotProvenance {
-    scenario_sha256: Option<String>,
+    #[serde(flatten)]
+    origin: StoredOrigin,
 }
 
 impl StoredRobot {
@@ -108,28 +101,16 @@ impl StoredRobot {
     /// # Errors
     /// What is wrong with it, with its key.
     pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
-        let wanted = "the file must be one that `elastocal identify --identified-out` wrote";
-        let coded = |wrong: FileError| wrong.or_code(ErrorCode::IdentifiedFile);
-        let (text, json) = read_results(path, &["identify", "run"], wanted).map_err(coded)?;
-        if json["kind"] != "absolute" {
+        let Some(stored) = read_identified::<RobotFile>(path, true)? else {
             return Ok(None);
-        }
-        let stored: RobotFile =
-            from_json(path, &text).map_err(|wrong: FileError| coded(wrong.hint(wanted)))?;
-        check_agreement(path, &stored.message).map_err(coded)?;
-        let hash = stored.provenance.scenario_sha256;
+        };
+        check_agreement(path, &stored.message)
+            .map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))?;
         Ok(Some(Self {
             message: stored.message,
             identified_with: stored.identified_with,
             frame_shifts: Vec::new(),
-            origin: stored
-                .scenario_file
-                .zip(hash)
-                .map(|(scenario, scenario_sha256)| Origin {
-                    scenario: scenario.into(),
-                    scenario_sha256,
-                    simulated: None,
-                }),
+            origin: stored.origin.origin(),
         }))
     }
 

@@ -225,7 +225,8 @@ fn entry_kind(
             };
             let mut task = task.clone();
             if *noise_only {
-                task.belief.uncertain = None;
+                let (joints, prior) = (task.belief.parameters.clone(), task.belief.prior.clone());
+                task.belief = task.belief.of_compliances(joints, prior)?;
             }
             EntryKind::Fixed(whole(&design(&task, &plan.name, wanted)?.exact.plan)?)
         }

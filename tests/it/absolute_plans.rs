@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use elastocal::experiment::Candidate;
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup, planned_positions};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup, planned_positions};
 use elastocal::parameter::{ElasticArm, ParameterSet};
 use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning};
 use elastocal::plan::search::{PlanSize, Watch, random_plan};
@@ -59,7 +59,7 @@ fn readings(scenario: &Scenario, rows: &[Candidate]) -> Vec<AbsoluteReading> {
                 approach: None,
             };
             let seen = model
-                .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
+                .predict(&setup, ReadingKind::Position, &mut ignored)
                 .expect("stable");
             AbsoluteReading {
                 configuration_rad: row.configuration_rad.clone(),
@@ -167,7 +167,7 @@ fn the_best_choice_is_found() {
         progress: &|_, _, _| {},
     };
     let found = planning
-        .design(PlanSize::all_different(8), 1, watch)
+        .design_from(&[], PlanSize::all_different(8), 1, watch)
         .expect("a plan");
     let value = planning
         .prediction(&found.plan)
@@ -203,7 +203,7 @@ fn what_targets_do_not_show_is_named() {
         stop: &stop,
         progress: &|_, _, _| {},
     };
-    match planning.design(PlanSize::all_different(30), 1, watch) {
+    match planning.design_from(&[], PlanSize::all_different(30), 1, watch) {
         Err(error @ AbsolutePlanError::Undetermined { .. }) => {
             let words = error.to_string();
             assert!(words.contains("none of them reads spindle"), "{words}");
@@ -274,7 +274,7 @@ fn what_hardly_moves_the_tool_may_stay_hidden() {
         progress: &|_, _, _| {},
     };
     let design = planning
-        .design(PlanSize::all_different(28), 1, watch)
+        .design_from(&[], PlanSize::all_different(28), 1, watch)
         .expect("a plan");
     let prediction = planning.prediction(&design.plan);
     let rho0_m = prediction.rho0_m().expect("a prediction");

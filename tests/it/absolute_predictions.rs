@@ -5,7 +5,7 @@ use elastocal::experiment::Candidate;
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
-use elastocal::observation::{BareArm, Form, ObservationModel, ReadingErrors, ReadingKind, Setup};
+use elastocal::observation::{BareArm, ObservationModel, ReadingErrors, ReadingKind, Setup};
 use elastocal::parameter::ReadingSource::{Discrepancy, GaugeDirection};
 use elastocal::parameter::{
     ElasticArm, ParameterKind, ParameterSet, RangeNoise, ReadingSource, SourceLevel,
@@ -69,7 +69,7 @@ pub fn place(arm: &ElasticArm, setup: &Setup) -> Vector3<f64> {
     let nothing = ParameterSet::empty();
     let mut model = ObservationModel::new(&nothing, arm, &[]);
     let mut ignored = Matrix6xX::zeros(0);
-    let seen = model.predict(Form::AtRest, setup, ReadingKind::Position, &mut ignored);
+    let seen = model.predict(setup, ReadingKind::Position, &mut ignored);
     seen.expect("stable").position_m
 }
 
@@ -269,7 +269,10 @@ fn sources() -> [ReadingSource; 6] {
     let deviations = vec![2e-5, 3e-5, 1e-5, 5e-5, 4e-5, 6e-5];
     [
         ReadingSource::JointRepeatability(deviations.clone()),
-        ReadingSource::TransmissionError(TransmissionError::independent(deviations.clone())),
+        ReadingSource::TransmissionError(TransmissionError {
+            deviations: deviations.clone(),
+            kernel: None,
+        }),
         ReadingSource::LoadDirection(0.01),
         ReadingSource::LoadPoint(0.005),
         ReadingSource::Range(RangeNoise {
@@ -336,7 +339,7 @@ fn readings_are_disturbed_as_much_as_planned() {
                 approach: None,
             };
             let kind = ReadingKind::Pose;
-            (model.predict(Form::AtRest, &setup, kind, &mut ignored)).expect("stable")
+            (model.predict(&setup, kind, &mut ignored)).expect("stable")
         };
         let lever = at(1, Load::NONE).position_m - at(0, Load::NONE).position_m;
         let torque_nm = load.torque_nm + lever.cross(&load.force_n);

@@ -288,7 +288,7 @@ pub fn pose_of(
     arm: &elastocal::parameter::ElasticArm,
     told: &nalgebra::DVector<f64>,
 ) -> elastocal::measurement::AbsoluteReading {
-    use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+    use elastocal::observation::{ObservationModel, ReadingKind, Setup};
     let nothing = elastocal::parameter::ParameterSet::empty();
     let setup = Setup {
         hangs_on: None,
@@ -300,7 +300,7 @@ pub fn pose_of(
     };
     let mut ignored = nalgebra::Matrix6xX::zeros(0);
     let seen = ObservationModel::new(&nothing, arm, &[])
-        .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)
+        .predict(&setup, ReadingKind::Pose, &mut ignored)
         .expect("stable");
     let rotation = nalgebra::Rotation3::from_matrix_unchecked(seen.rotation);
     let variances = [SIGMA_M, SIGMA_RAD].map(|sigma| sigma * sigma);

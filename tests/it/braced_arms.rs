@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 use rand::RngExt;
 
 use crate::recovery::of_compliances;
-use crate::support::scenario;
+use crate::support::{scenario, six_rows};
 
 /// A KR-270 whose compensator is stiff enough to share joint 2's load, and with a spring in joint 3.
 fn stiffly_braced() -> Scenario {
@@ -84,10 +84,10 @@ fn the_observation_matrix_is_the_equilibriums_derivative() {
     for q in configurations(&scenario, 20) {
         let chain = relaxed_at(&scenario, &q);
         let state = chain.at(&belief.calibration_tool).state(q.as_slice());
-        let plain = ObservationMatrix::new(&state, &LOAD, &joints).rows();
+        let plain = six_rows(&ObservationMatrix::new(&state, &LOAD, &joints));
         let mut braced = state;
         let left = braced.brace_under(compliance, &LOAD);
-        let braced = ObservationMatrix::new(&braced, &LOAD, &joints).rows();
+        let braced = six_rows(&ObservationMatrix::new(&braced, &LOAD, &joints));
         let sizes = [braced.fixed_rows::<3>(0), braced.fixed_rows::<3>(3)].map(|rows| rows.amax());
         for joint in 0..6 {
             let step = 1e-2 * compliance[joint];

@@ -6,7 +6,7 @@ use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::mujoco::Model;
 use elastocal::numeric::random::generator;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use elastocal::robot::{EquilibriumSolver, Load, SerialChain};
 use nalgebra::{
@@ -30,7 +30,7 @@ fn seen(arm: &ElasticArm, q: &DVector<f64>, load: &Load, station: usize) -> Isom
     };
     let mut ignored = Matrix6xX::zeros(0);
     let seen = model
-        .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)
+        .predict(&setup, ReadingKind::Pose, &mut ignored)
         .expect("stable");
     let turned =
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(seen.rotation));

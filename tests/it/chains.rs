@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::ParameterSet;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
@@ -205,9 +205,7 @@ fn readings(scenario: &Scenario, kind: ReadingKind, count: u32, seed: u64) -> Ve
                 station: 0,
                 approach: None,
             };
-            let seen = model
-                .predict(Form::AtRest, &setup, kind, &mut ignored)
-                .expect("stable");
+            let seen = model.predict(&setup, kind, &mut ignored).expect("stable");
             let mut noise = || Vector3::from_fn(|_, _| random.random_range(-3e-5..3e-5));
             let turned = Rotation3::from_matrix_unchecked(seen.rotation);
             AbsoluteReading {

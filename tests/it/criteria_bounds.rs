@@ -6,7 +6,7 @@ use elastocal::plan::{Assessment, Criterion, CriterionFunction, Plan};
 use nalgebra::{DMatrix, DVector};
 
 use crate::planning::{OPTIMISED, assert_close, exact};
-use crate::support::{Workplace, project, scenario, scenario_text};
+use crate::support::{Workplace, leave_open, project, scenario, scenario_text};
 
 /// How good a value is beside a bound: 1 or less.
 fn efficiency(criterion: Criterion, value: f64, best: f64) -> f64 {
@@ -22,7 +22,7 @@ fn efficiency(criterion: Criterion, value: f64, best: f64) -> f64 {
 #[test]
 fn bounds_are_the_optima_that_are_known_by_hand() {
     let mut scenario = scenario("spatial_3r");
-    scenario.task.belief.parameters = vec![0, 1];
+    leave_open(&mut scenario, &[0, 1]);
     let information = (1.5_f64.powi(2) * 400.0 / 0.03e-3).powi(2);
     for measurements in [1, 3] {
         let s: Vec<f64> = scenario.task.belief.nominal.compliance_rad_per_nm[..2]

@@ -6,16 +6,16 @@ use elastocal::identification::input_errors::{
     LikelyInputError, conditions_of_table, likely_input_errors, suspected_input_errors,
 };
 use elastocal::identification::{Case, Sigma, residuals};
-use elastocal::measurement::{Measurement, write_measurements};
+use elastocal::measurement::{Measurement, deflection_table};
 use elastocal::plan::{Experiment, Plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
-use elastocal::testbed::VirtualRobot;
+use elastocal::testbed::{VirtualRobot, add_noise_of};
 use nalgebra::{DVector, Matrix3, Rotation3, Unit, Vector3};
 
 use crate::recovery::differing;
-use crate::support::{Workplace, scenario_text, table4};
+use crate::support::{Workplace, leave_open, scenario_text, table4};
 
 /// Angles and pulls of every kind, for an arm of n joints.
 fn varied(scenario: &Scenario, experiments: usize, force_n: f64) -> Plan {
@@ -56,13 +56,13 @@ fn arms() -> [(Scenario, Plan); 2] {
 }
 
 fn measured(scenario: &Scenario, plan: &Plan, run: u64) -> Vec<Measurement> {
-    VirtualRobot::new(
-        &scenario.truth.robot,
-        &scenario.task.belief.calibration_tool.name,
-    )
-    .expect("the site exists")
-    .measure(plan, &scenario.task.belief.instrument, 5, run)
-    .expect("stable")
+    let belief = &scenario.task.belief;
+    let mut measurements = VirtualRobot::new(&scenario.truth.robot, &belief.calibration_tool.name)
+        .expect("the site exists")
+        .measure_noise_free(plan, &belief.instrument)
+        .expect("stable");
+    add_noise_of(&mut measurements, &belief.instrument, 5, run);
+    measurements
 }
 
 fn case<'a>(scenario: &'a Scenario, measurements: &'a [Measurement]) -> Case<'a> {
@@ -427,7 +427,7 @@ fn distances_are_as_chance_has_them() {
 #[test]
 fn without_spare_measurements_nothing_is_judged() {
     let (mut scenario, plan) = arms()[0].clone();
-    scenario.task.belief.parameters = vec![1, 2, 3];
+    leave_open(&mut scenario, &[1, 2, 3]);
     let measurements = &measured(&scenario, &plan, 11)[..1];
     let case = case(&scenario, measurements);
     let residuals =
@@ -445,7 +445,9 @@ fn identify_says_what_is_wrong() {
     let (scenario, plan) = &arms()[0];
     let honest = measured(scenario, plan, 12);
     let write = |measurements: &[Measurement]| {
-        write_measurements(&workplace.path("m.csv"), 6, measurements).expect("can be written");
+        let path = workplace.path("m.csv");
+        let table = deflection_table(&path, &6.into(), measurements);
+        std::fs::write(path, table.expect("can be written")).expect("can be written");
     };
     let identify = "identify s.toml --measurements m.csv --identified-out i.json";
 

@@ -6,7 +6,7 @@ use elastocal::identification::{
 };
 use elastocal::measurement::{AbsoluteReading, Measurement, RotationMeasurement};
 use elastocal::numeric::random::generator;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::ParameterSet;
 use elastocal::robot::{Load, rotation_vector};
 use elastocal::scenario::Scenario;
@@ -161,8 +161,7 @@ fn absolute(
     let right: Vec<AbsoluteReading> = (configurations.iter())
         .map(|q| {
             let setup = setup(q, Load::NONE);
-            let seen = (model.predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored))
-                .expect("stable");
+            let seen = (model.predict(&setup, ReadingKind::Pose, &mut ignored)).expect("stable");
             let turn = Rotation3::from_scaled_axis(noise(random, SIGMA_RAD));
             let rotation = turn * Rotation3::from_matrix_unchecked(seen.rotation);
             AbsoluteReading {
@@ -214,8 +213,7 @@ fn deflections(
                 torque_nm: Vector3::zeros(),
             };
             let kind = ReadingKind::DeflectionAndRotation;
-            let seen =
-                (model.predict(Form::AtRest, &setup(q, load), kind, &mut ignored)).expect("stable");
+            let seen = (model.predict(&setup(q, load), kind, &mut ignored)).expect("stable");
             let rotation = RotationMeasurement {
                 vector_rad: rotation_vector(&seen.rotation) + noise(random, SIGMA_RAD),
                 sigma_rad: Vector3::repeat(SIGMA_RAD),

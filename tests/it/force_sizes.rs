@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use rand::RngExt;
 
 use crate::planning::{assert_close, designed};
-use crate::support::{Workplace, scenario, scenario_text};
+use crate::support::{Workplace, leave_open, scenario, scenario_text};
 
 const SIGMA_M: f64 = 0.03e-3;
 /// The planar arm stretched: its length (m), and the torque of its weight about joint 1 when it is
@@ -26,7 +26,7 @@ const FORCE_N: f64 = 1000.0;
 fn arm(loads: Loads) -> Scenario {
     let mut scenario = scenario("planar_3r");
     let turn = 20.0_f64.to_radians();
-    scenario.task.belief.parameters = vec![0];
+    leave_open(&mut scenario, &[0]);
     scenario.task.region.joint_range_rad = vec![[-turn, turn], [0.0; 2], [0.0; 2]];
     scenario.task.region.joint_torque_max_nm = Some(vec![TORQUE_NM, 1e4, 1e4]);
     scenario.task.loads = loads;
@@ -243,7 +243,7 @@ fn a_weak_robot_gets_a_lighter_weight() {
 #[test]
 fn the_order_of_parameters_does_not_matter() {
     let mut scenario = scenario("spatial_3r");
-    scenario.task.belief.parameters = vec![2, 0, 1];
+    leave_open(&mut scenario, &[2, 0, 1]);
     let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let mut evaluator = problem.evaluator();
     let load = Load::force(100.0, -200.0, 300.0);

@@ -34,7 +34,7 @@ fn six(scenario: &Scenario) -> Plan {
 fn a_displacement_is_one_row_of_a_deflection() {
     let scenario = gauge();
     let belief = &scenario.task.belief;
-    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    let extended = &belief.uncertain;
     let precision = belief.instrument.precision();
     let all_three = DeflectionPrecision {
         along_sigma_m: None,

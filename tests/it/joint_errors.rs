@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use elastocal::numeric::random::generator;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{ElasticArm, ParameterSet};
 use elastocal::robot::Load;
 use nalgebra::{DVector, Isometry3, Matrix6xX, Rotation3, UnitQuaternion};
@@ -28,8 +28,7 @@ fn stands(arm: &ElasticArm, gear: Gear<'_>, told: &DVector<f64>) -> Isometry3<f6
         approach: None,
     };
     let mut ignored = Matrix6xX::zeros(0);
-    let seen =
-        (model.predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)).expect("stable");
+    let seen = (model.predict(&setup, ReadingKind::Pose, &mut ignored)).expect("stable");
     let rotation = Rotation3::from_matrix_unchecked(seen.rotation);
     Isometry3::from_parts(
         seen.position_m.into(),

@@ -13,7 +13,7 @@ use elastocal::robot::{KinematicState, Load};
 use elastocal::scenario::Scenario;
 
 use crate::planning::{OPTIMISED, assert_close, best_rho0, designed, largest_derivative};
-use crate::support::scenario;
+use crate::support::{leave_open, scenario};
 
 // Link lengths of models/planar_3r.xml and of models/spatial_3r.xml (m).
 const PLANAR_M: [f64; 3] = [0.7, 0.5, 0.5];
@@ -26,7 +26,7 @@ const SIGMA_M: f64 = 0.03e-3;
 /// A shipped scenario with fewer unknown compliances.
 fn scenario_of(name: &str, parameters: &[usize]) -> Scenario {
     let mut scenario = scenario(name);
-    scenario.task.belief.parameters = parameters.to_vec();
+    leave_open(&mut scenario, parameters);
     scenario
 }
 

@@ -3,7 +3,7 @@
 use elastocal::identification::{AbsoluteCase, ModelSelection, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use elastocal::robot::Load;
 use elastocal::task::Belief;
@@ -72,7 +72,7 @@ pub fn read_where<R: Rng>(
                 approach: None,
             };
             let seen = model
-                .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)
+                .predict(&setup, ReadingKind::Pose, &mut ignored)
                 .expect("stable");
             let mut error = |size: f64| Vector3::from_fn(|_, _| normal(random) * size);
             let position_m = seen.position_m + error(SIGMA_M);

@@ -2,7 +2,7 @@
 
 use elastocal::numeric::random::normal::LANES;
 use elastocal::plan::Assessment;
-use elastocal::study::robot_level::RobotRuns;
+use elastocal::study::robot_level::{PreparedPlan, RobotRuns};
 
 use crate::support::table4;
 use crate::uncertainties::{entry, loaded, with};
@@ -27,6 +27,7 @@ fn gap(spread: f64) -> f64 {
     let sources = budget.expect("determined").sources;
     let computed_m = sources.last().expect("two sources").contribution_um * 1e-6;
     let mut runs = RobotRuns::new(task, &scenario.truth).expect("a robot");
+    let prepared = PreparedPlan::new(task, &plan);
     let compliance = scenario.truth.robot.compliance_rad_per_nm.iter();
     let compliance: Vec<[f64; LANES]> = compliance.map(|&value| [value; LANES]).collect();
     let mut square = 0.0;
@@ -34,7 +35,7 @@ fn gap(spread: f64) -> f64 {
         let laboratory = vec![[normal; LANES]; runs.numbers(4)];
         runs.become_run(&compliance, &laboratory, 0).expect("works");
         let noise = [[0.0; LANES]; 12];
-        let outcome = runs.run(&plan, &noise, &laboratory, 0).expect("works");
+        let outcome = runs.run(&prepared, &noise, &laboratory, 0).expect("works");
         square += weight * outcome.square;
     }
     square.sqrt() * task.belief.instrument.sigma_m / computed_m - 1.0

@@ -3,7 +3,7 @@
 use elastocal::identification::{AbsoluteCase, AbsoluteFit, ParameterGroup, ReadingWeights};
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
@@ -66,7 +66,7 @@ pub fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec
                 approach: None,
             };
             let seen = model
-                .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)
+                .predict(&setup, ReadingKind::Pose, &mut ignored)
                 .expect("stable");
             let mut error =
                 |size: f64| Vector3::from_fn(|_, _| normal(random) * size * campaign.noise);
@@ -434,7 +434,7 @@ fn one_joint_moves() -> Vec<AbsoluteReading> {
         };
         let mut ignored = Matrix6xX::zeros(0);
         let seen = model
-            .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
+            .predict(&setup, ReadingKind::Position, &mut ignored)
             .expect("stable");
         reading.configuration_rad = setup.commanded_rad;
         reading.position_m = seen.position_m;
@@ -631,7 +631,7 @@ fn readings_of_one_visit_share_what_the_model_does_not_know() {
                 };
                 let mut ignored = Matrix6xX::zeros(0);
                 let seen = model
-                    .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
+                    .predict(&setup, ReadingKind::Position, &mut ignored)
                     .expect("stable");
                 let error = Vector3::from_fn(|_, _| SIGMA_M * normal(&mut random));
                 readings.push(AbsoluteReading {

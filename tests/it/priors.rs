@@ -348,7 +348,7 @@ fn a_source_of_several_campaigns_is_one_unknown() {
             .task
     };
     let first = load("first");
-    let extended = first.belief.uncertain.as_ref().expect("sources");
+    let extended = &first.belief.uncertain;
     let sizes = first.belief.sizes();
     let kept: Vec<bool> = (extended.set().parameters().iter())
         .map(|each| each.kind.is_kept_between_campaigns())

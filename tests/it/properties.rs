@@ -1,10 +1,11 @@
 //! What must hold of the model whatever the numbers are.
 
 use elastocal::measurement::{
-    Measurement, RotationMeasurement, read_measurements, write_measurements,
+    Measurement, RotationMeasurement, deflection_table, read_measurements,
 };
 use elastocal::numeric::random::generator;
-use elastocal::plan::{Assessment, ExperimentModel, Plan, read_plan, write_plan};
+use elastocal::plan::search::Problem;
+use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
 use elastocal::quantities::units::{degrees, thousandths};
 use elastocal::robot::{
     Drive, Elements, EquilibriumError, EquilibriumSolver, Joint, KinematicState, Load,
@@ -15,7 +16,7 @@ use elastocal::testbed::VirtualRobot;
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Vector3};
 use rand::{Rng, RngExt};
 
-use crate::support::{Workplace, plan, scenario, table4};
+use crate::support::{Workplace, plan, scenario, six_rows, table4};
 
 /// A load with all its six components, as large as those of a calibration.
 const LOAD: Load = Load {
@@ -83,7 +84,7 @@ fn linear_deflections_superpose() {
     let other = Load::from_wrench([10.0, 900.0, -300.0, -40.0, 500.0, 60.0]);
     for q in configurations(&scenario, 50) {
         let state = at_calibration_tool(&scenario, &q);
-        let matrix = |load: &Load| ObservationMatrix::new(&state, load, &joints).rows();
+        let matrix = |load: &Load| six_rows(&ObservationMatrix::new(&state, load, &joints));
         let both = Load::from_wrench((2.0 * LOAD.wrench() + other.wrench()).into());
         let expected = 2.0 * matrix(&LOAD) + matrix(&other);
         assert!((matrix(&both) - &expected).amax() < 1e-9 * expected.amax());
@@ -98,7 +99,7 @@ fn linear_deflections_superpose() {
 #[test]
 fn information_of_repeats_is_a_sum() {
     let scenario = scenario("kr270_all_joints");
-    let model = ExperimentModel::new(&scenario.task.belief);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let mut repeated = plan("kr270_all_joints");
     let mut sum = DMatrix::zeros(6, 6);
     for (experiment, repeats) in repeated.experiments.iter_mut().zip([3, 1, 5, 2]) {
@@ -106,15 +107,15 @@ fn information_of_repeats_is_a_sum() {
         let mut once = experiment.clone();
         once.repeats = 1;
         for _ in 0..repeats {
-            sum += model.information(&Plan {
+            sum += problem.information(&Plan {
                 experiments: vec![once.clone()],
             });
         }
     }
-    let information = model.information(&repeated);
+    let information = problem.information(&repeated);
     assert!((&information - &sum).amax() < 1e-12 * sum.amax());
     let written_out = Plan {
-        experiments: (repeated.repeated().cloned())
+        experiments: (crate::support::repeated(&repeated).cloned())
             .map(|mut each| {
                 each.repeats = 1;
                 each
@@ -122,7 +123,7 @@ fn information_of_repeats_is_a_sum() {
             .collect(),
     };
     assert_eq!(written_out.experiments.len(), 11);
-    assert!((model.information(&written_out) - &sum).amax() < 1e-12 * sum.amax());
+    assert!((problem.information(&written_out) - &sum).amax() < 1e-12 * sum.amax());
 }
 
 /// Table 6's rule: a plan of m, measured M times in all, has `rho_0` * sqrt(m / M).
@@ -375,7 +376,8 @@ fn measurement_files_round_trip() {
     let path = workplace.path("m.csv");
     for kind in 0..4 {
         let measurements = [12.7, -3.1, 99.9].map(|angle| measurement(kind, angle));
-        write_measurements(&path, 6, &measurements).expect("can be written");
+        let table = deflection_table(&path, &6.into(), &measurements);
+        std::fs::write(&path, table.expect("can be written")).expect("can be written");
         assert_eq!(
             read_measurements(&path, 6).expect("valid"),
             measurements,
@@ -384,9 +386,7 @@ fn measurement_files_round_trip() {
     }
     // What a file cannot hold must not be lost in silence.
     let mixed = [measurement(0, 1.0), measurement(3, 1.0)];
-    std::fs::remove_file(&path).expect("was written");
-    assert!(write_measurements(&path, 6, &mixed).is_err());
-    assert!(!path.exists());
+    assert!(deflection_table(&path, &6.into(), &mixed).is_err());
 }
 
 /// Each number with few decimals, as a person writes it, is written as it was read.

@@ -46,7 +46,12 @@ fn the_plans_of_table_4_give_all_of_table_5() {
     let scenario = scenario("klimchik2012");
     let model = ExperimentModel::new(&scenario.task.belief);
     for (experiments, printed) in TABLE_5 {
-        let information = model.information(&table4(experiments));
+        let plan = table4(experiments);
+        let information = plan.experiments.iter().map(|each| {
+            let matrix = model.observation_matrix(each);
+            f64::from(each.repeats) * matrix.tr_mul(&matrix)
+        });
+        let information: nalgebra::DMatrix<f64> = information.sum();
         let covariance =
             information.try_inverse().expect("regular") * model.precision.sigma_m.powi(2);
         for (index, printed) in printed.iter().enumerate() {

@@ -71,7 +71,7 @@ impl<'a> LinearWorld<'a> {
         let size = belief.unknowns();
         let differs = &self.prior * DVector::from_fn(size, |_, _| (self.random)());
         let sigma_m = belief.instrument.sigma_m;
-        let extended = belief.uncertain.as_ref().expect("much is uncertain");
+        let extended = &belief.uncertain;
         let sources: Vec<_> = extended.sources().map(|(_, each)| each.clone()).collect();
         let (arm, set, sizes) = (extended.arm(), extended.set(), vec![1.0; size]);
         let precision = DeflectionPrecision {

@@ -24,7 +24,7 @@ use mcap::MessageStream;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
-use crate::support::{project, scenario, table4};
+use crate::support::{project, repeated, scenario, table4};
 
 fn recorded(scenario: &Scenario, plans: &[(&str, Plan)]) -> Recording {
     let calibrations: Vec<CarriedOutPlan> = plans
@@ -274,7 +274,7 @@ fn mcap_holds_the_calibration_in_messages_that_meet_their_schemas() {
 
     let planned = on(&messages, "/plan").next().expect("there is");
     assert_eq!(planned.json["plan"][1]["repeats"], 2);
-    for (measured, given) in on(&messages, "/measurements").zip(plan.repeated()) {
+    for (measured, given) in on(&messages, "/measurements").zip(repeated(&plan)) {
         for (q, given) in numbers(&measured.json["q_deg"])
             .iter()
             .zip(&given.configuration_rad)

@@ -8,10 +8,10 @@ use elastocal::plan::{ExperimentModel, Plan};
 use elastocal::robot::{Load, ObservationMatrix};
 use elastocal::scenario::Scenario;
 use elastocal::task::{Belief, Method};
-use elastocal::testbed::{TrueRobots, VirtualRobot};
+use elastocal::testbed::{TrueRobots, VirtualRobot, add_noise_of};
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::support::{Workplace, plan, scenario, scenario_text, table4};
+use crate::support::{Workplace, plan, repeated, scenario, scenario_text, table4};
 
 /// A scenario whose true robot is not the nominal one: each compliance is 20 % larger or smaller.
 pub fn differing(name: &str) -> Scenario {
@@ -35,12 +35,7 @@ pub fn noise_free(scenario: &Scenario, plan: &Plan) -> Vec<Measurement> {
 
 /// A belief that leaves open the compliances of these joints, and nothing else.
 pub fn of_compliances(belief: &Belief, parameters: &[usize]) -> Belief {
-    Belief {
-        parameters: parameters.to_vec(),
-        prior: None,
-        uncertain: None,
-        ..belief.clone()
-    }
+    (belief.of_compliances(parameters.to_vec(), None)).expect("the joints exist")
 }
 
 pub fn identified(
@@ -133,8 +128,7 @@ fn files_carry_the_true_compliances() {
 /// A^(p) of all measurements (eq. 7), stacked, of an instrument that measures no rotations.
 fn stacked(scenario: &Scenario, plan: &Plan) -> DMatrix<f64> {
     let model = ExperimentModel::new(&scenario.task.belief);
-    let blocks: Vec<_> = plan
-        .repeated()
+    let blocks: Vec<_> = repeated(plan)
         .map(|each| model.observation_matrix(each))
         .collect();
     DMatrix::from_fn(
@@ -294,13 +288,12 @@ fn residuals_tell_sigma() {
     for experiment in &mut plan.experiments {
         experiment.repeats = 20;
     }
-    let measurements = VirtualRobot::new(
-        &scenario.truth.robot,
-        &scenario.task.belief.calibration_tool.name,
-    )
-    .expect("the site exists")
-    .measure(&plan, &scenario.task.belief.instrument, 11, 0)
-    .expect("stable");
+    let belief = &scenario.task.belief;
+    let mut measurements = VirtualRobot::new(&scenario.truth.robot, &belief.calibration_tool.name)
+        .expect("the site exists")
+        .measure_noise_free(&plan, &belief.instrument)
+        .expect("stable");
+    add_noise_of(&mut measurements, &belief.instrument, 11, 0);
     let found = identified(
         &scenario,
         &measurements,

@@ -3,7 +3,7 @@
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
 use elastocal::numeric::tolerance::pose_repeatability;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::ParameterSet;
 use elastocal::plan::{Plan, write_plan};
 use elastocal::robot::Load;
@@ -52,7 +52,7 @@ fn visits(drift_m_per_h: Vector3<f64>, times: usize) -> Vec<AbsoluteReading> {
             station: 0,
             approach: None,
         };
-        let seen = model.predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored);
+        let seen = model.predict(&setup, ReadingKind::Position, &mut ignored);
         let hours = visit as f64 / 60.0;
         let returned = Vector3::from(SCATTER_M).map(|sigma| sigma * normal(&mut random));
         for _ in 0..times {

@@ -42,7 +42,7 @@ pub fn deflection(arm: &ElasticArm, q: &DVector<f64>, load: &Load) -> Vector3<f6
         approach: None,
     };
     ObservationModel::new(&nothing, arm, &[])
-        .predict_first_order(&setup, ReadingKind::Deflection, &mut ignored)
+        .predict_first_order(None, &setup, ReadingKind::Deflection, &mut ignored)
         .position_m
 }
 
@@ -52,7 +52,7 @@ pub fn linear_equations(
     belief: &Belief,
     measurements: &[Measurement],
 ) -> (DMatrix<f64>, DVector<f64>) {
-    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    let extended = &belief.uncertain;
     let (size, arm) = (belief.unknowns(), extended.arm());
     let sizes = vec![1.0; size];
     let mut model = PlannedReadings::new(arm, 0, extended.set(), &sizes, NOTHING_READ, &[]);

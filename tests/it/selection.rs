@@ -187,7 +187,7 @@ fn identified_functions(
     let tables = place.read("u.toml");
     place.write("f.toml", scenario_text("ur10") + &tables);
     let scenario = Scenario::load(&place.path("f.toml")).expect("a scenario");
-    let extended = scenario.task.belief.uncertain.as_ref().expect("uncertain");
+    let extended = &scenario.task.belief.uncertain;
     let functions = extended.joint_functions();
     assert_eq!(functions.len(), 6);
     (place, functions)

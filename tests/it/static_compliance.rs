@@ -35,11 +35,11 @@ fn hung(scenario: &Scenario, q: &DVector<f64>) -> Matrix3<f64> {
 }
 
 fn known_after(belief: &Belief, plan: &Plan, q: &DVector<f64>) -> StaticCompliance {
-    let (arm, set) = belief.parameters_of_arm().expect("parameters");
+    let (arm, set) = (belief.uncertain.arm(), belief.uncertain.set());
     let known = KnownArm {
         tool: arm.tools.len() - 1,
-        arm: &arm,
-        set: &set,
+        arm,
+        set,
         posterior: &posterior(belief, plan),
     };
     known.static_compliance(q).expect("stable")
@@ -70,7 +70,7 @@ fn uncertainties_are_those_of_sampled_robots() {
     let belief = &scenario.task.belief;
     let q = &scenario.task.test_poses[0].configuration_rad;
     let plan = table4(4);
-    let (arm, set) = belief.parameters_of_arm().expect("parameters");
+    let (arm, set) = (belief.uncertain.arm(), belief.uncertain.set());
     let after = posterior(belief, &plan);
     let found = known_after(belief, &plan, q);
     let root = after
@@ -89,8 +89,8 @@ fn uncertainties_are_those_of_sampled_robots() {
         sampled.mean = values.as_slice().to_vec();
         let known = KnownArm {
             tool: arm.tools.len() - 1,
-            arm: &arm,
-            set: &set,
+            arm,
+            set,
             posterior: &sampled,
         };
         let compliance = known.static_compliance(q).expect("stable").m_per_n;

@@ -103,7 +103,7 @@ fn the_best_of_all_plans_from_all_stations_is_found() {
         progress: &|_, _, _| {},
     };
     let found = planning
-        .design(PlanSize::all_different(READINGS), 1, watch)
+        .design_from(&[], PlanSize::all_different(READINGS), 1, watch)
         .expect("a plan");
     let value = planning
         .prediction(&found.plan)

@@ -5,7 +5,7 @@ use elastocal::identification::{
 };
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
-use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use elastocal::robot::Load;
 use elastocal::task::Belief;
@@ -233,8 +233,7 @@ impl Wrong {
                 approach: None,
             };
             let mut model = ObservationModel::new(&nothing, &arm, &[]);
-            let seen = (model.predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored))
-                .expect("stable");
+            let seen = (model.predict(&setup, ReadingKind::Pose, &mut ignored)).expect("stable");
             let is_far = self.long_tailed_m > 0.0 && between(random, 0.0, 1.0) < 0.1;
             let sigma_m = SIGMA_M + self.long_tailed_m * if is_far { 4.0 } else { 1.0 };
             let noise = Vector3::from_fn(|_, _| sigma_m * normal(random));

@@ -5,7 +5,7 @@ use elastocal::numeric::random::normal::{LANES, fill_normals};
 use elastocal::numeric::random::streams::Stream;
 use elastocal::scenario::Scenario;
 use elastocal::study::model_level::LinearModel;
-use elastocal::study::robot_level::RobotRuns;
+use elastocal::study::robot_level::{PreparedPlan, RobotRuns};
 use elastocal::study::runner::Runner;
 use elastocal::study::summary::Summary;
 use elastocal::study::tally::{Sum, Tally};
@@ -123,7 +123,7 @@ fn a_run_can_be_replayed_by_itself() {
 
     let experiments = elastocal::plan::ExperimentModel::new(&scenario.task.belief);
     let mut observed = nalgebra::DMatrix::zeros(9, 5);
-    for (index, experiment) in plan.repeated().enumerate() {
+    for (index, experiment) in crate::support::repeated(&plan).enumerate() {
         let matrix = experiments.observation_matrix(experiment);
         observed.rows_mut(3 * index, 3).copy_from(&matrix);
     }
@@ -142,9 +142,10 @@ fn a_run_can_be_replayed_by_itself() {
     assert!((one.nees[0] / nees - 1.0).abs() < 1e-8, "{nees}");
 
     let mut robot = RobotRuns::new(&scenario.task, &scenario.truth).expect("works");
-    let first = robot.run(&plan, &alone, &[], 0).expect("works");
-    robot.run(&plan, &alone, &[], 1).expect("works");
-    assert_eq!(robot.run(&plan, &among, &[], 1), Ok(first.clone()));
+    let prepared = PreparedPlan::new(&scenario.task, &plan);
+    let first = robot.run(&prepared, &alone, &[], 0).expect("works");
+    robot.run(&prepared, &alone, &[], 1).expect("works");
+    assert_eq!(robot.run(&prepared, &among, &[], 1), Ok(first.clone()));
     // And it is what a single calibration shows.
     let shown =
         calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 777).expect("works");

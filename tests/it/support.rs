@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use elastocal::codes::ErrorCode;
-use elastocal::plan::{Plan, read_plan};
+use elastocal::plan::{Experiment, Plan, read_plan};
+use elastocal::robot::ObservationMatrix;
 use elastocal::scenario::Scenario;
+use nalgebra::Matrix6xX;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -185,4 +187,25 @@ pub fn number(value: &Value) -> f64 {
 pub fn numbers(value: &Value) -> Vec<f64> {
     let array = value.as_array().expect("an array");
     array.iter().map(number).collect()
+}
+
+/// All six rows of an observation matrix, position above rotation (eq. 8).
+pub fn six_rows(matrix: &ObservationMatrix) -> Matrix6xX<f64> {
+    let mut rows = Matrix6xX::zeros(matrix.position.ncols());
+    rows.fixed_rows_mut::<3>(0).copy_from(&matrix.position);
+    rows.fixed_rows_mut::<3>(3).copy_from(&matrix.rotation);
+    rows
+}
+
+/// Leaves the compliances of these joints alone open in a scenario.
+pub fn leave_open(scenario: &mut Scenario, parameters: &[usize]) {
+    let belief = &mut scenario.task.belief;
+    let open = belief.of_compliances(parameters.to_vec(), None);
+    *belief = open.expect("the joints exist");
+}
+
+/// Every experiment of a plan as often as it is measured.
+pub fn repeated(plan: &Plan) -> impl Iterator<Item = &Experiment> {
+    let each = plan.experiments.iter();
+    each.flat_map(|each| std::iter::repeat_n(each, each.repeats as usize))
 }

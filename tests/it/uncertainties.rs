@@ -200,7 +200,7 @@ fn the_posterior_is_that_of_generalised_least_squares() {
     let scenario = loaded(&with(&everything(), "model", 64));
     let (belief, plan) = (&scenario.task.belief, table4(4));
     let found = posterior(belief, &plan);
-    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    let extended = &belief.uncertain;
     let (set, arm) = (extended.set(), extended.arm());
     let size = set.len();
     let count = plan.experiments.len();
@@ -222,7 +222,7 @@ fn the_posterior_is_that_of_generalised_least_squares() {
         };
         let mut derivatives = Matrix6xX::zeros(size);
         let kind = elastocal::observation::ReadingKind::Deflection;
-        model.predict_first_order(&setup, kind, &mut derivatives);
+        model.predict_first_order(None, &setup, kind, &mut derivatives);
         rows.rows_mut(3 * index, 3)
             .copy_from(&derivatives.rows(0, 3));
         first.move_to(experiment.configuration_rad.as_slice());
@@ -337,7 +337,7 @@ fn displaced_frames_are_those_of_the_parameters() {
     let scenario = loaded(&with(&list.concat(), "model", 64));
     let belief = &scenario.task.belief;
     let mut robots = TrueRobots::new(belief, &scenario.truth).expect("the sites exist");
-    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    let extended = &belief.uncertain;
     for (run, experiment) in (0..).zip(&table4(4).experiments) {
         let normals =
             (robots.become_run_of(&scenario.truth, 1, 7, run)).expect("frames of their own");

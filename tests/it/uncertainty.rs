@@ -18,7 +18,7 @@ use nalgebra::{DVector, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::recovery::{identified, noise_free};
-use crate::support::{scenario, table4};
+use crate::support::{repeated, scenario, table4};
 
 const RUNS: u32 = 2000;
 const ALLOWED: f64 = 4.5;
@@ -65,7 +65,7 @@ fn linear_truth(scenario: &Scenario) -> Vec<Measurement> {
     let compliance = DVector::from_iterator(scenario.task.belief.parameters.len(), compliance);
     let plan = table4(3);
     let mut measurements = noise_free(scenario, &plan);
-    for (each, experiment) in measurements.iter_mut().zip(plan.repeated()) {
+    for (each, experiment) in measurements.iter_mut().zip(repeated(&plan)) {
         let deflection = model.observation_matrix(experiment) * &compliance;
         each.deflection_m = Vector3::from_column_slice(deflection.as_slice());
     }

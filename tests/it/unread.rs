@@ -104,7 +104,7 @@ fn the_drawn_force_acts_at_the_test_pose_alone() {
     let before = measured(&mut robots, &normals);
     assert_eq!(normals.len(), 3);
     let force = Vector3::from_fn(|axis, _| 10.0 * normals[axis][0]);
-    let expected = robots
+    let (expected, _) = robots
         .machining_tool(
             &pose.configuration_rad,
             &Load {

@@ -166,9 +166,10 @@ fn mean_square(scenario: &Scenario, plan: &Plan, runs: u64, is_later: bool) -> f
         let sigma = Sigma::Known(task.belief.instrument.sigma_m);
         let case = Case::of_belief(&task.belief, others, sigma, task.belief.method);
         let known = identification.posterior;
-        let known = match &task.belief.uncertain {
-            Some(uncertain) if is_later => uncertain.in_another_campaign(&known),
-            _ => known,
+        let known = if is_later {
+            task.belief.uncertain.in_another_campaign(&known)
+        } else {
+            known
         };
         let predictions = case.predictions(&known).expect("a prediction");
         sum += predictions.square / predictions.freedom as f64;

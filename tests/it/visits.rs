@@ -201,7 +201,7 @@ fn no_plan_of_several_targets_is_below_the_bound() {
             progress: &|_, _, _| {},
         };
         let found = planning
-            .design(PlanSize::all_different(10), 1, watch)
+            .design_from(&[], PlanSize::all_different(10), 1, watch)
             .expect("a plan");
         let rho0 = |plan: &[(usize, u32)]| planning.prediction(plan).rho0_m();
         let best = rho0(&found.plan).expect("a prediction");

@@ -36,17 +36,19 @@ impl Identify {
             scenario.task.belief.parameter_names().join(", "),
             counted(measurements.len() as u64, "measurement")
         ));
-        if self.sigma_from_residuals && scenario.task.belief.knows_before() {
+        let belief = &scenario.task.belief;
+        let is_plain = belief.uncertain.is_plain();
+        if self.sigma_from_residuals && (belief.prior.is_some() || !is_plain) {
             let problem = "with what is known before, sigma has to be known, too";
             let wrong = FileError::new(&scenario.path, problem).code(ErrorCode::Scenario);
-            let (key, or) = match scenario.task.belief.uncertain {
-                Some(_) => ("uncertainty", "give --noise-only"),
-                None => ("robot.prior", "the key"),
+            let (key, or) = if is_plain {
+                ("robot.prior", "the key")
+            } else {
+                ("uncertainty", "give --noise-only")
             };
             let hint = format!("leave out --sigma-from-residuals, or {or}");
             return Err(wrong.at(key).hint(hint).into());
         }
-        let belief = &scenario.task.belief;
         let robustness = Robustness {
             keeps_all: self.keep_all,
             counts_discrepancy: !self.common.noise_only,

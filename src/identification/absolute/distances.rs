@@ -8,7 +8,7 @@ use super::{AbsoluteCase, AbsoluteError};
 use crate::experiment::{is_one_configuration, together};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{ReadingErrors, ReadingKind, SharedErrors, SharingReadings};
-use crate::task::{Extended, station_named};
+use crate::task::station_named;
 
 impl AbsoluteCase<'_> {
     /// Where a station is begun with: where the robot's own world is; the point of one that distances are read from, where the planner's
@@ -105,7 +105,7 @@ impl AbsoluteCase<'_> {
         let belief = self.belief;
         let errors = (0..self.observations.len()).map(|place| {
             let setup = &self.observations[place].setup;
-            let sources = belief.uncertain.iter().flat_map(Extended::sources);
+            let sources = belief.uncertain.sources();
             let errors = self.disturbed(place, &setup.load, sources.map(|(_, source)| source));
             if self.is_distance(place) {
                 return errors;

@@ -315,8 +315,7 @@ impl AbsoluteFit {
 
     /// What joints are off by, where the planner's model has joint error functions.
     pub fn known_joint_errors(&self, belief: &Belief) -> &[JointError] {
-        let uncertain = belief.uncertain.as_ref();
-        let are_known = uncertain.is_some_and(|each| !each.joint_functions().is_empty());
+        let are_known = !belief.uncertain.joint_functions().is_empty();
         let model = self.discrepancy_model.as_ref().filter(|_| are_known);
         model.map_or(&[], |each| &each.model.joints)
     }

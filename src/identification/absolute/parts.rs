@@ -14,7 +14,7 @@ use super::{
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::markov::{ProcessPoint, SampledFunction};
 use crate::observation::{
-    Form, Observation, ObservationModel, Reading, SharingReadings, planned_information_of_groups,
+    Observation, ObservationModel, Reading, SharingReadings, planned_information_of_groups,
     planned_positions,
 };
 use crate::parameter::{JointFunction, ParameterSet, relative_precision};
@@ -365,8 +365,8 @@ impl PartsOfReadings<'_> {
         let setups = setups.iter().zip(&returned).zip(&shared);
         for (each, ((setup, returned), shared)) in self.case.observations.iter().zip(setups) {
             let kind = each.reading.kind();
-            let expected = model.predict(Form::AtRest, setup, kind, &mut derivatives)?;
-            let predicted = model.predict(Form::AtRest, returned, kind, &mut derivatives)?;
+            let expected = model.predict(setup, kind, &mut derivatives)?;
+            let predicted = model.predict(returned, kind, &mut derivatives)?;
             let normal = Vector6::from_fn(|_, _| StandardNormal.sample(random));
             let error = each.whitener.coloured(&normal) + shared;
             let position_m = predicted.position_m + error.fixed_rows::<3>(0);

@@ -8,7 +8,7 @@ use super::super::patterns::{BLOCKS, LookedAt, ReadingRows};
 use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Form, Observation, ObservationModel, ReadingKind};
+use crate::observation::{Observation, ObservationModel, ReadingKind};
 use crate::parameter::ParameterKind;
 use crate::robot::Approach;
 
@@ -47,12 +47,11 @@ impl AbsoluteCase<'_> {
             };
             let kind = each.reading.kind();
             let predicted = model
-                .predict(Form::AtRest, &each.setup, kind, &mut rows)
+                .predict(&each.setup, kind, &mut rows)
                 .map_err(|error| IdentificationError::from((index, error)))?;
             let residual = each.whiten(&predicted, &mut rows);
             let position_m = if kind == ReadingKind::Distance {
-                let place =
-                    model.predict(Form::AtRest, &each.setup, ReadingKind::Position, &mut other);
+                let place = model.predict(&each.setup, ReadingKind::Position, &mut other);
                 (place.map_err(|error| IdentificationError::from((index, error)))?).position_m
             } else {
                 each.position_m()

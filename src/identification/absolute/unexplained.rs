@@ -42,8 +42,7 @@ impl AbsoluteCase<'_> {
     /// What the planner's model says of what the parameters leave: joint error functions, with what is new at each visit where it says that
     /// and `rest` where it does not; none where it has no functions, or weighs readings by them already.
     pub(super) fn known_components(&self, rest: [f64; 2]) -> Option<VarianceComponents> {
-        let uncertain = self.belief.uncertain.as_ref();
-        let uncertain = uncertain.filter(|_| !self.is_sharing_known)?;
+        let uncertain = Some(&self.belief.uncertain).filter(|_| !self.is_sharing_known)?;
         let functions = uncertain.joint_functions();
         // One size for all readings, that of loaded ones where there are any.
         let mut loads = self.observations.iter().map(|each| each.setup.load);

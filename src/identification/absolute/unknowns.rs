@@ -274,14 +274,8 @@ impl AbsoluteCase<'_> {
 
     /// The belief's unknowns, with the deviations of those that are uncertain.
     fn known_before(&self) -> Vec<Unknown> {
-        match &self.belief.uncertain {
-            Some(extended) => (extended.set().parameters().iter())
-                .map(|each| (each.kind, each.prior_deviation))
-                .collect(),
-            None => (self.belief.parameters.iter())
-                .map(|&joint| (ParameterKind::JointCompliance { joint }, None))
-                .collect(),
-        }
+        let parameters = self.belief.uncertain.set().parameters().iter();
+        (parameters.map(|each| (each.kind, each.prior_deviation))).collect()
     }
 
     pub(super) fn planned(&self) -> Vec<PlannedReading> {

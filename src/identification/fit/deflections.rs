@@ -53,7 +53,7 @@ impl FitStart {
     pub fn new(source: &Case<'_>, is_near: bool) -> Self {
         let whitening = source.whitening();
         let nominal = DVector::from_vec(source.belief.values());
-        let prior = source.belief.prior_rows();
+        let prior = source.belief.uncertain.prior_rows().clone();
         let mut at_nominal = source.predicted_linearly();
         whitening.whiten(&mut at_nominal.derivatives);
         let estimable = source.estimable(&stack![at_nominal.derivatives; prior]);
@@ -76,7 +76,7 @@ impl FitStart {
             at_nominal,
             torques,
         };
-        if source.belief.uncertain.is_some() || source.method == Method::Nonlinear {
+        if !source.belief.uncertain.is_plain() || source.method == Method::Nonlinear {
             start.factor = sound_factor(start.information(&start.at_nominal.derivatives));
         }
         start
@@ -223,9 +223,10 @@ impl FitProblem for DeflectionProblem<'_> {
 
     /// Compliances alone take few steps, and are told to the last digit.
     fn tolerance(&self, _: &FitPlace<Self::Kept>) -> f64 {
-        match self.source.belief.uncertain {
-            Some(_) => LAST_STEP,
-            None => 0.0,
+        if self.source.belief.uncertain.is_plain() {
+            0.0
+        } else {
+            LAST_STEP
         }
     }
 }
@@ -239,7 +240,7 @@ pub fn fit_linear(start: &FitStart, source: &Case<'_>) -> DeflectionFit {
     let factor = start
         .factor
         .as_ref()
-        .filter(|_| source.belief.uncertain.is_some());
+        .filter(|_| !source.belief.uncertain.is_plain());
     let factored = factor.map(|factor| (factor, factor.solve(&start.gradient(&rows))));
     start.end(&rows, start.nominal.clone(), factored, 1)
 }
@@ -274,7 +275,7 @@ pub fn fit_nonlinear(
     let (rows, factor) = found.kept;
     let factor = factor
         .as_ref()
-        .filter(|_| source.belief.uncertain.is_some());
+        .filter(|_| !source.belief.uncertain.is_plain());
     let factored = factor.map(|factor| (factor, found.step));
     Ok(start.end(&rows, found.values, factored, iterations))
 }

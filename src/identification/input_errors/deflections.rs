@@ -30,7 +30,6 @@ use super::{LikelyInputError, unknown_approaches};
 use crate::codes::{Condition, ConditionCode};
 use crate::measurement::Measurement;
 use crate::robot::{Load, ObservationMatrix};
-use crate::task::Belief;
 
 /// The evidence that an error needs, as twice the natural logarithm of a ratio of a million.
 const DECISIVE: f64 = 27.6;
@@ -60,7 +59,7 @@ const FLAT: f64 = 1e-3;
 pub fn conditions_of_table(case: &Case<'_>) -> Vec<Condition> {
     let copies = copied(case).conditions("measurement");
     let sides = case.measurements.iter().map(|each| each.approach.as_ref());
-    let unknown = unknown_approaches(case.belief.uncertain.as_ref(), "measurement", sides);
+    let unknown = unknown_approaches(&case.belief.uncertain, "measurement", sides);
     (outside_limits(case).into_iter().chain(unknown))
         .chain(copies)
         .collect()
@@ -146,11 +145,10 @@ pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
         return found;
     }
     // What is known before is wider here.
-    let belief = &Belief {
-        prior: None,
-        uncertain: None,
-        ..case.belief.clone()
+    let Ok(belief) = (case.belief).of_compliances(case.belief.parameters.clone(), None) else {
+        return found;
     };
+    let belief = &belief;
     let held = &[];
     let case = &Case {
         belief,

@@ -37,11 +37,11 @@ impl LikelyInputError {
 
 /// Where joints have gaps by what is believed, the rows that do not say from which side they were approached as others do.
 pub fn unknown_approaches<'a>(
-    uncertain: Option<&Extended>,
+    uncertain: &Extended,
     noun: &str,
     sides: impl Iterator<Item = Option<&'a Approach>>,
 ) -> Option<Condition> {
-    let has_backlash = uncertain.is_some_and(Extended::has_backlash);
+    let has_backlash = uncertain.has_backlash();
     let (said, unsaid): (Vec<_>, Vec<_>) = (1..)
         .zip(sides)
         .partition(|(_, side): &(usize, _)| side.is_some());

@@ -37,9 +37,9 @@ pub fn looked_at(
     let mut rows = Matrix6xX::zeros(set.len());
     let readings = case.measurements.iter().enumerate().map(|(index, each)| {
         let (setup, _) = setup_of(each);
-        model.predict_as_planned(&setup, ReadingKind::Deflection, &mut rows);
+        model.predict_as_planned(None, &setup, ReadingKind::Deflection, &mut rows);
         let moved = rows.columns(0, joints).into_owned();
-        model.predict_as_planned(&setup, ReadingKind::Pose, &mut rows);
+        model.predict_as_planned(None, &setup, ReadingKind::Pose, &mut rows);
         let sigma = (each.sigma_m).unwrap_or_else(|| Vector3::repeat(identification.sigma_m));
         let mut whitened = Matrix6xX::zeros(moved.ncols());
         let mut placed = Matrix6xX::zeros(5);

@@ -100,11 +100,12 @@ pub(in crate::observation) fn every_source(
             per_metre: 2e-5,
             along_per_metre: 5e-6,
         }),
-        ReadingSource::TransmissionError(TransmissionError::independent(
-            (0..arm.chain.len())
+        ReadingSource::TransmissionError(TransmissionError {
+            deviations: (0..arm.chain.len())
                 .map(|_| numbers.between(0.0, 1e-2))
                 .collect(),
-        )),
+            kernel: None,
+        }),
         ReadingSource::Discrepancy(UnexplainedError {
             deviation_m: 1e-5,
             of: None,
@@ -168,7 +169,7 @@ fn deflection(arm: &ElasticArm, q: &[f64], load: &Load) -> Vector3<f64> {
         approach: None,
     };
     ObservationModel::new(&nothing, arm, &[])
-        .predict_first_order(&setup, ReadingKind::Deflection, &mut ignored)
+        .predict_first_order(None, &setup, ReadingKind::Deflection, &mut ignored)
         .position_m
 }
 
@@ -217,7 +218,7 @@ fn drifts_are_seen_as_they_are() {
             let mut at = |values: Vector3<f64>| {
                 let mut model = ObservationModel::new(&set, &arm, values.as_slice());
                 model
-                    .predict_first_order(&setup, kind, &mut seen)
+                    .predict_first_order(None, &setup, kind, &mut seen)
                     .position_m
             };
             let moved = at(drift) - at(Vector3::zeros());
@@ -503,7 +504,7 @@ fn springs_are_seen_at_rest() {
                 let mut unused = Matrix6xX::zeros(set.len());
                 let kind = ReadingKind::DeflectionAndRotation;
                 model
-                    .predict_as_planned(&setup, kind, &mut unused)
+                    .predict_as_planned(None, &setup, kind, &mut unused)
                     .position_m
             };
             let expected = (at(shift) - at(-shift)) / (2.0 * shift);

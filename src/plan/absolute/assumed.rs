@@ -3,7 +3,6 @@
 use super::AbsolutePlanning;
 use crate::parameter::ParameterKind;
 use crate::robot::Load;
-use crate::task::Extended;
 
 impl AbsolutePlanning<'_> {
     /// What a prediction takes for certain although the scenario says that it is not, or although nobody reads it, in words.
@@ -48,26 +47,18 @@ impl AbsolutePlanning<'_> {
 
     /// The names of the sources of whose parameters some are such.
     fn sources_of(&self, is_such: impl Fn(ParameterKind) -> bool) -> impl Iterator<Item = &str> {
-        let extended = self.case.belief.uncertain.iter();
-        let shared = extended.flat_map(|extended| {
-            let parameters = extended.set().parameters();
-            let shared = extended.shared().iter();
-            shared.map(move |(name, places)| (name, places, parameters))
-        });
-        let such = shared.filter(move |(_, places, parameters)| {
-            places.iter().any(|&place| is_such(parameters[place].kind))
-        });
-        such.map(|(name, ..)| name.as_str())
+        let extended = &self.case.belief.uncertain;
+        let parameters = extended.set().parameters();
+        let such = extended
+            .shared()
+            .iter()
+            .filter(move |(_, places)| places.iter().any(|&place| is_such(parameters[place].kind)));
+        such.map(|(name, _)| name.as_str())
     }
 
     /// The names of the joints' errors that the robot keeps.
     pub(super) fn kept_errors(&self) -> Vec<String> {
-        let sources = self
-            .case
-            .belief
-            .uncertain
-            .iter()
-            .flat_map(Extended::sources);
+        let sources = self.case.belief.uncertain.sources();
         let kept = sources.filter(|(_, source)| source.is_function());
         kept.map(|(name, _)| name.to_owned()).collect()
     }

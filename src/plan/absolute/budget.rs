@@ -105,7 +105,7 @@ impl AbsolutePlanning<'_> {
         let prediction = self.prediction(&found.plan);
         let readings = prediction.readings;
         let budget = self.uncertainty_budget(&found.plan, &prediction);
-        let uncertain = budget.filter(|_| self.case.belief.uncertain.is_some());
+        let uncertain = budget.filter(|_| !self.case.belief.uncertain.is_plain());
         let rows = self.readings(&found.plan).into_iter();
         let point = BudgetPoint {
             plan: Plan {

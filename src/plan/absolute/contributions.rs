@@ -147,33 +147,30 @@ impl AbsolutePlanning<'_> {
             ..ReadingErrors::none()
         });
         let belief = self.case.belief;
-        let extended = belief.uncertain.as_ref();
-        let of_readings = extended.into_iter().flat_map(Extended::sources);
-        let readings = of_readings.map(|(_, source)| {
+        let extended = &belief.uncertain;
+        let readings = extended.sources().map(|(_, source)| {
             let left = self.left_by_source(&weighed, source);
             (source.level_of_readings(), left)
         });
         let known = self.known_before();
         let mut before = (&weighed.gain * known * weighed.gain.transpose()).trace();
         let mut parameters = Vec::new();
-        if let Some(extended) = extended {
-            let of_task = self.of_task(extended);
-            // What one of the vector leaves; frames are found from readings, whatever is known of them before.
-            let left_by_known = |&place: &usize| {
-                let kind = extended.set().parameters()[place].kind;
-                let own = self.set.index_of(kind).filter(|_| !kind.is_mounted());
-                own.map_or(0.0, |own| {
-                    let size = self.set.parameters()[own].scale;
-                    let precision = extended.own_precision(place) * size * size;
-                    weighed.gain.column(own).norm_squared() * precision
-                })
-            };
-            for (_, places) in extended.shared() {
-                let known: f64 = places.iter().map(left_by_known).sum();
-                before -= known;
-                let task = of_task.iter().filter(|(place, _)| places.contains(place));
-                parameters.push(known + task.map(|(_, square)| square).sum::<f64>());
-            }
+        let of_task = self.of_task(extended);
+        // What one of the vector leaves; frames are found from readings, whatever is known of them before.
+        let left_by_known = |&place: &usize| {
+            let kind = extended.set().parameters()[place].kind;
+            let own = self.set.index_of(kind).filter(|_| !kind.is_mounted());
+            own.map_or(0.0, |own| {
+                let size = self.set.parameters()[own].scale;
+                let precision = extended.own_precision(place) * size * size;
+                weighed.gain.column(own).norm_squared() * precision
+            })
+        };
+        for (_, places) in extended.shared() {
+            let known: f64 = places.iter().map(left_by_known).sum();
+            before -= known;
+            let task = of_task.iter().filter(|(place, _)| places.contains(place));
+            parameters.push(known + task.map(|(_, square)| square).sum::<f64>());
         }
         let squares = Squares {
             noise: (self.noise(plan), noise),

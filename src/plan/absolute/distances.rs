@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Isometry3, Matrix6xX, Vector3};
 
 use super::AbsolutePlanning;
-use crate::observation::{Form, ObservationModel, ReadingKind};
+use crate::observation::{ObservationModel, ReadingKind};
 use crate::parameter::ParameterSet;
 use crate::robot::{EquilibriumSolver, Load, Tool};
 use crate::task::{Station, Task};
@@ -29,7 +29,7 @@ impl AbsolutePlanning<'_> {
         let nothing = ParameterSet::empty();
         let mut model = ObservationModel::new(&nothing, &self.case.arm, &[]);
         let mut ignored = Matrix6xX::zeros(0);
-        let found = model.predict(Form::AtRest, &each.setup, kind, &mut ignored);
+        let found = model.predict(&each.setup, kind, &mut ignored);
         (found.ok().filter(|_| kind == ReadingKind::Distance)).map(|found| found.position_m.x)
     }
 

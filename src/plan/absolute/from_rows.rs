@@ -11,7 +11,7 @@ use crate::observation::{PlannedReading, ReadingKind};
 use crate::parameter::{ReadingSource, relative_precision};
 use crate::plan::search::CandidatePlan;
 use crate::robot::Load;
-use crate::task::{Extended, Task};
+use crate::task::Task;
 
 impl<'a> AbsolutePlanning<'a> {
     /// For a task, the unknowns that groups name besides those of the belief, and candidates; rows that are alike are one.
@@ -61,7 +61,7 @@ impl<'a> AbsolutePlanning<'a> {
         let lines: Vec<usize> = candidates.iter().map(|candidate| candidate.line).collect();
         let of_lines = |error: AbsoluteError| AbsolutePlanError::of_lines(error, &lines);
         let mut case = AbsoluteCase::placed(&task.belief, &readings).map_err(of_lines)?;
-        let sources = task.belief.uncertain.iter().flat_map(Extended::sources);
+        let sources = task.belief.uncertain.sources();
         let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();
         let (kept, new): (Vec<&ReadingSource>, Vec<&ReadingSource>) =
             (sources.into_iter()).partition(|source| source.is_function());

@@ -290,21 +290,11 @@ impl AbsolutePlanning<'_> {
         (0..self.candidates.len() - self.measured.len()).collect()
     }
 
-    /// The best plan of so many readings, of so many different candidates.
+    /// The best plan of so many readings, of so many different candidates, begun also from plans that are known.
     ///
     /// # Errors
     /// The candidates do not determine the tool's place, or allow fewer readings.
-    pub fn design(
-        &self,
-        size: PlanSize,
-        seed: u64,
-        watch: Watch<'_>,
-    ) -> Result<AbsolutePlan, AbsolutePlanError> {
-        self.design_from(&[], size, seed, watch)
-    }
-
-    /// The same also from plans that are known.
-    fn design_from(
+    pub fn design_from(
         &self,
         known: &[CandidatePlan],
         size: PlanSize,
@@ -539,9 +529,7 @@ fn place_rows(
 
 /// The parameters of the task's force that the planner's model has, each with its standard deviation.
 fn of_task(task: &Task) -> Vec<(ParameterKind, f64)> {
-    let Some(extended) = &task.belief.uncertain else {
-        return Vec::new();
-    };
+    let extended = &task.belief.uncertain;
     let parameters = extended.set().parameters().iter().enumerate();
     parameters
         .filter(|(_, each)| is_of_task(each.kind))

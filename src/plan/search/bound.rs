@@ -13,7 +13,7 @@ use crate::experiment::{Experiment, NotMandatory, Plan, is_one_direction};
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::{Criterion, Feasibility, widened};
 use crate::robot::Approach;
-use crate::task::{Extended, Task};
+use crate::task::Task;
 
 /// Angles of a plan that are so near to a candidate's (rad) are that: they were written and read.
 const SAME_RAD: f64 = 1e-9;
@@ -487,8 +487,7 @@ impl Bound {
                 enumerated.check(index, experiment, free[index])?;
                 continue;
             }
-            let knows_sides =
-                (self.class.belief.uncertain.as_ref()).is_some_and(Extended::has_backlash);
+            let knows_sides = self.class.belief.uncertain.has_backlash();
             if knows_sides && !Approach::is_usual(experiment.approach.as_ref()) {
                 return Err(NoBound::Outside(format!(
                     "the bound speaks about configurations that are approached with all joints turning positively, and experiment {} is not",

@@ -124,8 +124,8 @@ impl BudgetPoint {
     /// out.
     pub(crate) fn new(task: &Task, plan: Plan, size: PlanSize, cost: f64, bound: &Bound) -> Self {
         let (mut rho0_m, mut shared_m) = (cost.sqrt(), None);
-        let uncertain = task.belief.uncertain.as_ref();
-        if let Some(posterior) = uncertain.map(|_| posterior(&task.belief, &plan))
+        if !task.belief.uncertain.is_plain()
+            && let posterior = posterior(&task.belief, &plan)
             && let Some(budget) = UncertaintyBudget::of_deflections(task, &plan, &posterior)
         {
             rho0_m = budget.combined_standard_uncertainty_um * 1e-6;

@@ -195,8 +195,8 @@ impl<'a> Problem<'a> {
     ) -> Self {
         let parameters = &task.belief.parameters;
         let mut problem = Self::of_parameters(all, task, criterion, parameters);
-        let names = (task.belief.uncertain.iter()).flat_map(Extended::further);
-        let names: Vec<String> = names.map(str::to_owned).collect();
+        let names = task.belief.uncertain.further().map(str::to_owned);
+        let names: Vec<String> = names.collect();
         if criterion != Criterion::TestPose && !names.is_empty() {
             problem.impossible = Some(SearchError::CompliancesAlone { names });
             return problem;
@@ -265,7 +265,7 @@ impl<'a> Problem<'a> {
         parameters: &[usize],
     ) -> Self {
         let extended = match criterion {
-            Criterion::TestPose => task.belief.uncertain.as_ref(),
+            Criterion::TestPose => Some(&task.belief.uncertain).filter(|each| !each.is_plain()),
             // The criteria of Table 1 are about the instrument's noise alone.
             _ => None,
         };

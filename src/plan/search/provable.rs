@@ -73,7 +73,9 @@ impl ProvableTask {
         if extended.unloaded() == Unloaded::Shared {
             parameters.push(UNLOADED.to_owned());
         }
-        let certain = about_compliances(task, extended);
+        let Some(certain) = about_compliances(task, extended) else {
+            return Vec::new();
+        };
         let weighted = with_readings(&certain, extended)
             .filter(|_| !is_provable(task, extended))
             .map(|(task, left)| Self {
@@ -109,7 +111,7 @@ fn with_readings(certain: &Task, extended: &Extended) -> Option<(Task, Vec<Strin
     let belief = &mut task.belief;
     let prior = belief.prior.as_ref();
     let extended = Extended::new(belief.arm(), &belief.parameters, &[], prior, None, &kept).ok()?;
-    belief.uncertain = Some(extended);
+    belief.uncertain = extended;
     let left = left.into_iter().map(|(name, _)| name.to_owned());
     Some((task, left.collect()))
 }
@@ -237,7 +239,7 @@ fn parameters_left_out(extended: &Extended) -> Vec<String> {
 }
 
 /// With all other unknowns at their means, what is known of the compliances is their block of the precision.
-fn about_compliances(task: &Task, extended: &Extended) -> Task {
+fn about_compliances(task: &Task, extended: &Extended) -> Option<Task> {
     let set = extended.set();
     let mut kept: Vec<(usize, usize)> = (set.parameters().iter().enumerate())
         .filter_map(|(place, parameter)| Some((compliance_of(parameter.kind)?, place)))
@@ -256,15 +258,13 @@ fn about_compliances(task: &Task, extended: &Extended) -> Task {
                 .scale_mut(nominal[joint].recip());
         }
     }
-    let mut certain = task.clone();
-    let belief = &mut certain.belief;
-    belief.uncertain = None;
-    // In plans that hang one load in each configuration repeats then tell no less.
-    belief.instrument.unloaded = Unloaded::Own;
-    belief.prior = (precision.amax() > 0.0).then(|| Prior {
+    let prior = (precision.amax() > 0.0).then(|| Prior {
         mean: DVector::from_iterator(joints.len(), joints.iter().map(|&joint| nominal[joint])),
         precision,
     });
-    belief.parameters = joints;
-    certain
+    let mut certain = task.clone();
+    certain.belief = task.belief.of_compliances(joints, prior).ok()?;
+    // In plans that hang one load in each configuration repeats then tell no less.
+    certain.belief.instrument.unloaded = Unloaded::Own;
+    Some(certain)
 }

@@ -119,7 +119,7 @@ impl Checker<'_> {
         let mut belief = Belief {
             prior: before.prior,
             prior_campaign: before.campaign,
-            uncertain: None,
+            uncertain: self.nothing_uncertain(&nominal)?,
             turned_over_at_nm: vec![None; joints],
             stiffening_at_nm: vec![None; joints],
             nominal,

@@ -10,7 +10,7 @@ use crate::identification::StoredIdentification;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, Prior, Source, Uncertainty};
 use crate::robot::Robot;
-use crate::task::{Belief, Extended, PriorCampaign, robot_sha256};
+use crate::task::{Belief, PriorCampaign, robot_sha256};
 use crate::testbed::EarlierValues;
 
 /// What a scenario knows from an earlier identification.
@@ -128,9 +128,9 @@ pub(super) fn sampled_about_earlier(
     uncertainties: &mut Vec<Uncertainty>,
 ) -> Option<EarlierValues> {
     let prior = belief.prior.as_ref()?;
-    let extended = belief.uncertain.as_ref();
-    let others = extended.map_or_else(Vec::new, Extended::kept_others);
-    let parameters = extended.map_or(&[][..], |extended| extended.set().parameters());
+    let extended = &belief.uncertain;
+    let others = extended.kept_others();
+    let parameters = extended.set().parameters();
     let kept: Vec<ParameterKind> = others.iter().map(|&place| parameters[place].kind).collect();
     let joints = if tells_compliances {
         Vec::new()
@@ -148,7 +148,7 @@ pub(super) fn sampled_about_earlier(
         Source::Plan(parameters) if !each.is_hidden => {
             let count = parameters.len();
             parameters.retain(|(kind, _)| !is_sampled(kind));
-            let mut shared = extended.iter().flat_map(|extended| extended.shared());
+            let mut shared = extended.shared().iter();
             parameters.len() == count || shared.any(|(name, _)| *name == each.name)
         }
         _ => true,
@@ -159,10 +159,11 @@ pub(super) fn sampled_about_earlier(
     let mut both = Prior {
         mean: DVector::from_iterator(
             all.len(),
-            (prior.mean.iter().copied()).chain(others.iter().map(|&place| {
-                extended.map_or(0.0, |extended| extended.set().prior().mean[place])
-                    - parameters[place].nominal
-            })),
+            (prior.mean.iter().copied()).chain(
+                others
+                    .iter()
+                    .map(|&place| extended.set().prior().mean[place] - parameters[place].nominal),
+            ),
         ),
         precision: precision.select_rows(&all).select_columns(&all),
     };

@@ -3,8 +3,8 @@
 use super::Checker;
 use super::error_source::{ReadingPlaces, UncertaintyEntry};
 use crate::files::FileError;
-use crate::parameter::{ParameterError, ParameterKind, Source, Uncertainty, Unloaded};
-use crate::robot::TrueRobot;
+use crate::parameter::{ElasticArm, ParameterError, ParameterKind, Source, Uncertainty};
+use crate::robot::{Robot, TrueRobot};
 use crate::scenario::file::File;
 use crate::task::{Belief, Extended};
 use crate::text::wrong_name;
@@ -65,23 +65,27 @@ impl Checker<'_> {
         Ok(all)
     }
 
+    /// What a belief carries before they are read.
+    pub(super) fn nothing_uncertain(&self, nominal: &Robot) -> Result<Extended, FileError> {
+        let compliance = nominal.compliance_rad_per_nm.clone();
+        let arm = ElasticArm::new(nominal.chain.clone(), compliance, Vec::new());
+        Extended::new(arm, &[], &[], None, None, &[])
+            .map_err(|error| self.wrong("robot", error.to_string()))
+    }
+
     /// What a belief carries of them.
     fn extended(
         &self,
         belief: &Belief,
         further: &[ParameterKind],
         uncertainties: &[Uncertainty],
-    ) -> Result<Option<Extended>, FileError> {
+    ) -> Result<Extended, FileError> {
         let known = uncertainties.iter().filter(|each| !each.is_hidden);
         let known: Vec<Uncertainty> = known.cloned().collect();
-        let unloaded = belief.instrument.unloaded;
-        if known.is_empty() && further.is_empty() && unloaded == Unloaded::Own {
-            return Ok(None);
-        }
         let (joints, prior) = (&belief.parameters, belief.prior.as_ref());
         let campaign = belief.prior_campaign.as_ref();
         let extended = Extended::new(belief.arm(), joints, further, prior, campaign, &known);
-        let extended = extended.map(|extended| Some(extended.resting_on(unloaded)));
+        let extended = extended.map(|each| each.resting_on(belief.instrument.unloaded));
         extended.map_err(|error| {
             let hint = matches!(error, ParameterError::Twice(_))
                 .then_some("two uncertainties are about the same: leave one out, or hide it");

@@ -119,7 +119,8 @@ pub(super) fn of_deflections(
             source,
         };
         let configuration_rad = &pose.configuration_rad;
-        let wanted_m = (robots.machining_tool(configuration_rad, &Load::NONE)).map_err(at_pose)?;
+        let wanted = robots.machining_tool(configuration_rad, &Load::NONE);
+        let (wanted_m, _) = wanted.map_err(at_pose)?;
         let wanted = AtRest::of(robots.machining(), wanted_m);
         for (compensated, commanded_rad) in [
             (false, configuration_rad),

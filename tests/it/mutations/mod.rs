@@ -29,7 +29,6 @@ use elastocal::numeric::random::generator;
 use elastocal::plan::read_plan;
 use elastocal::record::tally_file::TallyFile;
 use elastocal::scenario::Scenario;
-use elastocal::task::Extended;
 use elastocal::workflow::calibrated::CalibratedRobot;
 use elastocal::workflow::stored_robot::StoredRobot;
 use nalgebra::DVector;
@@ -125,7 +124,7 @@ fn scenario_reader() -> Reader {
                 scenario.task.belief.instrument,
                 scenario.study,
                 scenario.laboratory,
-                scenario.task.belief.uncertain.as_ref().map(Extended::set),
+                scenario.task.belief.uncertain.set(),
                 scenario.task.belief.nominal.compliance_rad_per_nm,
                 scenario.truth.robot.torque_laws
             ))

@@ -5,9 +5,7 @@ use nalgebra::{DVector, Matrix6xX, Vector3};
 use rayon::prelude::*;
 
 use super::*;
-use crate::observation::{
-    Form, ObservationModel, PlannedReading, Reading, ReadingKind, Setup, Whitener,
-};
+use crate::observation::{ObservationModel, PlannedReading, Reading, ReadingKind, Setup, Whitener};
 use crate::parameter::arms::{Numbers, geometry, heavy, random, ur10};
 use crate::parameter::{Axis, ParameterKind, Payload};
 use crate::robot::Load;
@@ -77,7 +75,7 @@ fn observe(
     (setups.iter())
         .map(|setup| {
             let seen = model
-                .predict(Form::AtRest, setup, ReadingKind::Pose, &mut ignored)
+                .predict(setup, ReadingKind::Pose, &mut ignored)
                 .expect("stable");
             let mut error = |size: f64| Vector3::from_fn(|_, _| numbers.normal() * size * noise);
             Observation {
