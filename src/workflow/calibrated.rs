@@ -325,9 +325,8 @@ fn known(
     let own: Vec<(usize, ParameterKind)> = (kinds.iter().enumerate())
         .filter_map(|(index, kind)| Some((index, (*kind)?)))
         .collect();
-    let of_task = (belief.uncertain.iter())
-        .flat_map(|extended| extended.set().parameters())
-        .filter(|each| each.kind.level() == SourceLevel::Task);
+    let of_task = belief.uncertain.set().parameters().iter();
+    let of_task = of_task.filter(|each| each.kind.level() == SourceLevel::Task);
     let of_task: Vec<(ParameterKind, f64)> = of_task
         .filter_map(|each| Some((each.kind, each.prior_deviation?)))
         .collect();
