@@ -274,7 +274,7 @@ fn stations_of_few_readings_are_named() {
 #[test]
 fn configurations_are_limited() {
     let place = workplace("");
-    let plan = "plan s.toml --parameters frames --candidates plan.csv --experiments 11";
+    let plan = "plan s.toml --parameters frames --candidates plan.csv --experiments 9";
     let json = place.json(&format!("{plan} --configurations 4"));
     let read = json["plan"].as_array().expect("a list");
     let configurations: BTreeSet<String> =

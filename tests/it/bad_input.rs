@@ -309,6 +309,14 @@ fn wrong_plans() {
     workplace.write("plan.csv", [PLAN.as_bytes(), b"0,\xff"].concat());
     let says = ["plan.csv: line 5: is not UTF-8"];
     wrong.extend(complaints(&workplace, measure, &says, Some("UTF-8")));
+    workplace.write("plan.csv", b"PK\x03\x04\x14\0\x06\0");
+    let says = ["plan.csv: is a spreadsheet and no text"];
+    wrong.extend(complaints(
+        &workplace,
+        measure,
+        &says,
+        Some("export it as CSV"),
+    ));
     assert_none(&wrong);
 }
 

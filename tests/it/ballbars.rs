@@ -166,15 +166,20 @@ fn the_force_of_the_task_counts() {
         place.write("s.toml", scenario_text(BALLBAR) + more);
         place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
         place.json("identify s.toml --measurements read.csv --identified-out robot.json");
-        place.json("compensate s.toml --identified robot.json")
+        let compensated = place.json("compensate s.toml --identified robot.json");
+        (number(&compensated["rho0_mm"]), place)
     });
-    let [without_mm, with_mm] = [&without, &with].map(|json| number(&json["rho0_mm"]));
-    let force_mm = 0.05 * number(&without["uncompensated_mm"]);
-    let found = (with_mm.powi(2) - without_mm.powi(2)) / force_mm.powi(2);
-    assert!(
-        (found - 1.0).abs() < 0.1,
-        "{without_mm} {with_mm} {force_mm}"
-    );
+    let evaluated = with.1.json("evaluate s.toml --plan plan.csv");
+    let sources = evaluated["uncertainty_budget"]["sources"]
+        .as_array()
+        .expect("a list");
+    let mut sources = sources.iter();
+    let source = sources
+        .find(|each| each["source"] == "task_force")
+        .expect("a source");
+    let force_mm = number(&source["contribution_um"]) * 1e-3;
+    let found = (with.0.powi(2) - without.0.powi(2)) / force_mm.powi(2);
+    assert!((found - 1.0).abs() < 0.1, "{found} for {force_mm}");
 }
 
 /// A header without what is read is told what the scenario reads.

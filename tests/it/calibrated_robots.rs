@@ -14,7 +14,7 @@ use nalgebra::{
 };
 use rand::{Rng, RngExt};
 
-use crate::support::{Workplace, numbers, scenario, scenario_text};
+use crate::support::{Workplace, numbers, scenario, ur10_under_any_load};
 
 /// What the instrument sees of an arm's only tool.
 fn seen(arm: &ElasticArm, q: &DVector<f64>, load: &Load, station: usize) -> Isometry3<f64> {
@@ -120,7 +120,7 @@ fn laboratory(stations: usize) -> (Workplace, ElasticArm) {
         .collect();
     let truth = fit.set.apply(&nominal, &values);
     let place = Workplace::new();
-    place.write("s.toml", scenario_text("ur10"));
+    place.write("s.toml", ur10_under_any_load());
     let all = readings(&mut random, &truth, 90);
     place.write("m.csv", absolute_table(&6.into(), &all));
     place

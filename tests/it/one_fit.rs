@@ -14,7 +14,7 @@ use rand::{Rng, RngExt};
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::support::{Outcome, Workplace, project, scenario, scenario_text};
+use crate::support::{Outcome, Workplace, project, scenario, ur10_under_any_load};
 
 pub const SIGMA_M: f64 = 1.5e-5;
 pub const SIGMA_RAD: f64 = 2e-5;
@@ -281,7 +281,7 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
 pub fn workplace(readings: &[AbsoluteReading]) -> Workplace {
     let place = Workplace::new();
     let model = project("models/ur10.xml");
-    let text = scenario_text("ur10").replace("../models/ur10.xml", &model.display().to_string());
+    let text = ur10_under_any_load().replace("../models/ur10.xml", &model.display().to_string());
     place.write("s.toml", text);
     place.write("m.csv", absolute_table(&6.into(), readings));
     place

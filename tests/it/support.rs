@@ -178,6 +178,17 @@ pub fn absolute_scenario_text(name: &str) -> String {
     scenario_text(name).replace("[design]", "[design]\naccuracy = \"absolute\"")
 }
 
+/// The scenario `ur10` with loads of any direction up to 200 N.
+pub fn ur10_under_any_load() -> String {
+    let (fixed, any) = (
+        "kind = \"fixed\"\nforce_n = [0, 0, -98]",
+        "kind = \"any\"\nforce_max_n = 200",
+    );
+    let text = scenario_text("ur10");
+    assert!(text.contains(fixed));
+    text.replace(fixed, any)
+}
+
 /// A number of JSON.
 pub fn number(value: &Value) -> f64 {
     value.as_f64().expect("a number")

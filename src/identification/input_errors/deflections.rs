@@ -169,10 +169,15 @@ pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
             break;
         };
         let [without, as_read] = [evidence, as_it_is].map(ReadingEvidence::rms);
-        let mut text = format!(
-            "{}. Weighted residuals with nominal compliances as prior: {without:.3} so, {as_read:.3} as read (rms)",
-            error.words
-        );
+        // Of another unit residuals may be the smaller ones of what is the less probable.
+        let why = if without < as_read {
+            format!(
+                "Weighted residuals with nominal compliances as prior: {without:.3} so, {as_read:.3} as read (rms)"
+            )
+        } else {
+            format!("Log evidence ratio: {:.0}", gain / 2.0)
+        };
+        let mut text = format!("{}. {why}", error.words);
         let others: Vec<String> = best
             .take(2)
             .map(|other| other.error.question().to_owned())
