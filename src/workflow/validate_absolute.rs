@@ -82,9 +82,12 @@ impl AbsoluteValidation {
         conditions
     }
 
-    /// That the nominal robot in its best frames is nearer to the readings, by more than what these frames and chance may do.
+    /// That the nominal robot in its best frames is nearer to the readings, by more than what these frames and chance may do. Where a
+    /// station moved that is why.
     fn worse_than_nominal(&self) -> Option<Condition> {
-        let before = (self.before.as_ref()).filter(|all| all.len() >= LEAST_JUDGED)?;
+        let has_moved = self.moved.iter().any(|(_, moved)| moved.is_moved());
+        let before =
+            (self.before.as_ref()).filter(|all| !has_moved && all.len() >= LEAST_JUDGED)?;
         let [identified_mm, nominal_mm] = [&self.left, before].map(|all| {
             let square: f64 = all.iter().map(|each| each.position_m.norm_squared()).sum();
             (square / all.len() as f64).sqrt() * 1e3
