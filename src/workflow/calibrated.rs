@@ -348,19 +348,20 @@ fn known(
     let hidden: Vec<usize> = (0..own.len())
         .filter(|&place| unknowns[own[place].0].standard_error.is_none())
         .collect();
-    let covariance = DMatrix::from_fn(set.len(), set.len(), |row, column| {
-        if row < own.len() && column < own.len() {
-            return covariance[(own[row].0, own[column].0)] * factors[row] * factors[column];
-        }
-        let own_place = row.checked_sub(own.len()).filter(|_| row == column);
-        own_place.map_or(0.0, |place| of_task[place].1.powi(2))
-    });
+    let mut all = DMatrix::zeros(set.len(), set.len());
+    all.view_mut((0, 0), (own.len(), own.len()))
+        .copy_from(&DMatrix::from_fn(own.len(), own.len(), |row, column| {
+            covariance[(own[row].0, own[column].0)] * factors[row] * factors[column]
+        }));
+    for (place, (_, deviation)) in (own.len()..).zip(&of_task) {
+        all[(place, place)] = deviation.powi(2);
+    }
     let posterior = Posterior {
         names: (set.parameters().iter())
             .map(|each| each.name.clone())
             .collect(),
         mean: set.prior().mean.as_slice().to_vec(),
-        covariance,
+        covariance: all,
         estimable: Estimable::with_hidden(
             set.scales().as_slice(),
             DMatrix::identity(set.len(), set.len()).select_columns(&hidden),

@@ -8,7 +8,8 @@ use super::stored_robot::StoredRobot;
 use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, MovedStation, ReadingPrognosis, ReadingResidual, fit_parameters,
+    AbsoluteCase, AbsoluteError, DistanceStatistics, MovedStation, ReadingPrognosis,
+    ReadingResidual, fit_parameters,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
@@ -88,10 +89,11 @@ impl AbsoluteValidation {
         let has_moved = self.moved.iter().any(|(_, moved)| moved.is_moved());
         let before =
             (self.before.as_ref()).filter(|all| !has_moved && all.len() >= LEAST_JUDGED)?;
-        let [identified_mm, nominal_mm] = [&self.left, before].map(|all| {
-            let square: f64 = all.iter().map(|each| each.position_m.norm_squared()).sum();
-            (square / all.len() as f64).sqrt() * 1e3
-        });
+        let rms_mm = |all: &[ReadingResidual]| {
+            let lengths = all.iter().map(|each| each.position_m.norm() * 1e3);
+            Some(DistanceStatistics::of(lengths.collect())?.rms)
+        };
+        let (identified_mm, nominal_mm) = (rms_mm(&self.left)?, rms_mm(before)?);
         (identified_mm > WORSE * nominal_mm).then(|| {
             let words = format!(
                 "the identified robot is {identified_mm:.3} mm (rms) from the readings, the nominal one in its best frames {nominal_mm:.3} mm"

@@ -11,21 +11,15 @@ use super::{
     stacked,
 };
 use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_rows};
-use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, Source, Uncertainty};
+use crate::parameter::{
+    ParameterKind, ParameterSet, ReadingSource, Source, SourceLevel, Uncertainty,
+};
 use crate::plan::UncertaintyBudget;
 use crate::plan::uncertainty_budget::{Input, Squares, common};
 use crate::task::{Extended, Task};
 
 /// Less than this share of the square of the whole is rounding.
 const ROUNDING: f64 = 1e-9;
-
-/// Which uncertainty a force of the task is of.
-pub(super) fn is_of_task(kind: ParameterKind) -> bool {
-    matches!(
-        kind,
-        ParameterKind::TaskScale | ParameterKind::TaskForce { .. }
-    )
-}
 
 /// What a plan makes of its readings, by configuration.
 struct WeighedReadings {
@@ -195,7 +189,8 @@ impl AbsolutePlanning<'_> {
     /// What each parameter of the task's force leaves (m^2), by its place in the belief's vector.
     fn of_task(&self, extended: &Extended) -> Vec<(usize, f64)> {
         let parameters = extended.set().parameters();
-        let places = (0..parameters.len()).filter(|&place| is_of_task(parameters[place].kind));
+        let places = (0..parameters.len())
+            .filter(|&place| parameters[place].kind.level() == SourceLevel::Task);
         let square = |pose: &PlaceRows, column: usize| {
             pose.weight * pose.by_task.column(column).norm_squared()
         };
@@ -243,7 +238,7 @@ impl AbsolutePlanning<'_> {
     ) -> Option<f64> {
         let known_before = self.known_before();
         let (of_task, others): (Vec<_>, Vec<_>) =
-            (parameters.iter()).partition(|(kind, _)| is_of_task(*kind));
+            (parameters.iter()).partition(|(kind, _)| kind.level() == SourceLevel::Task);
         let at_work = (task.test_poses.iter()).zip(by_task(task, &of_task));
         let mut known: f64 = at_work
             .map(|(pose, rows)| pose.weight * rows.norm_squared())

@@ -40,7 +40,7 @@ use crate::numeric::posterior::Posterior;
 use crate::observation::{
     PlannedReadings, ReadingErrors, ReadingKind, Setup, planned_positions, turning_load_rows,
 };
-use crate::parameter::{ParameterKind, ParameterSet};
+use crate::parameter::{ParameterKind, ParameterSet, SourceLevel};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::{Task, TestPose};
@@ -49,7 +49,6 @@ pub use drawn::{DrawnWanted, ReadingsWanted};
 pub use error::AbsolutePlanError;
 pub use predicted_accuracy::PredictedAccuracy;
 
-use contributions::is_of_task;
 use error::some_of;
 use joint_functions::RobotFunctions;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
@@ -532,7 +531,7 @@ fn of_task(task: &Task) -> Vec<(ParameterKind, f64)> {
     let extended = &task.belief.uncertain;
     let parameters = extended.set().parameters().iter().enumerate();
     parameters
-        .filter(|(_, each)| is_of_task(each.kind))
+        .filter(|(_, each)| each.kind.level() == SourceLevel::Task)
         .map(|(place, each)| (each.kind, extended.prior_deviation(place).unwrap_or(0.0)))
         .collect()
 }

@@ -145,12 +145,14 @@ impl FiniteBound {
 pub type FiniteWeights = Vec<(usize, f64)>;
 
 impl FiniteProblem<'_> {
+    /// Whether a plan reads in a candidate's configuration.
+    pub(super) fn reads_in_configuration(&self, plan: &[(usize, u32)], candidate: usize) -> bool {
+        let here = self.configurations[candidate];
+        (plan.iter()).any(|&(each, _)| self.configurations[each] == here)
+    }
+
     /// Those of a plan that are of a candidate's configuration.
-    pub(super) fn of_configuration(
-        &self,
-        plan: &[(usize, u32)],
-        candidate: usize,
-    ) -> Vec<(usize, u32)> {
+    fn of_configuration(&self, plan: &[(usize, u32)], candidate: usize) -> Vec<(usize, u32)> {
         let here = self.configurations[candidate];
         let is_here = |&&(each, _): &&(usize, u32)| self.configurations[each] == here;
         plan.iter().filter(is_here).copied().collect()
@@ -186,7 +188,7 @@ impl FiniteProblem<'_> {
         }
         for (place, &(candidate, _)) in plan.iter().enumerate() {
             // The first adds what all of its configuration tell.
-            if self.of_configuration(&plan[..place], candidate).is_empty() {
+            if !self.reads_in_configuration(&plan[..place], candidate) {
                 self.add(&mut sum, 1.0, &self.of_configuration(plan, candidate));
             }
         }

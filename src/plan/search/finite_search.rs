@@ -210,7 +210,8 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         heaviest.sort_by(|one, other| other.1.total_cmp(&one.1).then(one.0.cmp(&other.0)));
         let mut taken = CandidatePlan::new();
         heaviest.retain(|&(candidate, _)| {
-            let may_be = self.may_be_beside(&taken, candidate);
+            let may_be =
+                !self.is_full(&taken) || self.problem.reads_in_configuration(&taken, candidate);
             taken.extend(may_be.then_some((candidate, 1)));
             may_be
         });
@@ -226,7 +227,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
     fn drawn(&self, weights: &[(usize, f64)], random: &mut ChaCha8Rng) -> CandidatePlan {
         let mut plan = CandidatePlan::new();
         for measurement in 0..self.effort.measurements {
-            let candidate = if self.configurations_of(&plan) >= self.configurations {
+            let candidate = if self.is_full(&plan) {
                 plan[random.random_range(0..plan.len())].0
             } else if measurement % 2 == 0 {
                 let mut left: f64 = random.random();
@@ -246,19 +247,16 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         plan
     }
 
-    /// How many different configurations a plan has, as far as that matters.
-    fn configurations_of(&self, plan: &[(usize, u32)]) -> usize {
-        if plan.len() < self.configurations {
-            return plan.len();
-        }
-        let all = (plan.iter()).map(|&(candidate, _)| self.problem.configurations[candidate]);
-        all.collect::<BTreeSet<usize>>().len()
+    /// The configurations of a plan.
+    fn configurations_of(&self, plan: &[(usize, u32)]) -> BTreeSet<usize> {
+        let all = plan.iter();
+        (all.map(|&(candidate, _)| self.problem.configurations[candidate])).collect()
     }
 
-    /// Whether a plan may have a candidate, too, by the number of configurations.
-    fn may_be_beside(&self, plan: &[(usize, u32)], candidate: usize) -> bool {
-        self.configurations_of(plan) < self.configurations
-            || !self.problem.of_configuration(plan, candidate).is_empty()
+    /// Whether a plan has as many configurations as it may have.
+    fn is_full(&self, plan: &[(usize, u32)]) -> bool {
+        plan.len() >= self.configurations
+            && self.configurations_of(plan).len() >= self.configurations
     }
 
     /// Adds the measurement that helps most, of one configuration none.
@@ -341,13 +339,11 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         if self.configurations >= self.effort.measurements as usize {
             return;
         }
-        for (candidate, _) in found.plan.clone() {
-            let here = self.problem.of_configuration(&found.plan, candidate);
-            let own = self.problem.configurations[candidate];
+        for own in self.configurations_of(&found.plan) {
             let mut others = found.plan.clone();
             others.retain(|&(each, _)| self.problem.configurations[each] != own);
-            let moved: u32 = here.iter().map(|(_, times)| times).sum();
-            for _ in 0..moved {
+            let kept: u32 = others.iter().map(|(_, times)| times).sum();
+            for _ in kept..self.effort.measurements {
                 self.add_best(&mut others, Some(own));
             }
             let is_whole =
@@ -417,15 +413,14 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         tried: usize,
     ) -> Option<(usize, f64)> {
         let problem = self.problem;
-        let is_full = self.configurations_of(plan) >= self.configurations;
+        let is_full = self.is_full(plan);
         let may_be = |candidate: usize| {
             derivatives[candidate] > f64::NEG_INFINITY
-                && (!is_full || !problem.of_configuration(plan, candidate).is_empty())
+                && (!is_full || problem.reads_in_configuration(plan, candidate))
                 && times_in(plan, candidate) + times <= problem.most[candidate]
         };
-        let promising = highest(derivatives, tried, may_be);
         let mut best: Option<(usize, f64)> = None;
-        for candidate in promising {
+        for candidate in highest(derivatives, tried, may_be) {
             let sum = problem.with(rest, plan, (candidate, times));
             let cost = self.cost.cost(&sum, &mut self.directions);
             if best.is_none_or(|(_, lowest)| cost < lowest) {
