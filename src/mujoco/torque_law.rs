@@ -2,6 +2,9 @@
 
 use super::servo::Servo;
 
+/// A joint that gives way holds at least by this share of its stiffness where its derivative is taken.
+const FLATTEST: f64 = 0.1;
+
 /// The elastic law of a joint that is no spring, as gears stiffen whose teeth and bearings come to bear. With the stiffness K = 1/k of the
 /// joint's actuator, its deflection x (command minus coordinate), and a share e of what a spring holds at s,
 ///
@@ -9,8 +12,8 @@ use super::servo::Servo;
 /// torque = K x (1 + e (x/s)^2) where e > 0: it stiffens,   or   K x / (1 - e (x/s)^2) where e < 0: it softens
 /// ```
 ///
-/// The virtual robot's joints hold by it. To first order in e a joint gives k tau (1 - e (tau / `tau_0`)^2) under a torque, with
-/// s = k `tau_0`: so the planner's model has it. Deflections are in rad, in m of a joint that slides.
+/// The virtual robot's joints hold by it, and those of the planner's model, under the torque that they carry as commanded, with
+/// s = k `tau_0`: to first order in e a joint gives k tau (1 - e (tau / `tau_0`)^2). Deflections are in rad, in m of a joint that slides.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TorqueLaw {
     /// The share e by which it holds more; negative where it softens.
@@ -30,12 +33,40 @@ impl TorqueLaw {
         self.at.map_or(0.0, |at| self.share / at.powi(2))
     }
 
-    /// How far a joint of this compliance (rad/(N m)) gives under a torque (N m) besides its spring, to first order and for a share of one
-    /// (rad).
+    /// How far a joint of this compliance k (rad/(N m)) gives under a torque (N m) besides its spring, in the planner's model: `at` is the
+    /// torque `tau_0` (rad).
+    pub fn beside_spring(&self, compliance_rad_per_nm: f64, torque_nm: f64) -> f64 {
+        if self.share == 0.0 {
+            return 0.0;
+        }
+        let held = compliance_rad_per_nm * torque_nm;
+        self.by_deflection(compliance_rad_per_nm).deflection(held) - held
+    }
+
+    /// The derivative of [that](Self::beside_spring) by the share e (rad): -k tau (tau / `tau_0`)^2 of a spring.
     pub fn gives(&self, compliance_rad_per_nm: f64, torque_nm: f64) -> f64 {
-        self.at.map_or(0.0, |at_nm| {
-            -compliance_rad_per_nm * (torque_nm / at_nm).powi(2) * torque_nm
-        })
+        let Some(at_nm) = self.at else {
+            return 0.0;
+        };
+        let law = self.by_deflection(compliance_rad_per_nm);
+        let deflection = law.deflection(compliance_rad_per_nm * torque_nm);
+        let relative = (deflection / (compliance_rad_per_nm * at_nm)).powi(2);
+        let share = self.share * relative;
+        let steepness = if share >= 0.0 {
+            1.0 + 3.0 * share
+        } else {
+            // At a share of -1 it holds most, and turns about.
+            (1.0 + share).max(FLATTEST)
+        };
+        -deflection * relative / steepness
+    }
+
+    /// The law of the torque in the planner's model as one of the deflection: s = k `tau_0`.
+    pub fn by_deflection(&self, compliance_rad_per_nm: f64) -> Self {
+        Self {
+            share: self.share,
+            at: self.at.map(|at_nm| compliance_rad_per_nm * at_nm),
+        }
     }
 
     /// The torque at a deflection, over the stiffness (rad, m).

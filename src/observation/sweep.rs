@@ -209,7 +209,7 @@ impl Sweep {
                     self.of_leaning(pose, joint, |leaning| leaning.side)
                 }
                 ParameterKind::JointStiffening { joint } => {
-                    self.of_leaning(pose, joint, |leaning| leaning.gives)
+                    self.of_leaning(pose, joint, |leaning| pose.belief.gives_by(joint, leaning))
                 }
                 ParameterKind::SpringStiffness { spring } => {
                     let nominal = &pose.chain.elements.springs[spring];

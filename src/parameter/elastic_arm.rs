@@ -105,8 +105,8 @@ impl ElasticArm {
 pub struct Leaning {
     /// On which side of its gap it stands, -1 to 1: for half a width of one.
     pub side: f64,
-    /// What it gives besides its spring for a share of one (rad; m where it slides), see [`TorqueLaw`].
-    pub gives: f64,
+    /// The torque that it carries (N m; N where it slides), by which it gives besides its spring, see [`TorqueLaw`].
+    pub torque_nm: f64,
 }
 
 impl ElasticArm {
@@ -135,10 +135,9 @@ impl ElasticArm {
                 let gravity = &self.chain.gravity_m_s2;
                 state.load_torque(joint, load) + state.gravity_torque(joint, gravity)
             });
-            let compliance = self.compliance_rad_per_nm[joint];
             Leaning {
                 side: gap.side(came, torque),
-                gives: self.stiffening[joint].gives(compliance, torque),
+                torque_nm: torque,
             }
         };
         gaps.enumerate().map(leaning).collect()
@@ -146,8 +145,14 @@ impl ElasticArm {
 
     /// How far a joint stands off its spring (rad; m where it slides).
     pub fn leans_by(&self, joint: usize, leaning: &Leaning) -> f64 {
-        let (gap, stiffening) = (&self.backlash[joint], &self.stiffening[joint]);
-        leaning.side * gap.half_width_rad + leaning.gives * stiffening.share
+        let compliance = self.compliance_rad_per_nm[joint];
+        leaning.side * self.backlash[joint].half_width_rad
+            + self.stiffening[joint].beside_spring(compliance, leaning.torque_nm)
+    }
+
+    /// How much more a joint gives besides its spring for more of a share (rad; m where it slides).
+    pub fn gives_by(&self, joint: usize, leaning: &Leaning) -> f64 {
+        self.stiffening[joint].gives(self.compliance_rad_per_nm[joint], leaning.torque_nm)
     }
 
     /// Whether some joint has a gap, or gives besides its spring.

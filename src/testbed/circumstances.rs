@@ -186,10 +186,11 @@ impl Circumstances {
         let law = |joint: usize| {
             let kind = ParameterKind::JointStiffening { joint };
             let share = self.set.index_of(kind).map(|_| self.difference(kind))?;
-            // What its spring would give there.
-            let torque_nm = self.nominal.stiffening[joint].at;
-            let at = torque_nm.map(|torque_nm| compliance_rad_per_nm[joint] * torque_nm);
-            Some((joint, TorqueLaw { share, at }))
+            let law = TorqueLaw {
+                share,
+                at: self.nominal.stiffening[joint].at,
+            };
+            Some((joint, law.by_deflection(compliance_rad_per_nm[joint])))
         };
         (0..compliance_rad_per_nm.len()).filter_map(law).collect()
     }

@@ -2,16 +2,17 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, Isometry3};
+use nalgebra::{DMatrix, DVector, Isometry3};
 use serde::Serialize;
 
 use super::stored_robot::{ReadRanges, StoredRobot, wrong};
+use super::target_accuracy::{KnownPlaces, TargetAccuracy};
 use crate::calibration::{
     CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
 };
 use crate::compensation::{KnownArm, compensate_arm, predicted_error, uncompensated_rows};
 use crate::files::FileError;
-use crate::identification::{JointError, covariance_of};
+use crate::identification::{AbsoluteError, JointError, covariance_of};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
@@ -19,9 +20,11 @@ use crate::parameter::{
     ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet, SourceLevel,
 };
 use crate::quantities::plausible::ANY_VARIANCE;
-use crate::robot::SerialChain;
+use crate::robot::{Load, SerialChain};
 use crate::task::{Belief, Method, Task};
 use crate::testbed::TrueRobots;
+
+const NO_FRAME: &str = "is no place: finite numbers and a quaternion of length 1 are needed";
 
 /// An unknown with what became of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -82,6 +85,7 @@ pub struct CalibratedRobot {
     /// Where the instrument stood; nowhere if deflections were measured, which do not tell.
     pub stations: Vec<IdentifiedStation>,
     known: Knowledge,
+    known_places: Option<KnownPlaces>,
 }
 
 /// What is known of what test poses depend on.
@@ -130,6 +134,7 @@ impl CalibratedRobot {
             read_ranges: ReadRanges::default(),
             stations: Vec::new(),
             known: Knowledge::OfBelief(posterior),
+            known_places: None,
             nominal,
             arm,
         }
@@ -162,25 +167,16 @@ impl CalibratedRobot {
                 nominal.tools.push(tool);
             }
         }
-        let no_frame = "is no place: finite numbers and a quaternion of length 1 are needed";
         let mut reference = nominal.clone();
         let mut found_tools = vec![false; nominal.tools.len()];
         for (index, (target, &place)) in message.targets.iter().zip(&places).enumerate() {
             let link_from_tool = &mut reference.tools[place].link_from_tool;
             let frame = (target.frame(link_from_tool))
-                .ok_or_else(|| wrong(format!("targets[{index}]"), no_frame.to_owned()))?;
+                .ok_or_else(|| wrong(format!("targets[{index}]"), NO_FRAME.to_owned()))?;
             *link_from_tool = stored.shifted(frame, &target.unknowns);
             found_tools[place] = true;
         }
-        let mut stations = Vec::new();
-        for (index, station) in message.stations.iter().enumerate() {
-            let frame = (station.frame(&Isometry3::identity()))
-                .ok_or_else(|| wrong(format!("stations[{index}]"), no_frame.to_owned()))?;
-            stations.push(IdentifiedStation {
-                name: station.name.clone(),
-                instrument_from_base: stored.shifted(frame, &station.unknowns),
-            });
-        }
+        let stations = identified_stations(path, stored)?;
         let covariance = covariance_of(&message.covariance, &ANY_VARIANCE)
             .map_err(|(place, problem)| wrong(format!("covariance{place}"), problem))?;
         if covariance.nrows() != message.unknowns.len() {
@@ -209,7 +205,13 @@ impl CalibratedRobot {
             .filter(|&(joint, _)| nominal.compliance_rad_per_nm[joint] > 0.0 && !is_asked(joint))
             .map(|(_, each)| each.name.clone())
             .collect();
-        let known = known(path, stored, (&reference, belief), &covariance, &kinds)?;
+        let (set, posterior) = known(path, stored, (&reference, belief), &covariance, &kinds)?;
+        let known_places = KnownPlaces::new(
+            (path, stored),
+            (&reference, belief),
+            (&stations, &tools),
+            &covariance,
+        )?;
         let arm = stored.apply(path, &reference)?;
         let with_joint_errors = match stored.beside_joint_errors() {
             None => None,
@@ -242,7 +244,8 @@ impl CalibratedRobot {
             apart,
             taken_as_believed,
             stations,
-            known,
+            known: Knowledge::Of(set, posterior),
+            known_places: Some(known_places),
         })
     }
 
@@ -266,6 +269,23 @@ impl CalibratedRobot {
             let model = PlannedReadings::at_test_pose(&self.nominal, tool, set, &sizes);
             let rows = uncompensated_rows(model, pose);
             Ok((commanded_rad, predicted_error(&rows, posterior)))
+        })
+    }
+
+    /// How far a tool that is commanded so is from its target in the frame of a station, by its place, or of the robot's base; `None` where that
+    /// depends on what was not determined, and after deflections, which do not tell where tools stand.
+    ///
+    /// # Errors
+    /// The arm has no equilibrium there.
+    pub fn target_accuracy(
+        &self,
+        tool: usize,
+        station: Option<usize>,
+        commanded_rad: &DVector<f64>,
+        load: &Load,
+    ) -> Result<Option<TargetAccuracy>, AbsoluteError> {
+        (self.known_places.as_ref()).map_or(Ok(None), |known| {
+            known.accuracy((tool, station), commanded_rad, load)
         })
     }
 
@@ -308,19 +328,37 @@ impl CalibratedRobot {
     }
 }
 
+/// Where the instrument stood, from a file of absolute readings.
+fn identified_stations(
+    path: &Path,
+    stored: &StoredRobot,
+) -> Result<Vec<IdentifiedStation>, FileError> {
+    let stations = stored.message.stations.iter().enumerate();
+    stations
+        .map(|(index, station)| {
+            let frame = (station.frame(&Isometry3::identity()))
+                .ok_or_else(|| wrong(path, format!("stations[{index}]"), NO_FRAME.to_owned()))?;
+            Ok(IdentifiedStation {
+                name: station.name.clone(),
+                instrument_from_base: stored.shifted(frame, &station.unknowns),
+            })
+        })
+        .collect()
+}
+
 /// A belief's arm has the machining tool last.
 const fn machining_tool(arm: &ElasticArm) -> usize {
     arm.tools.len() - 1
 }
 
 /// What is known of the robot's own parameters, wherever the stations are, and of the task's force, of which no reading says anything.
-fn known(
+pub(super) fn known(
     path: &Path,
     stored: &StoredRobot,
     (arm, belief): (&ElasticArm, &Belief),
     covariance: &DMatrix<f64>,
     kinds: &[Option<ParameterKind>],
-) -> Result<Knowledge, FileError> {
+) -> Result<(ParameterSet, Posterior), FileError> {
     let unknowns = &stored.message.unknowns;
     let own: Vec<(usize, ParameterKind)> = (kinds.iter().enumerate())
         .filter_map(|(index, kind)| Some((index, (*kind)?)))
@@ -367,7 +405,7 @@ fn known(
             DMatrix::identity(set.len(), set.len()).select_columns(&hidden),
         ),
     };
-    Ok(Knowledge::Of(set, posterior))
+    Ok((set, posterior))
 }
 
 fn shown_unit(parameter: &Parameter) -> &'static str {

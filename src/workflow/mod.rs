@@ -7,6 +7,7 @@
 //! - [`study`]: the plans of a study, and what its runs come to.
 //! - [`identify`]: compliances or a robot from what was measured, with residuals and likely mistakes.
 //! - [`calibrated`]: the robot as an identification left it.
+//! - [`target_accuracy`]: how far its tools are from absolute targets.
 //! - [`export`]: the calibrated robot as a model's file.
 //! - [`stored_robot`]: a robot from the file of its absolute readings.
 //! - [`validate_absolute`]: other readings beside it.
@@ -20,4 +21,5 @@ pub mod init;
 pub mod run;
 pub mod stored_robot;
 pub mod study;
+pub mod target_accuracy;
 pub mod validate_absolute;

@@ -62,7 +62,6 @@ fn one_law() {
     let shares = "std_relative = 0.01\nat_nm = 8000";
     let scenario = loaded(&with(&entry(("stiffening", shares), ""), "robot", 64));
     let belief = &scenario.task.belief;
-    let arm = belief.arm();
     let (plain, tool) = (&scenario.truth.robot, &belief.calibration_tool.name);
     let experiment = &table4(3).experiments[1];
     let (q, load) = (&experiment.configuration_rad, &experiment.load);
@@ -90,13 +89,29 @@ fn one_law() {
     // Laws that are drawn take the place of those before.
     any.set_torque_laws(&laws[..1]);
     assert!((any.rest(q, load).expect("stable").0 - position).norm() > 1e-8);
-    // Small shares give what the belief has.
+    // What the planner's model has is the same law, and its derivative by the share.
     let torque = 6000.0;
-    for share in [1e-4, -1e-4] {
-        let spring = compliance[1] * torque;
+    let spring = compliance[1] * torque;
+    for share in [0.06, 1e-4, 0.0, -1e-4, -0.06] {
+        let believed = |share: f64| {
+            let law = TorqueLaw {
+                share,
+                at: Some(8000.0),
+            };
+            (
+                law.beside_spring(compliance[1], torque),
+                law.gives(compliance[1], torque),
+            )
+        };
         let given = law(1, share).1.deflection(spring) - spring;
-        let believed = arm.stiffening[1].gives(compliance[1], torque) * share;
-        assert!((given / believed - 1.0).abs() < 1e-3, "{given} {believed}");
+        let (beside, slope) = believed(share);
+        assert!((given - beside).abs() < 1e-15, "{given} {beside}");
+        let step = 1e-6;
+        let difference = (believed(share + step).0 - believed(share - step).0) / (2.0 * step);
+        assert!(
+            (difference / slope - 1.0).abs() < 1e-5,
+            "{difference} {slope}"
+        );
     }
     assert!(TorqueLaw::SPRING.gives(1e-6, 1e4) == 0.0);
     // A load that a softening joint cannot hold.

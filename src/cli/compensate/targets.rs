@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 use super::Compensate;
 use crate::cli::Report;
 use crate::cli::identified::taken_as_believed;
-use crate::cli::table::table;
+use crate::cli::table::{number, table};
 
 /// In which frame targets are, or in which a workpiece stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -73,45 +73,67 @@ impl Compensate {
     ) -> anyhow::Result<Report> {
         let tool = self.tool_of(robot)?;
         let name = &robot.arm.tools[tool].name;
-        let (base_from_frame, said) = self.base_from_frame(targets, robot)?;
+        let (base_from_frame, station, said) = self.base_from_frame(targets, robot)?;
         let rows = read_targets(targets)?;
         let found = commands(scenario, robot, tool, &base_from_frame, &rows);
         let commanded = found.iter().filter_map(|found| found.as_ref().ok());
         conditions.extend(robot.read_ranges.beyond(&robot.arm, "target", commanded));
         let names = scenario.task.belief.commands();
         let mut csv = format!(
-            "# targets of the tool {name:?} in {said}\ntarget,line,{}\n",
+            "# targets of the tool {name:?} in {said}\ntarget,line,{},predicted_mm\n",
             names.columns().join(",")
         );
         let (mut shown, mut list): (Vec<Vec<String>>, Vec<Value>) = (Vec::new(), Vec::new());
-        for ((row, found), number) in rows.iter().zip(&found).zip(1..) {
+        for ((row, found), place) in rows.iter().zip(&found).zip(1..) {
             let angles = (found.as_ref().ok()).map(|commands| names.numbers(commands.as_slice()));
             let reason = (found.as_ref().err()).map(|failure| reason(failure, &robot.arm));
+            let accuracy = (found.as_ref().ok())
+                .map(|commands| robot.target_accuracy(tool, station, commands, &row.load))
+                .transpose()
+                .map_err(|error| {
+                    FileError::new(targets, error.to_string()).at(format!("line {}", row.line))
+                })?;
+            let accuracy = accuracy.flatten();
+            let mean_mm = accuracy.map(|each| each.mean_m * 1e3);
+            let one_return_mm = accuracy.map(|each| each.one_return_m * 1e3);
             if let Some(angles) = &angles {
-                let fields: Vec<String> = angles.iter().map(ToString::to_string).collect();
-                csv += &format!("{number},{},{}\n", row.line, fields.join(","));
+                let predicted = mean_mm.map_or_else(String::new, |value| value.to_string());
+                let fields = angles.iter().map(ToString::to_string).chain([predicted]);
+                let fields: Vec<String> = fields.collect();
+                csv += &format!("{place},{},{}\n", row.line, fields.join(","));
                 let told: Vec<String> = angles.iter().map(|angle| format!("{angle:.5}")).collect();
-                shown.push(vec![number.to_string(), told.join(" ")]);
+                let predicted = [mean_mm, one_return_mm].map(|value| number(value, 4));
+                shown.push([&[place.to_string()], &predicted[..], &[told.join(" ")]].concat());
             }
             if let Some(reason) = &reason {
                 conditions.push(ConditionCode::Unreachable.with(format!(
-                    "target {number} (line {}) cannot be reached: {reason}",
+                    "target {place} (line {}) cannot be reached: {reason}",
                     row.line
                 )));
             }
-            list.push(
-                json!({ "line": row.line, "q_commanded_deg": angles, "unreachable": reason }),
-            );
+            list.push(json!({
+                "line": row.line,
+                "q_commanded_deg": angles,
+                "unreachable": reason,
+                "predicted_mm": mean_mm,
+                "predicted_one_return_mm": one_return_mm,
+            }));
         }
         let mut text = format!("Targets of the tool {name:?} in {said}:\n");
         text += &table(
-            &format!("target | commanded angles [{}]", names.unit()),
+            &format!(
+                "target | predicted rms [mm] | of one return [mm] | commanded angles [{}]",
+                names.unit()
+            ),
             shown,
         );
         if !robot.stations.is_empty() && !robot.found_tools[tool] {
             text += &format!(
                 "The place of {name:?} on its link was not read: it is the nominal one.\n"
             );
+        }
+        if !robot.stations.is_empty() {
+            text += "Predicted: by what was identified, the mean of returns; of one return with the model discrepancy besides.\n";
         }
         text += &taken_as_believed(robot);
         if let Some(errors) = &robot.with_joint_errors {
@@ -156,19 +178,19 @@ impl Compensate {
             })
     }
 
-    /// The frame of the targets in the robot's base, and how it is called.
+    /// The frame of the targets in the robot's base, the place of the station whose frame it is, and how it is called.
     fn base_from_frame(
         &self,
         targets: &Path,
         robot: &CalibratedRobot,
-    ) -> Result<(Isometry3<f64>, String), FileError> {
+    ) -> Result<(Isometry3<f64>, Option<usize>, String), FileError> {
         let is_absolute = !robot.stations.is_empty();
         let frame = self.frame.unwrap_or(if is_absolute {
             TargetFrame::Instrument
         } else {
             TargetFrame::Base
         });
-        let (own, said) = match frame {
+        let (own, station, said) = match frame {
             TargetFrame::Base => {
                 if self.station.is_some() {
                     let problem =
@@ -176,35 +198,35 @@ impl Compensate {
                     return Err(FileError::new(targets, problem).code(ErrorCode::Targets));
                 }
                 let said = "the frame of the robot's base";
-                (Isometry3::identity(), said.to_owned())
+                (Isometry3::identity(), None, said.to_owned())
             }
             TargetFrame::Instrument => {
-                let station = self.station_of(robot)?;
+                let (place, station) = self.station_of(robot)?;
                 let said = match &station.name {
                     None => "the instrument's frame".to_owned(),
                     Some(name) => format!("the instrument's frame at station {name:?}"),
                 };
-                (station.instrument_from_base.inverse(), said)
+                (station.instrument_from_base.inverse(), Some(place), said)
             }
         };
         Ok(match &self.workpiece {
-            None => (own, said),
+            None => (own, station, said),
             Some(workpiece) => {
                 let [x, y, z, roll, pitch, yaw] = workpiece.numbers;
                 let said = format!(
                     "the frame of the workpiece {:?}, which stands at ({x}, {y}, {z}) mm and ({roll}, {pitch}, {yaw}) deg in {said}",
                     workpiece.name
                 );
-                (own * workpiece.place(), said)
+                (own * workpiece.place(), station, said)
             }
         })
     }
 
-    /// The station in whose frame targets are.
+    /// The station in whose frame targets are, with its place.
     fn station_of<'a>(
         &self,
         robot: &'a CalibratedRobot,
-    ) -> Result<&'a IdentifiedStation, FileError> {
+    ) -> Result<(usize, &'a IdentifiedStation), FileError> {
         let wrong =
             |problem: &str| FileError::new(&self.identified, problem).code(ErrorCode::Targets);
         let stations = match &robot.with_joint_errors {
@@ -220,9 +242,9 @@ impl Compensate {
             "was identified from deflections, which do not determine the robot's base in the instrument's frame",
         )
         .hint("give the targets in the frame of the base (--frame base), or identify from absolute readings")),
-        (None, [only]) => Ok(only),
+        (None, [only]) => Ok((0, only)),
         (None, _) => Err(wrong("the instrument had several stations").hint(several)),
-        (Some(name), all) => (all.iter().find(|each| each.name.as_deref() == Some(name)))
+        (Some(name), all) => (all.iter().enumerate().find(|(_, each)| each.name.as_deref() == Some(name)))
             .ok_or_else(|| wrong(&format!("--station: found {name:?}")).hint(several)),
     }
     }

@@ -265,7 +265,7 @@ impl DiscrepancyModel {
     }
 
     /// By how much larger than computed squares of errors of positions (0) or rotations (1) are at commanded angles.
-    fn scale_at(&self, part: usize, q: &[f64]) -> f64 {
+    pub(super) fn scale_at(&self, part: usize, q: &[f64]) -> f64 {
         let joints = self.joints.iter();
         let logarithm: f64 = joints.map(|each| each.spread_at(part, q[each.joint])).sum();
         self.scale[part] * logarithm.exp()

@@ -80,6 +80,18 @@ pub(super) struct LinearReading {
     pub own: DMatrix<f64>,
 }
 
+/// A set with the zeros of joints besides, and the places of these.
+pub(super) fn with_joints(
+    set: &ParameterSet,
+    arm: &ElasticArm,
+    joints: &[usize],
+) -> (ParameterSet, Vec<usize>) {
+    let zeros = (joints.iter()).map(|&joint| ParameterKind::JointZero { joint });
+    // Zeros are parameters of any chain.
+    set.with_more(arm, zeros)
+        .unwrap_or_else(|_| (set.clone(), Vec::new()))
+}
+
 impl AbsoluteCase<'_> {
     /// What an arm leaves of the readings.
     ///
@@ -118,11 +130,7 @@ impl AbsoluteCase<'_> {
         values: &[f64],
         joints: &[usize],
     ) -> Result<Vec<LinearReading>, IdentificationError> {
-        let zeros = (joints.iter()).map(|&joint| ParameterKind::JointZero { joint });
-        // Zeros are parameters of any chain.
-        let (all, places) = set
-            .with_more(reference, zeros)
-            .unwrap_or_else(|_| (set.clone(), Vec::new()));
+        let (all, places) = with_joints(set, reference, joints);
         let mut all_values = all.prior().mean.clone();
         all_values.as_mut_slice()[..set.len()].copy_from_slice(values);
         let model = ObservationModel::new(&all, reference, all_values.as_slice());

@@ -1,0 +1,118 @@
+//! The predicted accuracy of commands for absolute targets.
+
+use std::path::Path;
+
+use nalgebra::{DMatrix, DVector, Isometry3};
+
+use super::calibrated::{IdentifiedStation, known};
+use super::stored_robot::StoredRobot;
+use crate::compensation::uncompensated_rows;
+use crate::files::FileError;
+use crate::identification::{AbsoluteError, DiscrepancyModel};
+use crate::numeric::posterior::Posterior;
+use crate::observation::{PlannedReadings, Setup};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
+use crate::robot::Load;
+use crate::task::{Belief, TestPose};
+
+/// What is known of where tools stand.
+#[derive(Debug, Clone)]
+pub(super) struct KnownPlaces {
+    /// The arm as it was identified, with its stations, and a last one in the robot's base.
+    arm: ElasticArm,
+    /// Its parameters, those of the stations among them, then those of the task's loads.
+    set: ParameterSet,
+    posterior: Posterior,
+    /// The places of the first of these among the model's.
+    places: Vec<usize>,
+    discrepancy: DiscrepancyModel,
+}
+
+/// How far a tool is from its target, rms (m).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TargetAccuracy {
+    /// By what was identified, and by the task's uncertain load: the mean of returns to the target.
+    pub mean_m: f64,
+    /// One return, with the model discrepancy besides.
+    pub one_return_m: f64,
+}
+
+impl KnownPlaces {
+    /// From a file of absolute readings: `kinds` are its unknowns, with the covariance of these.
+    pub fn new(
+        (path, stored): (&Path, &StoredRobot),
+        (reference, belief): (&ElasticArm, &Belief),
+        (stations, tools): (&[IdentifiedStation], &[Option<usize>]),
+        covariance: &DMatrix<f64>,
+    ) -> Result<Self, FileError> {
+        let frames = stations.iter().map(|each| each.instrument_from_base);
+        let mut reference = reference.clone();
+        reference.instrument_from_base = frames.chain([Isometry3::identity()]).collect();
+        let of_stations: Vec<Option<usize>> = (0..stations.len()).map(Some).collect();
+        let kinds = stored.kinds(&reference, &of_stations, tools);
+        let arm = stored.apply(path, &reference)?;
+        let (set, posterior) = known(path, stored, (&arm, belief), covariance, &kinds)?;
+        let is_own = |&place: &usize| kinds[place].is_some();
+        Ok(Self {
+            places: (0..kinds.len()).filter(is_own).collect(),
+            discrepancy: stored.discrepancy_model(path, &arm)?,
+            arm,
+            set,
+            posterior,
+        })
+    }
+
+    /// Of a tool that is commanded so, in the frame of a station, or of the robot's base where there is none; `None` where that depends on
+    /// what was not determined.
+    ///
+    /// # Errors
+    /// The arm has no equilibrium there.
+    pub fn accuracy(
+        &self,
+        (tool, station): (usize, Option<usize>),
+        commanded_rad: &DVector<f64>,
+        load: &Load,
+    ) -> Result<Option<TargetAccuracy>, AbsoluteError> {
+        let own = self.places.len();
+        let kinds = self.set.parameters().iter().map(|each| each.kind);
+        let kinds: Vec<ParameterKind> = kinds.collect();
+        let of = |kinds: &[ParameterKind]| {
+            ParameterSet::new(&self.arm, kinds.iter().map(|kind| (*kind, None)))
+        };
+        let (set, of_task) = (of(&kinds[..own])?, of(&kinds[own..])?);
+        let setup = Setup {
+            commanded_rad: commanded_rad.clone(),
+            load: *load,
+            hangs_on: None,
+            target: tool,
+            station: station.unwrap_or(self.arm.instrument_from_base.len() - 1),
+            approach: None,
+        };
+        let error = (self.discrepancy).place_error(&self.arm, &set, &self.places, &setup)?;
+        let at_work = TestPose {
+            name: String::new(),
+            configuration_rad: commanded_rad.clone(),
+            load: *load,
+            load_axes: None,
+            weight: 1.0,
+            direction: None,
+        };
+        let sizes = vec![1.0; of_task.len()];
+        let model = PlannedReadings::at_test_pose(&self.arm, tool, &of_task, &sizes);
+        let by_task = uncompensated_rows(model, &at_work);
+        let mut rows = error.rows.insert_columns(own, of_task.len(), 0.0);
+        rows.columns_mut(own, of_task.len()).copy_from(&by_task);
+        if self.posterior.variance_of(&rows).is_err() {
+            return Ok(None);
+        }
+        let variances = self.posterior.covariance.diagonal();
+        let task_m2: f64 = (by_task.column_iter().zip(variances.iter().skip(own)))
+            .map(|(column, variance)| column.norm_squared() * variance)
+            .sum();
+        let mean_m2 = error.identified_m2 + task_m2;
+        Ok(Some(TargetAccuracy {
+            mean_m: mean_m2.sqrt(),
+            one_return_m: (mean_m2 + error.new_m2).sqrt(),
+        }))
+    }
+}
