@@ -67,7 +67,7 @@ fn poses(scenario: &Scenario, transmission_error_rad: f64) -> Vec<AbsoluteReadin
                 rotation: Some(UnitQuaternion::from_rotation_matrix(&rotation)),
                 covariance: Some(Matrix6::identity() * (SIGMA * SIGMA)),
                 approach: None,
-                distance_m: None,
+                length: None,
                 time_s: None,
                 temperature_c: None,
             }

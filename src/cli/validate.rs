@@ -237,8 +237,8 @@ fn readings_record(validation: &AbsoluteValidation, with_joints: &[ReadingResidu
         "before": validation.before.as_deref().map(both),
         "with_joint_errors": both(with_joints),
         "coverage95": {
-            validation.names[0]: validation.coverage(0),
-            validation.names[1]: validation.coverage(1),
+            validation.names[0].as_str(): validation.coverage(0),
+            validation.names[1].as_str(): validation.coverage(1),
         },
         "frames_anew": validation.frames_anew,
         "stations_moved": moved,
@@ -270,7 +270,7 @@ fn describe_readings(validation: &AbsoluteValidation, with_joints: &[ReadingResi
         table(DISTANCES, rows)
     );
     let share = |part: usize| {
-        let (share, name) = (validation.coverage(part)?, validation.names[part]);
+        let (share, name) = (validation.coverage(part)?, &validation.names[part]);
         Some(format!("{:.1} % of the {name}", share * 100.0))
     };
     let shares: Vec<String> = (0..2).filter_map(share).collect();

@@ -134,8 +134,8 @@ impl Campaign {
                 }
             };
             stop.targets = stop.experiments.iter().map(target).collect();
-            let distance_m = |&index: &usize| planning.distance_m(plan[index].0);
-            stop.distances_m = stop.experiments.iter().map(distance_m).collect();
+            let length = |&index: &usize| planning.length(plan[index].0);
+            stop.lengths = stop.experiments.iter().map(length).collect();
         }
         Ok(campaign)
     }

@@ -5,8 +5,9 @@ use nalgebra::{DVector, Vector3};
 use super::side::Side;
 use super::ways::Way;
 use crate::experiment::{Experiment, Plan};
+use crate::observation::ReadLength;
 use crate::parameter::Unloaded;
-use crate::plan::absolute::AbsolutePlanning;
+use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
 use crate::robot::Load;
 
 /// One place where the robot stands and is measured.
@@ -30,8 +31,8 @@ pub struct Stop {
     pub changes_station: bool,
     /// What is read, once each, of absolute readings: as many as experiments.
     pub targets: Vec<String>,
-    /// The distance (m) that each of them is about, where that is read.
-    pub distances_m: Vec<Option<f64>>,
+    /// The length that each of them is about, where that is read.
+    pub lengths: Vec<Option<ReadLength>>,
     /// How often the instrument is read.
     pub readings: u32,
     /// The side from which it is approached.
@@ -80,7 +81,7 @@ impl Group {
             changes_station: self.station.is_some()
                 && last.is_none_or(|last| last.station != self.station),
             targets: Vec::new(),
-            distances_m: Vec::new(),
+            lengths: Vec::new(),
             readings: *readings,
             side: side.clone(),
             is_in_place: self.is_in_place,
@@ -178,8 +179,9 @@ fn visits(planning: &AbsolutePlanning<'_>, plan: &[(usize, u32)]) -> Vec<Planned
         let first = all.len();
         for alike in group.chunk_by(|one, other| one.visits == other.visits) {
             let candidate = &planning.candidates[alike[0].place];
-            // Where a tracker reads, too, distances are read beside it.
-            let seen = alike.iter().find(|each| !planning.is_distance(each.place));
+            // Where a tracker reads, too, lengths are read beside it.
+            let is_seen = |each: &&RepeatedReading| planning.setup(each.place).1.length().is_none();
+            let seen = alike.iter().find(is_seen);
             let station = planning.station_of(seen.unwrap_or(&alike[0]).place);
             let load = candidate.load.filter(|load| *load != Load::NONE);
             let load = load.map(|load| first_alike(&mut met, load));

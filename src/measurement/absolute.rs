@@ -2,6 +2,7 @@
 
 use nalgebra::{DVector, Matrix6, UnitQuaternion, Vector3};
 
+use crate::observation::ReadLength;
 use crate::robot::{Approach, Load};
 
 /// One row of a file of absolute readings.
@@ -22,10 +23,10 @@ pub struct AbsoluteReading {
     pub position_m: Vector3<f64>,
     /// The target's axes in the instrument's frame, where poses are read.
     pub rotation: Option<UnitQuaternion<f64>>,
-    /// The target's distance from the station's point (m), where that alone is read: there is no position then.
-    pub distance_m: Option<f64>,
+    /// The length that ends at the target, where that alone is read: there is no position then.
+    pub length: Option<ReadLength>,
     /// The covariance of position (m) and rotation (rad, a rotation vector in the instrument's frame) where it is known
-    /// for this reading alone; of a position only the first three rows and columns count, of a distance the first.
+    /// for this reading alone; of a position only the first three rows and columns count, of a length the first.
     pub covariance: Option<Matrix6<f64>>,
     /// From which side the configuration was approached.
     pub approach: Option<Approach>,

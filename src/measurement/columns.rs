@@ -9,11 +9,9 @@ use crate::quantities::plausible::{Kind, shown};
 
 pub const DEFLECTION: [&str; 3] = ["dx_mm", "dy_mm", "dz_mm"];
 pub const DEFLECTION_SIGMA: [&str; 3] = ["sx_mm", "sy_mm", "sz_mm"];
-/// The displacement along a direction, in place of a deflection, and its standard deviation.
+/// The displacement along a direction, in place of a deflection, and its standard deviation, or that of a length.
 pub const DISPLACEMENT: &str = "displacement_mm";
 pub const DISPLACEMENT_SIGMA: &str = "s_mm";
-/// The distance from a station, in place of a position; its standard deviation as that of a displacement.
-pub const DISTANCE: &str = "distance_mm";
 pub const ROTATION: [&str; 3] = ["rx_mrad", "ry_mrad", "rz_mrad"];
 pub const ROTATION_SIGMA: [&str; 3] = ["srx_mrad", "sry_mrad", "srz_mrad"];
 /// Positions that the instrument shows, in place of their difference.

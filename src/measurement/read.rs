@@ -6,10 +6,10 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::columns::{
-    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, DISTANCE, LOADED, LOADED_SIGMA,
-    PLACES, POSITION, ROTATION, ROTATION_SIGMA, UNLOADED, UNLOADED_SIGMA, deviations,
+    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, LOADED, LOADED_SIGMA, PLACES,
+    POSITION, ROTATION, ROTATION_SIGMA, UNLOADED, UNLOADED_SIGMA, deviations,
 };
-use super::read_absolute::{absolute_columns, absolute_readings};
+use super::read_absolute::{absolute_columns, absolute_readings, absolute_reads};
 use super::{AbsoluteReading, Measurement, RotationMeasurement, by_configuration};
 use crate::codes::ErrorCode;
 use crate::csv::{Columns, Row, Table, owned};
@@ -48,7 +48,7 @@ pub struct MeasuredArm {
     /// The standard deviation (m) of what a gauge shows beside an instrument that reads all coordinates.
     pub beside_m: Option<f64>,
     /// What absolute readings of it have, where these are what is measured.
-    pub absolute: Option<&'static [&'static str]>,
+    pub absolute: Option<Vec<String>>,
 }
 
 impl From<Commands> for MeasuredArm {
@@ -81,11 +81,8 @@ impl From<&Belief> for MeasuredArm {
 
 impl From<&Task> for MeasuredArm {
     fn from(task: &Task) -> Self {
-        let read: &[_] = if task.belief.instrument.reads_positions() {
-            &POSITION
-        } else {
-            &[DISTANCE]
-        };
+        let length = task.belief.instrument.length_alone();
+        let read = length.map_or_else(|| owned(&POSITION), |kind| owned(&[kind.column()]));
         Self {
             absolute: (task.design.accuracy == AccuracyKind::Absolute).then_some(read),
             ..Self::from(&task.belief)
@@ -176,15 +173,15 @@ fn read(path: &Path, of: &MeasuredArm, may_be_unfinished: bool) -> Result<Measur
             || reads_along == ReadsAlong::Sometimes && has(DISPLACEMENT) && !reads_all
         {
             displacement_columns(commands, may_be_unfinished)
-        } else if POSITION.into_iter().chain([DISTANCE]).any(has) {
+        } else if absolute_reads().iter().flatten().any(|each| has(each)) {
             absolute_columns(commands, header, may_be_unfinished)
-        } else if let Some(read) = of.absolute.filter(|_| !reads_all) {
-            absolute_columns(commands, &owned(read), may_be_unfinished)
+        } else if let Some(read) = of.absolute.as_ref().filter(|_| !reads_all) {
+            absolute_columns(commands, read, may_be_unfinished)
         } else {
             deflection_columns(commands, may_be_unfinished)
         }
     })?;
-    let found = if table.has(&POSITION) || table.has(&[DISTANCE]) {
+    let found = if absolute_reads().iter().any(|read| table.has(read)) {
         absolute_readings(&table, commands).map(MeasuredFile::Absolute)
     } else {
         deflections(&table, of).map(MeasuredFile::Deflections)

@@ -1,40 +1,54 @@
 //! Files of absolute readings.
 
 use std::collections::BTreeMap;
+use std::iter;
 
 use nalgebra::{DMatrix, Matrix6, SymmetricEigen, Vector3};
 
 use super::absolute::AbsoluteReading;
 use super::columns::{
-    DEFLECTION_SIGMA, DISPLACEMENT_SIGMA, DISTANCE, POSITION, QUATERNION, ROTATION_SIGMA,
-    TEMPERATURE, TIME, WORDS, covariance_column, covariance_columns, deviations, rotation_of,
-    triangle,
+    DEFLECTION_SIGMA, DISPLACEMENT_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME,
+    WORDS, covariance_column, covariance_columns, deviations, rotation_of, triangle,
 };
 use crate::csv::{Columns, Row, Table, owned};
 use crate::experiment::{LOAD, approach, configuration, load};
 use crate::files::FileError;
+use crate::observation::{LengthKind, ReadLength};
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, shown};
 use crate::robot::{Commands, Load};
 
 /// Rounding in what wrote a covariance may leave it so far from positive definite, as a share of the variances.
 const LEAST_EIGENVALUE: f64 = 1e-9;
 
-/// The columns of positions and poses that a file of absolute readings may have, and those of distances.
-fn columns_of_kinds() -> [Vec<String>; 2] {
-    let of_positions = [
-        &POSITION[..],
-        &QUATERNION,
-        &DEFLECTION_SIGMA,
-        &ROTATION_SIGMA,
-    ]
-    .concat();
-    [
-        [owned(&of_positions), covariance_columns(6)].concat(),
-        owned(&[DISTANCE, DISPLACEMENT_SIGMA]),
-    ]
+/// What is read absolutely: a position, or a length of a kind.
+fn kinds() -> impl Iterator<Item = Option<LengthKind>> {
+    iter::once(None).chain(LengthKind::ALL.map(Some))
 }
 
-/// The columns that a file of absolute readings with such a header may have: of positions, of distances, or of both, where each row
+/// The columns that each kind of absolute readings has.
+pub(super) fn absolute_reads() -> Vec<Vec<&'static str>> {
+    let read = |kind: Option<LengthKind>| {
+        kind.map_or_else(|| POSITION.to_vec(), |kind| vec![kind.column()])
+    };
+    kinds().map(read).collect()
+}
+
+/// The columns that it may have in a file: of positions and poses, or of lengths of a kind.
+fn columns_of(kind: Option<LengthKind>) -> Vec<String> {
+    let Some(kind) = kind else {
+        let of_positions = [
+            &POSITION[..],
+            &QUATERNION,
+            &DEFLECTION_SIGMA,
+            &ROTATION_SIGMA,
+        ]
+        .concat();
+        return [owned(&of_positions), covariance_columns(6)].concat();
+    };
+    owned(&[kind.column(), DISPLACEMENT_SIGMA])
+}
+
+/// The columns that a file of absolute readings with such a header may have: of positions, of lengths, or of both, where each row
 /// leaves the others' empty.
 pub(super) fn absolute_columns(
     commands: &Commands,
@@ -43,18 +57,19 @@ pub(super) fn absolute_columns(
 ) -> Columns {
     let numbers = [&LOAD[..], &[TIME, TEMPERATURE]].concat();
     let mut columns = Columns::of(commands.columns(), &numbers, &WORDS);
-    let read = [&POSITION[..], &[DISTANCE]].map(owned);
+    let read = absolute_reads().into_iter().map(|read| owned(&read));
     let has = |read: &[String]| read.iter().any(|column| header.contains(column));
-    let kinds = read.into_iter().zip(columns_of_kinds());
-    let kinds: Vec<_> = kinds.filter(|(read, _)| has(read)).collect();
+    let found: Vec<_> = read.zip(kinds()).filter(|(read, _)| has(read)).collect();
     let mut to_fill_in = Vec::new();
-    for (read, all) in &kinds {
+    for (read, kind) in &found {
+        let mut all = columns_of(*kind);
+        all.retain(|column| !columns.optional.contains(column));
         columns.required.extend_from_slice(read);
-        columns.optional.extend_from_slice(all);
         to_fill_in.extend_from_slice(read);
-        if kinds.len() > 1 {
-            columns.blank.extend_from_slice(all);
+        if found.len() > 1 {
+            columns.blank.extend_from_slice(&all);
         }
+        columns.optional.extend(all);
     }
     if may_be_unfinished {
         columns.may_be_empty = vec![to_fill_in];
@@ -94,8 +109,8 @@ struct AbsoluteGroups {
     has_load: bool,
     is_pose: bool,
     precision: ReadingPrecision,
-    /// The columns of positions, and of distances.
-    of_kinds: [Vec<String>; 2],
+    /// The columns that each kind has.
+    of_kinds: Vec<(Option<LengthKind>, Vec<String>)>,
 }
 
 /// What a file says of how precise its readings are.
@@ -138,47 +153,49 @@ impl AbsoluteGroups {
                 ReadingPrecision::Covariance
             }
         };
-        let of_kinds = columns_of_kinds().map(|mut columns| {
+        let of_kinds = kinds().map(|kind| {
+            let mut columns = columns_of(kind);
             columns.retain(|column| table.has(&[column]));
-            columns
+            (kind, columns)
         });
         Ok(Self {
             has_load: table.has_group(&LOAD)?,
             is_pose,
             precision,
-            of_kinds,
+            of_kinds: of_kinds.collect(),
         })
     }
 
-    /// Whether a row is a distance, and no position; where a file has both, the columns of the other are empty.
-    fn is_distance(&self, row: &Row<'_>) -> Result<bool, FileError> {
-        let is_distance = !row.get(DISTANCE).is_nan();
-        let [positions, distances] = &self.of_kinds;
-        let (own, others) = if is_distance {
-            (distances, positions)
-        } else {
-            (positions, distances)
-        };
+    /// The kind of lengths that a row is of, where it is no position; where a file has several, the columns of the others are empty.
+    fn kind(&self, row: &Row<'_>) -> Result<Option<LengthKind>, FileError> {
+        let mut lengths = LengthKind::ALL.into_iter();
+        let kind = lengths.find(|kind| !row.get(kind.column()).is_nan());
+        let name = kind.map_or("position", LengthKind::name);
         let is_empty = |column: &&String| row.get(column).is_nan();
-        if let Some(column) = own.iter().find(is_empty) {
-            let kind = if is_distance { "distance" } else { "position" };
-            return Err(row.wrong(format!("{column}: is empty, and the row is of a {kind}")));
+        let columns = |is_own: bool| {
+            let some = (self.of_kinds.iter()).filter(move |each| (each.0 == kind) == is_own);
+            some.flat_map(|(_, columns)| columns)
+        };
+        let own: Vec<&String> = columns(true).collect();
+        if let Some(column) = own.iter().find(|column| is_empty(column)) {
+            return Err(row.wrong(format!("{column}: is empty, and the row is of a {name}")));
         }
-        if let Some(column) = others.iter().find(|column| !is_empty(column)) {
+        let mut others = columns(false).filter(|column| !own.contains(column));
+        if let Some(column) = others.find(|column| !is_empty(column)) {
             let problem = format!(
-                "{column}: found {} beside {}; a row is of a position or of a distance",
+                "{column}: found {} beside {}; a row is of a position or of one length",
                 shown(row.get(column)),
                 own[0]
             );
             return Err(row.wrong(problem));
         }
-        Ok(is_distance)
+        Ok(kind)
     }
 
     fn reading(&self, row: &Row<'_>, commands: &Commands) -> Result<AbsoluteReading, FileError> {
         let [target, visit, station, _] = WORDS;
-        let is_distance = self.is_distance(row)?;
-        let is_pose = self.is_pose && !is_distance;
+        let kind = self.kind(row)?;
+        let is_pose = self.is_pose && kind.is_none();
         let number = |column: &str| Some(row.get(column)).filter(|value| !value.is_nan());
         Ok(AbsoluteReading {
             configuration_rad: configuration(row, commands),
@@ -190,14 +207,13 @@ impl AbsoluteGroups {
             target: row.name(target)?,
             station: row.name(station)?,
             visit: row.name(visit)?,
-            position_m: if is_distance {
-                Vector3::zeros()
-            } else {
-                row.vector(POSITION) * 1e-3
+            position_m: match kind {
+                Some(_) => Vector3::zeros(),
+                None => row.vector(POSITION) * 1e-3,
             },
             rotation: is_pose.then(|| rotation_of(row)).transpose()?,
-            distance_m: is_distance.then(|| distance_m(row)).transpose()?,
-            covariance: self.covariance(row, is_distance)?,
+            length: kind.map(|kind| length(row, kind)).transpose()?,
+            covariance: self.covariance(row, kind)?,
             approach: approach(row, commands)?,
             time_s: number(TIME),
             temperature_c: number(TEMPERATURE),
@@ -207,24 +223,19 @@ impl AbsoluteGroups {
     fn covariance(
         &self,
         row: &Row<'_>,
-        is_distance: bool,
+        kind: Option<LengthKind>,
     ) -> Result<Option<Matrix6<f64>>, FileError> {
         let mut covariance = Matrix6::identity();
-        let [_, distances] = &self.of_kinds;
-        let precision = match is_distance {
-            true if distances.len() > 1 => ReadingPrecision::Deviations,
+        let of_lengths = match row.get(DISPLACEMENT_SIGMA).is_nan() {
             true => ReadingPrecision::None,
-            false => self.precision,
+            false => ReadingPrecision::Deviations,
         };
-        let is_pose = self.is_pose && !is_distance;
+        let precision = kind.map_or(self.precision, |_| of_lengths);
+        let is_pose = self.is_pose && kind.is_none();
         match precision {
             ReadingPrecision::None => return Ok(None),
             ReadingPrecision::Deviations => {
-                let own = if is_distance {
-                    [DISPLACEMENT_SIGMA; 3]
-                } else {
-                    DEFLECTION_SIGMA
-                };
+                let own = kind.map_or(DEFLECTION_SIGMA, |_| [DISPLACEMENT_SIGMA; 3]);
                 let position = deviations(row, own, &DEVIATION)?;
                 let rotation = is_pose
                     .then(|| deviations(row, ROTATION_SIGMA, &ROTATION_DEVIATION))
@@ -247,17 +258,21 @@ impl AbsoluteGroups {
     }
 }
 
-/// A distance (m), which has a length.
-fn distance_m(row: &Row<'_>) -> Result<f64, FileError> {
-    let found = row.get(DISTANCE);
-    if found > 0.0 {
-        return Ok(found * 1e-3);
+/// A length of a kind.
+fn length(row: &Row<'_>, kind: LengthKind) -> Result<ReadLength, FileError> {
+    let column = kind.column();
+    let found = row.get(column);
+    if kind.is_positive() && found <= 0.0 {
+        let problem = format!(
+            "{column}: found {}; a positive number is allowed",
+            shown(found)
+        );
+        return Err(row.wrong(problem));
     }
-    let problem = format!(
-        "{DISTANCE}: found {}; a positive number is allowed",
-        shown(found)
-    );
-    Err(row.wrong(problem))
+    Ok(ReadLength {
+        kind,
+        length_m: found * 1e-3,
+    })
 }
 
 /// Whether a matrix with units of m and rad is the covariance of a reading, whose deviations are plausible.

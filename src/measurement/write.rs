@@ -5,14 +5,15 @@ use std::path::Path;
 use nalgebra::{DVector, Matrix6, Vector3};
 
 use super::columns::{
-    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, DISTANCE, LOADED, PLACES,
-    POSITION, QUATERNION, ROTATION, ROTATION_SIGMA, TEMPERATURE, TIME, UNLOADED, WORDS,
-    covariance_columns, triangle,
+    DEFLECTION, DEFLECTION_SIGMA, DISPLACEMENT, DISPLACEMENT_SIGMA, LOADED, PLACES, POSITION,
+    QUATERNION, ROTATION, ROTATION_SIGMA, TEMPERATURE, TIME, UNLOADED, WORDS, covariance_columns,
+    triangle,
 };
 use super::{AbsoluteReading, Measurement};
 use crate::csv::{Sheet, owned, word_field};
 use crate::experiment::{LOAD, add_approach, fields_of, reading_columns, reading_fields};
 use crate::files::FileError;
+use crate::observation::LengthKind;
 use crate::quantities::units::thousandths;
 use crate::robot::{Approach, Commands, Load, ReadsAlong};
 
@@ -155,7 +156,7 @@ pub fn deflection_table(
     Ok(sheet.text())
 }
 
-/// The text of a measurement file that holds these readings, positions or poses, distances, or both. A column that some of a kind do not
+/// The text of a measurement file that holds these readings, positions or poses, lengths, or both. A column that some of a kind do not
 /// have is left out, but for the approach, which may be known of some.
 pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> String {
     table_of_readings(commands, readings, true)
@@ -168,10 +169,10 @@ pub fn readings_to_fill_in(commands: &Commands, readings: &[AbsoluteReading]) ->
 
 fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_filled: bool) -> String {
     let all = |has: &dyn Fn(&AbsoluteReading) -> bool| readings.iter().all(has);
-    let is_distance = |each: &AbsoluteReading| each.distance_m.is_some();
-    let [has_positions, has_distances] =
-        [false, true].map(|kind| readings.iter().any(|each| is_distance(each) == kind));
-    let is_pose = has_positions && all(&|each| is_distance(each) || each.rotation.is_some());
+    let is_length = |each: &AbsoluteReading| each.length.is_some();
+    let [has_positions, has_lengths] =
+        [false, true].map(|kind| readings.iter().any(|each| is_length(each) == kind));
+    let is_pose = has_positions && all(&|each| is_length(each) || each.rotation.is_some());
     let rows = if is_pose { 6 } else { 3 };
     let mut sheet = Sheet::new(readings);
     sheet.add(&commands.columns(), |each| {
@@ -196,14 +197,15 @@ fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_fille
         }
     }
     add_approach(&mut sheet, |each| each.approach.as_ref());
-    // What is of the other kind of readings, or not filled in, is empty.
-    let mut add = |names: &[String], of_distances: bool, is_filled: bool, fields: NumbersOf<'_>| {
+    // What is of another kind of readings, or not filled in, is empty.
+    let mut add = |names: &[String], of_lengths: bool, is_filled: bool, fields: NumbersOf<'_>| {
         sheet.add(names, |each| {
-            if is_filled && is_distance(each) == of_distances {
-                shown(&fields(each))
-            } else {
-                vec![String::new(); names.len()]
+            let mut numbers = Vec::new();
+            if is_filled && is_length(each) == of_lengths {
+                numbers = shown(&fields(each));
             }
+            numbers.resize(names.len(), String::new());
+            numbers
         });
     };
     if has_positions {
@@ -223,16 +225,19 @@ fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_fille
                 .collect()
         });
     }
-    if has_distances {
-        add(&owned(&[DISTANCE]), true, is_filled, &|each| {
-            each.distance_m.map(thousandths).into_iter().collect()
-        });
+    for kind in LengthKind::ALL {
+        let read = |each: &AbsoluteReading| each.length.filter(|length| length.kind == kind);
+        if readings.iter().any(|each| read(each).is_some()) {
+            add(&owned(&[kind.column()]), true, is_filled, &|each| {
+                let length = read(each).map(|length| thousandths(length.length_m));
+                length.into_iter().collect()
+            });
+        }
     }
     if all(&|each| each.covariance.is_some()) {
         let covariance = |each: &AbsoluteReading| each.covariance.unwrap_or_default();
         if has_positions {
-            let is_diagonal =
-                all(&|each| is_distance(each) || is_diagonal(&covariance(each), rows));
+            let is_diagonal = all(&|each| is_length(each) || is_diagonal(&covariance(each), rows));
             let columns = if is_diagonal {
                 owned(&[DEFLECTION_SIGMA, ROTATION_SIGMA].concat()[..rows])
             } else {
@@ -242,7 +247,7 @@ fn table_of_readings(commands: &Commands, readings: &[AbsoluteReading], is_fille
                 precision(&covariance(each), rows, is_diagonal)
             });
         }
-        if has_distances {
+        if has_lengths {
             add(&owned(&[DISPLACEMENT_SIGMA]), true, true, &|each| {
                 precision(&covariance(each), 1, true)
             });

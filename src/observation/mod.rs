@@ -15,6 +15,7 @@
 mod compliances;
 mod gradient;
 mod information;
+mod length;
 mod model;
 mod observed;
 mod planned;
@@ -35,6 +36,7 @@ pub use information::{
     NormalEquations, normal_equations, of_each_prediction, planned_information, planned_positions,
     planned_rows, turning_load_rows,
 };
+pub use length::{LengthKind, ReadLength};
 pub use model::{ObservationModel, RestTorques};
 pub use planned::{CovarianceTogether, NOTHING_READ, PlannedReadings};
 pub use reading::{

@@ -494,8 +494,8 @@ impl<'a> ObservationModel<'a> {
         }
     }
 
-    /// From the robot's base frame to the instrument's, with the derivatives by the base's parameters; of a distance what is along the
-    /// line from the station's point.
+    /// From the robot's base frame to the instrument's, with the derivatives by the base's parameters; of a length what
+    /// it shows.
     fn to_instrument(
         &self,
         station: usize,
@@ -555,8 +555,8 @@ impl<'a> ObservationModel<'a> {
         if kind.is_deflection() {
             prediction.position_m += self.belief.drift_m * self.drift_share;
         }
-        if kind == ReadingKind::Distance {
-            *prediction = prediction.distance(derivatives);
+        if let ReadingKind::Length(kind) = kind {
+            *prediction = prediction.length(kind, derivatives);
         }
     }
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Cholesky, DVector, Matrix3, Matrix6, Matrix6xX, Vector3, Vector6};
 
+use super::length::{LengthKind, ReadLength};
 use super::rotation::inverse_left_jacobian;
 use crate::parameter::Unloaded;
 use crate::robot::{Approach, Load, Tool, rotation_vector};
@@ -43,17 +44,17 @@ pub enum ReadingKind {
     Position,
     /// The loaded target's position and orientation: six rows.
     Pose,
-    /// The loaded target's distance from the station's point: one row.
-    Distance,
+    /// A length that ends at the loaded target: one row.
+    Length(LengthKind),
 }
 
 impl ReadingKind {
-    /// The number of rows: 3 or 6, position above rotation; 1 of a distance.
+    /// The number of rows: 3 or 6, position above rotation; 1 of a length.
     pub const fn rows(self) -> usize {
         match self {
             Self::Deflection | Self::Position => 3,
             Self::DeflectionAndRotation | Self::Pose => 6,
-            Self::Distance => 1,
+            Self::Length(_) => 1,
         }
     }
 
@@ -64,7 +65,15 @@ impl ReadingKind {
             Self::DeflectionAndRotation => "deflection and rotation",
             Self::Position => "position",
             Self::Pose => "pose",
-            Self::Distance => "distance",
+            Self::Length(kind) => kind.name(),
+        }
+    }
+
+    /// The kind of lengths that it is, if it is one.
+    pub const fn length(self) -> Option<LengthKind> {
+        match self {
+            Self::Length(kind) => Some(kind),
+            _ => None,
         }
     }
 
@@ -138,11 +147,8 @@ pub enum Reading {
         /// The axes as columns.
         rotation: Matrix3<f64>,
     },
-    /// A distance from the station's point.
-    Distance {
-        /// The distance (m).
-        distance_m: f64,
-    },
+    /// A length.
+    Length(ReadLength),
 }
 
 impl Reading {
@@ -155,7 +161,7 @@ impl Reading {
             Self::Deflection { .. } => ReadingKind::DeflectionAndRotation,
             Self::Position { .. } => ReadingKind::Position,
             Self::Pose { .. } => ReadingKind::Pose,
-            Self::Distance { .. } => ReadingKind::Distance,
+            Self::Length(read) => ReadingKind::Length(read.kind),
         }
     }
 }
@@ -163,22 +169,22 @@ impl Reading {
 /// A reading as the model has it, in the instrument's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
-    /// The position, or the difference of positions (m); a distance is the first coordinate.
+    /// The position, or the difference of positions (m); a length is the first coordinate.
     pub position_m: Vector3<f64>,
     /// The orientation, or the rotation from unloaded to loaded.
     pub rotation: Matrix3<f64>,
 }
 
 impl Prediction {
-    /// The distance alone of what is seen from a station's point, with the derivatives of it: their first row.
-    pub(super) fn distance(&self, derivatives: &mut Matrix6xX<f64>) -> Self {
-        let away = self.position_m.try_normalize(0.0).unwrap_or_default();
+    /// The length alone, with the derivatives of it: their first row.
+    pub(super) fn length(&self, kind: LengthKind, derivatives: &mut Matrix6xX<f64>) -> Self {
+        let (length_m, gradient) = kind.row(&self.position_m);
         for mut column in derivatives.column_iter_mut() {
-            let along = away.dot(&column.fixed_rows::<3>(0));
+            let along = gradient.dot(&column.fixed_rows::<3>(0));
             column.copy_from(&Vector6::ith(0, along));
         }
         Self {
-            position_m: Vector3::ith(0, self.position_m.norm()),
+            position_m: Vector3::ith(0, length_m),
             rotation: Matrix3::identity(),
         }
     }
@@ -267,10 +273,10 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// The position that was read, or the difference of positions (m); a distance is the first coordinate.
+    /// The position that was read, or the difference of positions (m); a length is the first coordinate.
     pub const fn position_m(&self) -> Vector3<f64> {
         match self.reading {
-            Reading::Distance { distance_m } => Vector3::new(distance_m, 0.0, 0.0),
+            Reading::Length(read) => Vector3::new(read.length_m, 0.0, 0.0),
             Reading::Deflection { position_m, .. }
             | Reading::Position { position_m }
             | Reading::Pose { position_m, .. } => position_m,
@@ -294,7 +300,7 @@ impl Observation {
         derivatives: &mut Matrix6xX<f64>,
     ) -> Vector6<f64> {
         let (position, rotation) = match &self.reading {
-            Reading::Position { .. } | Reading::Distance { .. } => {
+            Reading::Position { .. } | Reading::Length(_) => {
                 (self.position_m() - predicted.position_m, Vector3::zeros())
             }
             Reading::Deflection {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::rotation::inverse_left_jacobian;
-use super::{ObservationModel, Prediction, ReadingKind, Setup};
+use super::{LengthKind, ObservationModel, Prediction, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, everything, random, random_elastic, ur10};
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 use crate::robot::{
@@ -14,7 +14,7 @@ use crate::robot::{
 };
 
 const KINDS: [ReadingKind; 5] = [
-    ReadingKind::Distance,
+    ReadingKind::Length(LengthKind::Distance),
     ReadingKind::Deflection,
     ReadingKind::DeflectionAndRotation,
     ReadingKind::Position,

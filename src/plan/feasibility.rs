@@ -9,6 +9,7 @@ use super::region::{SmoothBound, bounds_of};
 use super::{Experiment, Plan};
 use crate::experiment::is_one_direction;
 use crate::mujoco::State;
+use crate::observation::LengthKind;
 use crate::robot::{EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, Tool};
 use crate::task::{Belief, Station, Task};
 
@@ -380,8 +381,12 @@ impl<'a> Feasibility<'a> {
             }));
         }
         if (region.line_of_sight && looking.is_seen)
-            && let Some(viewpoint) =
-                Viewpoint::new(simulation, looking.station, instrument.tracker_site)
+            && let Some(viewpoint) = Viewpoint::new(
+                simulation,
+                looking.station,
+                &reflector,
+                instrument.tracker_site,
+            )
         {
             let hidden = hidden_by(simulation, &viewpoint, &reflector);
             violations.extend(hidden.map(|(name, free_m, length_m)| {
@@ -399,8 +404,9 @@ fn out_of_reach(
     reflector: &Vector3<f64>,
     facing: &Vector3<f64>,
 ) -> impl Iterator<Item = Violation> {
-    let ray = station.position_m - reflector;
-    let range = ray.norm();
+    let ray = station.sees_from(reflector) - reflector;
+    let length = |kind: LengthKind| kind.row(&(reflector - station.position_m)).0;
+    let range = station.reads.map_or_else(|| ray.norm(), length);
     let name = &station.name;
     let [least, most] = station.range_m;
     let missed = (least.filter(|least| range < least - ROUNDING))
@@ -440,12 +446,17 @@ struct Viewpoint {
 
 impl Viewpoint {
     /// At a station, or else at the site of the model's tracker.
-    fn new(simulation: &State, station: Option<&Station>, site: Option<usize>) -> Option<Self> {
+    fn new(
+        simulation: &State,
+        station: Option<&Station>,
+        reflector: &Vector3<f64>,
+        site: Option<usize>,
+    ) -> Option<Self> {
         let tracker = site.map(|site| simulation.model().site_body(site).0);
         match (station, site) {
             // A site of the world itself says nothing of what the tracker is.
             (Some(station), _) => Some(Self {
-                from_m: station.position_m,
+                from_m: station.sees_from(reflector),
                 tracker: tracker.filter(|body| *body != 0),
             }),
             (None, Some(site)) => Some(Self {

@@ -315,7 +315,8 @@ fn unknown(fit: &AbsoluteFit, index: usize) -> UnknownMessage {
 
 fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
     let base = |(station, name): (usize, &Option<String>)| {
-        let (kinds, is_turned) = (ParameterKind::of_base(station), !case.is_point(station));
+        let kinds = ParameterKind::of_base(station);
+        let is_turned = case.base_kinds(station).contains(&kinds[1][0]);
         let frame = &fit.arm.instrument_from_base[station];
         MountedFrameMessage {
             name: name.clone(),

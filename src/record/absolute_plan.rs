@@ -4,6 +4,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::absolute::AbsoluteMessage;
+use super::length::LengthField;
 use super::messages::{TestPoseMessage, TruthMessage};
 use crate::measurement::AbsoluteReading;
 use crate::plan::UncertaintyBudget;
@@ -23,9 +24,9 @@ pub struct PlannedReadingMessage {
     pub target: Option<String>,
     /// Where the instrument stands.
     pub station: Option<String>,
-    /// The nominal distance that is read (mm), where one is.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub distance_mm: Option<f64>,
+    /// The nominal length that is read, where one is.
+    #[serde(flatten)]
+    pub length: LengthField,
     /// From which side the configuration is approached: a sign for each joint, where the candidates say it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub approach: Option<String>,
@@ -112,7 +113,7 @@ pub fn planned_readings(
             wrench: load.map(|load| load.wrench().into()),
             target: row.target.clone(),
             station: row.station.clone(),
-            distance_mm: (planning.distance_m(place)).map(|distance_m| distance_m * 1e3),
+            length: LengthField(planning.length(place)),
             approach: row.approach.as_ref().map(Approach::word),
             repeats,
         }
@@ -123,8 +124,8 @@ pub fn planned_readings(
 /// What an instrument said (mm), in its own frame.
 fn readings_json(readings: &[AbsoluteReading]) -> Vec<Value> {
     let reading = |each: &AbsoluteReading| {
-        if let Some(distance_m) = each.distance_m {
-            return json!({ "distance_mm": distance_m * 1e3 });
+        if each.length.is_some() {
+            return json!(LengthField(each.length));
         }
         let position_mm: [f64; 3] = (each.position_m * 1e3).into();
         let quaternion = each

@@ -12,6 +12,7 @@ use strum::IntoStaticStr;
 use crate::gate::Gate;
 use crate::laboratory::{Costs, Loading};
 use crate::numeric::markov::Correlation;
+use crate::observation::LengthKind;
 use crate::parameter::{DiscrepancyOf, ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
 use crate::robot::{Commands, ReadsAlong, SerialChain};
@@ -161,8 +162,9 @@ pub(super) struct TorqueLawTable {
 }
 
 /// What the instrument's sigma is the standard deviation of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, IntoStaticStr, JsonSchema, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum SigmaOf {
     /// Of each coordinate of the deflection, as in the paper.
     Deflection,
@@ -183,8 +185,11 @@ impl SigmaOf {
 }
 
 /// What the instrument reads.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, IntoStaticStr, JsonSchema, Serialize,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum InstrumentReads {
     /// All three coordinates of a deflection, as a tracker does.
     #[default]
@@ -193,17 +198,6 @@ pub enum InstrumentReads {
     Displacement,
     /// The distance of a target from a station, as a ballbar or a wire encoder does.
     Distance,
-}
-
-impl InstrumentReads {
-    /// Its word in scenarios.
-    pub(super) const fn word(self) -> &'static str {
-        match self {
-            Self::Deflection => "deflection",
-            Self::Displacement => "displacement",
-            Self::Distance => "distance",
-        }
-    }
 }
 
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
@@ -227,12 +221,21 @@ pub(super) struct InstrumentTable {
     /// A gauge beside a tracker, which reads some of the experiments.
     pub gauge: Option<GaugeTable>,
     /// What reads distances beside a tracker, from some of the stations.
-    pub distance: Option<DistanceTable>,
+    pub distance: Option<LengthTable>,
+}
+
+impl InstrumentTable {
+    /// What reads lengths of a kind beside a tracker.
+    pub(super) const fn length(&self, kind: LengthKind) -> Option<&LengthTable> {
+        match kind {
+            LengthKind::Distance => self.distance.as_ref(),
+        }
+    }
 }
 
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct DistanceTable {
+pub(super) struct LengthTable {
     pub sigma_mm: Option<f64>,
     pub mpe_um: Option<f64>,
     pub distribution: Option<ErrorDistribution>,
@@ -360,9 +363,10 @@ pub(super) enum ShapeTable {
     Capsule { radius_mm: f64, length_mm: f64 },
 }
 
-/// What is read from a station: positions or poses, as a tracker does, or distances.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+/// What is read from a station: positions or poses, as a tracker does, or lengths.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, IntoStaticStr, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub(super) enum StationReads {
     Position,
     Distance,

@@ -17,6 +17,7 @@ use crate::measurement::AbsoluteReading;
 use crate::numeric::random::generator;
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::{Stream, frames_of_trial};
+use crate::observation::ReadLength;
 use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Belief, Task, station_named};
@@ -24,8 +25,8 @@ use crate::testbed::{ReadingNumbers, SeenFrom, TrueRobots, Truth};
 
 /// The instrument is within such a cube about the robot (m).
 const AWAY_M: f64 = 3.0;
-/// A point is within such a cube about where it is believed to be (m): measured with a ruler.
-const POINT_OFF_M: f64 = 1e-3;
+/// What lengths are read from is within such a cube about where it is believed to be (m): measured with a ruler.
+const OFF_M: f64 = 1e-3;
 /// A reading has this share of the standard deviation of a deflection, which is made of two.
 const OF_DEFLECTION: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
@@ -96,7 +97,7 @@ impl VisitedRow<'_> {
 pub struct TargetReading {
     /// Which reading of the plan it is: rows count in their order, each with its repeats.
     pub number: usize,
-    /// Where the target is (m); of distances the first coordinate is how far,
+    /// Where the target is (m); of lengths the first coordinate is the length,
     pub position_m: Vector3<f64>,
     /// and its axes.
     pub rotation: Rotation3<f64>,
@@ -149,20 +150,12 @@ impl<'a> ReadPlan<'a> {
         })
     }
 
-    /// The frame of each station in a run, whatever else is read: anywhere about the robot; of points near where they are believed to be,
-    /// with the base's axes.
+    /// The frame of each station in a run, whatever else is read: anywhere about the robot; of those that lengths are read from near
+    /// where they are believed to be.
     pub fn frames(&self, seed: u64, run: u64) -> Vec<Isometry3<f64>> {
         let stations = self.planning.stations().iter();
-        let frames = stations.map(|name| self.frame(name.as_deref(), seed, run));
-        (frames.zip(self.planning.points()))
-            .map(|(frame, point)| match point {
-                None => frame,
-                Some(point_m) => {
-                    let off = frame.translation.vector * (POINT_OFF_M / AWAY_M);
-                    Translation3::from(off - point_m).into()
-                }
-            })
-            .collect()
+        let anywhere = stations.map(|name| self.frame(name.as_deref(), seed, run));
+        (self.planning).frames_of_run(anywhere.collect(), OFF_M / AWAY_M)
     }
 
     /// Where a station's instrument stands in a run: one of the scenario by its place in there, another by its name.
@@ -201,10 +194,10 @@ impl<'a> ReadPlan<'a> {
             let each = visited.each;
             let load = visited.row.load.unwrap_or(Load::NONE);
             let frame = &frames[self.planning.station_of(each.place)];
-            let distance = task.belief.distance_from(visited.row.station.as_deref());
-            let noise_m = match distance {
+            let length = task.belief.length_from(visited.row.station.as_deref());
+            let noise_m = match length {
                 None => sigma.noise_m(),
-                Some(shows) => sigma.distance_noise_m(shows),
+                Some((_, shows)) => sigma.length_noise_m(shows),
             };
             let sigma_m = OF_DEFLECTION * noise_m;
             let shown = visited.numbers.iter().map(|&numbers| {
@@ -214,10 +207,10 @@ impl<'a> ReadPlan<'a> {
                 let exact_m = (frame * Point3::from(at_m)).coords;
                 Ok(TargetReading {
                     number: numbers.reading,
-                    position_m: match distance {
+                    position_m: match length {
                         None => exact_m + three(0) * sigma_m,
-                        Some(shows) => {
-                            let read_m = exact_m.norm() + own[0][0] * sigma_m;
+                        Some((kind, shows)) => {
+                            let read_m = kind.row(&exact_m).0 + own[0][0] * sigma_m;
                             Vector3::ith(0, shows.rounded_m(read_m))
                         }
                     },
@@ -247,9 +240,9 @@ impl<'a> ReadPlan<'a> {
         let frames = self.frames(seed, robots.campaign_of(run));
         for (each, shown) in self.read(task, robots, &frames, seed, robots.readings_of(run))? {
             let station = self.planning.candidates[each.place].station.as_deref();
-            let distance = task.belief.distance_from(station);
+            let shows = task.belief.length_from(station).map(|(_, shows)| shows);
             let [m, rad] = [
-                instrument.sigma_by_m(distance),
+                instrument.sigma_by_m(shows),
                 instrument.rotation_sigma_rad.unwrap_or(0.0),
             ]
             .map(|sigma| (OF_DEFLECTION * sigma).powi(2));
@@ -272,14 +265,17 @@ impl<'a> ReadPlan<'a> {
         rotation: Option<Rotation3<f64>>,
         covariance: Matrix6<f64>,
     ) -> AbsoluteReading {
-        let is_distance = self.planning.is_distance(place);
-        let rotation = rotation.filter(|_| !is_distance);
+        let blank = self.planning.blank_reading(place);
+        let rotation = rotation.filter(|_| blank.length.is_none());
         AbsoluteReading {
             position_m,
-            distance_m: is_distance.then_some(position_m.x),
+            length: blank.length.map(|length| ReadLength {
+                length_m: position_m.x,
+                ..length
+            }),
             rotation: rotation.map(|turned| UnitQuaternion::from_rotation_matrix(&turned)),
             covariance: Some(covariance),
-            ..self.planning.blank_reading(place)
+            ..blank
         }
     }
 }

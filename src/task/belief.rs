@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Extended, Gauge, PriorCampaign, Station, station_named};
-use crate::observation::{BareArm, DeflectionPrecision};
+use crate::observation::{BareArm, DeflectionPrecision, LengthKind};
 use crate::parameter::{ElasticArm, ErrorDistribution, ParameterError, Prior, Unloaded};
 use crate::robot::{Commands, ReadsAlong, Robot, Tool};
 
@@ -25,9 +25,9 @@ pub struct Instrument {
     pub distribution: ErrorDistribution,
     /// What a gauge shows, where displacements along a direction are read, in place of all three coordinates or in some experiments.
     pub gauge: Option<Gauge>,
-    /// What a ballbar or a wire encoder shows, where the distances of targets from stations are read, from all or from some of them. As of
-    /// all else, the standard deviation is that of the difference of two.
-    pub distance: Option<Gauge>,
+    /// What shows each kind of lengths, in their order, where they are read from all stations or from some of them. As of all else, the
+    /// standard deviation is that of the difference of two.
+    pub by_length: [Option<Gauge>; LengthKind::ALL.len()],
 }
 
 impl Instrument {
@@ -59,9 +59,28 @@ impl Instrument {
         ))
     }
 
+    /// The kinds of lengths that are read, with what shows them.
+    pub fn lengths(&self) -> impl Iterator<Item = (LengthKind, Gauge)> {
+        let kinds = LengthKind::ALL.into_iter().zip(self.by_length);
+        kinds.filter_map(|(kind, shows)| Some((kind, shows?)))
+    }
+
+    /// What shows lengths of a kind, where they are read.
+    pub fn shows_length(&self, kind: LengthKind) -> Option<Gauge> {
+        let mut lengths = self.lengths();
+        lengths.find(|each| each.0 == kind).map(|(_, shows)| shows)
+    }
+
+    /// The kind of lengths that alone is read; none where absolute readings may be positions or poses.
+    pub fn length_alone(&self) -> Option<LengthKind> {
+        let mut lengths = self.lengths();
+        let alone = lengths.find(|(_, shows)| shows.beside_m.is_none());
+        alone.map(|(kind, _)| kind)
+    }
+
     /// Whether absolute readings may be positions or poses.
     pub fn reads_positions(&self) -> bool {
-        self.distance.is_none_or(|shows| shows.beside_m.is_some())
+        self.length_alone().is_none()
     }
 
     /// The standard deviation of what a gauge shows (m), alone or beside another instrument; without one, of a coordinate.
@@ -74,11 +93,12 @@ impl Instrument {
         self.sigma_by_m(self.gauge)
     }
 
-    /// The variance of rounding (m^2) in a deflection, which is made of two distances.
+    /// The variance of rounding (m^2) in a deflection, which is made of two lengths.
     pub fn rounding_m2(&self) -> f64 {
         let alone = |gauge: Option<Gauge>| gauge.filter(|gauge| gauge.beside_m.is_none());
-        let [once, twice] = [self.gauge, self.distance]
-            .map(|gauge| alone(gauge).map_or(0.0, |gauge| gauge.rounding_m2()));
+        let length = (self.length_alone()).and_then(|kind| self.shows_length(kind));
+        let [once, twice] =
+            [self.gauge, length].map(|gauge| alone(gauge).map_or(0.0, |gauge| gauge.rounding_m2()));
         once + 2.0 * twice
     }
 
@@ -93,8 +113,8 @@ impl Instrument {
         before_rounding(self.along_sigma_m(), rounding_m2)
     }
 
-    /// The same of the difference of two distances.
-    pub fn distance_noise_m(&self, shows: Gauge) -> f64 {
+    /// The same of the difference of two lengths.
+    pub fn length_noise_m(&self, shows: Gauge) -> f64 {
         before_rounding(self.sigma_by_m(Some(shows)), 2.0 * shows.rounding_m2())
     }
 }
@@ -158,24 +178,24 @@ impl Belief {
         Commands::from(&self.nominal.chain).reading_along(self.instrument.reads_along())
     }
 
-    /// What shows the distances that are read from a station of this name; none where positions are read.
-    pub fn distance_from(&self, station: Option<&str>) -> Option<Gauge> {
-        let station = station_named(&self.stations, station)?;
-        (self.instrument.distance).filter(|_| station.reads_distances)
+    /// The lengths that are read from a station of this name, with what shows them; none where positions are read.
+    pub fn length_from(&self, station: Option<&str>) -> Option<(LengthKind, Gauge)> {
+        let kind = station_named(&self.stations, station)?.reads?;
+        Some((kind, self.instrument.shows_length(kind)?))
     }
 
-    /// Whether what errs by a tracker's range counts there: not where distances are read beside one.
+    /// Whether what errs by a tracker's range counts there: not where lengths are read beside one.
     pub fn reads_by_tracker(&self, station: Option<&str>) -> bool {
-        let distance = self.distance_from(station);
-        distance.is_none_or(|shows| shows.beside_m.is_none())
+        let length = self.length_from(station);
+        length.is_none_or(|(_, shows)| shows.beside_m.is_none())
     }
 
-    /// The station whose name stands for all from which readings of one visit may be: while the robot waits, distances are read beside the
+    /// The station whose name stands for all from which readings of one visit may be: while the robot waits, lengths are read beside the
     /// only tracker's positions; otherwise its own.
     pub fn station_of_visit<'a>(&'a self, station: Option<&'a str>) -> Option<&'a str> {
-        let mut trackers = self.stations.iter().filter(|each| !each.reads_distances);
+        let mut trackers = self.stations.iter().filter(|each| each.reads.is_none());
         match (trackers.next(), trackers.next()) {
-            (Some(only), None) if self.distance_from(station).is_some() => Some(&only.name),
+            (Some(only), None) if self.length_from(station).is_some() => Some(&only.name),
             _ => station,
         }
     }

@@ -63,8 +63,8 @@ impl Belief {
             belief.text("displacements along a direction are read");
             belief.numbers(gauge.beside_m);
         }
-        if let Some(shows) = &self.instrument.distance {
-            belief.text("distances from stations are read");
+        for (kind, shows) in self.instrument.lengths() {
+            belief.text(&format!("{}s from stations are read", kind.name()));
             belief.numbers(shows.beside_m);
         }
         let rotation = self.instrument.rotation_sigma_rad;

@@ -8,7 +8,7 @@ pub struct Gauge {
     /// The standard deviation of what it shows (m), rounded, where it stands beside an instrument that reads all coordinates; that of
     /// the instrument where it is the instrument.
     pub beside_m: Option<f64>,
-    /// The largest displacement that it shows (m), to either side; any where there is no bound. Distances have that of their station.
+    /// The largest displacement that it shows (m), to either side; any where there is no bound. Lengths from stations have that of the station.
     pub range_m: Option<f64>,
     /// The step of what it shows (m); nothing where that is far finer than its noise.
     pub resolution_m: f64,

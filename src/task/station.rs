@@ -2,7 +2,9 @@
 
 use nalgebra::Vector3;
 
-/// A place where the instrument may stand when it reads positions or poses, or the point from which it reads distances.
+use crate::observation::LengthKind;
+
+/// A place where the instrument may stand when it reads positions or poses, or where it reads lengths from.
 ///
 /// It tells how far and how well the instrument sees from there; where its frame is in space is unknown all the same, and is found
 /// from its readings.
@@ -10,15 +12,23 @@ use nalgebra::Vector3;
 pub struct Station {
     /// Its name, as candidates, plans and measurements have it.
     pub name: String,
-    /// Whether distances are read from there, and not positions or poses.
-    pub reads_distances: bool,
+    /// The lengths that are read from there; none where positions or poses are.
+    pub reads: Option<LengthKind>,
     /// The instrument's point of reference (m), in the world frame.
     pub position_m: Vector3<f64>,
-    /// The smallest and the largest distance (m) at which it reads a target, where they are bounded.
+    /// The smallest and the largest distance (m) at which it reads a target, or length that it reads, where they are bounded.
     pub range_m: [Option<f64>; 2],
     /// The largest angle (rad) between a target's z axis and the line from it to the instrument, where it is bounded: how far a
     /// reflector may turn away.
     pub incidence_max_rad: Option<f64>,
+}
+
+impl Station {
+    /// From where (m) it reads a target at a place (m).
+    pub fn sees_from(&self, target_m: &Vector3<f64>) -> Vector3<f64> {
+        let begin = |length: LengthKind| length.begins_at(self.position_m, target_m);
+        self.reads.map_or(self.position_m, begin)
+    }
 }
 
 /// The station of a name among those that a task has.

@@ -8,6 +8,7 @@ use super::markup::{escaped, page, paragraph, section, table_of, with_unbroken_v
 use super::stills::{Pictures, Stills};
 use crate::experiment::Plan;
 use crate::laboratory::{Campaign, Stop, change_load, hung_kg, set_gauge, set_up, take_off};
+use crate::observation::{LengthKind, ReadLength};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::{Commands, Load, ReadsAlong};
 use crate::scenario::Scenario;
@@ -93,7 +94,7 @@ fn places(commands: &Commands, campaign: &Campaign) -> Vec<Vec<usize>> {
 }
 
 /// What is written down of a reading, with units.
-fn columns(task: &Task) -> Vec<&'static str> {
+fn columns(task: &Task) -> Vec<String> {
     let instrument = &task.belief.instrument;
     let is_absolute = task.design.accuracy == AccuracyKind::Absolute;
     let mut columns = Vec::new();
@@ -104,8 +105,13 @@ fn columns(task: &Task) -> Vec<&'static str> {
         columns.extend(["qw", "qx", "qy", "qz"]);
     }
     columns.extend(instrument.gauge.map(|_| "displacement [mm]"));
-    columns.extend(instrument.distance.map(|_| "distance [mm]"));
+    let mut columns: Vec<String> = columns.into_iter().map(str::to_owned).collect();
+    columns.extend(instrument.lengths().map(|(kind, _)| length_column(kind)));
     columns
+}
+
+fn length_column(kind: LengthKind) -> String {
+    format!("{} [mm]", kind.name())
 }
 
 fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign, has_program: bool) -> String {
@@ -152,18 +158,21 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign, has_program: 
     let how = if is_absolute {
         let instrument = &scenario.task.belief.instrument;
         let positions = "write down what the instrument shows in a frame of its own";
-        let distances = "write down the distance that is shown: what spans it is put in for the reading, and taken out before the robot moves";
-        let shows: Vec<&str> = (instrument
-            .reads_positions()
-            .then_some(positions)
-            .into_iter())
-        .chain(instrument.distance.map(|_| distances))
-        .collect();
+        let mut shows = Vec::new();
+        shows.extend(instrument.reads_positions().then(|| positions.to_owned()));
+        for (kind, _) in instrument.lengths() {
+            let which = if shows.is_empty() {
+                String::new()
+            } else {
+                format!("of a {} ", kind.name())
+            };
+            shows.push(which + kind.how());
+        }
         format!(
             "{comes}: wait until it has come to rest, read each target of the stop, {}, and tick the stop. A configuration that comes again is \
              another visit of the robot, from the same side where one is given. The instrument stays where it is until the sheet asks \
              for another station.",
-            shows.join("; of a distance ")
+            shows.join("; ")
         )
     } else {
         match scenario.task.belief.instrument.reads_along() {
@@ -335,7 +344,7 @@ fn stops(
             let before = campaign.load_before(index);
             index += 1;
             let numbers = (index, place.unwrap_or(0) + 1);
-            text += &of_stop(&commands, numbers, (before, stop), columns.len());
+            text += &of_stop(&commands, numbers, (before, stop), &columns);
         }
         text += "</table></div>\n";
     }
@@ -393,13 +402,14 @@ fn hang(
     format!("<div class=\"hang\">{picture}<div>{text}</div></div>\n")
 }
 
-/// A stop after another, with so many fields for each reading.
+/// A stop after another, with these fields for each reading.
 fn of_stop(
     commands: &Commands,
     (index, place): (usize, usize),
     (before, stop): (Option<&Load>, &Stop),
-    fields: usize,
+    read: &[String],
 ) -> String {
+    let fields = read.len();
     let experiments: Vec<String> = (stop.experiments.iter())
         .map(|index| (index + 1).to_string())
         .collect();
@@ -436,15 +446,17 @@ fn of_stop(
             .collect()
     };
     // Where a gauge is set to zero nothing is written down.
-    let blanks = |nominal_m: Option<f64>| match nominal_m {
-        _ if stop.sets_gauge() => format!("<td colspan=\"{fields}\">to zero</td>"),
-        // Distances have the last column.
-        Some(nominal_m) => format!(
-            "{}<td class=\"fill\"><small>near {:.2}</small></td>",
-            "<td class=\"fill\"></td>".repeat(fields - 1),
-            nominal_m * 1e3
-        ),
-        None => "<td class=\"fill\"></td>".repeat(fields),
+    let blanks = |nominal: Option<ReadLength>| {
+        if stop.sets_gauge() {
+            return format!("<td colspan=\"{fields}\">to zero</td>");
+        }
+        let blank = |column: &String| {
+            let own = nominal.filter(|length| length_column(length.kind) == *column);
+            let near =
+                own.map(|length| format!("<small>near {:.2}</small>", length.length_m * 1e3));
+            format!("<td class=\"fill\">{}</td>", near.unwrap_or_default())
+        };
+        read.iter().map(blank).collect::<String>()
     };
     let tick = format!(
         "<td><span class=\"tick\" title=\"done\"></span></td><td><strong>{index}</strong></td><td>{place}</td>"
@@ -459,7 +471,7 @@ fn of_stop(
         let _ = writeln!(
             rows,
             "<tr class=\"line\">{first}<td>{experiment}</td><td>{reading}</td>{}</tr>",
-            blanks(stop.distances_m.get(number).copied().flatten())
+            blanks(stop.lengths.get(number).copied().flatten())
         );
     }
     let rest = (stop.readings as usize).saturating_sub(lines.len());

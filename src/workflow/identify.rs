@@ -234,7 +234,7 @@ pub fn identify_absolute<'a>(
     let halves = halves(&mut kept, &fit);
     // These are of three coordinates.
     let mut repeated = fit.kept();
-    repeated.retain(|&place| readings[place].distance_m.is_none());
+    repeated.retain(|&place| readings[place].length.is_none());
     let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
     Ok(IdentifiedRobot {
         repeat_components: case.repeat_components(&fit),
@@ -275,10 +275,10 @@ fn halves(case: &mut AbsoluteCase<'_>, fit: &AbsoluteFit) -> Option<Inconsistenc
 }
 
 /// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
-/// by themselves, but for joint error functions. Distances count them, and what is read beside them.
+/// by themselves, but for joint error functions. Lengths count them, and what is read beside them.
 pub fn uncounted(case: &AbsoluteCase<'_>) -> Vec<String> {
     let sources = case.belief.uncertain.sources();
-    let new = sources.filter(|(_, source)| !case.reads_distances() && !source.is_function());
+    let new = sources.filter(|(_, source)| !case.reads_lengths() && !source.is_function());
     new.map(|(name, _)| name.to_owned()).collect()
 }
 
@@ -365,9 +365,12 @@ impl<'a> IdentifiedRobot<'a> {
     /// What holds since the fit counts it, and nobody need act on.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = self.fit.notes();
-        if self.case.reads_distances() && !self.case.positions().is_empty() {
-            let words = "positions are weighed by the scenario's error sources, as the distances beside them are";
-            notes.push(words.to_owned());
+        if !self.case.positions().is_empty()
+            && let Some(lengths) = self.case.lengths_in_words()
+        {
+            notes.push(format!(
+                "positions are weighed by the scenario's error sources, as the {lengths} beside them are"
+            ));
         }
         notes
     }

@@ -27,10 +27,10 @@ pub struct AbsoluteValidation {
     pub readings_m2: Vec<Matrix3<f64>>,
     /// The same beside all that was identified, what joints are off by among it, with regions.
     pub prognoses: Vec<ReadingPrognosis>,
-    /// The probability of differences as large, where all errors are counted: of distances.
+    /// The probability of differences as large, where all errors are counted: of lengths.
     pub probability: Option<f64>,
-    /// What is read: positions or distances, and orientations.
-    pub names: [&'static str; 2],
+    /// What is read: positions or lengths, and orientations.
+    pub names: [String; 2],
     /// Beside the nominal robot in frames that suit these readings best; none where these readings do not tell frames.
     pub before: Option<Vec<ReadingResidual>>,
     /// Stations and targets that were not identified: their frames are fitted to these readings.
@@ -69,7 +69,7 @@ impl AbsoluteValidation {
         }
         conditions.extend(self.probability.and_then(prediction_failed));
         conditions.extend(self.worse_than_nominal());
-        for (part, name) in self.names.into_iter().enumerate() {
+        for (part, name) in self.names.iter().enumerate() {
             if let Some(share) = self.coverage(part)
                 && self.prognoses.len() >= LEAST_JUDGED
                 && share < LEAST_COVERAGE
@@ -261,12 +261,12 @@ pub fn validate_absolute(
         readings_m2,
         probability,
         names: [
-            match (case.reads_distances(), case.positions().is_empty()) {
-                (true, true) => "distances",
-                (true, false) => "readings",
-                _ => "positions",
+            match case.lengths_in_words() {
+                Some(lengths) if case.positions().is_empty() => lengths,
+                Some(_) => "readings".to_owned(),
+                None => "positions".to_owned(),
             },
-            "orientations",
+            "orientations".to_owned(),
         ],
         prognoses,
         before: before(belief, readings),

@@ -71,7 +71,7 @@ fn readings(scenario: &Scenario, rows: &[Candidate]) -> Vec<AbsoluteReading> {
                 rotation: None,
                 covariance: None,
                 approach: None,
-                distance_m: None,
+                length: None,
                 time_s: None,
                 temperature_c: None,
             }

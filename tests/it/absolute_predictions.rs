@@ -58,7 +58,7 @@ fn reading(row: &Candidate, position_m: Vector3<f64>) -> AbsoluteReading {
         rotation: None,
         covariance: None,
         approach: None,
-        distance_m: None,
+        length: None,
         time_s: None,
         temperature_c: None,
     }

@@ -35,7 +35,7 @@ pub fn reading(random: &mut impl rand::Rng, row: usize, is_pose: bool) -> Absolu
         covariance: Some(covariance),
         approach: (row > 0)
             .then(|| Approach(vec![true, false, row.is_multiple_of(2), true, false, true])),
-        distance_m: None,
+        length: None,
         time_s: Some(1.7e9 + row as f64),
         temperature_c: Some(21.5),
     }

@@ -316,7 +316,7 @@ pub fn pose_of(
             &nalgebra::Vector6::from_fn(|row, _| variances[row / 3]),
         )),
         approach: None,
-        distance_m: None,
+        length: None,
         time_s: None,
         temperature_c: None,
     }

@@ -7,6 +7,7 @@ use elastocal::experiment::{Candidate, read_candidates};
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
+use elastocal::observation::{LengthKind, ReadLength};
 use elastocal::parameter::{Axis, ParameterKind};
 use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::plan::search::Watch;
@@ -48,6 +49,13 @@ std_mrad = 1
     with_sources(&format!("{zeros}{RETURNS}"))
 }
 
+fn distance(length_m: f64) -> ReadLength {
+    ReadLength {
+        kind: LengthKind::Distance,
+        length_m,
+    }
+}
+
 /// The rows of the stored plan.
 fn stored(scenario: &Scenario) -> Vec<Candidate> {
     let plan = project("scenarios/plans/ur10_ballbar.csv");
@@ -79,7 +87,7 @@ impl VisitedRobot {
                 station: row.station.clone(),
                 visit: Some(visit.clone()),
                 position_m: Vector3::zeros(),
-                distance_m: Some(0.0),
+                length: Some(distance(0.0)),
                 rotation: None,
                 covariance: None,
                 approach: None,
@@ -113,7 +121,7 @@ impl VisitedRobot {
         }
         let left = case.left(&truth).expect("an equilibrium");
         for (reading, left) in readings.iter_mut().zip(left) {
-            reading.distance_m = Some(sigma_m * normal(&mut random) - left.position_m.x);
+            reading.length = Some(distance(sigma_m * normal(&mut random) - left.position_m.x));
         }
         let kinds = set.parameters().iter().map(|each| each.kind);
         Self {
@@ -209,7 +217,10 @@ fn a_misread_distance_is_left_out() {
         let mut readings = robot.readings;
         assert_eq!(identified(&readings).rejected, [], "{run}");
         let index = run % readings.len();
-        readings[index].distance_m = readings[index].distance_m.map(|length_m| length_m + 0.02);
+        let misread = readings[index]
+            .length
+            .map(|read| distance(read.length_m + 0.02));
+        readings[index].length = misread;
         let found = identified(&readings);
         let named: Vec<usize> = found.rejected.iter().map(|each| each.reading).collect();
         assert_eq!(named, [index]);

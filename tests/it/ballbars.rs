@@ -133,7 +133,7 @@ fn files_of_distances_are_read_as_they_are_written() {
         panic!("distances are absolute readings");
     };
     for each in &readings {
-        let distance_m = each.distance_m.expect("a distance");
+        let distance_m = each.length.expect("a distance").length_m;
         // The bar is 300 mm long, and robots differ by millimetres.
         assert!((distance_m - 0.3).abs() < 0.01, "{distance_m}");
         let steps = distance_m / 1e-6;

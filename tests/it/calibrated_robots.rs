@@ -73,7 +73,7 @@ fn readings(random: &mut impl Rng, arm: &ElasticArm, count: usize) -> Vec<Absolu
                     variances[row / 3]
                 }))),
                 approach: None,
-                distance_m: None,
+                length: None,
                 time_s: None,
                 temperature_c: None,
             }

@@ -222,7 +222,7 @@ fn readings(scenario: &Scenario, kind: ReadingKind, count: u32, seed: u64) -> Ve
                 covariance: (kind == ReadingKind::Pose)
                     .then(|| Matrix6::identity() * 2e-5_f64.powi(2)),
                 approach: None,
-                distance_m: None,
+                length: None,
                 time_s: None,
                 temperature_c: None,
             }

@@ -175,7 +175,7 @@ fn absolute(
                     .then(|| UnitQuaternion::from_rotation_matrix(&rotation)),
                 covariance: Some(covariance),
                 approach: None,
-                distance_m: None,
+                length: None,
                 time_s: None,
                 temperature_c: None,
             }

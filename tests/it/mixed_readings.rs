@@ -197,7 +197,7 @@ fn rows_by_hand(planning: &AbsolutePlanning<'_>, scenario: &Scenario) -> (DMatri
             .expect("an equilibrium");
         let of_one = |(left, blank): (_, &AbsoluteReading)| {
             let left: &elastocal::identification::ReadingResidual = left;
-            let rows = if blank.distance_m.is_some() { 1 } else { 3 };
+            let rows = if blank.length.is_some() { 1 } else { 3 };
             left.position_m
                 .iter()
                 .take(rows)
@@ -216,7 +216,7 @@ fn rows_by_hand(planning: &AbsolutePlanning<'_>, scenario: &Scenario) -> (DMatri
         (above - below) / (2.0 * step)
     });
     let columns = DMatrix::from_columns(&columns.collect::<Vec<DVector<f64>>>());
-    let sigmas = blank.iter().flat_map(|each| match each.distance_m {
+    let sigmas = blank.iter().flat_map(|each| match each.length {
         Some(_) => vec![2e-6_f64.hypot(1e-6 / 12.0_f64.sqrt())],
         None => vec![2e-5; 3],
     });
@@ -359,7 +359,7 @@ fn files_of_both_are_read_as_they_are_written() {
         panic!("they are absolute readings");
     };
     for (reading, row) in readings.iter().zip(&rows) {
-        assert_eq!(reading.distance_m.is_none(), is_by_tracker(row));
+        assert_eq!(reading.length.is_none(), is_by_tracker(row));
         assert_eq!(reading.position_m.norm() > 0.0, is_by_tracker(row));
     }
     let json = place.json("identify s.toml --measurements read.csv --identified-out robot.json");

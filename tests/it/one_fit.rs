@@ -85,7 +85,7 @@ pub fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec
                     .then(|| UnitQuaternion::from_rotation_matrix(&rotation)),
                 covariance: Some(covariance),
                 approach: None,
-                distance_m: None,
+                length: None,
                 time_s: None,
                 temperature_c: None,
             }

@@ -70,7 +70,7 @@ fn visits(drift_m_per_h: Vector3<f64>, times: usize) -> Vec<AbsoluteReading> {
                 rotation: None,
                 covariance: None,
                 approach: None,
-                distance_m: None,
+                length: None,
                 time_s: Some(hours * 3600.0),
                 temperature_c: None,
             });

@@ -83,7 +83,7 @@ pub fn series(path: &PathBuf) -> Vec<AbsoluteReading> {
                 }
             })),
             approach: None,
-            distance_m: None,
+            length: None,
             time_s: None,
             temperature_c: Some(number("measurement_temperature")),
         }

@@ -243,7 +243,7 @@ fn reading(row: &Candidate, visit: Option<&str>) -> AbsoluteReading {
         rotation: None,
         covariance: None,
         approach: None,
-        distance_m: None,
+        length: None,
         time_s: None,
         temperature_c: None,
     }

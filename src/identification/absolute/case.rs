@@ -1,5 +1,6 @@
 //! Readings together with the arm that they are of: stations and targets by number.
 
+use std::iter;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
@@ -11,7 +12,7 @@ use super::AbsoluteError;
 use super::visits::visits;
 use crate::measurement::AbsoluteReading;
 use crate::observation::{
-    BareArm, Observation, Reading, ReadingErrors, ReadingKind, Setup, SharedErrors, Whitener,
+    BareArm, LengthKind, Observation, Reading, ReadingErrors, Setup, SharedErrors, Whitener,
 };
 use crate::parameter::{ElasticArm, ReadingSource};
 use crate::robot::{KinematicState, Kinematics, Load, SerialChain, Tool};
@@ -63,12 +64,12 @@ impl<'a> AbsoluteCase<'a> {
     ///
     /// # Errors
     /// A target does not exist, or cannot be where the load is; nothing says how precise orientations are, or where a station is
-    /// that distances are read from; the units cannot be right.
+    /// that lengths are read from; the units cannot be right.
     pub fn new(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
         let mut case = Self::placed(belief, readings)?;
         let positions = case.positions();
         if positions.is_empty() {
-            // Places of points are known well enough to begin with.
+            // Places of lengths are known well enough to begin with.
             case.copies = case.copied();
             return Ok(case);
         }
@@ -82,7 +83,7 @@ impl<'a> AbsoluteCase<'a> {
                 deviations: found.off[place],
             })
             .collect();
-        case.set_frames(case.beside_points(found.frames));
+        case.set_frames(case.beside_lengths(found.frames));
         let mut right = sights;
         let mut places = 0..right.len();
         right.retain(|_| (places.next()).is_some_and(|place| wrong.binary_search(&place).is_err()));
@@ -140,8 +141,8 @@ impl<'a> AbsoluteCase<'a> {
                     station,
                     approach: reading.approach.clone(),
                 },
-                reading: match (reading.distance_m, reading.rotation) {
-                    (Some(distance_m), _) => Reading::Distance { distance_m },
+                reading: match (reading.length, reading.rotation) {
+                    (Some(length), _) => Reading::Length(length),
                     (None, None) => Reading::Position {
                         position_m: reading.position_m,
                     },
@@ -169,7 +170,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// What some sources disturb a reading by, by its place, besides the instrument, where the calibration tool carries a load; of a
-    /// distance what is along it. In the robot's base frame.
+    /// length what it shows. In the robot's base frame.
     pub fn disturbed<'s>(
         &self,
         place: usize,
@@ -192,12 +193,12 @@ impl<'a> AbsoluteCase<'a> {
             .into_iter()
             .filter(|source| by_tracker || !matches!(source, ReadingSource::Range(_)));
         let errors = ReadingErrors::new(arm, q, carried, station_m, sources);
-        match station_m.filter(|_| reading.kind() == ReadingKind::Distance) {
-            Some(station_m) => {
+        match (station_m, reading) {
+            (Some(station_m), Reading::Length(read)) => {
                 let apart_m = arm.chain.at(arm.tool).state(q).tool_position - station_m;
-                errors.along(&apart_m.try_normalize(0.0).unwrap_or_default())
+                errors.along(&read.kind.row(&apart_m).1)
             }
-            None => errors,
+            _ => errors,
         }
     }
 
@@ -236,15 +237,13 @@ impl<'a> AbsoluteCase<'a> {
             return Ok(covariance);
         }
         let instrument = &self.belief.instrument;
-        let distance = instrument.distance.filter(|_| reading.distance_m.is_some());
-        match reading.distance_m {
-            Some(_) if distance.is_none() => return Err(AbsoluteError::NoSigma("distances")),
-            None if !instrument.reads_positions() => {
-                return Err(AbsoluteError::NoSigma("positions"));
-            }
-            _ => {}
+        let kind = reading.length.map(|read| read.kind);
+        let shows = kind.and_then(|kind| instrument.shows_length(kind));
+        if kind.map_or(!instrument.reads_positions(), |_| shows.is_none()) {
+            let name = kind.map_or("position", LengthKind::name);
+            return Err(AbsoluteError::NoSigma(name));
         }
-        let sigma_m = instrument.sigma_by_m(distance);
+        let sigma_m = instrument.sigma_by_m(shows);
         let rotation_rad = match (reading.rotation, instrument.rotation_sigma_rad) {
             (None, _) => 1.0,
             (Some(_), Some(sigma)) => sigma,
@@ -261,7 +260,7 @@ impl<'a> AbsoluteCase<'a> {
         tools.map(|tool| tool.link_from_tool).collect()
     }
 
-    /// Where stations and targets are to begin with: by closed forms of positions, and points where the planner's model has them.
+    /// Where stations and targets are to begin with: by closed forms of positions, and those of lengths where the planner's model has them.
     pub fn first_frames(&self) -> MountedFrames {
         let link_from_tool = self.link_from_tools();
         if self.positions().is_empty() {
@@ -272,7 +271,7 @@ impl<'a> AbsoluteCase<'a> {
             };
         }
         let frames = MountedFrames::guessed(&self.sights(), self.stations.len(), &link_from_tool);
-        self.beside_points(frames)
+        self.beside_lengths(frames)
     }
 
     /// What closed forms need of the readings of positions; of all where there are none.
@@ -307,14 +306,15 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     fn copied(&self) -> CopiedReadings {
-        let shows = self.belief.instrument.distance.as_ref();
-        let resolution_m = shows.map_or(0.0, |shows| shows.resolution_m);
-        let (lengths, positions): (Vec<ReadBits>, Vec<ReadBits>) =
-            (self.read_bits().into_iter()).partition(|each| self.is_distance(each.place));
-        let mut copies = CopiedReadings::of(&positions, 0.0);
-        let more = CopiedReadings::of(&lengths, resolution_m);
-        copies.rows.extend(more.rows);
-        copies.readings.extend(more.readings);
+        let mut copies = CopiedReadings::default();
+        for kind in iter::once(None).chain(LengthKind::ALL.map(Some)) {
+            let mut own = self.read_bits();
+            own.retain(|each| self.observations[each.place].reading.kind().length() == kind);
+            let shows = kind.and_then(|kind| self.belief.instrument.shows_length(kind));
+            let more = CopiedReadings::of(&own, shows.map_or(0.0, |shows| shows.resolution_m));
+            copies.rows.extend(more.rows);
+            copies.readings.extend(more.readings);
+        }
         copies
     }
 

@@ -92,14 +92,14 @@ pub enum AbsoluteError {
         likely: String,
     },
     /// Readings of another kind than the scenario's instrument has, and nobody says how precise they are.
-    #[error("nothing says how precise the {0} are: instrument.reads is of another kind")]
+    #[error("nothing says how precise the {0}s are: instrument.reads is of another kind")]
     NoSigma(&'static str),
-    /// Distances from where nobody knows.
-    #[error("distances are read from {0}, and the scenario has no such [[station]]")]
-    NoPlace(String),
-    /// A distance where positions are read, or the other way round.
+    /// Lengths of a kind from where nobody knows.
+    #[error("{0}s are read from {1}, and the scenario has no such [[station]]")]
+    NoPlace(&'static str, String),
+    /// A length where positions are read, or the other way round.
     #[error(
-        "reading {reading} is {is} from station {station:?}, where the scenario reads the other kind"
+        "reading {reading} is a {is} from station {station:?}, where the scenario reads another kind"
     )]
     OtherKind {
         /// Its number.
@@ -166,14 +166,14 @@ impl AbsoluteError {
                 "add the target to the scenario as a [[robot.tool]], or to the model as a site",
             ),
             Self::NoSigma(_) => Some(
-                "give instrument.reads = \"distance\" for distances alone, [instrument.distance] for distances beside positions, or columns of \
-                 standard deviations",
+                "give instrument.reads for lengths of one kind alone, a table as [instrument.distance] for those beside positions, or columns \
+                 of standard deviations",
             ),
-            Self::NoPlace(_) => Some(
-                "give the column station, and a [[station]] with position_mm for each place that distances are read from",
+            Self::NoPlace(..) => Some(
+                "give the column station, and a [[station]] with position_mm for each place that lengths are read from",
             ),
             Self::OtherKind { .. } => Some(
-                "[[station]] says what is read from each: reads = \"position\", or \"distance\" with [instrument.distance]",
+                "[[station]] says what is read from each: reads = \"position\", or as \"distance\" with [instrument.distance]",
             ),
             Self::NothingLeft { .. } => Some("give smaller --sizes"),
             _ => None,

@@ -8,11 +8,11 @@
 mod blocks;
 mod case;
 mod discrepancy;
-mod distances;
 mod error;
 mod fit;
 mod inconsistencies;
 mod joint_errors;
+mod lengths;
 mod mixed;
 mod model_selection;
 mod outliers;

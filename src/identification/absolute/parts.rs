@@ -14,8 +14,8 @@ use super::{
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::markov::{ProcessPoint, SampledFunction};
 use crate::observation::{
-    Observation, ObservationModel, Reading, SharingReadings, planned_information_of_groups,
-    planned_positions,
+    Observation, ObservationModel, ReadLength, Reading, SharingReadings,
+    planned_information_of_groups, planned_positions,
 };
 use crate::parameter::{JointFunction, ParameterSet, relative_precision};
 use crate::robot::EquilibriumError;
@@ -125,11 +125,9 @@ impl PartsOfReadings<'_> {
         (position_m > 0.0).then_some(position_m)
     }
 
-    /// Whether a reading is judged on: positions alone where there are any, since distances are lengths of another kind.
+    /// Whether a reading is judged on: positions alone where there are any.
     pub fn is_judged(&self, place: usize) -> bool {
-        let is_distance = |each: &Observation| matches!(each.reading, Reading::Distance { .. });
-        let all = &self.case.observations;
-        !is_distance(&all[place]) || all.iter().all(is_distance)
+        !self.case.is_length(place) || self.case.positions().is_empty()
     }
 
     /// Whether all are.
@@ -171,7 +169,7 @@ impl PartsOfReadings<'_> {
         relative_precision(self.set())
     }
 
-    /// C^T (p x 3 n): how the positions, or the distances, of the n readings that are judged on follow the unknowns (in typical sizes),
+    /// C^T (p x 3 n): how the positions, or the lengths, of the n readings that are judged on follow the unknowns (in typical sizes),
     /// times the root of 1/n, so that `rho_0`^2 is the mean square distance over them.
     pub fn positions(&self) -> DMatrix<f64> {
         let set = self.set();
@@ -376,9 +374,10 @@ impl PartsOfReadings<'_> {
                     position_m,
                     rotation: Rotation3::new(turned).into_inner() * predicted.rotation,
                 },
-                Reading::Distance { .. } => Reading::Distance {
-                    distance_m: position_m.x,
-                },
+                Reading::Length(read) => Reading::Length(ReadLength {
+                    length_m: position_m.x,
+                    ..read
+                }),
                 _ => Reading::Position { position_m },
             };
             simulated.expected_m.push(expected.position_m);

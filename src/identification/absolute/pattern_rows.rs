@@ -8,7 +8,7 @@ use super::super::patterns::{BLOCKS, LookedAt, ReadingRows};
 use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Observation, ObservationModel, ReadingKind};
+use crate::observation::{Observation, ObservationModel, Reading, ReadingKind};
 use crate::parameter::ParameterKind;
 use crate::robot::Approach;
 
@@ -50,7 +50,7 @@ impl AbsoluteCase<'_> {
                 .predict(&each.setup, kind, &mut rows)
                 .map_err(|error| IdentificationError::from((index, error)))?;
             let residual = each.whiten(&predicted, &mut rows);
-            let position_m = if kind == ReadingKind::Distance {
+            let position_m = if self.is_length(index) {
                 let place = model.predict(&each.setup, ReadingKind::Position, &mut other);
                 (place.map_err(|error| IdentificationError::from((index, error)))?).position_m
             } else {
@@ -100,14 +100,18 @@ impl AbsoluteCase<'_> {
     }
 }
 
-/// Shifts of the station's frame, growth about the base, and an error along the line of sight; of a distance what is along that.
+/// Shifts of the station's frame, growth about the base, and an error along the line of sight; of a length what it shows.
 fn placed_columns(
     each: &Observation,
     position_m: Vector3<f64>,
     fit: &AbsoluteFit,
 ) -> Matrix6xX<f64> {
     let base = &fit.arm.instrument_from_base[each.setup.station];
-    let sight = position_m.try_normalize(0.0).unwrap_or_default();
+    let length = match each.reading {
+        Reading::Length(read) => Some(read.kind.row(&position_m).1),
+        _ => None,
+    };
+    let sight = length.unwrap_or_else(|| position_m.try_normalize(0.0).unwrap_or_default());
     let directions = [
         Vector3::x(),
         Vector3::y(),
@@ -115,17 +119,15 @@ fn placed_columns(
         position_m - base.translation.vector,
         sight,
     ];
-    let kind = each.reading.kind();
     let columns = directions.map(|direction| {
         let mut column = Vector6::zeros();
-        if kind == ReadingKind::Distance {
-            column[0] = direction.dot(&sight);
-        } else {
-            column.fixed_rows_mut::<3>(0).copy_from(&direction);
+        match length {
+            Some(along) => column[0] = direction.dot(&along),
+            None => column.fixed_rows_mut::<3>(0).copy_from(&direction),
         }
         column
     });
     let mut columns = Matrix6xX::from_columns(&columns);
-    (each.whitener).whiten(kind, &mut Vector6::zeros(), &mut columns);
+    (each.whitener).whiten(each.reading.kind(), &mut Vector6::zeros(), &mut columns);
     columns
 }

@@ -6,7 +6,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::super::IdentificationError;
 use super::super::discrepancy::three_rows;
 use super::{AbsoluteCase, DiscrepancyModel, ReadingPrognosis};
-use crate::parameter::{ElasticArm, ParameterSet};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
 /// Stations that stand as far off with a smaller probability were moved.
 const MOVED: f64 = 1e-6;
@@ -213,9 +213,12 @@ impl AbsoluteCase<'_> {
             .map(|frame| three_rows(&(&frame.columns * &change), 0).norm_squared());
         let displaced: f64 = displaced.sum();
         let square = change.dot(&pull) / f64::max(discrepancy.scale[0], 1.0);
+        let moved = |kind| base.index_of(kind).map_or(0.0, |place| change[place]);
+        let [position_m, rotation_rad] =
+            ParameterKind::of_base(station).map(|kinds| Vector3::from(kinds.map(moved)));
         Ok(Some(MovedStation {
-            position_m: three_rows(&change, 0),
-            rotation_rad: three_rows(&change, 3),
+            position_m,
+            rotation_rad,
             probability: distribution.sf(square),
             readings_m: (displaced / of_station).sqrt(),
             discrepancy_m: (average / of_station).sqrt(),

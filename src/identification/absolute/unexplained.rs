@@ -85,7 +85,7 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    /// The same with errors of these joints, however many readings there are; none where visits have several distances, which share what is
+    /// The same with errors of these joints, however many readings there are; none where visits have several lengths, which share what is
     /// along their own lines.
     pub(super) fn mixed_of(
         &self,
@@ -94,7 +94,7 @@ impl AbsoluteCase<'_> {
         joints: Vec<usize>,
         discrepancy: [f64; 2],
     ) -> Option<(Vec<LinearReading>, MixedModel)> {
-        if self.reads_distances() && self.visits.len() < self.observations.len() {
+        if self.reads_lengths() && self.visits.len() < self.observations.len() {
             return None;
         }
         let rows = (self.rows_at(&self.arm, set, &posterior.mean, &joints)).ok()?;

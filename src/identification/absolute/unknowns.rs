@@ -149,11 +149,14 @@ impl AbsoluteCase<'_> {
         readings.any(|each| each.setup.target == tool && each.reading.kind().rows() == 6)
     }
 
-    /// The parameters of the base in a station's frame; of one that is a point its position alone.
+    /// The parameters of the base in a station's frame; of one that lengths are read from those that these show.
     pub fn base_kinds(&self, station: usize) -> Vec<ParameterKind> {
         let [position, rotation] = ParameterKind::of_base(station);
-        let turned = rotation.into_iter().filter(|_| !self.is_point(station));
-        position.into_iter().chain(turned).collect()
+        let mut kinds = [position, rotation].concat();
+        if let Some(length) = self.length_from(station) {
+            kinds.retain(|kind| length.shows(*kind));
+        }
+        kinds
     }
 
     fn whole_frames(&self) -> Vec<ParameterKind> {

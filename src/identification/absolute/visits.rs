@@ -10,7 +10,7 @@ use crate::task::Belief;
 pub(super) const LEAST_VISITS: usize = 20;
 
 /// Readings by their places: those of one visit together, in the order of the first. Where no column says it, the k-th reading of each
-/// target in one configuration, under one load and from one station, is of visit k. Distances are read in the visits of an only tracker.
+/// target in one configuration, under one load and from one station, is of visit k. Lengths are read in the visits of an only tracker.
 pub(super) fn visits(readings: &[AbsoluteReading], belief: &Belief) -> Vec<Vec<usize>> {
     let stations: Vec<Option<&str>> = (readings.iter())
         .map(|each| belief.station_of_visit(each.station.as_deref()))

@@ -135,7 +135,7 @@ fn reading(
         target: reader.name("target", mapping.target.as_ref())?,
         visit: reader.name("visit", mapping.visit.as_ref())?,
         station: reader.name("station", mapping.station.as_ref())?,
-        distance_m: None,
+        length: None,
         time_s: reader.scalar("time", mapping.time.as_ref(), TIME)?,
         temperature_c: reader.scalar("temperature", mapping.temperature.as_ref(), TEMPERATURE)?,
     })

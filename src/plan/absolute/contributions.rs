@@ -56,7 +56,8 @@ impl WeighedReadings {
 }
 
 impl AbsolutePlanning<'_> {
-    pub(super) fn setup(&self, place: usize) -> (&Setup, ReadingKind) {
+    /// What a candidate sets up, by its place, and what it reads.
+    pub fn setup(&self, place: usize) -> (&Setup, ReadingKind) {
         let observation = &self.case.observations[place];
         (&observation.setup, observation.reading.kind())
     }

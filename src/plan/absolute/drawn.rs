@@ -12,15 +12,16 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-use super::distances::in_range;
 use super::error::AbsolutePlanError;
 use super::from_rows::merged;
+use super::lengths::in_range;
 use super::{AbsolutePlan, AbsolutePlanning};
 use crate::experiment::Candidate;
 use crate::identification::ParameterGroup;
 use crate::measurement::AbsoluteReading;
 use crate::numeric::random::generator;
 use crate::numeric::random::streams::{drawn_candidates, random_readings};
+use crate::observation::LengthKind;
 use crate::plan::Criterion;
 use crate::plan::search::{CandidatePlan, PlanBound, PlanSize, Problem, RandomPlans, Watch};
 use crate::quantities::limits::MOST_EXPERIMENTS;
@@ -402,9 +403,9 @@ fn rows_at(task: &Task, q: &DVector<f64>, load: Load, line: usize) -> Vec<Candid
     let carried = belief.calibration_tool.joints;
     let mut targets = vec![&belief.calibration_tool, &belief.machining_tool];
     targets.dedup_by(|one, other| one.name == other.name);
-    // Distances have a range, and each station its own configurations.
-    let reads_distances = |station: &Station| station.reads_distances;
-    let stations: Vec<Option<&Station>> = if belief.stations.iter().any(reads_distances) {
+    // Lengths have a range, and each station its own configurations.
+    let stations: Vec<Option<&Station>> = if belief.stations.iter().any(|each| each.reads.is_some())
+    {
         belief.stations.iter().map(Some).collect()
     } else {
         vec![None]
@@ -412,8 +413,9 @@ fn rows_at(task: &Task, q: &DVector<f64>, load: Load, line: usize) -> Vec<Candid
     let mut rows = Vec::new();
     for target in targets {
         for station in &stations {
-            // A load acts at the calibration tool, and no further; none hangs where a ballbar's ball is.
-            let is_loaded = target.joints <= carried && !station.is_some_and(reads_distances);
+            // A load acts at the calibration tool, and no further.
+            let length = station.and_then(|station| station.reads);
+            let is_loaded = target.joints <= carried && length.is_none_or(LengthKind::bears_load);
             let loads = [Some(Load::NONE), is_loaded.then_some(load)];
             rows.extend(loads.into_iter().flatten().map(|load| Candidate {
                 line,

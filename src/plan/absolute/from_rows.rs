@@ -83,11 +83,7 @@ impl<'a> AbsolutePlanning<'a> {
         let asked = (0..case.stations.len()).map(|station| PlannedReading {
             setup: setup_of(&first.setup.commanded_rad, Load::NONE, [target, station]),
             // Where only lengths are read, the tool's place counts along axes that they do not show: the robot's own.
-            kind: if case.is_point(station) {
-                ReadingKind::Distance
-            } else {
-                ReadingKind::Position
-            },
+            kind: (case.length_from(station)).map_or(ReadingKind::Position, ReadingKind::Length),
             whitener: first.whitener,
         });
         let asked: Vec<PlannedReading> = asked.collect();

@@ -5,17 +5,17 @@
 //! with the whole vector: compensation takes away what is predicted, so that the residual error is what the parameters' errors make.
 //!
 //! The place counts in the frame of a station. Of several, it is that where least is left: each station has a frame of its own,
-//! which only readings from there tell, so that where the instrument stands is chosen with the readings. Points from which distances
-//! are read have no axes: the place counts from one of them where nothing else is read.
+//! which only readings from there tell, so that where the instrument stands is chosen with the readings. Lengths do not show all of
+//! such a frame: the place counts in one of theirs, which is otherwise as the planner's model has it, where nothing else is read.
 
 mod assumed;
 mod budget;
 mod contributions;
-mod distances;
 mod drawn;
 mod error;
 mod from_rows;
 mod joint_functions;
+mod lengths;
 mod predicted_accuracy;
 mod readable;
 mod stations;

@@ -7,6 +7,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::error::{AbsolutePlanError, some_of};
 use crate::experiment::Candidate;
 use crate::measurement::AbsoluteReading;
+use crate::observation::ReadLength;
 use crate::plan::search::{CandidateError, OfferedCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
@@ -128,8 +129,8 @@ fn targets<'a>(
 
 /// A reading that a candidate would be by what reads from its station.
 pub(super) fn reading_of(candidate: &Candidate, belief: &Belief) -> AbsoluteReading {
-    let distance = belief.distance_from(candidate.station.as_deref());
-    let rotation_rad = (belief.instrument.rotation_sigma_rad).filter(|_| distance.is_none());
+    let length = belief.length_from(candidate.station.as_deref());
+    let rotation_rad = (belief.instrument.rotation_sigma_rad).filter(|_| length.is_none());
     AbsoluteReading {
         configuration_rad: candidate.configuration_rad.clone(),
         load: candidate.load.unwrap_or(Load::NONE),
@@ -138,7 +139,10 @@ pub(super) fn reading_of(candidate: &Candidate, belief: &Belief) -> AbsoluteRead
         visit: None,
         position_m: Vector3::zeros(),
         rotation: rotation_rad.map(|_| UnitQuaternion::identity()),
-        distance_m: distance.map(|_| 0.0),
+        length: length.map(|(kind, _)| ReadLength {
+            kind,
+            length_m: 0.0,
+        }),
         covariance: None,
         approach: candidate.approach.clone(),
         time_s: None,

@@ -6,7 +6,7 @@ use super::AbsolutePlanning;
 use crate::observation::ReadingKind;
 use crate::parameter::ParameterKind;
 
-/// A frame takes so many positions or distances, each of another target or in another configuration.
+/// A frame takes so many positions or lengths, each of another target or in another configuration.
 const FEWEST: usize = 3;
 
 impl AbsolutePlanning<'_> {

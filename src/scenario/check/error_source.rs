@@ -71,7 +71,7 @@ impl<'a> UncertaintyEntry<'a> {
                 return Err(entry.wrong(key, format!("a {kind} has no such key; it has {all}")));
             }
         }
-        if let Some(problem) = other_instrument(table, belief.instrument.reads_along()) {
+        if let Some(problem) = other_instrument(table, &belief.instrument) {
             return Err(entry.wrong("kind", problem));
         }
         checker.certificate_is_used(&entry.key, &entry.given, &SIZES)?;

@@ -1,4 +1,4 @@
-//! The keys of `[instrument]` that a gauge has, for displacements or distances, alone or beside a tracker, and what there is not where
+//! The keys of `[instrument]` that a gauge has, for displacements or lengths, alone or beside a tracker, and what there is not where
 //! one reads.
 
 use nalgebra::Vector3;
@@ -6,50 +6,58 @@ use toml::Table;
 
 use super::Checker;
 use crate::files::FileError;
+use crate::observation::LengthKind;
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
 use crate::quantities::plausible::{DEVIATION, RESOLUTION, SIZE};
 use crate::robot::ReadsAlong;
 use crate::scenario::file::{
-    File, InstrumentReads, InstrumentTable, SigmaOf, UncertaintyKind, UncertaintyTable,
+    File, InstrumentReads, InstrumentTable, UncertaintyKind, UncertaintyTable,
 };
-use crate::task::{AccuracyKind, Gauge};
+use crate::task::{AccuracyKind, Gauge, Instrument};
 
 impl Checker<'_> {
     /// A gauge, where one reads; of the table's keys these are given.
     pub(super) fn gauge(&self, file: &File, given: &Table) -> Result<Option<Gauge>, FileError> {
-        use InstrumentReads::{Deflection, Displacement, Distance};
+        use InstrumentReads::{Deflection, Displacement};
         let table = &file.instrument;
         let reads = table.reads;
-        let keys: [(&str, &[InstrumentReads]); 9] = [
-            ("directions", &[Displacement]),
-            ("range_mm", &[Displacement]),
-            ("resolution_mm", &[Displacement, Distance]),
-            ("tracker_site", &[Deflection]),
-            ("rotation_sigma_mrad", &[Deflection]),
-            ("rotation_mpe_mrad", &[Deflection]),
-            ("unloaded", &[Deflection]),
-            ("gauge", &[Deflection]),
-            ("distance", &[Deflection]),
+        let is_displacement = reads == Displacement;
+        let word: &str = reads.into();
+        let length = LengthKind::named(word);
+        let keys = [
+            ("directions", is_displacement),
+            ("range_mm", is_displacement),
+            ("resolution_mm", is_displacement || length.is_some()),
         ];
+        let of_trackers = [
+            "tracker_site",
+            "rotation_sigma_mrad",
+            "rotation_mpe_mrad",
+            "unloaded",
+            "gauge",
+        ];
+        let of_trackers = (of_trackers.into_iter()).chain(LengthKind::ALL.map(LengthKind::name));
+        let mut keys = keys
+            .into_iter()
+            .chain(of_trackers.map(|key| (key, reads == Deflection)));
         let is_usual = |key: &str| key == "unloaded" && table.unloaded == Unloaded::Own;
-        let is_refused = |(key, of): &&(&str, &[InstrumentReads])| {
-            given.contains_key(*key) && !is_usual(key) && !of.contains(&reads)
-        };
-        if let Some((key, _)) = keys.iter().find(is_refused) {
-            let problem = format!("is given, and instrument.reads is {:?}", reads.word());
+        let is_refused =
+            |(key, is_its): &(&str, bool)| given.contains_key(*key) && !is_usual(key) && !is_its;
+        if let Some((key, _)) = keys.find(is_refused) {
+            let problem = format!("is given, and instrument.reads is {word:?}");
             let wrong = self.wrong(&format!("instrument.{key}"), problem);
             return Err(wrong.hint(
-                "leave it out: a gauge alone has directions, range and resolution, distances have a resolution and the range of \
+                "leave it out: a gauge alone has directions, range and resolution, lengths have a resolution and the range of \
                  their [[station]], a tracker all else",
             ));
         }
         self.check_others(file)?;
-        if (table.sigma_of == SigmaOf::Distance) != (reads == Distance) {
-            let problem = format!("does not go with instrument.reads = {:?}", reads.word());
+        if LengthKind::named(table.sigma_of.into()) != length {
+            let problem = format!("does not go with instrument.reads = {word:?}");
             let wrong = self.wrong("instrument.sigma_of", problem);
             return Err(wrong.hint(
-                "\"distance\" is of distances, \"deflection\" and \"position\" are of all else",
+                "of lengths it is what instrument.reads is, \"deflection\" and \"position\" are of all else",
             ));
         }
         let (key, range_mm, resolution_mm) = match &table.gauge {
@@ -75,9 +83,8 @@ impl Checker<'_> {
         Ok(Some(gauge))
     }
 
-    /// Refuses what there is not where a gauge reads, and what distances need and have not.
+    /// Refuses what there is not where a gauge reads, and what lengths need and have not.
     fn check_others(&self, file: &File) -> Result<(), FileError> {
-        use InstrumentReads::{Displacement, Distance};
         let table = &file.instrument;
         let reads = table.reads;
         let is_absolute = file.design.accuracy == AccuracyKind::Absolute;
@@ -85,12 +92,17 @@ impl Checker<'_> {
             .rotation_sigma_mrad
             .or(table.rotation_mpe_mrad)
             .is_some();
-        let [gauge, distances] = [
-            reads == Displacement || table.gauge.is_some(),
-            reads == Distance || table.distance.is_some(),
-        ];
+        let is_displacement = reads == InstrumentReads::Displacement;
+        let gauge = is_displacement || table.gauge.is_some();
+        let beside = |kind: &LengthKind| table.length(*kind).is_some();
+        let beside = LengthKind::ALL.into_iter().find(beside);
+        let word: &str = reads.into();
+        let length = LengthKind::named(word).or(beside);
+        let from = length.map_or_else(String::new, |kind| {
+            format!("is missing: where {}s are read from", kind.name())
+        });
         let positions = "is of an instrument that sees positions alone";
-        let hidden = file.region.line_of_sight && reads == Displacement;
+        let hidden = file.region.line_of_sight && is_displacement;
         let shared = table.unloaded == Unloaded::Shared;
         let refused = [
             ("design.accuracy", gauge && is_absolute, positions),
@@ -103,25 +115,22 @@ impl Checker<'_> {
             ),
             (
                 "design.accuracy",
-                distances && !is_absolute,
+                length.is_some() && !is_absolute,
                 "is not \"absolute\"",
             ),
             (
                 "station",
-                distances && file.station.is_empty(),
-                "is missing: where distances are read from",
+                length.is_some() && file.station.is_empty(),
+                &from,
             ),
         ];
         if let Some((key, _, problem)) = refused.into_iter().find(|(_, is_wrong, _)| *is_wrong) {
-            let beside = match (&table.gauge, &table.distance) {
-                (_, Some(_)) => " with instrument.distance",
-                (Some(_), _) => " with a gauge",
-                _ => "",
+            let beside = match (&table.gauge, beside) {
+                (_, Some(kind)) => format!(" with instrument.{}", kind.name()),
+                (Some(_), _) => " with a gauge".to_owned(),
+                _ => String::new(),
             };
-            let problem = format!(
-                "{problem}, and instrument.reads is {:?}{beside}",
-                reads.word()
-            );
+            let problem = format!("{problem}, and instrument.reads is {word:?}{beside}");
             return Err(self.wrong(key, problem));
         }
         Ok(())
@@ -158,10 +167,12 @@ impl Checker<'_> {
 /// Why an uncertainty of a kind is not of what reads, a gauge or not; nothing where it is.
 pub(super) fn other_instrument(
     table: &UncertaintyTable,
-    reads_along: ReadsAlong,
+    instrument: &Instrument,
 ) -> Option<&'static str> {
     use ReadsAlong::{Always, Never};
     use UncertaintyKind as Kind;
+    let reads_along = instrument.reads_along();
+    let length = instrument.length_alone();
     match table.kind {
         Kind::GaugeDirection if reads_along == Never => {
             Some("is of a gauge, and instrument.reads is not \"displacement\"")
@@ -169,6 +180,9 @@ pub(super) fn other_instrument(
         Kind::TrackerRange if reads_along == Always => {
             Some("is of an instrument with a frame, and instrument.reads is \"displacement\"")
         }
+        Kind::TrackerRange if length.is_some_and(|kind| !kind.is_sighted()) => Some(
+            "is of an instrument that reads along a line of sight, and instrument.reads is none",
+        ),
         Kind::BaseRotation if reads_along != Never => Some(
             "is of an instrument with a frame, and a gauge reads, alone or beside one, along the directions of the world",
         ),

@@ -8,8 +8,9 @@ use super::Checker;
 use super::certificate::NOISE;
 use crate::files::FileError;
 use crate::mujoco::Model;
+use crate::observation::LengthKind;
 use crate::quantities::plausible::SIZE;
-use crate::scenario::file::{File, InstrumentReads};
+use crate::scenario::file::File;
 use crate::task::{Gauge, Instrument};
 
 impl Checker<'_> {
@@ -31,13 +32,16 @@ impl Checker<'_> {
         }
         let factor = table.sigma_of.deflection_factor();
         let rotation_sigma_rad = self.deviation("instrument", &given, rotation)?;
-        let reads_distances = table.reads == InstrumentReads::Distance;
+        let length = LengthKind::named(table.reads.into());
+        let mut by_length = [None; LengthKind::ALL.len()];
+        for (kind, shows) in LengthKind::ALL.into_iter().zip(&mut by_length) {
+            let beside = self.length_beside(file, kind)?;
+            *shows = beside.or(gauge.filter(|_| length == Some(kind)));
+        }
         let mut instrument = Instrument {
             sigma_m: sigma_m * factor,
-            gauge: gauge.filter(|_| !reads_distances),
-            distance: self
-                .distance_beside(file)?
-                .or(gauge.filter(|_| reads_distances)),
+            gauge: gauge.filter(|_| length.is_none()),
+            by_length,
             rotation_sigma_rad: rotation_sigma_rad.map(|each| each * factor),
             tracker_site,
             unloaded: table.unloaded,
@@ -47,12 +51,12 @@ impl Checker<'_> {
         Ok(instrument)
     }
 
-    /// What reads distances beside a tracker.
-    fn distance_beside(&self, file: &File) -> Result<Option<Gauge>, FileError> {
-        let key = "instrument.distance";
-        let Some(table) = &file.instrument.distance else {
+    /// What reads lengths of a kind beside a tracker.
+    fn length_beside(&self, file: &File, kind: LengthKind) -> Result<Option<Gauge>, FileError> {
+        let Some(table) = file.instrument.length(kind) else {
             return Ok(None);
         };
+        let key = &format!("instrument.{}", kind.name());
         let given = Table::try_from(table).unwrap_or_default();
         self.certificate_is_used(key, &given, &NOISE[..1])?;
         let sigma_m = self

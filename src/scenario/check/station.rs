@@ -5,9 +5,10 @@ use nalgebra::{Point3, Vector3};
 use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::{Model, Shape, State};
+use crate::observation::LengthKind;
 use crate::quantities::limits::MOST_NAMED;
 use crate::quantities::plausible::{INCIDENCE, SIZE};
-use crate::scenario::file::{File, StationReads, StationTable};
+use crate::scenario::file::{File, StationTable};
 use crate::task::{AccuracyKind, Instrument, Station};
 
 impl Checker<'_> {
@@ -40,47 +41,62 @@ impl Checker<'_> {
             let incidence_deg = self.optional(&incidence, table.incidence_max_deg, &INCIDENCE)?;
             Ok(Station {
                 name: table.name.clone(),
-                reads_distances: self.reads_distances(key, table, instrument)?,
+                reads: self.length_from(key, table, instrument)?,
                 position_m,
                 range_m: self.lengths(&format!("{key}.range"), range_mm, &SIZE)?,
                 incidence_max_rad: incidence_deg.map(f64::to_radians),
             })
         })?;
-        if file.instrument.distance.is_some() && !stations.iter().any(|each| each.reads_distances) {
-            let problem = "is given, and distances are read from no [[station]]";
-            let wrong = self.wrong("instrument.distance", problem);
-            return Err(wrong.hint("give those of a bar or a wire reads = \"distance\""));
+        for kind in LengthKind::ALL {
+            let name = kind.name();
+            let is_read = stations.iter().any(|each| each.reads == Some(kind));
+            if file.instrument.length(kind).is_some() && !is_read {
+                let problem = format!("is given, and {name}s are read from no [[station]]");
+                let wrong = self.wrong(&format!("instrument.{name}"), problem);
+                return Err(wrong.hint(format!("give those of what reads them reads = {name:?}")));
+            }
         }
         Ok(stations)
     }
 
-    /// Whether distances are read from a station: where it says so, or where the instrument reads nothing else.
-    fn reads_distances(
+    /// The lengths that are read from a station: where it says so, or where the instrument reads nothing else.
+    fn length_from(
         &self,
         key: &str,
         table: &StationTable,
         instrument: &Instrument,
-    ) -> Result<bool, FileError> {
-        use StationReads::{Distance, Position};
-        let wrong = |name: &str, problem: &str| self.wrong(&format!("{key}.{name}"), problem);
-        match table.reads {
-            Some(Distance) if instrument.distance.is_none() => {
-                let problem = "is \"distance\", and nothing says how precise distances are";
-                let hint = "give the table [instrument.distance] beside a tracker, or instrument.reads = \"distance\"";
-                Err(wrong("reads", problem).hint(hint))
-            }
-            Some(Position) if !instrument.reads_positions() => {
-                let problem = "is \"position\", and instrument.reads is \"distance\"";
-                let hint = "give a tracker's [instrument], and [instrument.distance] for distances beside it";
-                Err(wrong("reads", problem).hint(hint))
-            }
-            Some(Distance) if table.range_max_mm.is_none() => {
-                let problem = "is missing: how far what reads distances reaches";
-                Err(wrong("range_max_mm", problem))
-            }
-            Some(reads) => Ok(reads == Distance),
-            None => Ok(!instrument.reads_positions()),
+    ) -> Result<Option<LengthKind>, FileError> {
+        let wrong = |name: &str, problem: String| self.wrong(&format!("{key}.{name}"), problem);
+        let alone = instrument.length_alone();
+        let Some(reads) = table.reads else {
+            return Ok(alone);
+        };
+        let length = LengthKind::named(reads.into());
+        let Some(kind) = length else {
+            return match alone.map(LengthKind::name) {
+                None => Ok(None),
+                Some(name) => {
+                    let problem = format!("is \"position\", and instrument.reads is {name:?}");
+                    let hint = format!(
+                        "give a tracker's [instrument], and [instrument.{name}] for {name}s beside it"
+                    );
+                    Err(wrong("reads", problem).hint(hint))
+                }
+            };
+        };
+        let name = kind.name();
+        if instrument.shows_length(kind).is_none() {
+            let problem = format!("is {name:?}, and nothing says how precise {name}s are");
+            let hint = format!(
+                "give the table [instrument.{name}] beside a tracker, or instrument.reads = {name:?}"
+            );
+            return Err(wrong("reads", problem).hint(hint));
         }
+        if table.range_max_mm.is_none() {
+            let problem = format!("is missing: how far what reads {name}s reaches");
+            return Err(wrong("range_max_mm", problem));
+        }
+        Ok(length)
     }
 }
 

@@ -27,6 +27,7 @@ use crate::files::{FileError, output::Output};
 use crate::laboratory::Costs;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::absolute_plan::ReadingsRunMessage;
+use crate::record::length::LengthField;
 use crate::record::messages::{
     IdentificationMessage, MeasurementMessage, ProvenanceMessage, TestPoseMessage, thousandfold,
 };
@@ -96,14 +97,15 @@ struct ReadingRecord<'a> {
     target: Option<&'a str>,
     /// Where the instrument stands.
     station: Option<&'a str>,
-    /// The position that was read (mm), in the instrument's frame; null of distances.
+    /// The position that was read (mm), in the instrument's frame; null of lengths.
     position_mm: Option<[f64; 3]>,
-    /// The distance that was read (mm), of distances.
-    distance_mm: Option<f64>,
-    /// Read less predicted position (mm), in the instrument's frame; null of distances.
+    /// The length that was read, of lengths.
+    #[serde(flatten)]
+    length: LengthField,
+    /// Read less predicted position (mm), in the instrument's frame; null of lengths.
     residual_mm: Option<[f64; 3]>,
-    /// Read less predicted distance (mm), of distances.
-    distance_residual_mm: Option<f64>,
+    /// Read less predicted length (mm), of lengths.
+    length_residual_mm: Option<f64>,
 }
 
 /// What compensation with these results achieves at a test pose.
@@ -435,9 +437,9 @@ fn reading_record<'a>(
     as_read: impl Fn(Option<[f64; 3]>) -> (Option<[f64; 3]>, Option<f64>),
 ) -> ReadingRecord<'a> {
     let reading = &record.readings[index];
-    let (position_mm, distance_mm) = as_read(Some(thousandfold(&reading.position_m)));
+    let (position_mm, _) = as_read(Some(thousandfold(&reading.position_m)));
     let residual_mm = record.identification.residuals_mm.get(index).copied();
-    let (residual_mm, distance_residual_mm) = as_read(residual_mm);
+    let (residual_mm, length_residual_mm) = as_read(residual_mm);
     ReadingRecord {
         calibration: &record.name,
         row: *row,
@@ -445,9 +447,9 @@ fn reading_record<'a>(
         target: reading.target.as_deref(),
         station: reading.station.as_deref(),
         position_mm,
-        distance_mm,
+        length: LengthField(reading.length),
         residual_mm,
-        distance_residual_mm,
+        length_residual_mm,
     }
 }
 

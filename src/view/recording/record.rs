@@ -139,7 +139,7 @@ impl PlanRecord {
         vectors.into_iter().filter_map(shown).collect()
     }
 
-    /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a distance its length.
+    /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a length that.
     pub fn as_read(
         &self,
         index: usize,
@@ -155,8 +155,8 @@ impl PlanRecord {
                 direction.map(|along| Vector3::from(along).dot(&Vector3::from(vector_mm)))
             }
             Self::Readings(record) => {
-                let distance = record.readings.get(index).and_then(|each| each.distance_m);
-                distance.map(|_| vector_mm[0])
+                let length = record.readings.get(index).and_then(|each| each.length);
+                length.map(|_| vector_mm[0])
             }
         };
         Some(match along {

@@ -8,6 +8,7 @@ use super::{
     sources, verdict_card,
 };
 use crate::calibration::rms_m;
+use crate::observation::LengthKind;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
@@ -208,23 +209,30 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
 /// The stills, and the plan as a table.
 fn readings(shown: &AbsolutePageRecord<'_>) -> String {
     let own = &shown.page.scenario.task.belief.calibration_tool.name;
-    let lengths = (shown.plan.plan.iter()).any(|reading| reading.distance_mm.is_some());
+    let is_read = |kind: &LengthKind| {
+        let mut lengths = shown
+            .plan
+            .plan
+            .iter()
+            .filter_map(|reading| reading.length.0);
+        lengths.any(|length| length.kind == *kind)
+    };
+    let kinds: Vec<LengthKind> = LengthKind::ALL.into_iter().filter(is_read).collect();
     let rows = (shown.plan.plan.iter().enumerate()).map(|(index, reading)| {
         let mut row = plan_row(index, &reading.q_deg, reading.wrench.as_ref());
         row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
         row.push(reading.station.clone().unwrap_or_else(dash));
         row.push(reading.repeats.to_string());
-        let length = (reading.distance_mm).map_or_else(dash, |length| format!("{length:.3}"));
-        row.extend(lengths.then_some(length));
+        row.extend(kinds.iter().map(|&kind| {
+            let length = reading.length.0.filter(|length| length.kind == kind);
+            length.map_or_else(dash, |length| format!("{:.3}", length.length_m * 1e3))
+        }));
         row
     });
-    let own = if lengths {
-        "row | reflector | station | times | distance [mm]"
-    } else {
-        "row | reflector | station | times"
-    };
+    let columns = kinds.iter().map(|kind| format!(" | {} [mm]", kind.name()));
+    let own = "row | reflector | station | times".to_owned() + &columns.collect::<String>();
     let same = shown.run.map_or("--plan-out writes", |_| "plan.csv has");
-    plan_table(&shown.page, same, own, rows)
+    plan_table(&shown.page, same, &own, rows)
 }
 
 /// All unknowns, with how well each is known afterwards.

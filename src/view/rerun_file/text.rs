@@ -27,7 +27,7 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
             let shown: Vec<_> = shown.collect();
             let direction = record.direction(number - 1);
             let along = direction.map_or_else(
-                || "distance".to_owned(),
+                || "length".to_owned(),
                 |along| format!("along {}", listed(along, 4)),
             );
             let is_along = shown.iter().any(|each| each.along_mm.is_some());

@@ -1,4 +1,4 @@
-//! Distances among absolute readings: from points, which have no axes, and with errors of one coordinate that visits share.
+//! Lengths among absolute readings: from stations that do not show all coordinates, and with errors of one coordinate that visits share.
 
 use nalgebra::{Isometry3, Translation3};
 
@@ -7,24 +7,25 @@ use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError};
 use crate::experiment::{is_one_configuration, together};
 use crate::measurement::AbsoluteReading;
-use crate::observation::{ReadingErrors, ReadingKind, SharedErrors, SharingReadings};
+use crate::observation::{LengthKind, ReadingErrors, SharedErrors, SharingReadings};
 use crate::task::station_named;
 
 impl AbsoluteCase<'_> {
-    /// Where a station is begun with: where the robot's own world is; the point of one that distances are read from, where the planner's
-    /// model has it, with the axes of the robot's base.
+    /// Where a station is begun with: where the robot's own world is; one that lengths are read from where the planner's model has it,
+    /// with the axes of the robot's base.
     pub(super) fn placed_frame(&self, station: usize) -> Isometry3<f64> {
         let name = self.stations[station].as_deref();
-        match station_named(&self.belief.stations, name).filter(|_| self.is_point(station)) {
+        match station_named(&self.belief.stations, name).filter(|place| place.reads.is_some()) {
             Some(place) => Translation3::from(-place.position_m).into(),
             None => Isometry3::identity(),
         }
     }
 
-    /// Frames with points where they are begun with: closed forms are of positions.
-    pub(super) fn beside_points(&self, mut frames: MountedFrames) -> MountedFrames {
+    /// Frames with those of lengths where they are begun with: closed forms are of positions.
+    pub(super) fn beside_lengths(&self, mut frames: MountedFrames) -> MountedFrames {
         let stations = frames.instrument_from_base.iter_mut().enumerate();
-        for (station, frame) in stations.filter(|(station, _)| self.is_point(*station)) {
+        for (station, frame) in stations.filter(|(station, _)| self.length_from(*station).is_some())
+        {
             *frame = self.arm.instrument_from_base[station];
         }
         frames
@@ -37,69 +38,77 @@ impl AbsoluteCase<'_> {
         reading: &AbsoluteReading,
     ) -> Result<(), AbsoluteError> {
         let name = reading.station.as_deref();
-        let is_distance = reading.distance_m.is_some();
-        match station_named(&self.belief.stations, name) {
-            None if is_distance => {
+        let kind = reading.length.map(|read| read.kind);
+        match (station_named(&self.belief.stations, name), kind) {
+            (None, Some(kind)) => {
                 let named = |name: &str| format!("station {name:?}");
                 let from = name.map_or_else(|| "no station".to_owned(), named);
-                Err(AbsoluteError::NoPlace(from))
+                Err(AbsoluteError::NoPlace(kind.name(), from))
             }
-            Some(station) if station.reads_distances != is_distance => {
-                Err(AbsoluteError::OtherKind {
-                    reading: index + 1,
-                    is: if is_distance {
-                        "a distance"
-                    } else {
-                        "a position"
-                    },
-                    station: station.name.clone(),
-                })
-            }
+            (Some(station), _) if station.reads != kind => Err(AbsoluteError::OtherKind {
+                reading: index + 1,
+                is: kind.map_or("position", LengthKind::name),
+                station: station.name.clone(),
+            }),
             _ => Ok(()),
         }
     }
 
-    pub(super) fn is_distance(&self, place: usize) -> bool {
-        self.observations[place].reading.kind() == ReadingKind::Distance
+    /// The lengths that are read from a station; none where positions or poses are.
+    pub fn length_from(&self, station: usize) -> Option<LengthKind> {
+        let name = self.stations[station].as_deref();
+        station_named(&self.belief.stations, name)?.reads
+    }
+
+    pub(super) fn is_length(&self, place: usize) -> bool {
+        self.observations[place].reading.kind().length().is_some()
     }
 
     /// The readings of positions and poses, by their places.
     pub fn positions(&self) -> Vec<usize> {
         let places = 0..self.observations.len();
-        places.filter(|&place| !self.is_distance(place)).collect()
+        places.filter(|&place| !self.is_length(place)).collect()
     }
 
     /// The same with these alone.
     pub(super) fn of_positions(&self) -> Self {
-        self.part_of(|place| !self.is_distance(place))
+        self.part_of(|place| !self.is_length(place))
     }
 
-    /// The stations in whose frames a place may count: those with axes, and points where there are no others.
+    /// The stations in whose frames a place may count: those that positions are read from, and those of lengths where there are no others.
     pub fn framing_stations(&self) -> Vec<usize> {
         let all = 0..self.stations.len();
-        let (points, framing): (Vec<usize>, Vec<usize>) =
-            all.partition(|&station| self.is_point(station));
-        if framing.is_empty() { points } else { framing }
+        let (of_lengths, framing): (Vec<usize>, Vec<usize>) =
+            all.partition(|&station| self.length_from(station).is_some());
+        if framing.is_empty() {
+            of_lengths
+        } else {
+            framing
+        }
     }
 
-    /// Whether distances alone are read from a station: its axes show in none of them.
-    pub fn is_point(&self, station: usize) -> bool {
-        let mut readings = (self.observations.iter()).filter(|each| each.setup.station == station);
-        readings.all(|each| each.reading.kind() == ReadingKind::Distance)
+    /// Whether lengths are read.
+    pub fn reads_lengths(&self) -> bool {
+        (0..self.observations.len()).any(|place| self.is_length(place))
     }
 
-    /// Whether distances are read.
-    pub fn reads_distances(&self) -> bool {
-        let mut readings = self.observations.iter();
-        readings.any(|each| each.reading.kind() == ReadingKind::Distance)
+    /// What lengths are read, in words; nothing where none are.
+    pub fn lengths_in_words(&self) -> Option<String> {
+        let read = |kind: &LengthKind| {
+            let mut readings = self.observations.iter();
+            readings.any(|each| each.reading.kind().length() == Some(*kind))
+        };
+        let names = LengthKind::ALL.into_iter().filter(read);
+        let names: Vec<String> = names.map(|kind| format!("{}s", kind.name())).collect();
+        (!names.is_empty()).then(|| names.join(" and "))
     }
 
-    /// The same where distances, and what is read beside them, are weighed by what the planner's model says of their errors: what is new in
+    /// The same where lengths, and what is read beside them, are weighed by what the planner's model says of their errors: what is new in
     /// each, and what readings of one visit, or of one configuration, share, seen in the frames that the case has. What is shared is not
     /// found from their residuals.
     #[must_use]
     pub fn counting_sources(mut self) -> Self {
-        if !self.reads_distances() {
+        if !self.reads_lengths() {
             return self;
         }
         let belief = self.belief;
@@ -107,7 +116,7 @@ impl AbsoluteCase<'_> {
             let setup = &self.observations[place].setup;
             let sources = belief.uncertain.sources();
             let errors = self.disturbed(place, &setup.load, sources.map(|(_, source)| source));
-            if self.is_distance(place) {
+            if self.is_length(place) {
                 return errors;
             }
             errors.turned(&self.arm.instrument_from_base[setup.station].rotation)

@@ -1,10 +1,10 @@
-//! Plans of distances, as ballbars and wire encoders read them from a station's point to a target.
+//! Plans of lengths, as ballbars and wire encoders read them from stations.
 
-use nalgebra::{DVector, Isometry3, Matrix6xX, Vector3};
+use nalgebra::{DVector, Isometry3, Matrix6xX, Translation3, UnitQuaternion, Vector3};
 
 use super::AbsolutePlanning;
-use crate::observation::{ObservationModel, ReadingKind};
-use crate::parameter::ParameterSet;
+use crate::observation::{ObservationModel, ReadLength};
+use crate::parameter::{ParameterKind, ParameterSet};
 use crate::robot::{EquilibriumSolver, Load, Tool};
 use crate::task::{Station, Task};
 
@@ -15,32 +15,44 @@ const MOST_STEPS: usize = 40;
 const LONGEST: f64 = 0.3;
 
 impl AbsolutePlanning<'_> {
-    /// Where the stations are believed to be from which distances alone are read (m, in the robot's base frame); none for others.
-    pub fn points(&self) -> impl Iterator<Item = Option<Vector3<f64>>> {
-        let frames = self.case.arm.instrument_from_base.iter().enumerate();
-        let place = |frame: &Isometry3<f64>| -frame.translation.vector;
-        frames.map(move |(station, frame)| self.case.is_point(station).then(|| place(frame)))
+    /// The frames of the stations that lengths are read from, as far as these show them, in a run where they are off by a share of what
+    /// others are that may be anywhere; those others themselves.
+    pub fn frames_of_run(&self, anywhere: Vec<Isometry3<f64>>, share: f64) -> Vec<Isometry3<f64>> {
+        let mut frames = anywhere;
+        for (station, frame) in frames.iter_mut().enumerate() {
+            let Some(length) = self.case.length_from(station) else {
+                continue;
+            };
+            let off = [frame.translation.vector, frame.rotation.scaled_axis()];
+            let kinds = ParameterKind::of_base(station);
+            let [moved_m, turned_rad] = [0, 1].map(|which| {
+                let shown = |axis: usize| f64::from(length.shows(kinds[which][axis]));
+                Vector3::from_fn(|axis, _| off[which][axis] * share * shown(axis))
+            });
+            let believed = &self.case.arm.instrument_from_base[station];
+            let moved = Translation3::from(moved_m + believed.translation.vector);
+            *frame = Isometry3::from_parts(moved, UnitQuaternion::new(turned_rad));
+        }
+        frames
     }
 
-    /// How far the nominal robot has a candidate's target from the point of its station at rest (m), where that is read.
-    pub fn distance_m(&self, place: usize) -> Option<f64> {
+    /// What the nominal robot has a candidate's length be at rest, where one is read.
+    pub fn length(&self, place: usize) -> Option<ReadLength> {
         let each = &self.case.observations[place];
         let kind = each.reading.kind();
         let nothing = ParameterSet::empty();
         let mut model = ObservationModel::new(&nothing, &self.case.arm, &[]);
         let mut ignored = Matrix6xX::zeros(0);
         let found = model.predict(&each.setup, kind, &mut ignored);
-        (found.ok().filter(|_| kind == ReadingKind::Distance)).map(|found| found.position_m.x)
-    }
-
-    /// Whether a candidate is a distance.
-    pub fn is_distance(&self, place: usize) -> bool {
-        self.setup(place).1 == ReadingKind::Distance
+        Some(ReadLength {
+            kind: kind.length()?,
+            length_m: found.ok()?.position_m.x,
+        })
     }
 }
 
 /// A configuration (rad), by the shortest way to first order, in which the unloaded robot has a target where a station reads its
-/// distance; itself where no distances are read.
+/// length; itself where no lengths are read.
 pub(super) fn in_range(
     task: &Task,
     target: &Tool,
@@ -48,7 +60,8 @@ pub(super) fn in_range(
     mut q: DVector<f64>,
 ) -> DVector<f64> {
     let belief = &task.belief;
-    let Some(station) = station.filter(|station| station.reads_distances) else {
+    let Some((station, length)) = station.and_then(|station| Some((station, station.reads?)))
+    else {
         return q;
     };
     let [least, most] = [
@@ -72,17 +85,13 @@ pub(super) fn in_range(
         }
         let state = solver.state();
         let apart_m = state.tool_position - station.position_m;
-        let missing = apart_m.norm().clamp(least + spare, most - spare) - apart_m.norm();
+        let (length_m, gradient) = length.row(&apart_m);
+        let missing = length_m.clamp(least + spare, most - spare) - length_m;
         if missing == 0.0 {
             break;
         }
         let along: Vec<(usize, f64)> = (belief.nominal.chain.commanded())
-            .map(|joint| {
-                (
-                    joint,
-                    state.position_column(joint).dot(&apart_m.normalize()),
-                )
-            })
+            .map(|joint| (joint, state.position_column(joint).dot(&gradient)))
             .collect();
         let square: f64 = along.iter().map(|(_, slope)| slope * slope).sum();
         for (joint, slope) in along {
