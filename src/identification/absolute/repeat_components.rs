@@ -12,6 +12,7 @@
 //! [`mixed`](super::mixed). With the expected information I, the effective degrees of freedom of a variance are 2 v^2 (I / var v).
 
 use std::collections::BTreeMap;
+use std::iter;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::Serialize;
@@ -131,7 +132,6 @@ impl AbsoluteCase<'_> {
             return None;
         }
         let (classes, variances, information) = components(&contrasts, joints.len(), within > 0)?;
-        let first = usize::from(within > 0);
         let errors = Cholesky::new(information)?.inverse();
         let chain = &self.arm.chain.joints;
         let component = |level, joints: Vec<usize>, place: usize| {
@@ -164,7 +164,7 @@ impl AbsoluteCase<'_> {
         }
         for (class, own) in classes.iter().enumerate() {
             let own = own.iter().map(|&joint| joints[joint]).collect();
-            let found = component("visit", own, first + class);
+            let found = component("visit", own, 1 + class);
             if found.names.len() > 1 {
                 let names = found.names.join(", ");
                 let told = "repeats at poses where they move the target otherwise, or more repeats, would tell";
@@ -185,7 +185,7 @@ impl AbsoluteCase<'_> {
             for (class, own) in classes.iter().enumerate() {
                 for &joint in own {
                     let column = moved.column(joint);
-                    covariance += column * column.transpose() * variances[first + class];
+                    covariance += column * column.transpose() * variances[1 + class];
                 }
             }
             Some(PoseReturn {
@@ -263,8 +263,7 @@ fn about_mean(
     (mean, of)
 }
 
-/// Which joints have a variance in common; that of the readings, where it is estimated, then those of these classes, and their expected
-/// information.
+/// Which joints have a variance in common; that of the readings, then those of these classes, and their expected information.
 fn components(
     contrasts: &[Contrasts],
     joints: usize,
@@ -285,7 +284,6 @@ fn components(
     } else {
         moving.into_iter().map(|joint| vec![joint]).collect()
     };
-    let first = usize::from(is_reading_estimated);
     loop {
         let model = ReturnModel {
             contrasts,
@@ -304,7 +302,7 @@ fn components(
             let size = information[(one, one)] * information[(other, other)];
             information[(one, other)] / size.sqrt()
         };
-        let all = first..variances.len();
+        let all = 1..variances.len();
         // The two that are told apart worst become one.
         let pairs = (all.clone().filter(is_inflated))
             .flat_map(|one| all.clone().map(move |other| (one, other)))
@@ -313,8 +311,8 @@ fn components(
         let Some((one, other)) = worst else {
             return Some((classes, variances, information));
         };
-        let joined = classes.remove(one.max(other) - first);
-        let class = &mut classes[one.min(other) - first];
+        let joined = classes.remove(one.max(other) - 1);
+        let class = &mut classes[one.min(other) - 1];
         class.extend(joined);
         class.sort_unstable();
     }
@@ -330,12 +328,11 @@ struct ReturnModel<'a> {
 impl ReturnModel<'_> {
     /// How each variance moves the covariance of a contrast.
     fn parts(&self, of: &Contrasts) -> Vec<DMatrix<f64>> {
-        let own = self.is_reading_estimated.then(|| of.own.clone());
         let returns = self.classes.iter().map(|class| {
             let moved = of.joints.select_columns(class);
             &moved * moved.transpose()
         });
-        own.into_iter().chain(returns).collect()
+        iter::once(of.own.clone()).chain(returns).collect()
     }
 
     /// The likeliest variances: from half of what contrasts scatter on.
@@ -345,11 +342,9 @@ impl ReturnModel<'_> {
             square += each.scatter.trace();
             moved += each.count * each.joints.norm_squared();
         }
-        let mut variances =
-            vec![0.5 * square / f64::max(moved, f64::MIN_POSITIVE); self.classes.len()];
-        if self.is_reading_estimated {
-            variances.insert(0, 1.0);
-        }
+        let returns = 0.5 * square / f64::max(moved, f64::MIN_POSITIVE);
+        let mut variances = vec![returns; 1 + self.classes.len()];
+        variances[0] = 1.0;
         for _ in 0..ROUNDS {
             let (next, _) = self.improved(&variances)?;
             let change = next.iter().zip(&variances).map(|(next, before)| {
@@ -371,14 +366,8 @@ impl ReturnModel<'_> {
         let mut information = DMatrix::zeros(count, count);
         for each in self.contrasts {
             let parts = self.parts(each);
-            let mut covariance = if self.is_reading_estimated {
-                DMatrix::zeros(each.own.nrows(), each.own.nrows())
-            } else {
-                each.own.clone()
-            };
-            for (part, variance) in parts.iter().zip(variances) {
-                covariance += part * *variance;
-            }
+            let all = parts.iter().zip(variances);
+            let covariance: DMatrix<f64> = all.map(|(part, variance)| part * *variance).sum();
             let weight = Cholesky::new(covariance)?.inverse();
             let weighed: Vec<DMatrix<f64>> = parts.iter().map(|part| &weight * part).collect();
             let scatter = &weight * &each.scatter;
@@ -390,13 +379,18 @@ impl ReturnModel<'_> {
                 }
             }
         }
-        let improved = variances
-            .iter()
-            .zip(&sums)
-            .map(|(variance, [square, expected])| {
-                variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
-            });
-        Some((improved.collect(), information))
+        let improved = variances.iter().zip(&sums);
+        let improved = improved.map(|(variance, [square, expected])| {
+            variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
+        });
+        let mut improved: Vec<f64> = improved.collect();
+        if !self.is_reading_estimated {
+            improved[0] = 1.0;
+            information.row_mut(0).fill(0.0);
+            information.column_mut(0).fill(0.0);
+            information[(0, 0)] = 1.0;
+        }
+        Some((improved, information))
     }
 }
 

@@ -40,7 +40,7 @@ pub struct ReadingRows {
 }
 
 /// What a column is a multiple of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy)]
 pub(super) enum Base {
     Moved(usize),
     Bent(usize),
@@ -112,19 +112,6 @@ impl Projected {
             projected.add(&(fitted * combinations));
         }
         projected
-    }
-
-    /// What the directions and what is left see of a base in each reading (r + 1 x N).
-    pub fn seen(&self, looked: &LookedAt, base: Base) -> DMatrix<f64> {
-        let (readings, count) = (&looked.readings, self.directions.nrows());
-        let mut seen = DMatrix::zeros(count + 1, readings.len());
-        for (index, (each, mut seen)) in readings.iter().zip(seen.column_iter_mut()).enumerate() {
-            let (own, rows) = (base.of(each), each.count);
-            let among = self.directions.columns(6 * index, rows);
-            (seen.rows_mut(0, count)).gemv(1.0, &among, &own.rows(0, rows), 0.0);
-            seen[count] = own.dot(&self.left.fixed_rows::<6>(6 * index));
-        }
-        seen
     }
 
     /// Takes orthonormal directions (6 N x d) out of what is left.

@@ -80,9 +80,14 @@ impl PoseReadings {
 
     /// The same with a visit more of its pose.
     fn with(self, other: &Self) -> Self {
-        let other = other.turned(&(self.axes.inverse() * other.axes));
+        let mut other = other.turned(&(self.axes.inverse() * other.axes));
         let next = self.visits.last().map_or(0, |last| last + 1);
-        let labels = other.visits.iter().map(|visit| next + visit);
+        other.visits.iter_mut().for_each(|visit| *visit += next);
+        self.above(other)
+    }
+
+    /// The same with other readings below, of the visits that these say.
+    pub(super) fn above(self, other: Self) -> Self {
         Self {
             residual: stack![self.residual; other.residual],
             fixed: stack![self.fixed; other.fixed],
@@ -90,7 +95,7 @@ impl PoseReadings {
             waves: stack![self.waves; other.waves],
             own: stack![self.own, 0; 0, other.own],
             coordinates: [self.coordinates, other.coordinates].concat(),
-            visits: self.visits.into_iter().chain(labels).collect(),
+            visits: [self.visits, other.visits].concat(),
             assumed: [self.assumed, other.assumed].concat(),
             ..self
         }
