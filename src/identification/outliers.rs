@@ -36,8 +36,9 @@ const SHAPINGS: usize = 30;
 const LEAST_SQUARES: usize = 100;
 /// So often readings are looked at to find out where it is.
 const LOOKS: usize = 4;
-/// What is left of a direction of a reading that the fit goes through is rounding.
-const NO_VARIANCE: f64 = 1e-8;
+/// A residual whose variance is a smaller share of its reading's says nothing: the fit goes through that reading (leverage one), and rounding
+/// is what is left.
+pub(super) const NO_VARIANCE: f64 = 1e-8;
 /// Of two readings the one without which the squares are smaller by less is not a thousand times likelier to be the wrong one: 2 ln 1000.
 const AS_LIKELY: f64 = 13.8;
 /// Fits that are made; the first few leave out nearly all.
@@ -366,12 +367,19 @@ fn square_of(
     let (whole, own) = (whole.cholesky()?.l(), own.cholesky()?.l());
     let half = own.solve_lower_triangular(known)?;
     let share = own.solve_lower_triangular(&half.transpose())?;
-    let eigen = SymmetricEigen::new(DMatrix::identity(left.len(), left.len()) - share);
-    let coordinates = (eigen.eigenvectors).tr_mul(&whole.solve_lower_triangular(left)?);
-    let squares = (eigen.eigenvalues.iter().zip(&coordinates))
+    let variance = DMatrix::identity(left.len(), left.len()) - share;
+    let squares = squares_of(&whole.solve_lower_triangular(left)?, variance);
+    Some(squares.iter().sum())
+}
+
+/// The squares of whitened numbers over their variance, in the directions in which a fit leaves any.
+pub(super) fn squares_of(left: &DVector<f64>, variance: DMatrix<f64>) -> Vec<f64> {
+    let eigen = SymmetricEigen::new(variance);
+    let coordinates = eigen.eigenvectors.tr_mul(left);
+    (eigen.eigenvalues.iter().zip(&coordinates))
         .filter(|(variance, _)| **variance > NO_VARIANCE)
-        .map(|(variance, coordinate)| coordinate * coordinate / variance);
-    Some(squares.sum())
+        .map(|(variance, coordinate)| coordinate * coordinate / variance)
+        .collect()
 }
 
 /// The shape of the covariance of vectors, of determinant one, by their directions alone (Tyler 1987): far ones count no more than others.

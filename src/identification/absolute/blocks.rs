@@ -85,7 +85,13 @@ impl AbsoluteCase<'_> {
     /// How many different configurations were read.
     pub fn different(&self) -> usize {
         let q = |reading: usize| &self.observations[reading].setup.commanded_rad;
-        together(self.observations.len(), q, |one, other| q(one) == q(other)).len()
+        let is_alike = |one, other| q(one) == q(other);
+        together(
+            self.observations.len(),
+            |reading| (q(reading), None),
+            is_alike,
+        )
+        .len()
     }
 }
 

@@ -9,7 +9,7 @@ use super::super::fit::{FittedReadings, Haste, ParameterFit, fit_parameters};
 use super::case::whitener;
 use super::visits::LEAST_VISITS;
 use super::{AbsoluteCase, AbsoluteError, ReadingResidual};
-use crate::experiment::{is_one_configuration, together};
+use crate::experiment::together;
 use crate::observation::{SharedErrors, SharingReadings};
 use crate::parameter::{ElasticArm, ParameterSet};
 
@@ -66,13 +66,12 @@ impl AbsoluteCase<'_> {
             return self.visits.clone();
         }
         let setup = |place: usize| &self.observations[place].setup;
-        let q = |place: usize| &setup(place).commanded_rad;
-        let pose = |place: usize| (q(place), setup(place).approach.as_ref());
-        let is_same = |one, other| {
-            setup(one).station == setup(other).station
-                && is_one_configuration(pose(one), pose(other))
-        };
-        together(self.observations.len(), q, is_same)
+        let is_alike = |one, other| setup(one).station == setup(other).station;
+        together(
+            self.observations.len(),
+            |place| setup(place).pose(),
+            is_alike,
+        )
     }
 
     /// A fit with the weights that the readings have, from values (p) that are near.

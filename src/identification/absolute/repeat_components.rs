@@ -20,7 +20,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::residuals::LinearReading;
 use super::{AbsoluteCase, AbsoluteFit};
-use crate::experiment::{is_one_configuration, together};
+use crate::experiment::together;
 use crate::numeric::tolerance::pose_repeatability;
 use crate::quantities::written::from_one;
 
@@ -113,13 +113,10 @@ impl AbsoluteCase<'_> {
             .map(|visit| averaged(&kept, &rows, visit, &mut contrasts))
             .collect();
         let setup = |visit: usize| &kept.observations[visits[visit].first].setup;
-        let is_same = |one: usize, other: usize| {
-            let pose = |visit| (&setup(visit).commanded_rad, setup(visit).approach.as_ref());
-            visits[one].read == visits[other].read
-                && setup(one).load == setup(other).load
-                && is_one_configuration(pose(one), pose(other))
+        let is_alike = |one: usize, other: usize| {
+            visits[one].read == visits[other].read && setup(one).load == setup(other).load
         };
-        let groups = together(visits.len(), |visit| &setup(visit).commanded_rad, is_same);
+        let groups = together(visits.len(), |visit| setup(visit).pose(), is_alike);
         let within = contrasts.len();
         let mut poses = Vec::new();
         for group in groups.iter().filter(|group| group.len() > 1) {

@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion, stack};
 
 use super::{MixedSolution, MixedVariances, PoseReadings};
-use crate::experiment::{is_one_configuration, together};
+use crate::experiment::together;
 use crate::numeric::markov::Between;
 
 /// A visit's equations at some variances: the knots that move it by each joint's error, and the covariance of what they leave.
@@ -209,16 +209,13 @@ impl PoseReadings {
 /// Visits of one command pose together; distances, each along a line of its own, are apart.
 pub(super) fn by_pose(visits: &[PoseReadings]) -> Vec<PoseReadings> {
     let pose = |place: usize| {
-        (
-            &visits[place].commanded_rad,
-            visits[place].approach.as_ref(),
-        )
+        let visit = &visits[place];
+        (&visit.commanded_rad, visit.approach.as_ref())
     };
     let has_axes = |visit: usize| visits[visit].coordinates.len() > 1;
-    let is_same = |one, other| {
-        has_axes(one) && has_axes(other) && is_one_configuration(pose(one), pose(other))
-    };
-    let groups = together(visits.len(), |place| pose(place).0, is_same);
+    let groups = together(visits.len(), pose, |one, other| {
+        has_axes(one) && has_axes(other)
+    });
     let joined = |group: Vec<usize>| {
         let first = visits[group[0]].clone();
         let others = group[1..].iter().map(|&place| &visits[place]);
