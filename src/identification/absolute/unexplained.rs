@@ -133,12 +133,11 @@ impl AbsoluteCase<'_> {
     fn left_of(&self, rows: &[LinearReading], model: &DiscrepancyModel) -> Vec<ReadingResidual> {
         let places: Vec<usize> = (0..model.shift.len()).collect();
         let readings = rows.iter().zip(&self.observations);
-        let prognoses = readings.map(|(rows, each)| {
-            let q = each.setup.commanded_rad.as_slice();
-            let (left, covariance) = model.prognosis(rows, &places, q);
-            model.judged(&left, &covariance, q).left
+        let left = readings.map(|(rows, each)| {
+            let local = model.local(rows, &places, each.setup.commanded_rad.as_slice());
+            ReadingResidual::of_rows(&local.left)
         });
-        prognoses.collect()
+        left.collect()
     }
 
     /// As many visits as tell as much of the parameters where readings are independent as all do with this covariance: by how much smaller the

@@ -209,15 +209,11 @@ fn corrected(
     for each in &mut all {
         error.correct_commands(&mut each.configuration_rad);
         if let Correction::Deflection(change) = &error.change {
-            let q = each.configuration_rad.as_slice();
-            let axes = case
-                .belief
-                .nominal
-                .chain
-                .at(&case.belief.calibration_tool)
-                .state(q)
-                .tool_rotation;
-            change(each, &axes);
+            let arm = case.belief.nominal.chain.at(&case.belief.calibration_tool);
+            change(
+                each,
+                &arm.state(each.configuration_rad.as_slice()).tool_rotation,
+            );
         }
     }
     all
