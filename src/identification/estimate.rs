@@ -175,13 +175,12 @@ impl Case<'_> {
         let has_more = !self.belief.uncertain.is_plain();
         let compliances = has_more.then(|| posterior.of_first(joints.len()));
         let compliances = compliances.as_ref().unwrap_or(&posterior);
+        let chain = &self.belief.nominal.chain;
         let parameters = (joints.iter().enumerate())
             .map(|(index, &joint)| ParameterEstimate {
                 joint,
                 name: posterior.names[index].clone(),
-                unit: self.belief.nominal.chain.joints[joint]
-                    .drive
-                    .compliance_unit(),
+                unit: chain.joints[joint].drive.compliance_unit(),
                 estimate: Estimate::of(compliances, index, quantile),
             })
             .collect();
