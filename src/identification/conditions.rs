@@ -33,8 +33,8 @@ pub(crate) fn left_out(rejected: &[RejectedReading], count: usize, noun: &str) -
     Some(told(ConditionCode::Outliers, words, is_many))
 }
 
-/// What is told of residuals that are larger, or smaller, than these standard deviations make them, by the probabilities of as large and of as
-/// small ones. Small ones are a condition where nobody expects them.
+/// What is told of residuals that are larger, or smaller, than these standard deviations make them, by the probabilities of as large and
+/// of as small ones. Small ones are a condition where nobody expects them.
 pub(super) fn inconsistent(
     [larger, smaller]: [Option<f64>; 2],
     deviations: &str,

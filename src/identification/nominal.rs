@@ -46,8 +46,8 @@ fn to_hold(
     held
 }
 
-/// The set of a fit in which such compliances stay nominal, by a covariance of its parameters in their units; none where there are none besides
-/// those that do already.
+/// The set of a fit in which such compliances stay nominal, by a covariance of its parameters in their units; none where there are none
+/// besides those that do already.
 pub(super) fn with_nominal(
     ParameterFit { set, posterior, .. }: &ParameterFit,
     covariance: &DMatrix<f64>,

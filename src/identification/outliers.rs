@@ -36,8 +36,8 @@ const SHAPINGS: usize = 30;
 const LEAST_SQUARES: usize = 100;
 /// So often readings are looked at to find out where it is.
 const LOOKS: usize = 4;
-/// A residual whose variance is a smaller share of its reading's says nothing: the fit goes through that reading (leverage one), and rounding
-/// is what is left.
+/// A residual whose variance is a smaller share of its reading's says nothing: the fit goes through that reading (leverage one), and
+/// rounding is what is left.
 pub(super) const NO_VARIANCE: f64 = 1e-8;
 /// Of two readings the one without which the squares are smaller by less is not a thousand times likelier to be the wrong one: 2 ln 1000.
 const AS_LIKELY: f64 = 13.8;

@@ -283,8 +283,8 @@ impl SeriesEstimates {
         own.max(jackknife(self.changes(place)))
     }
 
-    /// The standard error of a difference as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to one prior, which moves
-    /// the difference by C1 - C2 alone. Summed as squares, so that it is never negative.
+    /// The standard error of a difference as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to
+    /// one prior, which moves the difference by C1 - C2 alone. Summed as squares, so that it is never negative.
     fn weighed(&self, other: &Self, [one, second]: [usize; 2]) -> f64 {
         let [own, others] = [self, other].map(|series| &series.posterior.covariance);
         let mut of_readings = [own[(one, one)], others[(second, second)]];
