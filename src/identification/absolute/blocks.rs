@@ -149,12 +149,8 @@ impl<'a> Blocks<'a> {
             .map(|part| part.fitted_readings(set).equations(&values))
             .collect();
         let equations = equations?;
-        let mut all = DMatrix::zeros(set.len(), set.len());
-        let mut gradient = DVector::zeros(set.len());
-        for each in &equations {
-            all += &each.information;
-            gradient += &each.gradient;
-        }
+        let all: DMatrix<f64> = equations.iter().map(|each| &each.information).sum();
+        let gradient: DVector<f64> = equations.iter().map(|each| &each.gradient).sum();
         (0..self.parts.len())
             .into_par_iter()
             .map(|block| {

@@ -18,6 +18,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::mixed::in_blocks;
 use super::residuals::LinearReading;
 use super::{AbsoluteCase, AbsoluteFit};
 use crate::experiment::together;
@@ -211,31 +212,24 @@ fn averaged(
         let target = targets.entry((setup.station, setup.target));
         target.or_default().push(index);
     }
-    let size = (targets.values())
-        .map(|own| rows[own[0]].residual.len())
-        .sum();
     let joints = rows[visit[0]].joints.ncols();
-    let mut all = AveragedVisit {
-        first: visit[0],
-        read: targets.keys().copied().collect(),
-        residual: DVector::zeros(size),
-        own: DMatrix::zeros(size, size),
-        joints: DMatrix::zeros(size, joints),
-    };
-    let mut at = 0;
+    let (mut residual, mut owns, mut moved) = (Vec::new(), Vec::new(), Vec::new());
     for own in targets.values() {
         let parts = (own.iter()).map(|&index| (&rows[index].residual, &rows[index].own));
         let within = DMatrix::zeros(rows[own[0]].residual.len(), joints);
         let (mean, of_target) = about_mean(&parts.collect::<Vec<_>>(), within);
-        let count = mean.len();
-        all.residual.rows_mut(at, count).copy_from(&mean);
-        (all.own.view_mut((at, at), (count, count)))
-            .copy_from(&(&of_target.own / own.len() as f64));
-        (all.joints.rows_mut(at, count)).copy_from(&rows[own[0]].joints);
-        at += count;
+        residual.extend_from_slice(mean.as_slice());
+        owns.push(&of_target.own / own.len() as f64);
+        moved.extend(rows[own[0]].joints.row_iter());
         contrasts.extend((own.len() > 1).then_some(of_target));
     }
-    all
+    AveragedVisit {
+        first: visit[0],
+        read: targets.keys().copied().collect(),
+        residual: DVector::from_vec(residual),
+        own: in_blocks(owns),
+        joints: DMatrix::from_rows(&moved),
+    }
 }
 
 /// The mean of residuals of one size, each with its own covariance, and what they are about it, which joints move like this.

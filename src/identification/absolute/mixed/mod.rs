@@ -28,6 +28,7 @@ use crate::numeric::markov::{Kernel, KnotBlocks, MarkovProcess, knots_among};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
 use crate::robot::Approach;
+pub(super) use components::in_blocks;
 pub use known::VarianceComponents;
 use pose_readings::{by_pose, sums_of};
 
