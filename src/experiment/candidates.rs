@@ -14,7 +14,7 @@ use crate::csv::{Columns, Row, Sheet, Table, word_field};
 use crate::files::FileError;
 use crate::files::output::write_whole;
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_MEASUREMENTS};
-use crate::robot::{Approach, Commands, Load};
+use crate::robot::{Approach, CommandPose, Commands, Load};
 
 /// How often an experiment is measured, or a candidate may be.
 const REPEATS: &str = "repeats";
@@ -41,6 +41,11 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Its command pose.
+    pub const fn pose(&self) -> CommandPose<'_> {
+        (&self.configuration_rad, self.approach.as_ref())
+    }
+
     /// Its configuration and load as an experiment that is made so often.
     pub fn experiment(&self, repeats: u32) -> Experiment {
         Experiment {

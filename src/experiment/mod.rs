@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DVector, Vector3};
 
-use crate::robot::{Approach, Load};
+use crate::robot::{Approach, CommandPose, Load};
 
 pub use candidates::{Candidate, read_candidates, read_plan, write_candidates, write_plan};
 pub use file::{
@@ -43,12 +43,14 @@ pub struct Plan {
 }
 
 impl Experiment {
+    /// Its command pose.
+    pub const fn pose(&self) -> CommandPose<'_> {
+        (&self.configuration_rad, self.approach.as_ref())
+    }
+
     /// Whether both are made in one [configuration](is_one_configuration), whatever hangs there.
     pub fn stands_as(&self, other: &Self) -> bool {
-        is_one_configuration(
-            (&self.configuration_rad, self.approach.as_ref()),
-            (&other.configuration_rad, other.approach.as_ref()),
-        )
+        is_one_configuration(self.pose(), other.pose())
     }
 }
 
@@ -69,8 +71,8 @@ pub fn is_one_direction(one: Option<&Vector3<f64>>, other: Option<&Vector3<f64>>
 /// Whether these are one configuration, of which deflections may share errors: the same commanded angles (rad), within
 /// [`SAME_CONFIGURATION`], approached from the same side.
 pub fn is_one_configuration(
-    (angles, side): (&DVector<f64>, Option<&Approach>),
-    (others, other_side): (&DVector<f64>, Option<&Approach>),
+    (angles, side): CommandPose<'_>,
+    (others, other_side): CommandPose<'_>,
 ) -> bool {
     let is_near = |(one, other): (&f64, &f64)| (one - other).abs() <= SAME_CONFIGURATION;
     angles.len() == others.len()
@@ -81,15 +83,14 @@ pub fn is_one_configuration(
 /// Configurations that are one differ by less than this (rad) in the mean angle that sorts them.
 const ALIKE_RAD: f64 = 2.0 * SAME_CONFIGURATION;
 
-/// The number of each of so many things: those that are the same have the same. Only those whose configurations (rad) are near are
-/// compared.
+/// The number of each of so many things: those that are [together](together()) have the same.
 pub fn numbered<'a>(
     count: usize,
-    configuration: impl Fn(usize) -> &'a DVector<f64>,
-    is_same: impl Fn(usize, usize) -> bool,
+    pose: impl Fn(usize) -> CommandPose<'a>,
+    is_alike: impl Fn(usize, usize) -> bool,
 ) -> Vec<usize> {
     let mut numbers = vec![0; count];
-    for (number, members) in together(count, configuration, is_same).iter().enumerate() {
+    for (number, members) in together(count, pose, is_alike).iter().enumerate() {
         for &member in members {
             numbers[member] = number;
         }
@@ -97,20 +98,23 @@ pub fn numbered<'a>(
     numbers
 }
 
-/// So many things by their places, those that are the same together, in the order of the first. Only those whose configurations (rad)
-/// are near are compared.
+/// So many things by their places, those of one [configuration](is_one_configuration) that are alike besides together, in the order of the
+/// first. Only those whose angles are near are compared.
 pub fn together<'a>(
     count: usize,
-    configuration: impl Fn(usize) -> &'a DVector<f64>,
-    is_same: impl Fn(usize, usize) -> bool,
+    pose: impl Fn(usize) -> CommandPose<'a>,
+    is_alike: impl Fn(usize, usize) -> bool,
 ) -> Vec<Vec<usize>> {
+    let is_same = |one: usize, other: usize| {
+        is_one_configuration(pose(one), pose(other)) && is_alike(one, other)
+    };
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut near: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
     for index in 0..count {
         // Two means of different weights, lest a grid of angles, or a line, sums up to the same.
         let place = [0.37, -0.59].map(|slope| {
             let (mut total, mut mean_rad) = (0.0, 0.0);
-            for (joint, angle_rad) in configuration(index).iter().enumerate() {
+            for (joint, angle_rad) in pose(index).0.iter().enumerate() {
                 let weight: f64 = 1.0 + slope * joint as f64;
                 total += weight.abs();
                 mean_rad += weight * angle_rad;
@@ -145,11 +149,7 @@ impl Plan {
     /// The places of its experiments, those of one configuration together, in the order of the first.
     pub fn by_configuration(&self) -> Vec<Vec<usize>> {
         let all = &self.experiments;
-        together(
-            all.len(),
-            |place| &all[place].configuration_rad,
-            |one, other| all[one].stands_as(&all[other]),
-        )
+        together(all.len(), |place| all[place].pose(), |_, _| true)
     }
 
     /// Gives experiments of one configuration the same commanded angles, and makes those under the same load one with

@@ -33,9 +33,27 @@ pub(crate) fn left_out(rejected: &[RejectedReading], count: usize, noun: &str) -
     Some(told(ConditionCode::Outliers, words, is_many))
 }
 
+/// What is told of residuals that are larger, or smaller, than these standard deviations make them, by the probabilities of as large and
+/// of as small ones. Small ones are a condition where nobody expects them.
+pub(super) fn inconsistent(
+    [larger, smaller]: [Option<f64>; 2],
+    deviations: &str,
+    left_and_usual_m: Option<[f64; 2]>,
+    are_expected: bool,
+) -> impl Iterator<Item = Told> {
+    let words = |size: &str, probability: Option<f64>| {
+        let p = p_value(probability.filter(|each| *each < IMPLAUSIBLE)?);
+        Some(format!("residuals too {size} for {deviations}, {p}"))
+    };
+    let large = words("large", larger).map(|words| too_large(&words, left_and_usual_m));
+    let small = words("small", smaller)
+        .map(|words| told(ConditionCode::ResidualsTooSmall, words, !are_expected));
+    large.into_iter().chain(small)
+}
+
 /// What is done about residuals that are too large: what the model leaves and how much robots have it leave (m), where it is counted. A
 /// condition where it is not, or is more.
-pub(super) fn too_large(words: &str, left_and_usual_m: Option<[f64; 2]>) -> Told {
+fn too_large(words: &str, left_and_usual_m: Option<[f64; 2]>) -> Told {
     let is_usual = left_and_usual_m.is_some_and(|[left_m, usual_m]| left_m <= usual_m);
     let done = match left_and_usual_m {
         None => "no model discrepancy in the weights".to_owned(),
@@ -119,23 +137,11 @@ impl Identification {
             let words = "all compliances are uncertain by more than their nominal values";
             all.push(Ok(ConditionCode::AllUncertain.with(words)));
         }
-        let sigma_mm = self.sigma_m * 1e3;
-        if let Some(probability) = self.consistency
-            && probability < IMPLAUSIBLE
-        {
-            let p = p_value(probability);
-            let words = format!("residuals too large for sigma = {sigma_mm:.4} mm, {p}");
-            let left_and_usual_m =
-                (self.discrepancy).map(|[left_m, _]| [left_m, SPRINGS_LEAVE * self.deflection_m]);
-            all.push(too_large(&words, left_and_usual_m));
-        }
-        if let Some(probability) = self.consistency_lower
-            && probability < IMPLAUSIBLE
-        {
-            let p = p_value(probability);
-            let words = format!("residuals too small for sigma = {sigma_mm:.4} mm, {p}");
-            all.push(Ok(ConditionCode::ResidualsTooSmall.with(words)));
-        }
+        let left_and_usual_m =
+            (self.discrepancy).map(|[left_m, _]| [left_m, SPRINGS_LEAVE * self.deflection_m]);
+        let sigma = format!("sigma = {:.4} mm", self.sigma_m * 1e3);
+        let probabilities = [self.consistency, self.consistency_lower];
+        all.extend(inconsistent(probabilities, &sigma, left_and_usual_m, false));
         all
     }
 }

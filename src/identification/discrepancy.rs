@@ -113,7 +113,7 @@ pub(super) fn repeats(measurements: &[Measurement]) -> Vec<[f64; 2]> {
 /// Parts of joint space: the number of the block of each configuration (rad; m where joints slide). The largest block is cut
 /// in halves along the joint that moves furthest in it, until there are `count` or none has two different configurations.
 /// Discrepancy is alike where configurations are; what is judged by other blocks than it was fitted to is judged elsewhere.
-pub fn joint_space_blocks(configurations: &[&DVector<f64>], count: usize) -> Vec<usize> {
+pub(super) fn joint_space_blocks(configurations: &[&DVector<f64>], count: usize) -> Vec<usize> {
     let mut blocks: Vec<Vec<usize>> = vec![(0..configurations.len()).collect()];
     while blocks.len() < count {
         let cut = (blocks.iter().enumerate())

@@ -1,6 +1,6 @@
 //! From measurements to compliances with their uncertainty.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, Vector3};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
@@ -8,7 +8,7 @@ use super::case::{Case, Sigma};
 use super::discrepancy::three_rows;
 use super::equations::rows_of;
 use super::error::IdentificationError;
-use super::fit::{DeflectionFit, FitStart, fit_linear, fit_nonlinear};
+use super::fit::{FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::numeric::quantile::exceeded_with;
@@ -147,7 +147,74 @@ impl Case<'_> {
             Method::Linear => fit_linear(start, self),
             Method::Nonlinear => fit_nonlinear(start, self, near)?,
         };
-        report(self, start, fit)
+        let rank = start.estimable.rank();
+        if rank == 0 {
+            return Err(IdentificationError::NothingObserved);
+        }
+        let equations = fit.whitened_residuals.len();
+        let spare = equations.saturating_sub(rank);
+        let freedom = spare as f64;
+        let sigma_m = self.typical_sigma_m();
+        let sum_of_squares = fit.whitened_residuals.norm_squared();
+        let ratio = (spare > 0).then(|| (sum_of_squares / freedom).sqrt());
+        let factor = match self.sigma {
+            Sigma::Known(_) => 1.0,
+            Sigma::FromResiduals(_) => {
+                ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?
+            }
+        };
+        let quantile = self.sigma.quantile(spare);
+        let joints = &self.belief.parameters;
+        let posterior = Posterior {
+            names: self.belief.unknown_names(),
+            mean: fit.values,
+            covariance: fit.covariance * (factor * factor),
+            estimable: start.estimable.clone(),
+        };
+        // Files hold what is known of the compliances alone: what is told of them is decided there.
+        let has_more = !self.belief.uncertain.is_plain();
+        let compliances = has_more.then(|| posterior.of_first(joints.len()));
+        let compliances = compliances.as_ref().unwrap_or(&posterior);
+        let chain = &self.belief.nominal.chain;
+        let parameters = (joints.iter().enumerate())
+            .map(|(index, &joint)| ParameterEstimate {
+                joint,
+                name: posterior.names[index].clone(),
+                unit: chain.joints[joint].drive.compliance_unit(),
+                estimate: Estimate::of(compliances, index, quantile),
+            })
+            .collect();
+        let mut left = fit.whitened_residuals.rows(0, self.rows()).into_owned();
+        start.whitening.take_off(&mut left);
+        let residuals_m = (self.rows_of_each().zip(self.measurements)).flat_map(|(rows, of)| {
+            let left = three_rows(&left.rows_range(rows).into_owned(), 0);
+            <[f64; 3]>::from(in_room(of, &left))
+        });
+        let chi_square = (spare > 0 && matches!(self.sigma, Sigma::Known(_)))
+            .then(|| ChiSquared::new(freedom).ok())
+            .flatten();
+        let deflections = self.measurements.iter();
+        let coordinates: usize = (deflections.clone()).map(|each| rows_of(each).min(3)).sum();
+        let squares: f64 = (deflections.map(|each| each.deflection_m.norm_squared())).sum();
+        Ok(Identification {
+            method: self.method,
+            parameters,
+            uncertain: Vec::new(),
+            compliance_rad_per_nm: self.belief.compliance_at(&posterior.mean),
+            posterior,
+            sigma_m: sigma_m * factor,
+            residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),
+            consistency: chi_square.map(|chi| chi.sf(sum_of_squares)),
+            consistency_lower: chi_square.map(|chi| chi.cdf(sum_of_squares)),
+            discrepancy: None,
+            deflection_m: (squares / coordinates as f64).sqrt(),
+            stays_nominal: Vec::new(),
+            is_all_weak: false,
+            residuals_m: residuals_m.collect(),
+            rank,
+            condition: fit.condition,
+            iterations: fit.iterations,
+        })
     }
 
     /// What is told of what else is uncertain.
@@ -221,90 +288,6 @@ impl<'a> PreparedCase<'a> {
         let case = self.case.with(measurements);
         case.or_holding(case.identify_from(&self.start, None))
     }
-}
-
-fn report(
-    source: &Case<'_>,
-    start: &FitStart,
-    fit: DeflectionFit,
-) -> Result<Identification, IdentificationError> {
-    let (sigma, method) = (source.sigma, source.method);
-    let rank = start.estimable.rank();
-    if rank == 0 {
-        return Err(IdentificationError::NothingObserved);
-    }
-    let equations = fit.whitened_residuals.len();
-    let spare = equations.saturating_sub(rank);
-    let freedom = spare as f64;
-    let sigma_m = source.typical_sigma_m();
-    let sum_of_squares = fit.whitened_residuals.norm_squared();
-    let ratio = (spare > 0).then(|| (sum_of_squares / freedom).sqrt());
-    let factor = match sigma {
-        Sigma::Known(_) => 1.0,
-        Sigma::FromResiduals(_) => {
-            ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?
-        }
-    };
-    let quantile = sigma.quantile(spare);
-    let joints = &source.belief.parameters;
-    let posterior = Posterior {
-        names: source.belief.unknown_names(),
-        mean: fit.values,
-        covariance: fit.covariance * (factor * factor),
-        estimable: start.estimable.clone(),
-    };
-    // Files hold what is known of the compliances alone: what is told of them is decided there.
-    let has_more = !source.belief.uncertain.is_plain();
-    let compliances = has_more.then(|| posterior.of_first(joints.len()));
-    let compliances = compliances.as_ref().unwrap_or(&posterior);
-    let parameters = (joints.iter().enumerate())
-        .map(|(index, &joint)| ParameterEstimate {
-            joint,
-            name: posterior.names[index].clone(),
-            unit: source.belief.nominal.chain.joints[joint]
-                .drive
-                .compliance_unit(),
-            estimate: Estimate::of(compliances, index, quantile),
-        })
-        .collect();
-    let residuals_m = residuals_m(source, start, &fit.whitened_residuals);
-    let chi_square = (spare > 0 && matches!(sigma, Sigma::Known(_)))
-        .then(|| ChiSquared::new(freedom).ok())
-        .flatten();
-    let deflections = source.measurements.iter();
-    let coordinates: usize = (deflections.clone()).map(|each| rows_of(each).min(3)).sum();
-    let squares: f64 = (deflections.map(|each| each.deflection_m.norm_squared())).sum();
-    Ok(Identification {
-        method,
-        parameters,
-        uncertain: Vec::new(),
-        compliance_rad_per_nm: source.belief.compliance_at(&posterior.mean),
-        posterior,
-        sigma_m: sigma_m * factor,
-        residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),
-        consistency: chi_square.map(|chi| chi.sf(sum_of_squares)),
-        consistency_lower: chi_square.map(|chi| chi.cdf(sum_of_squares)),
-        discrepancy: None,
-        deflection_m: (squares / coordinates as f64).sqrt(),
-        stays_nominal: Vec::new(),
-        is_all_weak: false,
-        residuals_m,
-        rank,
-        condition: fit.condition,
-        iterations: fit.iterations,
-    })
-}
-
-/// The residuals of deflections (m), three for each measurement.
-fn residuals_m(source: &Case<'_>, start: &FitStart, whitened: &DVector<f64>) -> Vec<f64> {
-    let mut residuals = whitened.rows(0, source.rows()).into_owned();
-    start.whitening.take_off(&mut residuals);
-    let all = source.rows_of_each().zip(source.measurements);
-    let all = all.flat_map(|(rows, of)| {
-        let left = three_rows(&residuals.rows_range(rows).into_owned(), 0);
-        <[f64; 3]>::from(in_room(of, &left))
-    });
-    all.collect()
 }
 
 /// What is left of a deflection (m); of a displacement along a direction, which is the first coordinate, in that direction.

@@ -30,11 +30,10 @@ mod whitening;
 
 pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
-    DistanceStatistics, FEWEST_BLOCKS, Inconsistencies, Inconsistency, JointError, LeftOut,
-    ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn,
-    PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
-    RepeatComponents, SQUARE_95, SeriesEstimates, SimulatedReadings, Unexplained,
-    VarianceComponents,
+    DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut, ModelSelection,
+    MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn, PredictedPositions,
+    ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent, RepeatComponents, SQUARE_95,
+    SimulatedReadings, Unexplained, VarianceComponents,
 };
 pub use agreement::SaidEstimate;
 pub use case::{Case, Sigma};
@@ -42,7 +41,7 @@ pub use conditions::impossible_compliance;
 pub(crate) use conditions::{Told, left_out};
 pub use copies::CopiedReadings;
 pub use covariance::covariance_of;
-pub use discrepancy::{ReadingResidual, joint_space_blocks, with_discrepancy};
+pub use discrepancy::{ReadingResidual, with_discrepancy};
 pub use error::IdentificationError;
 pub(crate) use estimate::PreparedCase;
 pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate};

@@ -5,7 +5,7 @@
 
 use nalgebra::DMatrix;
 
-use super::{Case, Identification};
+use super::{Case, Identification, ParameterFit};
 use crate::parameter::{ParameterKind, ParameterSet};
 
 /// A compliance that is uncertain by more of its nominal value than this is not determined, errors of the readings independent ...
@@ -46,11 +46,10 @@ fn to_hold(
     held
 }
 
-/// The set in which such compliances stay nominal; none where there are none besides those that do already. Values and covariance are of the
-/// set, in its units.
+/// The set of a fit in which such compliances stay nominal, by a covariance of its parameters in their units; none where there are none
+/// besides those that do already.
 pub(super) fn with_nominal(
-    set: &ParameterSet,
-    values: &[f64],
+    ParameterFit { set, posterior, .. }: &ParameterFit,
     covariance: &DMatrix<f64>,
     unknown: f64,
 ) -> Option<ParameterSet> {
@@ -63,7 +62,7 @@ pub(super) fn with_nominal(
     let scales = set.scales();
     let held = to_hold(
         free.collect(),
-        values,
+        &posterior.mean,
         covariance,
         scales.as_slice(),
         unknown,

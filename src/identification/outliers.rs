@@ -4,7 +4,7 @@
 //! few readings that are wrong by much, all to one side too, hide neither themselves nor others. Readings within five
 //! standard deviations count fully, those beyond not at all.
 
-use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SymmetricEigen, Vector3};
 use serde_json::{Value, json};
 use statrs::distribution::FisherSnedecor;
 
@@ -36,8 +36,9 @@ const SHAPINGS: usize = 30;
 const LEAST_SQUARES: usize = 100;
 /// So often readings are looked at to find out where it is.
 const LOOKS: usize = 4;
-/// What is left of a direction of a reading that the fit goes through is rounding.
-const NO_VARIANCE: f64 = 1e-8;
+/// A residual whose variance is a smaller share of its reading's says nothing: the fit goes through that reading (leverage one), and
+/// rounding is what is left.
+pub(super) const NO_VARIANCE: f64 = 1e-8;
 /// Of two readings the one without which the squares are smaller by less is not a thousand times likelier to be the wrong one: 2 ln 1000.
 const AS_LIKELY: f64 = 13.8;
 /// Fits that are made; the first few leave out nearly all.
@@ -235,19 +236,13 @@ impl LookedOver<'_> {
             return 0.0;
         };
         let is_rejected = self.rejected.iter().any(|each| each.reading == reading);
+        let (first, size) = (3 * part, (coordinates, coordinates));
         let [own, known] = [&self.weighed[reading], &self.known[reading]]
-            .map(|each| each.fixed_view::<3, 3>(3 * part, 3 * part).into_owned());
+            .map(|all| all.view((first, first), size).into_owned());
         let known = known * if is_rejected { -1.0 } else { 1.0 };
-        if coordinates == 1 {
-            let variance = 1.0 - known[(0, 0)] / own[(0, 0)];
-            let is_left = variance > NO_VARIANCE;
-            return if is_left {
-                left.x * left.x / (whole[(0, 0)] * variance)
-            } else {
-                0.0
-            };
-        }
-        square_of(&left, whole, &own, &known)
+        let whole = whole.view((0, 0), size).into_owned();
+        let left = left.rows(0, coordinates).into_owned();
+        square_of(&left, whole, own, &known).unwrap_or(0.0)
     }
 
     /// What is unexplained of the position (0) or rotation (1) of most readings: a covariance.
@@ -364,30 +359,27 @@ pub(super) fn kept<T: Clone>(all: &[T], rejected: &[RejectedReading]) -> Vec<T> 
 /// What is left of a reading over the covariance of that. Of the reading's own covariance a fit takes up the share `known`; of the whole
 /// one, which counts what is unexplained, it takes up as much.
 fn square_of(
-    left: &Vector3<f64>,
-    whole: &Matrix3<f64>,
-    own: &Matrix3<f64>,
-    known: &Matrix3<f64>,
-) -> f64 {
-    let factors = whole.cholesky().zip(own.cholesky());
-    let Some((whole, own)) = factors.map(|(whole, own)| (whole.l(), own.l())) else {
-        return 0.0;
-    };
-    let (Some(left), Some(half)) = (
-        whole.solve_lower_triangular(left),
-        own.solve_lower_triangular(known),
-    ) else {
-        return 0.0;
-    };
-    let Some(share) = own.solve_lower_triangular(&half.transpose()) else {
-        return 0.0;
-    };
-    let eigen = SymmetricEigen::new(Matrix3::identity() - share);
-    let coordinates = eigen.eigenvectors.tr_mul(&left);
+    left: &DVector<f64>,
+    whole: DMatrix<f64>,
+    own: DMatrix<f64>,
+    known: &DMatrix<f64>,
+) -> Option<f64> {
+    let (whole, own) = (whole.cholesky()?.l(), own.cholesky()?.l());
+    let half = own.solve_lower_triangular(known)?;
+    let share = own.solve_lower_triangular(&half.transpose())?;
+    let variance = DMatrix::identity(left.len(), left.len()) - share;
+    let squares = squares_of(&whole.solve_lower_triangular(left)?, variance);
+    Some(squares.iter().sum())
+}
+
+/// The squares of whitened numbers over their variance, in the directions in which a fit leaves any.
+pub(super) fn squares_of(left: &DVector<f64>, variance: DMatrix<f64>) -> Vec<f64> {
+    let eigen = SymmetricEigen::new(variance);
+    let coordinates = eigen.eigenvectors.tr_mul(left);
     (eigen.eigenvalues.iter().zip(&coordinates))
         .filter(|(variance, _)| **variance > NO_VARIANCE)
         .map(|(variance, coordinate)| coordinate * coordinate / variance)
-        .sum()
+        .collect()
 }
 
 /// The shape of the covariance of vectors, of determinant one, by their directions alone (Tyler 1987): far ones count no more than others.

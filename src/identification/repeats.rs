@@ -7,11 +7,13 @@
 //!
 //! All of it has the instrument's noise in it. Readings of one visit are averaged first: they say nothing of how a robot returns.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use crate::experiment::{is_one_configuration, together};
+use crate::experiment::together;
 use crate::measurement::{AbsoluteReading, Measurement, by_experiment};
 use crate::numeric::tolerance::pose_repeatability;
 use crate::quantities::written::{from_one, thousandfold};
@@ -99,36 +101,27 @@ impl Repeats {
         residuals_m: &[Vector3<f64>],
         kept: &[usize],
     ) -> Option<Self> {
-        let is_same = |one: usize, other: usize| {
-            let [one, other] = [one, other].map(|place| &readings[kept[place]]);
-            let sides = [one, other].map(|each| (&each.configuration_rad, each.approach.as_ref()));
+        let read = |place: usize| &readings[kept[place]];
+        let is_alike = |one: usize, other: usize| {
+            let [one, other] = [one, other].map(read);
             (one.load, &one.target, &one.station) == (other.load, &other.target, &other.station)
-                && is_one_configuration(sides[0], sides[1])
         };
-        let q = |place: usize| &readings[kept[place]].configuration_rad;
         let is_by_hour = readings.iter().all(|reading| reading.time_s.is_some());
         let pose = |group: Vec<usize>| {
-            let mut visits: Vec<(Option<&str>, Vec<RepeatedVisit>)> = Vec::new();
+            let mut visits: BTreeMap<Result<&str, usize>, Vec<RepeatedVisit>> = BTreeMap::new();
             for row in group.iter().map(|&place| kept[place]) {
                 let reading = &readings[row];
-                let row = RepeatedVisit {
+                let time_s = reading.time_s.filter(|_| is_by_hour);
+                let visit = visits.entry(reading.visit.as_deref().ok_or(row));
+                visit.or_default().push(RepeatedVisit {
                     place_m: residuals_m[row],
-                    at: match reading.time_s.filter(|_| is_by_hour) {
-                        Some(time_s) => time_s / 3600.0,
-                        None => row as f64,
-                    },
-                };
-                let name = reading.visit.as_deref();
-                let mut known = visits.iter_mut();
-                match known.find(|(other, _)| name.is_some() && *other == name) {
-                    Some((_, rows)) => rows.push(row),
-                    None => visits.push((name, vec![row])),
-                }
+                    at: time_s.map_or(row as f64, |time_s| time_s / 3600.0),
+                });
             }
-            let visits = visits.iter().map(|(_, rows)| mean(rows)).collect();
+            let visits = visits.values().map(|rows| mean(rows)).collect();
             (kept[group[0]], visits)
         };
-        let groups = together(kept.len(), q, is_same).into_iter();
+        let groups = together(kept.len(), |place| read(place).pose(), is_alike).into_iter();
         let by = if is_by_hour { "hour" } else { "row" };
         Self::new(groups.map(pose), true, by)
     }

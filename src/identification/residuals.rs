@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector, Matrix6, SymmetricEigen, stack};
+use nalgebra::{DMatrix, DVector, Matrix6, stack};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
@@ -10,14 +10,10 @@ use super::Case;
 use super::case::Sigma;
 use super::error::IdentificationError;
 use super::estimate::Identification;
-use super::outliers::{RejectedReading, kept};
+use super::outliers::{NO_VARIANCE, RejectedReading, kept, squares_of};
 use super::prediction::MeasuredRows;
 use crate::numeric::least_squares::LeastSquares;
 use crate::quantities::written::from_one;
-
-/// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes
-/// through that measurement (leverage one), and rounding is what is left.
-const NO_VARIANCE: f64 = 1e-8;
 
 /// The residual of one measurement against its own uncertainty.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -128,12 +124,8 @@ impl Judge<'_> {
         let known = matrix * self.known * matrix.transpose();
         let leverage = known.trace();
         let own = DMatrix::identity(count, count) * self.variance;
-        let eigen = SymmetricEigen::new(own + known * self.sign);
-        let coordinates = (eigen.eigenvectors).tr_mul(&self.rows.left.rows_range(rows));
-        let squares = eigen.eigenvalues.iter().zip(coordinates.iter());
-        let squares: Vec<f64> = (squares.filter(|(variance, _)| **variance > NO_VARIANCE))
-            .map(|(variance, coordinate)| coordinate * coordinate / variance)
-            .collect();
+        let left = self.rows.left.rows_range(rows).into_owned();
+        let squares = squares_of(&left, own + known * self.sign);
         let square: f64 = squares.iter().sum();
         MeasurementResidual {
             measurement: 0,

@@ -79,12 +79,8 @@ impl<'a> Case<'a> {
         let has_both = found.held.len() > self.held.len() && !found.rejected.is_empty();
         let without = has_both.then(|| self.held_and_robust(robustness, Some(&found.rejected)));
         let without = without.and_then(Result::ok);
-        Ok(
-            match without.filter(|other| other.held.len() < found.held.len()) {
-                Some(other) => other,
-                None => found,
-            },
-        )
+        let without = without.filter(|other| other.held.len() < found.held.len());
+        Ok(without.unwrap_or(found))
     }
 
     /// Identifies what is unknown from all measurements, with the standard deviations that are believed; compliances of which they tell

@@ -71,33 +71,23 @@ pub(super) fn logarithm(coefficients: &[f64], at: f64, range: [f64; 2]) -> f64 {
     terms.map(|(coefficient, value)| coefficient * value).sum()
 }
 
-/// Columns of a fit, one of ones before those of each joint, and their products with each other.
-struct SpreadDesign {
-    columns: DMatrix<f64>,
-    products: DMatrix<f64>,
-}
-
-impl SpreadDesign {
-    fn new(columns: DMatrix<f64>) -> Self {
-        Self {
-            // Many rows: faster than `tr_mul`.
-            products: columns.transpose() * &columns,
-            columns,
-        }
-    }
-
-    fn at(angles: &[&[f64]], ranges: &[[f64; 2]]) -> Self {
-        let count = 1 + ranges.len() * SPREAD_ORDERS;
-        let mut columns = DMatrix::from_element(angles.len(), count, 1.0);
-        for (row, angles) in angles.iter().enumerate() {
-            for (joint, (&angle, &range)) in angles.iter().zip(ranges).enumerate() {
-                for (order, value) in polynomials(share(angle, range)).into_iter().enumerate() {
-                    columns[(row, 1 + joint * SPREAD_ORDERS + order)] = value;
-                }
+/// Columns of a fit, one of ones before those of each joint.
+fn columns_at(angles: &[&[f64]], ranges: &[[f64; 2]]) -> DMatrix<f64> {
+    let count = 1 + ranges.len() * SPREAD_ORDERS;
+    let mut columns = DMatrix::from_element(angles.len(), count, 1.0);
+    for (row, angles) in angles.iter().enumerate() {
+        for (joint, (&angle, &range)) in angles.iter().zip(ranges).enumerate() {
+            for (order, value) in polynomials(share(angle, range)).into_iter().enumerate() {
+                columns[(row, 1 + joint * SPREAD_ORDERS + order)] = value;
             }
         }
-        Self::new(columns)
     }
+    columns
+}
+
+/// The products of columns with each other. Of many rows faster than `tr_mul`.
+fn products_of(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    columns.transpose() * columns
 }
 
 fn logarithms(squares: &[f64]) -> DVector<f64> {
@@ -139,12 +129,12 @@ impl SpreadVariances {
     /// The likeliest ones, with the coefficients.
     fn likeliest(
         mut self,
-        SpreadDesign { columns, products }: &SpreadDesign,
+        columns: &DMatrix<f64>,
         wanted: &DVector<f64>,
     ) -> Option<(Self, DVector<f64>)> {
-        let pull = columns.tr_mul(wanted);
+        let (products, pull) = (products_of(columns), columns.tr_mul(wanted));
         for _ in 0..ROUNDS {
-            let (mean, covariance) = self.fit(products, &pull)?;
+            let (mean, covariance) = self.fit(&products, &pull)?;
             let left = (wanted - columns * &mean).norm_squared();
             let mut free = columns.nrows() as f64 - 1.0;
             for (joint, variance) in self.joints.iter_mut().enumerate() {
@@ -159,7 +149,7 @@ impl SpreadVariances {
             }
             self.rest = (self.rest * left / free.max(1.0)).sqrt().max(LEAST);
         }
-        let (mean, _) = self.fit(products, &pull)?;
+        let (mean, _) = self.fit(&products, &pull)?;
         Some((self, mean))
     }
 }
@@ -175,40 +165,40 @@ impl ErrorSpread {
     /// Of some squares, each with the angles of the joints there; `ranges` are those of the joints' angles. By logarithms, which wrong
     /// readings hardly move. None where the numbers have no factorisation, or are too few to tell.
     pub fn of_logarithms(squares: &[f64], angles: &[&[f64]], ranges: &[[f64; 2]]) -> Option<Self> {
-        let columns = SpreadDesign::at(angles, ranges);
+        let columns = columns_at(angles, ranges);
         let (_, mean) = SpreadVariances::first(ranges).likeliest(&columns, &logarithms(squares))?;
         Self::new(&mean, Vec::new())
     }
 
     /// The same by means, as regions that shall hold most of the squares need, and the logarithm at each place as the others have it.
     pub fn of_means(squares: &[f64], angles: &[&[f64]], ranges: &[[f64; 2]]) -> Option<Self> {
-        let columns = SpreadDesign::at(angles, ranges);
+        let columns = columns_at(angles, ranges);
         let wanted = logarithms(squares);
         let (mut variances, mut mean) =
             SpreadVariances::first(ranges).likeliest(&columns, &wanted)?;
         // The mean of a square is larger than what its logarithm's mean says, by as much everywhere at first.
-        let expected = &columns.columns * &mean;
+        let expected = &columns * &mean;
         let ratios = (squares.iter().zip(&expected)).map(|(square, one)| square / one.exp());
         let more = ratios.sum::<f64>() / squares.len() as f64;
         mean[0] += more.max(f64::MIN_POSITIVE).ln();
         for _ in 0..STEPS {
-            let wanted = of_step(squares, &(&columns.columns * &mean));
+            let wanted = of_step(squares, &(&columns * &mean));
             (variances, mean) = variances.likeliest(&columns, &wanted)?;
         }
         let mut by_others = vec![0.0; squares.len()];
         for fold in 0..FOLDS {
             let (own, others): (Vec<usize>, Vec<usize>) =
                 (0..squares.len()).partition(|each| each % FOLDS == fold);
-            let part = SpreadDesign::new(columns.columns.select_rows(&others));
+            let part = columns.select_rows(&others);
+            let products = products_of(&part);
             let squares: Vec<f64> = others.iter().map(|&each| squares[each]).collect();
             let mut found = mean.clone();
             for _ in 0..STEPS {
-                let wanted = of_step(&squares, &(&part.columns * &found));
-                let pull = part.columns.tr_mul(&wanted);
-                (found, _) = variances.fit(&part.products, &pull)?;
+                let wanted = of_step(&squares, &(&part * &found));
+                (found, _) = variances.fit(&products, &part.tr_mul(&wanted))?;
             }
             for row in own {
-                by_others[row] = (columns.columns.row(row) * &found)[(0, 0)] - found[0];
+                by_others[row] = (columns.row(row) * &found)[(0, 0)] - found[0];
             }
         }
         Self::new(&mean, by_others)

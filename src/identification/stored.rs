@@ -275,38 +275,34 @@ fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileE
     let size = stored.parameters.len();
     let (rows, all) = (&stored.covariance_rad2_per_n2m2, &stored.covariance_of_all);
     let has_others = !stored.uncertain.is_empty();
+    let at = |key: &str, row: usize, column: usize| format!("{key}[{row}][{column}]");
     for (index, value) in stored.compliance_rad_per_nm.iter().enumerate() {
         let key = |name: &str| format!("compliance{name}_rad_per_nm[{index}]");
-        let [value_key, applied, error, interval] = ["", "_applied", "_std", "_ci95"].map(key);
-        let entry = |column: usize| format!("covariance_rad2_per_n2m2[{index}][{column}]");
+        let entry = |column: usize| at("covariance_rad2_per_n2m2", index, column);
         if let Some(value) = *value {
             let found = stored.compliance_applied_rad_per_nm[index];
-            agree(path, (&applied, found), (&value_key, value))?;
+            agree(path, (&key("_applied"), found), (&key(""), value))?;
             let errors = &stored.compliance_std_rad_per_nm;
             let intervals = &stored.compliance_ci95_rad_per_nm;
             let said = SaidEstimate {
-                value: (&value_key, value),
+                value: (&key(""), value),
                 variance: (&entry(index), rows[index][index]),
-                standard_error: (&error, errors.get(index).copied().flatten()),
-                interval95: (&interval, intervals.get(index).copied().flatten()),
+                standard_error: (&key("_std"), errors.get(index).copied().flatten()),
+                interval95: (&key("_ci95"), intervals.get(index).copied().flatten()),
             };
             said.check(path)?;
         }
         for column in (0..size).filter(|_| has_others) {
-            let place = format!("covariance_of_all[{index}][{column}]");
-            let found = rows[index][column];
-            agree(path, (&entry(column), found), (&place, all[index][column]))?;
+            let other = (&*at("covariance_of_all", index, column), all[index][column]);
+            agree(path, (&entry(column), rows[index][column]), other)?;
         }
     }
     for (index, each) in stored.uncertain.iter().enumerate() {
         let place = size + index;
         if let Some(error) = each.std {
-            let (key, root) = (
-                format!("uncertain[{index}].std"),
-                all[place][place].max(0.0).sqrt(),
-            );
-            let variance_key = format!("covariance_of_all[{place}][{place}]");
-            agree(path, (&key, error), (&variance_key, root))?;
+            let root = all[place][place].max(0.0).sqrt();
+            let other = (&*at("covariance_of_all", place, place), root);
+            agree(path, (&format!("uncertain[{index}].std"), error), other)?;
         }
     }
     let (key, hidden) = if has_others {
@@ -337,8 +333,8 @@ fn posterior_of_all(
     }
     let covariance = covariance_of(rows, &ANY_VARIANCE)
         .map_err(|(place, problem)| FileError::new(path, problem).at(format!("{key}{place}")))?;
-    let key = "undetermined_of_all";
-    let hidden = orthonormal(path, key, &stored.undetermined_of_all, size)?;
+    let directions = &stored.undetermined_of_all;
+    let hidden = orthonormal(path, "undetermined_of_all", directions, size)?;
     let (mut names, mut mean) = (compliances.names.clone(), compliances.mean.clone());
     for (index, each) in stored.uncertain.iter().enumerate() {
         let value = each.value.unwrap_or(0.0);
@@ -360,10 +356,8 @@ fn posterior_of_all(
 fn posterior(path: &Path, stored: &IdentificationFile) -> Result<Posterior, FileError> {
     let wrong = |key: &str, problem: String| FileError::new(path, problem).at(key);
     let (names, estimates) = (&stored.parameters, &stored.compliance_rad_per_nm);
-    let (applied, typical) = (
-        &stored.compliance_applied_rad_per_nm,
-        &stored.compliance_typical_rad_per_nm,
-    );
+    let applied = &stored.compliance_applied_rad_per_nm;
+    let typical = &stored.compliance_typical_rad_per_nm;
     let (rows, size) = (&stored.covariance_rad2_per_n2m2, names.len());
     for (key, found) in [
         ("compliance_rad_per_nm", estimates.len()),

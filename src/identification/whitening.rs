@@ -1,7 +1,9 @@
 //! The weights of readings: each with its own covariance, those of one configuration together where they share something.
 
 use nalgebra::allocator::Allocator;
-use nalgebra::{DMatrix, DefaultAllocator, Dim, Dyn, Matrix6, OMatrix, Vector3, Vector6};
+use nalgebra::{
+    DMatrix, DVector, DefaultAllocator, Dim, Dyn, Matrix6, OMatrix, U1, Vector3, Vector6,
+};
 
 use super::case::Case;
 use super::discrepancy::six_rows;
@@ -20,30 +22,23 @@ impl Whitening {
     /// Multiplies readings' rows by L^-1.
     pub fn whiten<C: Dim>(&self, rows: &mut OMatrix<f64, Dyn, C>)
     where
-        DefaultAllocator: Allocator<Dyn, C>,
+        DefaultAllocator: Allocator<Dyn, C> + Allocator<U1, C>,
     {
-        for mut column in rows.column_iter_mut() {
-            for (places, factor) in &self.blocks {
-                for (row, &place) in places.iter().enumerate() {
-                    let value = column[place] / factor[(row, row)];
-                    column[place] = value;
-                    for (below, &place) in (row + 1..).zip(&places[row + 1..]) {
-                        column[place] -= factor[(below, row)] * value;
-                    }
-                }
+        for (places, factor) in &self.blocks {
+            let mut own = rows.select_rows(places);
+            factor.solve_lower_triangular_unchecked_mut(&mut own);
+            for (own, &place) in own.row_iter().zip(places) {
+                rows.set_row(place, &own);
             }
         }
     }
 
     /// Multiplies them by L: takes the weights off again.
-    pub fn take_off<C: Dim>(&self, rows: &mut OMatrix<f64, Dyn, C>)
-    where
-        DefaultAllocator: Allocator<Dyn, C> + Allocator<nalgebra::U1, C>,
-    {
+    pub fn take_off(&self, rows: &mut DVector<f64>) {
         for (places, factor) in &self.blocks {
             let own = factor * rows.select_rows(places);
-            for (own, &place) in own.row_iter().zip(places) {
-                rows.set_row(place, &own);
+            for (own, &place) in own.iter().zip(places) {
+                rows[place] = *own;
             }
         }
     }

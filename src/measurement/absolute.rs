@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Matrix6, UnitQuaternion, Vector3};
 
 use crate::observation::ReadLength;
-use crate::robot::{Approach, Load};
+use crate::robot::{Approach, CommandPose, Load};
 
 /// One row of a file of absolute readings.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,4 +34,11 @@ pub struct AbsoluteReading {
     pub time_s: Option<f64>,
     /// How warm it was (deg C).
     pub temperature_c: Option<f64>,
+}
+
+impl AbsoluteReading {
+    /// Its command pose.
+    pub const fn pose(&self) -> CommandPose<'_> {
+        (&self.configuration_rad, self.approach.as_ref())
+    }
 }

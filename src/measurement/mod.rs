@@ -13,8 +13,8 @@ mod write;
 
 use nalgebra::{DVector, Vector3};
 
-use crate::experiment::{is_one_configuration, together};
-use crate::robot::{Approach, Load};
+use crate::experiment::together;
+use crate::robot::{Approach, CommandPose, Load};
 
 pub use absolute::AbsoluteReading;
 pub use columns::{POSITION, QUATERNION, rotation_of};
@@ -49,41 +49,25 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// Whether both are of one experiment: the same configuration, load, direction and side of approach, to the bit.
-    pub fn repeats(&self, other: &Self) -> bool {
-        (self.load, self.direction) == (other.load, other.direction)
-            && self.stands_at(&other.configuration_rad, other.approach.as_ref())
-    }
-
-    /// Whether it was made in a [configuration](is_one_configuration), whatever hung there.
-    pub fn stands_at(&self, configuration_rad: &DVector<f64>, approach: Option<&Approach>) -> bool {
-        is_one_configuration(
-            (&self.configuration_rad, self.approach.as_ref()),
-            (configuration_rad, approach),
-        )
+    /// Its command pose.
+    pub const fn pose(&self) -> CommandPose<'_> {
+        (&self.configuration_rad, self.approach.as_ref())
     }
 }
 
-/// The places of measurements, those that [repeat](Measurement::repeats) one another together, experiments in the order of their
-/// first measurement.
+/// The places of measurements, those of one experiment together: of the same configuration, load and direction, in the order of the first.
 pub fn by_experiment(measurements: &[Measurement]) -> Vec<Vec<usize>> {
-    together(
-        measurements.len(),
-        |place| &measurements[place].configuration_rad,
-        |one, other| measurements[one].repeats(&measurements[other]),
-    )
+    let pose = |place: usize| measurements[place].pose();
+    let hung = |place: usize| (measurements[place].load, measurements[place].direction);
+    together(measurements.len(), pose, |one, other| {
+        hung(one) == hung(other)
+    })
 }
 
 /// The places of measurements, those of one configuration together, whatever hung there, in the order of the first.
 pub fn by_configuration(measurements: &[Measurement]) -> Vec<Vec<usize>> {
-    together(
-        measurements.len(),
-        |place| &measurements[place].configuration_rad,
-        |one, other| {
-            let other = &measurements[other];
-            measurements[one].stands_at(&other.configuration_rad, other.approach.as_ref())
-        },
-    )
+    let pose = |place: usize| measurements[place].pose();
+    together(measurements.len(), pose, |_, _| true)
 }
 
 /// A measured rotation of the tool.

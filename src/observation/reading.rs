@@ -7,7 +7,7 @@ use nalgebra::{Cholesky, DVector, Matrix3, Matrix6, Matrix6xX, Vector3, Vector6}
 use super::length::{LengthKind, ReadLength};
 use super::rotation::inverse_left_jacobian;
 use crate::parameter::Unloaded;
-use crate::robot::{Approach, Load, Tool, rotation_vector};
+use crate::robot::{Approach, CommandPose, Load, Tool, rotation_vector};
 
 /// What the robot is told, and what hangs on it.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +27,11 @@ pub struct Setup {
 }
 
 impl Setup {
+    /// Its command pose.
+    pub const fn pose(&self) -> CommandPose<'_> {
+        (&self.commanded_rad, self.approach.as_ref())
+    }
+
     /// The tool that a load hangs on, if there is one and it is another than the target.
     pub fn hook(&self) -> Option<&Tool> {
         (self.hangs_on.as_deref()).filter(|_| self.load != Load::NONE)

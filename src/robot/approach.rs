@@ -1,7 +1,12 @@
 //! From which side a configuration is approached.
 
+use nalgebra::DVector;
+
 use super::SerialChain;
 use crate::csv::word_field;
+
+/// A command pose: the commanded angles (rad; m where a joint slides), and the side of approach where that is said.
+pub type CommandPose<'a> = (&'a DVector<f64>, Option<&'a Approach>);
 
 /// The side from which a configuration is approached: for each commanded joint whether it turns positively in the end.
 #[derive(Debug, Clone, PartialEq, Eq)]

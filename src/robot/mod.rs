@@ -20,7 +20,7 @@ mod passive;
 mod springs;
 mod true_robot;
 
-pub use approach::Approach;
+pub use approach::{Approach, CommandPose};
 pub use chain::{Drive, Joint, SerialChain, Tool};
 pub use commands::{Commands, ReadsAlong};
 pub use elastic::Robot;

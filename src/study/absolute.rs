@@ -214,16 +214,13 @@ impl<'a> ReadingRuns<'a> {
         fit: &AbsoluteFit,
         frames: &[Isometry3<f64>],
     ) -> impl Iterator<Item = Vector3<f64>> {
-        let mut left = DVector::zeros(6 * fit.left.len());
-        for (place, (each, own)) in (self.read.groups.iter().flatten().zip(&fit.left)).enumerate() {
-            let frame = &frames[self.studied.planning.station_of(each.place)];
+        let each = self.read.groups.iter().flatten().zip(&fit.left);
+        let left = each.flat_map(|(each, own)| {
+            let turn = (frames[self.studied.planning.station_of(each.place)].rotation).inverse();
             let parts = [own.position_m, own.rotation_rad.unwrap_or_default()];
-            for (part, first) in parts.iter().zip([0, 3]) {
-                let turned = frame.rotation.inverse() * part;
-                left.fixed_rows_mut::<3>(6 * place + first)
-                    .copy_from(&turned);
-            }
-        }
+            parts.map(|part| <[f64; 3]>::from(turn * part)).concat()
+        });
+        let left = DVector::from_iterator(6 * fit.left.len(), left);
         let gains = self.function_gains.iter();
         gains.map(move |gain| (gain * &left).fixed_rows::<3>(0).into_owned())
     }

@@ -155,10 +155,8 @@ impl CalibratedRobot {
         let machining_tool = machining_tool(&nominal);
         let mut places = Vec::new();
         for (index, target) in message.targets.iter().enumerate() {
-            let name = target
-                .name
-                .as_deref()
-                .unwrap_or(&belief.calibration_tool.name);
+            let name = target.name.as_ref();
+            let name = name.unwrap_or(&belief.calibration_tool.name);
             let known = nominal.tools.iter().position(|tool| tool.name == *name);
             places.push(known.unwrap_or(nominal.tools.len()));
             if known.is_none() {

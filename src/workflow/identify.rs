@@ -7,12 +7,11 @@ use crate::codes::{Condition, ConditionCode};
 use crate::identification::input_errors::{
     LikelyInputError, conditions_of_table, suspected_input_errors, unknown_approaches,
 };
-use crate::identification::patterns::{BLOCKS, Patterns, looked_at};
+use crate::identification::patterns::{Patterns, looked_at};
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, Case, FEWEST_BLOCKS, Identification,
-    IdentificationError, Inconsistencies, MeasurementResidual, ModelSelection, ParameterGroup,
-    ReadingWeights, RejectedReading, RepeatComponents, Repeats, Robustness, Told,
-    joint_space_blocks, left_out, residuals,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, Case, Identification, IdentificationError,
+    Inconsistencies, MeasurementResidual, ModelSelection, ParameterGroup, ReadingWeights,
+    RejectedReading, RepeatComponents, Repeats, Robustness, Told, left_out, residuals,
 };
 use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
@@ -81,11 +80,7 @@ pub fn identify_measurements(
     let residuals = residuals(&weighed, identification, &robust.rejected).map_err(failed)?;
     let of_table = conditions_of_table(&all);
     let input_errors = suspected_input_errors(&all, Some(&robust.of_all));
-    let kept = robust.of_kept(measurements);
-    let configurations: Vec<_> = kept.iter().map(|each| &each.configuration_rad).collect();
-    let blocks = joint_space_blocks(&configurations, BLOCKS.min(configurations.len() / 2));
-    let left_m: Vec<[f64; 3]> = robust.of_kept(identification.residuals_m.as_chunks().0);
-    let looked = looked_at(&case.with(&kept), identification, &left_m, &blocks);
+    let looked = looked_at(&case, &robust);
     let all: Vec<usize> = (0..measurements.len()).collect();
     let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
     Ok(Identified {
@@ -249,7 +244,7 @@ pub fn identify_absolute<'a>(
 
 /// The halves of joint space beside each other.
 fn halves(case: &mut AbsoluteCase<'_>, fit: &AbsoluteFit) -> Option<Inconsistencies> {
-    let (half_of, [one, other]) = case.halves(fit)?;
+    let (half_of, found) = case.inconsistencies_of_halves(fit)?;
     let reach = |joint: usize, half: usize| {
         let all = case.observations.iter().zip(&half_of);
         let own = all.filter(|(_, other)| **other == half);
@@ -270,7 +265,7 @@ fn halves(case: &mut AbsoluteCase<'_>, fit: &AbsoluteFit) -> Option<Inconsistenc
     };
     Some(Inconsistencies {
         between: [of_half(0), of_half(1)],
-        ..one.beside(&other)
+        ..found
     })
 }
 
@@ -311,15 +306,9 @@ impl<'a> IdentifiedRobot<'a> {
         other.keeps_all = self.case.keeps_all;
         let fit = other.fit(groups, weights)?;
         let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));
-        let Some([own, second]) = kept.estimates_beside(&self.fit, &mut other, &fit)? else {
-            let different = kept.different().min(other.different());
-            let needed = 2 * FEWEST_BLOCKS;
-            return Err(AbsoluteError::TooFewConfigurations { different, needed });
-        };
-        self.inconsistencies.push(Inconsistencies {
-            between,
-            ..own.beside(&second)
-        });
+        let found = kept.inconsistencies_with(&self.fit, &mut other, &fit)?;
+        self.inconsistencies
+            .push(Inconsistencies { between, ..found });
         Ok(())
     }
 

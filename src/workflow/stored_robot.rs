@@ -50,35 +50,30 @@ impl ReadRanges {
         configurations: impl IntoIterator<Item = &'a DVector<f64>>,
     ) -> Option<Condition> {
         let joints = &arm.chain.joints;
-        let mut furthest = vec![0.0; joints.len()];
-        let (mut outside, mut all) = (0_usize, 0_usize);
-        for q in configurations {
-            let mut is_outside = false;
-            for (place, joint) in joints.iter().enumerate() {
-                let Some(read) = self.0.iter().find(|each| each.joint == joint.name) else {
-                    continue;
-                };
-                let [low, high] = read.range;
-                let beyond = f64::max(low - q[place], q[place] - high);
-                if beyond > (BEYOND * (high - low)).max(LEAST_BEYOND) {
-                    is_outside = true;
-                    furthest[place] = f64::max(furthest[place], beyond);
-                }
-            }
-            outside += usize::from(is_outside);
-            all += 1;
-        }
-        let named = joints.iter().zip(furthest).filter(|(_, far)| *far > 0.0);
-        let named: Vec<String> = named
-            .map(|(joint, far)| {
-                let (far, unit) = joint.drive.shown(far);
-                format!("{} by {far:.1} {unit}", joint.name)
-            })
-            .collect();
+        // By how much each joint is outside; zero where it is not.
+        let beyond = |q: &DVector<f64>| -> Vec<f64> {
+            let joints = joints.iter().zip(q).map(|(joint, at)| {
+                let read = self.0.iter().find(|each| each.joint == joint.name);
+                let [low, high] = read.map_or([*at; 2], |each| each.range);
+                let beyond = f64::max(low - at, at - high);
+                let counts = beyond > (BEYOND * (high - low)).max(LEAST_BEYOND);
+                if counts { beyond } else { 0.0 }
+            });
+            joints.collect()
+        };
+        let all: Vec<Vec<f64>> = configurations.into_iter().map(beyond).collect();
+        let is_outside = |beyond: &&Vec<f64>| beyond.iter().any(|far| *far > 0.0);
+        let outside = all.iter().filter(is_outside).count();
+        let named = joints.iter().enumerate().filter_map(|(place, joint)| {
+            let far = all.iter().map(|beyond| beyond[place]).fold(0.0, f64::max);
+            let (shown, unit) = joint.drive.shown(far);
+            (far > 0.0).then(|| format!("{} by {shown:.1} {unit}", joint.name))
+        });
+        let named: Vec<String> = named.collect();
         (outside > 0).then(|| {
             ConditionCode::BeyondRead.with(format!(
                 "{outside} of {} outside of the joint angles that were read, where the model discrepancy is not known: {}",
-                counted(all as u64, what),
+                counted(all.len() as u64, what),
                 named.join(", ")
             ))
         })
@@ -167,8 +162,7 @@ impl StoredRobot {
     pub fn with_possible_compliances(&self, arm: &ElasticArm) -> (Self, Vec<Condition>) {
         let kinds = self.kinds(arm, &[], &[]);
         let unknowns = &self.message.unknowns;
-        let before: Vec<f64> = unknowns.iter().map(|each| each.value).collect();
-        let mut values = before.clone();
+        let mut values: Vec<f64> = unknowns.iter().map(|each| each.value).collect();
         // What is no covariance is refused where it is read.
         let covariance = covariance_of(&self.message.covariance, &ANY_VARIANCE);
         let covariance = covariance.ok().filter(|each| each.nrows() == values.len());
@@ -183,16 +177,12 @@ impl StoredRobot {
             nominal_instead(&unknown.name, value, &unknown.unit)
         });
         let done: Vec<Condition> = done.collect();
-        let shift: Vec<f64> = values
-            .iter()
-            .zip(before)
-            .map(|(now, before)| now - before)
-            .collect();
-        let mut robot = if done.is_empty() {
-            self.clone()
-        } else {
-            self.moved(&shift)
-        };
+        if done.is_empty() {
+            return (self.clone(), done);
+        }
+        let shift = values.iter().zip(unknowns);
+        let shift: Vec<f64> = shift.map(|(now, before)| now - before.value).collect();
+        let mut robot = self.moved(&shift);
         for (unknown, value) in robot.message.unknowns.iter_mut().zip(values) {
             unknown.value = value;
         }

@@ -44,14 +44,10 @@ pub struct AbsoluteValidation {
 impl AbsoluteValidation {
     /// The share of positions (0) or rotations (1) that lie in their regions of 95 %.
     pub fn coverage(&self, part: usize) -> Option<f64> {
-        let judged = self
-            .prognoses
-            .iter()
-            .filter_map(|each| each.is_within[part]);
-        let (within, all) = judged.fold((0_usize, 0_usize), |(within, all), is_within| {
-            (within + usize::from(is_within), all + 1)
-        });
-        (all > 0).then(|| within as f64 / all as f64)
+        let judged = self.prognoses.iter();
+        let judged: Vec<bool> = judged.filter_map(|each| each.is_within[part]).collect();
+        let within = judged.iter().filter(|is_within| **is_within).count();
+        (!judged.is_empty()).then(|| within as f64 / judged.len() as f64)
     }
 
     /// What must be looked at.
@@ -89,10 +85,8 @@ impl AbsoluteValidation {
         let has_moved = self.moved.iter().any(|(_, moved)| moved.is_moved());
         let before =
             (self.before.as_ref()).filter(|all| !has_moved && all.len() >= LEAST_JUDGED)?;
-        let rms_mm = |all: &[ReadingResidual]| {
-            let lengths = all.iter().map(|each| each.position_m.norm() * 1e3);
-            Some(DistanceStatistics::of(lengths.collect())?.rms)
-        };
+        let rms_mm =
+            |all: &[ReadingResidual]| Some(DistanceStatistics::of_positions(all)?.rms * 1e3);
         let (identified_mm, nominal_mm) = (rms_mm(&self.left)?, rms_mm(before)?);
         (identified_mm > WORSE * nominal_mm).then(|| {
             let words = format!(
@@ -193,14 +187,9 @@ pub fn validate_absolute(
     let reads = case.observations.iter().zip(&case.covariances);
     let readings_m2 = reads.map(|(each, covariance)| {
         let rows = each.reading.kind().rows().min(3);
-        let is_read = |row: usize, column: usize| row.max(column) < rows;
-        Matrix3::from_fn(|row, column| {
-            if is_read(row, column) {
-                covariance[(row, column)]
-            } else {
-                0.0
-            }
-        })
+        let mut own = Matrix3::zeros();
+        (own.view_mut((0, 0), (rows, rows))).copy_from(&covariance.view((0, 0), (rows, rows)));
+        own
     });
     let readings_m2 = readings_m2.collect();
     let mut nominal = case.arm.clone();

@@ -36,9 +36,8 @@ fn fitted<'a>(
 }
 
 fn beside<'a>((one, fit): &mut Fitted<'a>, (other, other_fit): &mut Fitted<'a>) -> Inconsistencies {
-    let both = one.estimates_beside(fit, other, other_fit);
-    let [one, other] = both.expect("fits").expect("blocks");
-    one.beside(&other)
+    one.inconsistencies_with(fit, other, other_fit)
+        .expect("fits, and blocks")
 }
 
 /// Series of one robot agree, discrepancy or not; with a compliance that is another one, a second joint that is twice as soft or an elbow that is six
@@ -243,8 +242,8 @@ fn slow_waves_of_gears_are_no_inconsistency() {
                 })
                 .collect();
             let held = compliances.iter().filter(|held| **held).count();
-            let (_, [one, other]) = case.kept(&fit).halves(&fit).expect("halves");
-            let alarm = !one.beside(&other).found.is_empty();
+            let halves = case.kept(&fit).inconsistencies_of_halves(&fit);
+            let alarm = !halves.expect("halves").1.found.is_empty();
             (alarm, held, compliances.len())
         })
         .collect();

@@ -294,7 +294,7 @@ fn assert_few_comparisons(all: &[DVector<f64>]) {
     let compared = std::cell::Cell::new(0_usize);
     let groups = elastocal::experiment::together(
         all.len(),
-        |place| &all[place],
+        |place| (&all[place], None),
         |one, other| {
             compared.set(compared.get() + 1);
             all[one] == all[other]

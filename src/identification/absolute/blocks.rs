@@ -69,15 +69,7 @@ impl AbsoluteCase<'_> {
         joint_space_blocks(&self.configurations(), count)
     }
 
-    /// The same of two series together: of each reading of the one, and of the other.
-    pub(super) fn common_blocks(&self, other: &Self, count: usize) -> [Vec<usize>; 2] {
-        let own = self.configurations();
-        let mut all = joint_space_blocks(&[own, other.configurations()].concat(), count);
-        let others = all.split_off(self.observations.len());
-        [all, others]
-    }
-
-    fn configurations(&self) -> Vec<&DVector<f64>> {
+    pub(super) fn configurations(&self) -> Vec<&DVector<f64>> {
         // A visit's first reading stands for all of it, whatever angles the others say.
         let mut configurations: Vec<&DVector<f64>> = (self.observations.iter())
             .map(|each| &each.setup.commanded_rad)
@@ -93,7 +85,13 @@ impl AbsoluteCase<'_> {
     /// How many different configurations were read.
     pub fn different(&self) -> usize {
         let q = |reading: usize| &self.observations[reading].setup.commanded_rad;
-        together(self.observations.len(), q, |one, other| q(one) == q(other)).len()
+        let is_alike = |one, other| q(one) == q(other);
+        together(
+            self.observations.len(),
+            |reading| (q(reading), None),
+            is_alike,
+        )
+        .len()
     }
 }
 
@@ -108,7 +106,7 @@ pub(super) struct Without {
 }
 
 pub(super) struct Blocks<'a> {
-    case: &'a AbsoluteCase<'a>,
+    pub case: &'a AbsoluteCase<'a>,
     /// Each reading's block.
     pub of_readings: Vec<usize>,
     parts: Vec<AbsoluteCase<'a>>,
@@ -144,22 +142,15 @@ impl<'a> Blocks<'a> {
     }
 
     /// A fit without each of the blocks, from one to all.
-    pub fn without(
-        &self,
-        set: &ParameterSet,
-        fit: &ParameterFit,
-    ) -> Result<Vec<Without>, IdentificationError> {
+    pub fn without(&self, fit: &ParameterFit) -> Result<Vec<Without>, IdentificationError> {
+        let set = &fit.set;
         let values = DVector::from_column_slice(&fit.posterior.mean);
         let equations: Result<Vec<_>, IdentificationError> = (self.parts.par_iter())
             .map(|part| part.fitted_readings(set).equations(&values))
             .collect();
         let equations = equations?;
-        let mut all = DMatrix::zeros(set.len(), set.len());
-        let mut gradient = DVector::zeros(set.len());
-        for each in &equations {
-            all += &each.information;
-            gradient += &each.gradient;
-        }
+        let all: DMatrix<f64> = equations.iter().map(|each| &each.information).sum();
+        let gradient: DVector<f64> = equations.iter().map(|each| &each.gradient).sum();
         (0..self.parts.len())
             .into_par_iter()
             .map(|block| {
@@ -169,20 +160,19 @@ impl<'a> Blocks<'a> {
                     gradient: &gradient - &own.gradient,
                     square: 0.0,
                 };
-                self.without_block(set, fit, block, own, others)
+                self.without_block(fit, block, own, others)
             })
             .collect()
     }
 
     fn without_block(
         &self,
-        set: &ParameterSet,
         fit: &ParameterFit,
         block: usize,
         own: &NormalEquations,
         others: NormalEquations,
     ) -> Result<Without, IdentificationError> {
-        let part = &self.parts[block];
+        let (part, set) = (&self.parts[block], &fit.set);
         let prior = relative_precision(set);
         // What the other blocks determine of what all determine, in typical sizes, and what they do not.
         let all = fit.posterior.estimable.basis();

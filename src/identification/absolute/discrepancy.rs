@@ -9,7 +9,7 @@ use super::super::fit::{FittedReadings, Haste, ParameterFit, fit_parameters};
 use super::case::whitener;
 use super::visits::LEAST_VISITS;
 use super::{AbsoluteCase, AbsoluteError, ReadingResidual};
-use crate::experiment::{is_one_configuration, together};
+use crate::experiment::together;
 use crate::observation::{SharedErrors, SharingReadings};
 use crate::parameter::{ElasticArm, ParameterSet};
 
@@ -66,13 +66,12 @@ impl AbsoluteCase<'_> {
             return self.visits.clone();
         }
         let setup = |place: usize| &self.observations[place].setup;
-        let q = |place: usize| &setup(place).commanded_rad;
-        let pose = |place: usize| (q(place), setup(place).approach.as_ref());
-        let is_same = |one, other| {
-            setup(one).station == setup(other).station
-                && is_one_configuration(pose(one), pose(other))
-        };
-        together(self.observations.len(), q, is_same)
+        let is_alike = |one, other| setup(one).station == setup(other).station;
+        together(
+            self.observations.len(),
+            |place| setup(place).pose(),
+            is_alike,
+        )
     }
 
     /// A fit with the weights that the readings have, from values (p) that are near.
@@ -102,29 +101,28 @@ impl AbsoluteCase<'_> {
         other: Option<ParameterFit>,
     ) -> Result<(ParameterFit, Option<[f64; 2]>), AbsoluteError> {
         let (mut found, mut values) = if let Some(fit) = other {
-            (self.estimated_discrepancy(&fit)?, self.rebased(set, &fit))
+            (self.estimated_discrepancy(&fit)?, self.rebased(&fit))
         } else {
-            let (frames, fit) = self.fit_of_frames()?;
+            let fit = self.fit_of_frames()?;
             let found = self.estimated_discrepancy(&fit)?;
-            self.rebased(&frames, &fit);
+            self.rebased(&fit);
             (found, set.prior().mean.clone())
         };
         for _ in 0..WEIGHINGS {
             self.weigh(found);
             let fit = (self.fitted_readings(set)).fit_from(&values, Haste::Weights)?;
             found = self.estimated_discrepancy(&fit)?;
-            values = self.rebased(set, &fit);
+            values = self.rebased(&fit);
         }
         self.weigh(found);
         Ok((self.fit_near(set, values.as_slice())?, Some(found)))
     }
 
     /// The frames of stations and targets alone that suit the readings best, all else as it is.
-    fn fit_of_frames(&self) -> Result<(ParameterSet, ParameterFit), AbsoluteError> {
+    fn fit_of_frames(&self) -> Result<ParameterFit, AbsoluteError> {
         let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
         let frames = ParameterSet::new(&self.arm, kinds)?;
-        let fit = fit_parameters(&self.arm, &frames, &self.observations)?;
-        Ok((frames, fit))
+        Ok(fit_parameters(&self.arm, &frames, &self.observations)?)
     }
 
     /// The robot as it is in the frames that suit the readings best.
@@ -133,7 +131,7 @@ impl AbsoluteCase<'_> {
     /// The readings do not determine frames.
     pub fn in_best_frames(&self) -> Result<ElasticArm, AbsoluteError> {
         self.check_frames()?;
-        Ok(self.fit_of_frames()?.1.belief)
+        Ok(self.fit_of_frames()?.belief)
     }
 
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and

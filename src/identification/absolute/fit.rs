@@ -1,9 +1,9 @@
 //! The fit of absolute readings, its residuals and its conditions.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::super::conditions::{Told, impossible_compliance, left_out, too_large};
+use super::super::conditions::{Told, impossible_compliance, inconsistent, left_out};
 use super::super::error::IdentificationError;
 use super::super::estimate::{told_degrees, two_sided_student};
 use super::super::fit::{Haste, ParameterFit};
@@ -18,7 +18,6 @@ use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 use crate::task::Belief;
-use crate::text::wording::p_value;
 
 /// Robots leave less than this share of how far positions reach in each coordinate: 2 mm of a metre.
 const ROBOTS_LEAVE: f64 = 2e-3;
@@ -92,7 +91,6 @@ pub struct AbsoluteFit {
 /// A fit to those readings of a case that were kept, with its weights.
 pub(super) struct KeptFit<'a> {
     pub case: AbsoluteCase<'a>,
-    pub set: ParameterSet,
     pub rejected: Vec<RejectedReading>,
     pub fit: ParameterFit,
     /// As in [`AbsoluteFit`].
@@ -112,11 +110,11 @@ impl<'a> AbsoluteCase<'a> {
         let (set, left_out) = self.told_apart(groups, &[])?;
         let start = self.far_from_frames();
         let mut found = self.settled(&set, weights, &start, self.keeps_all)?;
-        let nominal = found.set.nominal().len();
+        let nominal = found.fit.set.nominal().len();
         if nominal > set.nominal().len() && found.rejected.len() > start.len() {
             // Compliances that stay nominal beside gross errors may be determined without.
             let without = self.settled(&set, weights, &found.rejected, true).ok();
-            if let Some(without) = without.filter(|each| each.set.nominal().len() < nominal) {
+            if let Some(without) = without.filter(|each| each.fit.set.nominal().len() < nominal) {
                 found = without;
             }
         }
@@ -137,14 +135,12 @@ impl<'a> AbsoluteCase<'a> {
             if !are_given && let Some(others) = self.without_far_out(weights, &found) {
                 found = others;
             }
-            let mean = found.fit.posterior.mean.clone();
-            let nominal =
-                |covariance: &DMatrix<f64>, unknown| with_nominal(&set, &mean, covariance, unknown);
-            let mut other = nominal(&found.fit.posterior.covariance, UNKNOWN);
+            let first = found.fit.clone();
+            let mut other = with_nominal(&first, &first.posterior.covariance, UNKNOWN);
             if other.is_none() {
                 found.discrepancy_model = self.unexplained(&mut found);
                 other = (found.discrepancy_model.as_ref())
-                    .and_then(|model| nominal(&model.covariance, UNKNOWN_TOGETHER));
+                    .and_then(|model| with_nominal(&first, &model.covariance, UNKNOWN_TOGETHER));
             }
             let Some(other) = other else {
                 return Ok(found);
@@ -156,13 +152,13 @@ impl<'a> AbsoluteCase<'a> {
     /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
     fn unexplained(&self, found: &mut KeptFit<'a>) -> Option<Unexplained> {
         let is_rejected = outliers::rejected_of(self.observations.len(), &found.rejected);
-        let (case, set, fit) = (&found.case, &found.set, &mut found.fit);
+        let (case, fit) = (&found.case, &mut found.fit);
         let told = found.discrepancy.and_then(|discrepancy| {
             let far_out = self.part_of(|index| is_rejected[index]);
-            case.discrepancy_model(set, fit, discrepancy, &far_out)
+            case.discrepancy_model(fit, discrepancy, &far_out)
         });
         let known = self.known_components(told.as_ref().map_or([0.0; 2], |told| told.model.rest));
-        let Some(beside) = known.and_then(|known| case.with_known(set, fit, &known)) else {
+        let Some(beside) = known.and_then(|known| case.with_known(fit, &known)) else {
             return told;
         };
         // What is left beside the functions may be more than readings were weighed by.
@@ -213,7 +209,7 @@ impl<'a> AbsoluteCase<'a> {
             square: fit.square,
             consistency: found.consistency,
             iterations: fit.iterations,
-            set: found.set,
+            set: fit.set,
         })
     }
 
@@ -243,14 +239,13 @@ impl<'a> AbsoluteCase<'a> {
         let is_plausible = consistency.is_none_or(|probability| probability >= IMPLAUSIBLE);
         let (fit, discrepancy) = match own {
             Some(fit) if is_plausible || weights == ReadingWeights::Own => {
-                let values = case.rebased(set, &fit);
+                let values = case.rebased(&fit);
                 (case.fit_near(set, values.as_slice())?, None)
             }
             other => case.with_discrepancy(set, near.cloned().or(other))?,
         };
         Ok(KeptFit {
             case,
-            set: set.clone(),
             rejected: rejected.to_vec(),
             fit,
             discrepancy,
@@ -266,7 +261,7 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
         first: &KeptFit<'a>,
     ) -> Option<KeptFit<'a>> {
-        let (set, rank) = (&first.set, first.fit.posterior.estimable.rank());
+        let (set, rank) = (&first.fit.set, first.fit.posterior.estimable.rank());
         let mut rejected = self.looked_over(first, &first.fit)?.suspects()?;
         if rejected.is_empty() && !first.rejected.is_empty() {
             // Geometry and elasticity explain what frames alone do not.
@@ -276,7 +271,7 @@ impl<'a> AbsoluteCase<'a> {
         let mut robust = None;
         if rejected.is_empty() && first.discrepancy.is_some() {
             // Many that err alike draw the fit to themselves, too.
-            robust = self.robust_fit(set, &first.fit);
+            robust = self.robust_fit(&first.fit);
             if let Some(robust) = &robust {
                 rejected = self.looked_over(first, robust)?.far_out()?;
             }
@@ -297,12 +292,12 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// The fitted frames become those from which their parameters count: the values of a fit (p) there.
-    pub(super) fn rebased(&mut self, set: &ParameterSet, fit: &ParameterFit) -> DVector<f64> {
+    pub(super) fn rebased(&mut self, fit: &ParameterFit) -> DVector<f64> {
         (self.arm.instrument_from_base).clone_from(&fit.belief.instrument_from_base);
         self.arm.tools.clone_from(&fit.belief.tools);
-        let values = set.parameters().iter().zip(&fit.posterior.mean);
+        let values = fit.set.parameters().iter().zip(&fit.posterior.mean);
         let rebased = values.map(|(each, &value)| if each.kind.is_mounted() { 0.0 } else { value });
-        DVector::from_iterator(set.len(), rebased)
+        DVector::from_iterator(fit.set.len(), rebased)
     }
 }
 
@@ -417,26 +412,12 @@ impl AbsoluteFit {
     /// The readings that were left out, and residuals that are too small or too large.
     fn handled(&self) -> impl Iterator<Item = Told> {
         let rejected = left_out(&self.rejected, self.left.len(), "reading");
-        let lower = self.consistency.map(|each| 1.0 - each);
-        let too_small = lower
-            .filter(|each| *each < IMPLAUSIBLE)
-            .map(|lower| -> Told {
-                let p = p_value(lower);
-                Err(format!(
-                    "residuals too small for the readings' standard deviations, {p}"
-                ))
-            });
-        let improbable = self.consistency.filter(|each| *each < IMPLAUSIBLE);
-        let residuals = improbable.map(|probability| {
-            let p = p_value(probability);
-            let words = format!("residuals too large for the readings' standard deviations, {p}");
-            let left = self.discrepancy;
-            too_large(
-                &words,
-                left.map(|[left_m, _]| [left_m, ROBOTS_LEAVE * self.reach_m]),
-            )
-        });
-        rejected.into_iter().chain(too_small).chain(residuals)
+        let left_and_usual_m =
+            (self.discrepancy).map(|[left_m, _]| [left_m, ROBOTS_LEAVE * self.reach_m]);
+        let probabilities = [self.consistency, self.consistency.map(|each| 1.0 - each)];
+        let deviations = "the readings' standard deviations";
+        let residuals = inconsistent(probabilities, deviations, left_and_usual_m, true);
+        rejected.into_iter().chain(residuals)
     }
 
     /// Corrections of geometry that no maker's tolerances explain; and masses and centres that are further from what is believed than

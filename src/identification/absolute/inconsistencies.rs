@@ -13,15 +13,15 @@
 //! Student's t of the difference, over all parameters that are compared (Bonferroni), says whether both can be right; by that variance
 //! which makes it more probable.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::super::estimate::two_sided_student;
 use super::blocks::{Blocks, FEWEST_BLOCKS};
-use super::mixed::{MixedModel, SumVariances, known_alone};
+use super::mixed::{MixedModel, known_alone};
 use super::unknowns::is_geometry;
-use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
+use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, joint_space_blocks};
 use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
@@ -36,15 +36,12 @@ const BLOCKS: usize = 16;
 const RESOLVED: f64 = 1e-4;
 
 /// What a series says of a robot.
-#[derive(Debug, Clone)]
-pub struct SeriesEstimates {
+struct SeriesEstimates {
     set: ParameterSet,
     /// What it says of the parameters, as readings were weighed,
     posterior: Posterior,
     /// and the values without each block of them,
     without: Vec<DVector<f64>>,
-    /// and whether the other series has the same ones.
-    has_common_blocks: bool,
     /// Its readings with what their errors have in common, where there are enough to tell.
     mixed: Option<MixedModel>,
     /// The arm from which values count.
@@ -106,35 +103,41 @@ impl Inconsistencies {
 }
 
 impl AbsoluteCase<'_> {
-    /// What a fit of this case and one of another series of the robot say of its parameters, by common blocks of joint space; `None`
-    /// with too few configurations to leave some out.
+    /// Where a fit of this case and one of another series of the robot contradict each other, by common blocks of joint space.
     ///
     /// # Errors
-    /// A fit does not converge.
-    pub fn estimates_beside(
+    /// There are too few configurations to leave some out, or a fit does not converge.
+    pub fn inconsistencies_with(
         &mut self,
         fit: &AbsoluteFit,
         other: &mut Self,
         other_fit: &AbsoluteFit,
-    ) -> Result<Option<[SeriesEstimates; 2]>, AbsoluteError> {
-        let count = BLOCKS.min(self.different().min(other.different()) / 2);
-        if count < FEWEST_BLOCKS {
-            return Ok(None);
+    ) -> Result<Inconsistencies, AbsoluteError> {
+        let different = self.different().min(other.different());
+        let needed = 2 * FEWEST_BLOCKS;
+        if different < needed {
+            return Err(AbsoluteError::TooFewConfigurations { different, needed });
         }
-        let [own, others] = self.common_blocks(other, count);
+        let count = BLOCKS.min(different / 2);
+        let both = [self.configurations(), other.configurations()].concat();
+        let mut own = joint_space_blocks(&both, count);
+        let others = own.split_off(self.observations.len());
         let series = [(self, fit, own), (other, other_fit, others)];
         let [own, others] = series.map(|(case, fit, of_readings)| {
             if let Some(discrepancy) = fit.discrepancy {
                 case.weigh(discrepancy);
             }
-            case.by_blocks(fit, &Blocks::of_readings(case, of_readings, count), true)
+            case.by_blocks(fit, &Blocks::of_readings(case, of_readings, count))
         });
-        Ok(Some([own?, others?]))
+        Ok(own?.beside(&others?, true))
     }
 
-    /// The halves of joint space, across the joint that moves furthest: which half each reading is in, and what each half says.
-    /// `None` where a half has too few configurations, or cannot be fitted.
-    pub fn halves(&mut self, fit: &AbsoluteFit) -> Option<(Vec<usize>, [SeriesEstimates; 2])> {
+    /// The same of the halves of joint space, across the joint that moves furthest, with which half each reading is in. `None` where a half
+    /// has too few configurations, or cannot be fitted.
+    pub fn inconsistencies_of_halves(
+        &mut self,
+        fit: &AbsoluteFit,
+    ) -> Option<(Vec<usize>, Inconsistencies)> {
         if let Some(discrepancy) = fit.discrepancy {
             self.weigh(discrepancy);
         }
@@ -143,29 +146,27 @@ impl AbsoluteCase<'_> {
             let case = self.part_of(|index| halves[index] == number);
             let count = BLOCKS.min(case.different() / 2);
             let blocks = (count >= FEWEST_BLOCKS).then(|| Blocks::new(&case, count))?;
-            case.by_blocks(fit, &blocks, false).ok()
+            case.by_blocks(fit, &blocks).ok()
         };
-        Some((halves.clone(), [half(0)?, half(1)?]))
+        let found = half(0)?.beside(&half(1)?, false);
+        Some((halves, found))
     }
 
     fn by_blocks(
         &self,
         of_all: &AbsoluteFit,
         blocks: &Blocks<'_>,
-        has_common_blocks: bool,
     ) -> Result<SeriesEstimates, AbsoluteError> {
-        let set = &of_all.set;
-        let fit = self.fit_near(set, &of_all.posterior.mean)?;
-        let without = blocks.without(set, &fit)?;
+        let fit = self.fit_near(&of_all.set, &of_all.posterior.mean)?;
+        let without = blocks.without(&fit)?;
         let mixed = of_all.discrepancy.and_then(|discrepancy| {
-            let (_, mixed) = self.mixed(set, &fit, discrepancy)?;
+            let (_, mixed) = self.mixed(&fit, discrepancy)?;
             Some(mixed.with_waves(&self.commanded_turns()))
         });
         Ok(SeriesEstimates {
-            set: set.clone(),
+            set: fit.set,
             posterior: fit.posterior,
             without: without.into_iter().map(|each| each.values).collect(),
-            has_common_blocks,
             mixed,
             reference: self.arm.clone(),
         })
@@ -180,9 +181,9 @@ fn jackknife(changes: impl ExactSizeIterator<Item = f64>) -> f64 {
 }
 
 impl SeriesEstimates {
-    /// Where this series and another contradict each other. Geometry is compared where both were fitted with the same
-    /// parameters of it: what one of them leaves out as redundant is in the others'.
-    pub fn beside(&self, other: &Self) -> Inconsistencies {
+    /// Where this series and another contradict each other, by the same blocks of both or not. Geometry is compared where both were fitted
+    /// with the same parameters of it: what one of them leaves out as redundant is in the others'.
+    fn beside(&self, other: &Self, has_common_blocks: bool) -> Inconsistencies {
         let (own, others): (Vec<_>, Vec<_>) =
             (self.determined().collect(), other.determined().collect());
         let geometry = |all: &[(ParameterKind, usize)]| -> Vec<ParameterKind> {
@@ -194,25 +195,30 @@ impl SeriesEstimates {
             let (_, twin) = others.iter().find(|each| each.0 == kind)?;
             (is_same || !is_geometry(kind)).then_some([place, *twin])
         });
-        let twins: Vec<[usize; 2]> = twins.collect();
-        let together = self.together(other, &twins);
+        let mixed = self.mixed.as_ref().zip(other.mixed.as_ref());
+        let together = mixed.and_then(|(one, second)| one.beside(second).covariance_parts());
         let (both, degrees) = ([self, other], self.without.len().min(other.without.len()));
         let degrees = degrees as f64 - 1.0;
         let mut beside = Inconsistencies::default();
-        for (at, &places) in twins.iter().enumerate() {
+        for places in twins {
             let parameter = &self.set.parameters()[places[0]];
-            // Standard errors with their degrees of freedom, by blocks and by the model of both together: of the difference, the one and
-            // the other.
-            let yardsticks = |error: f64, which: usize| {
-                let together = together.as_ref().map(|found| {
-                    let place = which * twins.len() + at;
-                    [found.variances[place].sqrt(), found.degrees[place]]
-                });
+            // Standard errors of a sum of both with their degrees of freedom, by blocks and by the model of both together.
+            let yardsticks = |error: f64, factors: [f64; 2]| {
+                let sum = [
+                    (places[0], factors[0]),
+                    (self.set.len() + places[1], factors[1]),
+                ];
+                let together = together.as_ref().map(|parts| parts.of_sum(&sum));
                 [Some([error, degrees]), together].into_iter().flatten()
             };
             // By leaving out blocks, and no less than what the weights say; where what both share is counted, that is not needed.
-            let mut apart = self.apart(other, places);
-            if !(self.has_common_blocks && together.is_some()) {
+            let [one, second] = [self.changes(places[0]), other.changes(places[1])];
+            let mut apart = if has_common_blocks {
+                jackknife(one.zip(second).map(|(one, second)| one - second))
+            } else {
+                jackknife(one).hypot(jackknife(second))
+            };
+            if !(has_common_blocks && together.is_some()) {
                 apart = apart.max(self.weighed(other, places));
             }
             let own = [0, 1].map(|side| both[side].error(places[side]));
@@ -220,7 +226,8 @@ impl SeriesEstimates {
             let least = RESOLVED * own[0].hypot(own[1]);
             let difference = values[0] - values[1];
             let (mut largest, mut probability) = (0.0_f64, 0.0_f64);
-            for [error, degrees] in yardsticks(apart, 0).filter(|[error, _]| *error > least) {
+            let differing = yardsticks(apart, [1.0, -1.0]);
+            for [error, degrees] in differing.filter(|[error, _]| *error > least) {
                 largest = largest.max(error);
                 let student = StudentsT::new(0.0, 1.0, degrees);
                 let as_large = |law: StudentsT| 2.0 * law.sf(difference.abs() / error);
@@ -233,7 +240,7 @@ impl SeriesEstimates {
             beside.deviations.push(difference / largest);
             let quantity = |value: f64| parameter.quantity(&self.reference, value);
             let interval = |side: usize| {
-                let halves = yardsticks(own[side], 1 + side);
+                let halves = yardsticks(own[side], [[1.0, 0.0], [0.0, 1.0]][side]);
                 let halves = halves.map(|[error, degrees]| error * two_sided_student(degrees));
                 let (value, half) = (values[side], halves.fold(0.0, f64::max));
                 [value - half, value + half].map(quantity)
@@ -276,17 +283,8 @@ impl SeriesEstimates {
         own.max(jackknife(self.changes(place)))
     }
 
-    /// The standard error of a difference by leaving out blocks, of both series together where they have the same.
-    fn apart(&self, other: &Self, [one, second]: [usize; 2]) -> f64 {
-        if self.has_common_blocks && other.has_common_blocks {
-            let both = self.changes(one).zip(other.changes(second));
-            return jackknife(both.map(|(one, second)| one - second));
-        }
-        jackknife(self.changes(one)).hypot(jackknife(other.changes(second)))
-    }
-
-    /// The same as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to one prior, which moves
-    /// the difference by C1 - C2 alone. Summed as squares, so that it is never negative.
+    /// The standard error of a difference as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to
+    /// one prior, which moves the difference by C1 - C2 alone. Summed as squares, so that it is never negative.
     fn weighed(&self, other: &Self, [one, second]: [usize; 2]) -> f64 {
         let [own, others] = [self, other].map(|series| &series.posterior.covariance);
         let mut of_readings = [own[(one, one)], others[(second, second)]];
@@ -303,19 +301,5 @@ impl SeriesEstimates {
         }
         let own: f64 = of_readings.iter().map(|own| own.max(0.0)).sum();
         (own + of_priors).sqrt()
-    }
-
-    /// What one mixed model of both says: of the differences of what is compared, then of what the one says, then of the other.
-    fn together(&self, other: &Self, compared: &[[usize; 2]]) -> Option<SumVariances> {
-        let (size, count) = (self.set.len(), compared.len());
-        let mut sums = DMatrix::zeros(size + other.set.len(), 3 * count);
-        for (at, [one, second]) in compared.iter().enumerate() {
-            sums[(*one, at)] = 1.0;
-            sums[(size + second, at)] = -1.0;
-            sums[(*one, count + at)] = 1.0;
-            sums[(size + second, 2 * count + at)] = 1.0;
-        }
-        let (one, second) = (self.mixed.as_ref()?, other.mixed.as_ref()?);
-        one.beside(second).of_sums(&sums)
     }
 }

@@ -259,7 +259,8 @@ impl DiscrepancyModel {
         q: &[f64],
     ) -> (DVector<f64>, DMatrix<f64>) {
         let local = self.local(rows, places, q);
-        let among = among(&self.covariance, &local.index);
+        let among = self.covariance.select_rows(&local.index);
+        let among = among.select_columns(&local.index);
         let known = &local.matrix * among * local.matrix.transpose();
         (local.left, local.new + known)
     }
@@ -305,12 +306,6 @@ pub(super) fn region_square(
     let own = (covariance.view((first, first), (rows, rows))).into_owned();
     let square = part.dot(&own.cholesky()?.solve(&part));
     Some(square * (SQUARE_95 / CHI_SQUARE_95[rows - 1]))
-}
-
-pub(super) fn among(covariance: &DMatrix<f64>, index: &[usize]) -> DMatrix<f64> {
-    DMatrix::from_fn(index.len(), index.len(), |row, column| {
-        covariance[(index[row], index[column])]
-    })
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Translation3};
 use super::super::frames::MountedFrames;
 use super::case::whitener;
 use super::{AbsoluteCase, AbsoluteError};
-use crate::experiment::{is_one_configuration, together};
+use crate::experiment::together;
 use crate::measurement::AbsoluteReading;
 use crate::observation::{LengthKind, ReadingErrors, SharedErrors, SharingReadings};
 use crate::task::station_named;
@@ -123,11 +123,13 @@ impl AbsoluteCase<'_> {
         });
         let mut errors: Vec<ReadingErrors> = errors.collect();
         let setup = |visit: usize| &self.observations[self.visits[visit][0]].setup;
-        let pose = |visit: usize| (&setup(visit).commanded_rad, setup(visit).approach.as_ref());
         let are_kept = errors.iter().any(|each| each.configuration.ncols() > 0);
-        let is_same = |one, other| are_kept && is_one_configuration(pose(one), pose(other));
         let mut shared = SharedErrors { groups: Vec::new() };
-        for visits in together(self.visits.len(), |visit| pose(visit).0, is_same) {
+        for visits in together(
+            self.visits.len(),
+            |visit| setup(visit).pose(),
+            |_, _| are_kept,
+        ) {
             if let [visit] = visits[..]
                 && let [place] = self.visits[visit][..]
             {

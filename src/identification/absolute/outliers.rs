@@ -9,7 +9,6 @@ use super::AbsoluteCase;
 use super::case::whitener;
 use super::fit::KeptFit;
 use crate::numeric::tolerance::median;
-use crate::parameter::ParameterSet;
 
 /// Reweighted fits of a robust one.
 const ROBUST_ROUNDS: usize = 8;
@@ -19,11 +18,7 @@ const LITTLE: f64 = 0.1;
 impl AbsoluteCase<'_> {
     /// A fit from near another one that gross errors pull far less: of least absolute deviations (Huber), then with weights that fall with
     /// larger ones (Cauchy), so that those which are alike and close to each other do not pull it either. None of few readings.
-    pub(super) fn robust_fit(
-        &self,
-        set: &ParameterSet,
-        first: &ParameterFit,
-    ) -> Option<ParameterFit> {
+    pub(super) fn robust_fit(&self, first: &ParameterFit) -> Option<ParameterFit> {
         if is_pulled(first) {
             return None;
         }
@@ -37,7 +32,7 @@ impl AbsoluteCase<'_> {
                 median(positions.collect())?,
                 median(rotations.map(|each| each.norm()).collect()).unwrap_or_default(),
             ];
-            let values = case.rebased(set, &fit);
+            let values = case.rebased(&fit);
             for (place, each) in left.iter().enumerate() {
                 let lengths = [
                     each.position_m.norm(),
@@ -56,7 +51,7 @@ impl AbsoluteCase<'_> {
             }
             let readings = FittedReadings {
                 shared: None,
-                ..case.fitted_readings(set)
+                ..case.fitted_readings(&first.set)
             };
             fit = readings.fit_from(&values, Haste::Weights).ok()?;
         }
@@ -75,8 +70,8 @@ impl AbsoluteCase<'_> {
         let is_pulled = is_pulled(fit);
         if is_pulled {
             let mut here = self.clone();
-            let values = here.rebased(&found.set, fit);
-            let rows = here.rows_at(&here.arm, &found.set, values.as_slice(), &[]);
+            let values = here.rebased(fit);
+            let rows = here.rows_at(&here.arm, &fit.set, values.as_slice(), &[]);
             let rows = rows.ok()?;
             for (known, rows) in known.iter_mut().zip(&rows) {
                 let predicted =

@@ -12,14 +12,16 @@
 //! [`mixed`](super::mixed). With the expected information I, the effective degrees of freedom of a variance are 2 v^2 (I / var v).
 
 use std::collections::BTreeMap;
+use std::iter;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::mixed::in_blocks;
 use super::residuals::LinearReading;
 use super::{AbsoluteCase, AbsoluteFit};
-use crate::experiment::{is_one_configuration, together};
+use crate::experiment::together;
 use crate::numeric::tolerance::pose_repeatability;
 use crate::quantities::written::from_one;
 
@@ -112,13 +114,10 @@ impl AbsoluteCase<'_> {
             .map(|visit| averaged(&kept, &rows, visit, &mut contrasts))
             .collect();
         let setup = |visit: usize| &kept.observations[visits[visit].first].setup;
-        let is_same = |one: usize, other: usize| {
-            let pose = |visit| (&setup(visit).commanded_rad, setup(visit).approach.as_ref());
-            visits[one].read == visits[other].read
-                && setup(one).load == setup(other).load
-                && is_one_configuration(pose(one), pose(other))
+        let is_alike = |one: usize, other: usize| {
+            visits[one].read == visits[other].read && setup(one).load == setup(other).load
         };
-        let groups = together(visits.len(), |visit| &setup(visit).commanded_rad, is_same);
+        let groups = together(visits.len(), |visit| setup(visit).pose(), is_alike);
         let within = contrasts.len();
         let mut poses = Vec::new();
         for group in groups.iter().filter(|group| group.len() > 1) {
@@ -131,7 +130,6 @@ impl AbsoluteCase<'_> {
             return None;
         }
         let (classes, variances, information) = components(&contrasts, joints.len(), within > 0)?;
-        let first = usize::from(within > 0);
         let errors = Cholesky::new(information)?.inverse();
         let chain = &self.arm.chain.joints;
         let component = |level, joints: Vec<usize>, place: usize| {
@@ -164,7 +162,7 @@ impl AbsoluteCase<'_> {
         }
         for (class, own) in classes.iter().enumerate() {
             let own = own.iter().map(|&joint| joints[joint]).collect();
-            let found = component("visit", own, first + class);
+            let found = component("visit", own, 1 + class);
             if found.names.len() > 1 {
                 let names = found.names.join(", ");
                 let told = "repeats at poses where they move the target otherwise, or more repeats, would tell";
@@ -185,7 +183,7 @@ impl AbsoluteCase<'_> {
             for (class, own) in classes.iter().enumerate() {
                 for &joint in own {
                     let column = moved.column(joint);
-                    covariance += column * column.transpose() * variances[first + class];
+                    covariance += column * column.transpose() * variances[1 + class];
                 }
             }
             Some(PoseReturn {
@@ -214,31 +212,24 @@ fn averaged(
         let target = targets.entry((setup.station, setup.target));
         target.or_default().push(index);
     }
-    let size = (targets.values())
-        .map(|own| rows[own[0]].residual.len())
-        .sum();
     let joints = rows[visit[0]].joints.ncols();
-    let mut all = AveragedVisit {
-        first: visit[0],
-        read: targets.keys().copied().collect(),
-        residual: DVector::zeros(size),
-        own: DMatrix::zeros(size, size),
-        joints: DMatrix::zeros(size, joints),
-    };
-    let mut at = 0;
+    let (mut residual, mut owns, mut moved) = (Vec::new(), Vec::new(), Vec::new());
     for own in targets.values() {
         let parts = (own.iter()).map(|&index| (&rows[index].residual, &rows[index].own));
         let within = DMatrix::zeros(rows[own[0]].residual.len(), joints);
         let (mean, of_target) = about_mean(&parts.collect::<Vec<_>>(), within);
-        let count = mean.len();
-        all.residual.rows_mut(at, count).copy_from(&mean);
-        (all.own.view_mut((at, at), (count, count)))
-            .copy_from(&(&of_target.own / own.len() as f64));
-        (all.joints.rows_mut(at, count)).copy_from(&rows[own[0]].joints);
-        at += count;
+        residual.extend_from_slice(mean.as_slice());
+        owns.push(&of_target.own / own.len() as f64);
+        moved.extend(rows[own[0]].joints.row_iter());
         contrasts.extend((own.len() > 1).then_some(of_target));
     }
-    all
+    AveragedVisit {
+        first: visit[0],
+        read: targets.keys().copied().collect(),
+        residual: DVector::from_vec(residual),
+        own: in_blocks(owns),
+        joints: DMatrix::from_rows(&moved),
+    }
 }
 
 /// The mean of residuals of one size, each with its own covariance, and what they are about it, which joints move like this.
@@ -263,8 +254,7 @@ fn about_mean(
     (mean, of)
 }
 
-/// Which joints have a variance in common; that of the readings, where it is estimated, then those of these classes, and their expected
-/// information.
+/// Which joints have a variance in common; that of the readings, then those of these classes, and their expected information.
 fn components(
     contrasts: &[Contrasts],
     joints: usize,
@@ -285,7 +275,6 @@ fn components(
     } else {
         moving.into_iter().map(|joint| vec![joint]).collect()
     };
-    let first = usize::from(is_reading_estimated);
     loop {
         let model = ReturnModel {
             contrasts,
@@ -304,7 +293,7 @@ fn components(
             let size = information[(one, one)] * information[(other, other)];
             information[(one, other)] / size.sqrt()
         };
-        let all = first..variances.len();
+        let all = 1..variances.len();
         // The two that are told apart worst become one.
         let pairs = (all.clone().filter(is_inflated))
             .flat_map(|one| all.clone().map(move |other| (one, other)))
@@ -313,8 +302,8 @@ fn components(
         let Some((one, other)) = worst else {
             return Some((classes, variances, information));
         };
-        let joined = classes.remove(one.max(other) - first);
-        let class = &mut classes[one.min(other) - first];
+        let joined = classes.remove(one.max(other) - 1);
+        let class = &mut classes[one.min(other) - 1];
         class.extend(joined);
         class.sort_unstable();
     }
@@ -330,12 +319,11 @@ struct ReturnModel<'a> {
 impl ReturnModel<'_> {
     /// How each variance moves the covariance of a contrast.
     fn parts(&self, of: &Contrasts) -> Vec<DMatrix<f64>> {
-        let own = self.is_reading_estimated.then(|| of.own.clone());
         let returns = self.classes.iter().map(|class| {
             let moved = of.joints.select_columns(class);
             &moved * moved.transpose()
         });
-        own.into_iter().chain(returns).collect()
+        iter::once(of.own.clone()).chain(returns).collect()
     }
 
     /// The likeliest variances: from half of what contrasts scatter on.
@@ -345,11 +333,9 @@ impl ReturnModel<'_> {
             square += each.scatter.trace();
             moved += each.count * each.joints.norm_squared();
         }
-        let mut variances =
-            vec![0.5 * square / f64::max(moved, f64::MIN_POSITIVE); self.classes.len()];
-        if self.is_reading_estimated {
-            variances.insert(0, 1.0);
-        }
+        let returns = 0.5 * square / f64::max(moved, f64::MIN_POSITIVE);
+        let mut variances = vec![returns; 1 + self.classes.len()];
+        variances[0] = 1.0;
         for _ in 0..ROUNDS {
             let (next, _) = self.improved(&variances)?;
             let change = next.iter().zip(&variances).map(|(next, before)| {
@@ -371,14 +357,8 @@ impl ReturnModel<'_> {
         let mut information = DMatrix::zeros(count, count);
         for each in self.contrasts {
             let parts = self.parts(each);
-            let mut covariance = if self.is_reading_estimated {
-                DMatrix::zeros(each.own.nrows(), each.own.nrows())
-            } else {
-                each.own.clone()
-            };
-            for (part, variance) in parts.iter().zip(variances) {
-                covariance += part * *variance;
-            }
+            let all = parts.iter().zip(variances);
+            let covariance: DMatrix<f64> = all.map(|(part, variance)| part * *variance).sum();
             let weight = Cholesky::new(covariance)?.inverse();
             let weighed: Vec<DMatrix<f64>> = parts.iter().map(|part| &weight * part).collect();
             let scatter = &weight * &each.scatter;
@@ -390,13 +370,18 @@ impl ReturnModel<'_> {
                 }
             }
         }
-        let improved = variances
-            .iter()
-            .zip(&sums)
-            .map(|(variance, [square, expected])| {
-                variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
-            });
-        Some((improved.collect(), information))
+        let improved = variances.iter().zip(&sums);
+        let improved = improved.map(|(variance, [square, expected])| {
+            variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
+        });
+        let mut improved: Vec<f64> = improved.collect();
+        if !self.is_reading_estimated {
+            improved[0] = 1.0;
+            information.row_mut(0).fill(0.0);
+            information.column_mut(0).fill(0.0);
+            information[(0, 0)] = 1.0;
+        }
+        Some((improved, information))
     }
 }
 

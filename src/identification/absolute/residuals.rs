@@ -4,11 +4,9 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::super::IdentificationError;
-use super::case::rotation_of;
 use super::{AbsoluteCase, ReadingResidual};
 use crate::observation::{ObservationModel, Whitener, of_each_prediction};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
-use crate::robot::rotation_vector;
 
 /// How long vectors are.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
@@ -98,18 +96,11 @@ impl AbsoluteCase<'_> {
     /// # Errors
     /// It has no equilibrium for one of them.
     pub fn left(&self, arm: &ElasticArm) -> Result<Vec<ReadingResidual>, IdentificationError> {
-        let nothing = ParameterSet::empty();
-        let model = ObservationModel::new(&nothing, arm, &[]);
-        let left = of_each_prediction(&model, &self.observations, |place, predicted, _| {
-            let each = &self.observations[place];
-            let turned = |read| rotation_vector(&(read * predicted.rotation.transpose()));
-            ReadingResidual {
-                position_m: each.position_m() - predicted.position_m,
-                coordinates: each.reading.kind().rows().min(3),
-                rotation_rad: rotation_of(&each.reading).map(turned),
-            }
-        });
-        Ok(left?)
+        let rows = self.rows_at(arm, &ParameterSet::empty(), &[], &[])?;
+        let left = rows
+            .iter()
+            .map(|rows| ReadingResidual::of_rows(&rows.residual));
+        Ok(left.collect())
     }
 
     pub(super) fn commanded_joints(&self) -> Vec<usize> {

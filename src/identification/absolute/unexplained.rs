@@ -17,7 +17,6 @@ impl AbsoluteCase<'_> {
     /// A mixed model of what the parameters leave, with the readings; none where there is too little to tell.
     pub(super) fn mixed(
         &self,
-        set: &ParameterSet,
         fit: &ParameterFit,
         discrepancy: [f64; 2],
     ) -> Option<(Vec<LinearReading>, MixedModel)> {
@@ -26,7 +25,7 @@ impl AbsoluteCase<'_> {
         if self.visits.len() < LEAST_VISITS || fit.degrees_of_freedom() < 4.0 * variances as f64 {
             return None;
         }
-        self.mixed_of(set, &fit.posterior, joints, discrepancy)
+        self.mixed_of(&fit.set, &fit.posterior, joints, discrepancy)
     }
 
     /// The variance components of what a fit leaves of the readings that it kept; none where there is too little to tell, or where nothing
@@ -56,10 +55,10 @@ impl AbsoluteCase<'_> {
     /// The likeliest parameters, near a fit of them, together with functions and sizes that are known, and what these say of what they leave.
     pub(super) fn with_known(
         &self,
-        set: &ParameterSet,
         fit: &mut ParameterFit,
         known: &VarianceComponents,
     ) -> Option<Unexplained> {
+        let set = &fit.set;
         let (rows, mixed) = self.mixed_of(set, &fit.posterior, known.joints(), known.rest)?;
         let (model, degrees) = mixed.with_remainder(known)?;
         let mut model = model.estimated(degrees);
@@ -106,24 +105,26 @@ impl AbsoluteCase<'_> {
     /// fitted.
     pub(super) fn discrepancy_model(
         &self,
-        set: &ParameterSet,
         fit: &ParameterFit,
         discrepancy: [f64; 2],
         left_out: &Self,
     ) -> Option<Unexplained> {
-        let (rows, mixed) = self.mixed(set, fit, discrepancy)?;
-        let values = &fit.posterior.mean;
+        let (rows, mixed) = self.mixed(fit, discrepancy)?;
+        let (set, values) = (&fit.set, &fit.posterior.mean);
         let others = left_out.rows_at(&self.arm, set, values, &self.commanded_joints());
         let (model, predicted_by_others) = mixed.fit(&mixed.visits_of(left_out, &others.ok()?))?;
         let turns = self.commanded_turns();
-        let (covariance, degrees) = mixed.with_waves(&turns).of_parameters()?;
+        let parts = mixed.with_waves(&turns).covariance_parts()?;
+        let covariance = parts.whole();
         Some(Unexplained {
             left: self.left_of(&rows, &model),
             visits: self.visits.len(),
             effective_sample_size: self.effective_sample_size(&fit.posterior, &covariance),
             predicted_by_others,
             covariance: symmetric(&covariance),
-            degrees,
+            degrees: (0..set.len())
+                .map(|index| parts.of_sum(&[(index, 1.0)])[1])
+                .collect(),
             model,
         })
     }
@@ -132,12 +133,11 @@ impl AbsoluteCase<'_> {
     fn left_of(&self, rows: &[LinearReading], model: &DiscrepancyModel) -> Vec<ReadingResidual> {
         let places: Vec<usize> = (0..model.shift.len()).collect();
         let readings = rows.iter().zip(&self.observations);
-        let prognoses = readings.map(|(rows, each)| {
-            let q = each.setup.commanded_rad.as_slice();
-            let (left, covariance) = model.prognosis(rows, &places, q);
-            model.judged(&left, &covariance, q).left
+        let left = readings.map(|(rows, each)| {
+            let local = model.local(rows, &places, each.setup.commanded_rad.as_slice());
+            ReadingResidual::of_rows(&local.left)
         });
-        prognoses.collect()
+        left.collect()
     }
 
     /// As many visits as tell as much of the parameters where readings are independent as all do with this covariance: by how much smaller the

@@ -206,7 +206,10 @@ impl AbsoluteCase<'_> {
             _ if kind.is_mounted() => false,
             _ => groups.is_empty() || named.contains(&kind) || precision[(*place, *place)] > 0.0,
         };
-        let before = self.known_before();
+        let before = self.belief.uncertain.set().parameters().iter();
+        let before: Vec<Unknown> = before
+            .map(|each| (each.kind, each.prior_deviation))
+            .collect();
         let places: Vec<usize> = (0..before.len())
             .filter(|place| wanted(place, before[*place].0))
             .collect();
@@ -273,12 +276,6 @@ impl AbsoluteCase<'_> {
                 (places[each.redundant], LeftOut { name, sentence })
             })
             .collect()
-    }
-
-    /// The belief's unknowns, with the deviations of those that are uncertain.
-    fn known_before(&self) -> Vec<Unknown> {
-        let parameters = self.belief.uncertain.set().parameters().iter();
-        (parameters.map(|each| (each.kind, each.prior_deviation))).collect()
     }
 
     pub(super) fn planned(&self) -> Vec<PlannedReading> {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::experiment::{is_one_configuration, numbered};
+use crate::experiment::numbered;
 use crate::measurement::AbsoluteReading;
 use crate::task::Belief;
 
@@ -15,18 +15,10 @@ pub(super) fn visits(readings: &[AbsoluteReading], belief: &Belief) -> Vec<Vec<u
     let stations: Vec<Option<&str>> = (readings.iter())
         .map(|each| belief.station_of_visit(each.station.as_deref()))
         .collect();
-    let pose = |place: usize| {
-        let reading = &readings[place];
-        (&reading.configuration_rad, reading.approach.as_ref())
+    let is_alike = |one: usize, other: usize| {
+        readings[one].load == readings[other].load && stations[one] == stations[other]
     };
-    let is_same = |one: usize, other: usize| {
-        let [own, others] = [&readings[one], &readings[other]];
-        is_one_configuration(pose(one), pose(other))
-            && own.load == others.load
-            && stations[one] == stations[other]
-    };
-    let q = |place: usize| &readings[place].configuration_rad;
-    let alike = numbered(readings.len(), q, is_same);
+    let alike = numbered(readings.len(), |place| readings[place].pose(), is_alike);
     let mut taken: BTreeMap<(usize, [Option<&str>; 2]), usize> = BTreeMap::new();
     // By a word of a file and the station, or by the number of a configuration and which visit of it.
     let mut known = BTreeMap::new();

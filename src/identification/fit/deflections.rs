@@ -133,18 +133,21 @@ impl FitStart {
         LeastSquares::solve(&matrix, &rows.residuals(), &self.estimable)
     }
 
-    /// The end of a fit at values of the unknowns, with the last step, which is known where there is a factor.
+    /// The end of a fit at values of the unknowns, with the last step, by a factor where there is one. Where only compliances are unknown,
+    /// these are few, and may be determined badly: not by it.
     fn end(
         &self,
+        source: &Case<'_>,
         rows: &DeflectionRows,
         mut values: DVector<f64>,
-        factored: Option<(&Cholesky<f64, Dyn>, DVector<f64>)>,
+        factor: Option<&Cholesky<f64, Dyn>>,
         iterations: usize,
     ) -> DeflectionFit {
-        let last = factored.map_or_else(
+        let factor = factor.filter(|_| !source.belief.uncertain.is_plain());
+        let last = factor.map_or_else(
             || self.solve(rows),
-            |(factor, step)| LeastSquares {
-                solution: self.estimable.in_units(step),
+            |factor| LeastSquares {
+                solution: (self.estimable).in_units(factor.solve(&self.gradient(rows))),
                 covariance: self.estimable.covariance(inverse_of(factor)),
                 condition: condition_of(factor),
             },
@@ -236,13 +239,8 @@ pub fn fit_linear(start: &FitStart, source: &Case<'_>) -> DeflectionFit {
     let mut read = source.read();
     start.whitening.whiten(&mut read);
     let rows = start.rows(&read, start.at_nominal.clone(), &start.nominal);
-    // Where only compliances are unknown, these are few, and may be determined badly.
-    let factor = start
-        .factor
-        .as_ref()
-        .filter(|_| !source.belief.uncertain.is_plain());
-    let factored = factor.map(|factor| (factor, factor.solve(&start.gradient(&rows))));
-    start.end(&rows, start.nominal.clone(), factored, 1)
+    let factor = start.factor.as_ref();
+    start.end(source, &rows, start.nominal.clone(), factor, 1)
 }
 
 /// Gauss-Newton from values that are near, from one step from the nominal values, or from these where there is no equilibrium
@@ -273,11 +271,7 @@ pub fn fit_nonlinear(
         (problem.at(first)).or_else(|error| problem.at(nominal.clone()).map_err(|_| error))?;
     let (found, iterations) = gauss_newton(&mut problem, first)?;
     let (rows, factor) = found.kept;
-    let factor = factor
-        .as_ref()
-        .filter(|_| !source.belief.uncertain.is_plain());
-    let factored = factor.map(|factor| (factor, found.step));
-    Ok(start.end(&rows, found.values, factored, iterations))
+    Ok(start.end(source, &rows, found.values, factor.as_ref(), iterations))
 }
 
 #[cfg(test)]

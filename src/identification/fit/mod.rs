@@ -4,7 +4,7 @@ mod deflections;
 mod gauss_newton;
 mod readings;
 
-pub(super) use deflections::{DeflectionFit, FitStart, fit_linear, fit_nonlinear};
+pub(super) use deflections::{FitStart, fit_linear, fit_nonlinear};
 pub(super) use gauss_newton::FitProblem;
 pub(super) use readings::{FittedReadings, Haste, ReadingProblem};
 pub use readings::{ParameterFit, fit_parameters};

@@ -113,20 +113,13 @@ pub(super) fn translate(frames: &mut MountedFrames, sights: &[Sight], tools: &[I
             sums.right[place] += weight * tool.translation.vector[axis];
         }
     }
-    let mut known = DVector::zeros(size);
-    let tools = frames.link_from_tool.iter();
-    let places =
-        (frames.instrument_from_base.iter().chain(tools)).map(|each| each.translation.vector);
-    for (index, place) in places.enumerate() {
-        known.fixed_rows_mut::<3>(3 * index).copy_from(&place);
-    }
-    let solved = sums.solved(&known);
-    let place = |index: usize| solved.fixed_rows::<3>(3 * index).into_owned();
-    for (index, base) in frames.instrument_from_base.iter_mut().enumerate() {
-        base.translation.vector = place(index);
-    }
-    for (index, tool) in frames.link_from_tool.iter_mut().enumerate() {
-        tool.translation.vector = place(stations + index);
+    let all = frames.instrument_from_base.iter_mut();
+    let mut all: Vec<&mut Isometry3<f64>> = all.chain(&mut frames.link_from_tool).collect();
+    let places = all.iter().map(|each| each.translation.vector);
+    let known = places.flat_map(<[f64; 3]>::from);
+    let solved = sums.solved(&DVector::from_iterator(size, known));
+    for (index, each) in all.iter_mut().enumerate() {
+        each.translation.vector = solved.fixed_rows::<3>(3 * index).into_owned();
     }
 }
 

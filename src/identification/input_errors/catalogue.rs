@@ -218,10 +218,11 @@ pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
         };
         InputError::new("deflection_unit", (question, remedy), deflection(change))
     };
-    let in_tool_frame = |kind, what: &str, change| {
+    let in_tool_frame = |what: &str, kind, change| {
         let question = format!("are the {what} in the tool's frame instead of the world's");
         InputError::new(kind, (question, "Turn them into the world frame"), change)
     };
+    let turned = deflection(|each, axes| turn(each, axes, 1.0));
     let loads = |each: &mut Measurement, axes: &Matrix3<f64>| {
         let [force_n, torque_nm] = [each.load.force_n, each.load.torque_nm];
         each.load = Load {
@@ -235,21 +236,14 @@ pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
         (1000.0, "in kN instead of N"),
         (0.001, "1000 times too large, in mN or g"),
     ];
+    let signs = InputError::new("signs_reversed", (signs, right), deflection(reversed));
     [
-        vec![InputError::new(
-            "signs_reversed",
-            (signs, right),
-            deflection(reversed),
-        )],
+        vec![signs],
         load_units.map(load_unit).into(),
         [(1000.0, "m"), (0.001, "um")].map(unit).into(),
         vec![
-            in_tool_frame(
-                "deflections_in_tool_frame",
-                "deflections",
-                deflection(|each, axes| turn(each, axes, 1.0)),
-            ),
-            in_tool_frame("loads_in_tool_frame", "loads", deflection(loads)),
+            in_tool_frame("deflections", "deflections_in_tool_frame", turned),
+            in_tool_frame("loads", "loads_in_tool_frame", deflection(loads)),
         ],
         right_angles().into_iter().map(in_frame).collect(),
     ]

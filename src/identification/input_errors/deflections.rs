@@ -159,16 +159,16 @@ pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
     let mut read: Vec<Measurement> = case.measurements.iter().step_by(step).cloned().collect();
     for _ in 0..DEPTH {
         let as_it_is = ReadingEvidence::new(case, &read, &read);
-        let mut best = best(case, &read, &as_it_is).into_iter();
+        let best = best(case, &read, &as_it_is);
         let Some(LikelyError {
             error,
             evidence,
             gain,
-        }) = best.next()
+        }) = best.first()
         else {
             break;
         };
-        let [without, as_read] = [evidence, as_it_is].map(ReadingEvidence::rms);
+        let [without, as_read] = [*evidence, as_it_is].map(ReadingEvidence::rms);
         // Of another unit residuals may be the smaller ones of what is the less probable.
         let why = if without < as_read {
             format!(
@@ -178,14 +178,12 @@ pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
             format!("Log evidence ratio: {:.0}", gain / 2.0)
         };
         let mut text = format!("{}. {why}", error.words);
-        let others: Vec<String> = best
-            .take(2)
-            .map(|other| other.error.question().to_owned())
-            .collect();
+        let others = best.iter().skip(1).take(2);
+        let others: Vec<&str> = others.map(|other| other.error.question()).collect();
         if !others.is_empty() {
             text += &format!(". As likely: {}", others.join("; "));
         }
-        read = corrected(case, &read, &error);
+        read = corrected(case, &read, error);
         found.push(LikelyInputError {
             kind: error.kind,
             text,
@@ -211,15 +209,11 @@ fn corrected(
     for each in &mut all {
         error.correct_commands(&mut each.configuration_rad);
         if let Correction::Deflection(change) = &error.change {
-            let q = each.configuration_rad.as_slice();
-            let axes = case
-                .belief
-                .nominal
-                .chain
-                .at(&case.belief.calibration_tool)
-                .state(q)
-                .tool_rotation;
-            change(each, &axes);
+            let arm = case.belief.nominal.chain.at(&case.belief.calibration_tool);
+            change(
+                each,
+                &arm.state(each.configuration_rad.as_slice()).tool_rotation,
+            );
         }
     }
     all

@@ -35,13 +35,9 @@ impl ReadingEvidence {
         let (numbers, any_sigma) = (values.len(), matches!(case.sigma, Sigma::FromResiduals(_)));
         // Numbers b ~ N(0, v (1 + B B^T / v)), by the singular values of B, b's coordinates along them and the square of what is left of b.
         let svd = (matrix * TRUST).svd(true, false);
-        let coordinates = svd
-            .u
-            .as_ref()
-            .map(|u| u.tr_mul(&values))
-            .unwrap_or_default();
-        let fitted = svd.u.as_ref().map(|u| u * &coordinates).unwrap_or_default();
-        let rest = (&values - fitted).norm_squared();
+        let vectors = svd.u.unwrap_or_default();
+        let coordinates = vectors.tr_mul(&values);
+        let rest = (&values - vectors * &coordinates).norm_squared();
         let singular = || svd.singular_values.iter().map(|value| value * value);
         // The weighted sum of squares of noise and compliances for noise of v times its variance.
         let square = |v: f64| {

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::rows::{Base, LookedAt, ReadingRows};
 
 /// What numbers of readings a drift goes with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Course {
     /// Their order.
     Order,
@@ -16,7 +16,7 @@ pub enum Course {
 }
 
 /// What drifts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Drifting {
     /// The robot's base in the station's frame, or a deflection as a whole: a shift.
     Base,
@@ -27,7 +27,7 @@ pub enum Drifting {
 }
 
 /// What residuals may go with. Joints count from 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Against {
     /// A joint's angle: so many waves in a revolution.
     Angle {

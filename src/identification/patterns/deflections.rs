@@ -2,20 +2,22 @@
 
 use nalgebra::{Matrix6xX, Vector3};
 
+use super::super::discrepancy::joint_space_blocks;
 use super::super::equations::setup_of;
-use super::super::{Case, Identification};
-use super::{LookedAt, ReadingRows};
+use super::super::{Case, RobustIdentification};
+use super::{BLOCKS, LookedAt, ReadingRows};
 use crate::observation::{ObservationModel, ReadingKind};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
-/// The positions' residuals of what was identified (m), each over its own standard deviation. `blocks` are the measurements'
-/// blocks of joint space.
-pub fn looked_at(
-    case: &Case<'_>,
-    identification: &Identification,
-    left_m: &[[f64; 3]],
-    blocks: &[usize],
-) -> LookedAt {
+/// The positions' residuals of what was identified (m), each over its own standard deviation, of the measurements that were fitted.
+pub fn looked_at(case: &Case<'_>, robust: &RobustIdentification) -> LookedAt {
+    let identification = &robust.identification;
+    let measurements = robust.of_kept(case.measurements);
+    let left_m: Vec<[f64; 3]> = robust.of_kept(identification.residuals_m.as_chunks().0);
+    let configurations: Vec<_> = (measurements.iter())
+        .map(|each| &each.configuration_rad)
+        .collect();
+    let blocks = joint_space_blocks(&configurations, BLOCKS.min(configurations.len() / 2));
     let (belief, chain) = (case.belief, &case.belief.nominal.chain);
     let mut compliances = belief.nominal.compliance_rad_per_nm.clone();
     for (&joint, parameter) in belief.parameters.iter().zip(&identification.parameters) {
@@ -35,7 +37,7 @@ pub fn looked_at(
     let set = ParameterSet::new(&arm, all).unwrap_or_else(|_| ParameterSet::empty());
     let mut model = ObservationModel::new(&set, &arm, set.prior().mean.as_slice());
     let mut rows = Matrix6xX::zeros(set.len());
-    let readings = case.measurements.iter().enumerate().map(|(index, each)| {
+    let readings = measurements.iter().enumerate().map(|(index, each)| {
         let (setup, _) = setup_of(each);
         model.predict_as_planned(None, &setup, ReadingKind::Deflection, &mut rows);
         let moved = rows.columns(0, joints).into_owned();

@@ -30,7 +30,7 @@ use super::outliers::RejectedReading;
 /// Residuals without any pattern are said to have one in one of a hundred files.
 pub const LEVEL: f64 = 0.01;
 /// So many blocks of joint space tell how far configurations are independent, where there are two of them for each.
-pub const BLOCKS: usize = 16;
+pub(super) const BLOCKS: usize = 16;
 /// More patterns than these are not named.
 const MOST: usize = 8;
 /// Of those that pass alone so many are looked at together.
@@ -136,7 +136,7 @@ impl LookedAt {
         let left = projected.left.norm_squared();
         let pattern = |test: Test| {
             let against = test.against;
-            let size = self.size(against, &test.coefficients);
+            let (size, points) = self.shown(against, &test.coefficients, &projected.left);
             let (sentence, cause, [unit, at_unit]) = self.words(against, size);
             Pattern {
                 kind: against.kind(),
@@ -151,7 +151,7 @@ impl LookedAt {
                 degrees_of_freedom: test.degrees,
                 design_effect: test.design_effect,
                 probability: (test.probability * looked_at as f64).min(1.0),
-                points: self.points(against, &test.coefficients, &projected.left),
+                points,
                 against,
                 sentence,
                 cause,

@@ -33,61 +33,44 @@ struct Seen {
 }
 
 impl LookedAt {
-    /// What a pattern makes of each reading: an angle or a growth, or a length.
-    fn effects(&self, against: Against, coefficients: &DVector<f64>) -> Vec<f64> {
-        let columns = self.columns(against);
-        if let Against::Course(_, Drifting::Base) = against {
-            let factors = columns[0].1.iter();
-            return factors.map(|factor| factor * coefficients.norm()).collect();
-        }
-        let effect =
-            |index: usize| {
-                let parts = columns.iter().zip(coefficients.iter()).map(
-                    |((base, factors), coefficient)| {
-                        // A compliance turns the joint by so much for each N m.
-                        let turned = match base {
-                            Base::Bent(joint) => self.readings[index].torques[*joint],
-                            _ => 1.0,
-                        };
-                        coefficient * factors[index] * turned
-                    },
-                );
-                parts.sum()
-            };
-        (0..self.readings.len()).map(effect).collect()
-    }
-
-    /// The amplitude of waves; of all else the whole range over the readings.
-    pub(super) fn size(&self, against: Against, coefficients: &DVector<f64>) -> f64 {
-        if let Against::Angle { .. } = against {
-            return coefficients.norm();
-        }
-        let [lowest, highest] = ends(self.effects(against, coefficients).into_iter());
-        (highest - lowest).max(0.0)
-    }
-
-    /// Means of what readings show, all other patterns taken off.
-    pub(super) fn points(
+    /// How large a pattern is, the amplitude of waves and of all else the whole range over the readings; and means of what readings show
+    /// of it, all other patterns taken off.
+    pub(super) fn shown(
         &self,
         against: Against,
         coefficients: &DVector<f64>,
         left: &DVector<f64>,
-    ) -> Vec<PatternPoint> {
+    ) -> (f64, Vec<PatternPoint>) {
         let columns = self.columns(against);
-        // What an effect of one is made of.
-        let parts: Vec<(Base, f64)> = if let Against::Course(_, Drifting::Base) = against {
-            let shares = coefficients.iter().map(|each| each / coefficients.norm());
+        let length = coefficients.norm();
+        let is_shift = matches!(against, Against::Course(_, Drifting::Base));
+        // What an effect of one is made of: an angle or a growth, or a length.
+        let parts: Vec<(Base, f64)> = if is_shift {
+            let shares = coefficients.iter().map(|each| each / length);
             columns.iter().map(|(base, _)| *base).zip(shares).collect()
         } else {
-            let bases = columns.iter().rev().map(|(base, _)| (*base, 1.0));
-            bases
-                .filter(|(base, _)| !matches!(base, Base::Bent(_)))
-                .take(1)
-                .collect()
+            let mut bases = columns.iter().rev().map(|(base, _)| (*base, 1.0));
+            let turning = bases.find(|(base, _)| !matches!(base, Base::Bent(_)));
+            turning.into_iter().collect()
         };
+        let effect = |index: usize| {
+            if is_shift {
+                return columns[0].1[index] * length;
+            }
+            let terms = columns.iter().zip(coefficients);
+            let terms = terms.map(|((base, factors), coefficient)| {
+                // A compliance turns the joint by so much for each N m.
+                let turned = match base {
+                    Base::Bent(joint) => self.readings[index].torques[*joint],
+                    _ => 1.0,
+                };
+                coefficient * factors[index] * turned
+            });
+            terms.sum()
+        };
+        let effects: Vec<f64> = (0..self.readings.len()).map(effect).collect();
         let mut seen: Vec<Seen> = Vec::new();
-        let effects = self.effects(against, coefficients);
-        for (index, (reading, effect)) in self.readings.iter().zip(effects).enumerate() {
+        for (index, (reading, &effect)) in self.readings.iter().zip(&effects).enumerate() {
             let shares = parts.iter();
             let base: Vector6<f64> = shares.map(|(base, share)| base.of(reading) * *share).sum();
             let weight = base.norm_squared();
@@ -101,12 +84,11 @@ impl LookedAt {
                 });
             }
         }
-        let shown = if let Against::Angle { .. } = against {
-            1.0_f64.to_degrees()
-        } else {
-            1.0
-        };
-        binned(&seen, shown)
+        if let Against::Angle { .. } = against {
+            return (length, binned(&seen, 1.0_f64.to_degrees()));
+        }
+        let [lowest, highest] = ends(effects.into_iter());
+        ((highest - lowest).max(0.0), binned(&seen, 1.0))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Residuals in whitened rows, with the derivatives by the fit's parameters and by what else they may correlate with.
 
-use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector6, stack};
 
 use crate::robot::{Drive, SerialChain};
 
@@ -40,7 +40,7 @@ pub struct ReadingRows {
 }
 
 /// What a column is a multiple of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy)]
 pub(super) enum Base {
     Moved(usize),
     Bent(usize),
@@ -96,16 +96,17 @@ impl Projected {
         let readings = &looked.readings;
         let size = readings.first().map_or(0, |each| each.fitted.ncols());
         let mut fitted = DMatrix::zeros(6 * readings.len(), size);
-        let mut left = DVector::zeros(6 * readings.len());
         for (index, each) in readings.iter().enumerate() {
             fitted.rows_mut(6 * index, 6).copy_from(&each.fitted);
-            left.rows_mut(6 * index, 6).copy_from(&each.residual);
         }
+        let left = readings
+            .iter()
+            .flat_map(|each| <[f64; 6]>::from(each.residual));
         let products = fitted.tr_mul(&fitted);
         let combinations = orthonormal(&products, &products, |largest| UNSEEN * largest);
         let mut projected = Self {
             directions: DMatrix::zeros(0, 6 * readings.len()),
-            left,
+            left: DVector::from_iterator(6 * readings.len(), left),
             spare: readings.iter().map(|each| each.count).sum(),
         };
         if let Some(combinations) = combinations {
@@ -114,26 +115,10 @@ impl Projected {
         projected
     }
 
-    /// What the directions and what is left see of a base in each reading (r + 1 x N).
-    pub fn seen(&self, looked: &LookedAt, base: Base) -> DMatrix<f64> {
-        let (readings, count) = (&looked.readings, self.directions.nrows());
-        let mut seen = DMatrix::zeros(count + 1, readings.len());
-        for (index, (each, mut seen)) in readings.iter().zip(seen.column_iter_mut()).enumerate() {
-            let (own, rows) = (base.of(each), each.count);
-            let among = self.directions.columns(6 * index, rows);
-            (seen.rows_mut(0, count)).gemv(1.0, &among, &own.rows(0, rows), 0.0);
-            seen[count] = own.dot(&self.left.fixed_rows::<6>(6 * index));
-        }
-        seen
-    }
-
     /// Takes orthonormal directions (6 N x d) out of what is left.
     pub fn add(&mut self, directions: &DMatrix<f64>) {
-        let (before, more) = (self.directions.nrows(), directions.ncols());
-        let all = std::mem::take(&mut self.directions).resize_vertically(before + more, 0.0);
-        self.directions = all;
-        (self.directions.rows_mut(before, more)).copy_from(&directions.transpose());
-        self.spare = self.spare.saturating_sub(more);
+        self.directions = stack![self.directions; directions.transpose()];
+        self.spare = self.spare.saturating_sub(directions.ncols());
         self.left -= directions * directions.tr_mul(&self.left);
     }
 }

@@ -25,8 +25,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::against::{Against, PatternColumn};
-use super::rows::{Base, LookedAt, Projected, ReadingRows, orthonormal};
+use super::against::Against;
+use super::rows::{LookedAt, Projected, orthonormal};
 use crate::experiment::numbered;
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
@@ -52,9 +52,11 @@ pub(super) struct Test {
     pub design_effect: f64,
 }
 
-/// A candidate with what the fit's directions take of its columns (r x q), and orthonormal combinations of what is left of them.
+/// A candidate with what it does to the rows of all readings (6 N x c), what the fit's directions take of that (r x c), and orthonormal
+/// combinations of what is left (c x q).
 struct TestedPattern {
     against: Against,
+    rows: DMatrix<f64>,
     taken: DMatrix<f64>,
     combinations: DMatrix<f64>,
     /// Coordinates of the residuals along the combinations.
@@ -62,10 +64,29 @@ struct TestedPattern {
 }
 
 impl TestedPattern {
+    /// None where it cannot be told from the fit's own directions.
+    fn new(
+        projected: &Projected,
+        against: Against,
+        rows: DMatrix<f64>,
+        taken: DMatrix<f64>,
+    ) -> Option<Self> {
+        let whole = rows.tr_mul(&rows);
+        let left = &whole - taken.tr_mul(&taken);
+        let combinations = orthonormal(&left, &whole, |_| TOLD_APART)?;
+        Some(Self {
+            against,
+            shares: combinations.tr_mul(&rows.tr_mul(&projected.left)),
+            rows,
+            taken,
+            combinations,
+        })
+    }
+
     /// Its orthonormal directions (6 N x q).
-    fn directions(&self, looked: &LookedAt, projected: &Projected) -> DMatrix<f64> {
+    fn directions(&self, projected: &Projected) -> DMatrix<f64> {
         let taken = &self.taken * &self.combinations;
-        looked.rows_of(self.against) * &self.combinations - projected.directions.tr_mul(&taken)
+        &self.rows * &self.combinations - projected.directions.tr_mul(&taken)
     }
 
     /// The F test, with the degrees of freedom of the denominator where they are fewer than those that are left.
@@ -95,63 +116,22 @@ pub(super) fn screened(
     projected: &Projected,
     candidates: &[Against],
 ) -> Vec<Test> {
-    // Those of one joint are beside each other then.
-    let mut candidates = candidates.to_vec();
-    candidates.sort_unstable();
+    // One product of many columns is faster than many.
     let tests = candidates.par_chunks(BATCH).map(|candidates| {
-        let columns = candidates.iter().map(|&each| (each, looked.columns(each)));
-        let columns: Vec<(Against, Vec<PatternColumn>)> = columns.collect();
-        let groups = columns.chunk_by(|one, other| bases(one).eq(bases(other)));
-        let all = groups.flat_map(|group| tested(looked, projected, group));
-        let tests = all.map(|each| each.test(projected, 1.0, f64::INFINITY));
-        tests.flatten().collect::<Vec<_>>()
+        let rows = candidates.iter().map(|&each| looked.rows_of(each));
+        let rows: Vec<DMatrix<f64>> = rows.collect();
+        let columns: Vec<_> = rows.iter().flat_map(DMatrix::column_iter).collect();
+        let taken = &projected.directions * DMatrix::from_columns(&columns);
+        let mut first = 0;
+        let tested = candidates.iter().zip(rows).filter_map(|(&against, rows)| {
+            let taken = taken.columns(first, rows.ncols()).into_owned();
+            first += rows.ncols();
+            let tested = TestedPattern::new(projected, against, rows, taken)?;
+            tested.test(projected, 1.0, f64::INFINITY)
+        });
+        tested.collect::<Vec<_>>()
     });
     tests.collect::<Vec<_>>().concat()
-}
-
-fn bases((_, columns): &(Against, Vec<PatternColumn>)) -> impl Iterator<Item = Base> {
-    columns.iter().map(|(base, _)| *base)
-}
-
-/// Candidates whose columns have the same bases; those that cannot be told from the fit's directions are left out. A column is a base b of
-/// each reading i times a factor f, so that products are sums of `b_i`'s with the factors.
-fn tested(
-    looked: &LookedAt,
-    projected: &Projected,
-    group: &[(Against, Vec<PatternColumn>)],
-) -> Vec<TestedPattern> {
-    let bases: Vec<Base> = group.first().into_iter().flat_map(bases).collect();
-    // What the fit's directions and what is left see of each column, side by side (r + 1 x candidates).
-    let seen = bases.iter().enumerate().map(|(place, &base)| {
-        let factors = group.iter().flat_map(|(_, columns)| &columns[place].1);
-        let (rows, count) = (looked.readings.len(), group.len());
-        projected.seen(looked, base) * DMatrix::from_iterator(rows, count, factors.copied())
-    });
-    let seen: Vec<DMatrix<f64>> = seen.collect();
-    let pairs = (bases.iter()).flat_map(|one| bases.iter().map(move |other| (one, other)));
-    let product = |(one, other): (&Base, &Base)| -> Vec<f64> {
-        let of = |each: &ReadingRows| one.of(each).dot(&other.of(each));
-        looked.readings.iter().map(of).collect()
-    };
-    let products: Vec<Vec<f64>> = pairs.map(product).collect();
-    let candidate = |(number, (against, columns)): (usize, &(Against, Vec<PatternColumn>))| {
-        let whole = DMatrix::from_fn(columns.len(), columns.len(), |one, other| {
-            let factors = columns[one].1.iter().zip(&columns[other].1);
-            let terms = factors.zip(&products[bases.len() * one + other]);
-            (terms.map(|((one, other), product)| one * other * product)).sum()
-        });
-        let own: Vec<_> = seen.iter().map(|seen| seen.column(number)).collect();
-        let own = DMatrix::from_columns(&own);
-        let (taken, left) = own.rows_range_pair(..own.nrows() - 1, own.nrows() - 1..);
-        let combinations = orthonormal(&(&whole - taken.tr_mul(&taken)), &whole, |_| TOLD_APART)?;
-        Some(TestedPattern {
-            against: *against,
-            taken: taken.into_owned(),
-            shares: (left * &combinations).row(0).transpose(),
-            combinations,
-        })
-    };
-    group.iter().enumerate().filter_map(candidate).collect()
 }
 
 /// A candidate again, with its design effect, and its orthonormal directions (6 N x q).
@@ -160,12 +140,18 @@ pub(super) fn judged(
     projected: &Projected,
     against: Against,
 ) -> Option<(Test, DMatrix<f64>)> {
-    let candidate = tested(looked, projected, &[(against, looked.columns(against))]).pop()?;
-    let directions = candidate.directions(looked, projected);
+    let rows = looked.rows_of(against);
+    let taken = &projected.directions * &rows;
+    let candidate = TestedPattern::new(projected, against, rows, taken)?;
+    let directions = candidate.directions(projected);
     let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
     let effect_of = |groups: &[usize]| design_effect(groups, projected, &directions);
     let q = |reading: usize| &looked.readings[reading].angles;
-    let visits = numbered(blocks.len(), q, |one, other| q(one) == q(other));
+    let visits = numbered(
+        blocks.len(),
+        |each| (q(each), None),
+        |one, other| q(one) == q(other),
+    );
     let by_visits = effect_of(&visits)?;
     let by_blocks = effect_of(&blocks).filter(|(effect, _)| *effect > 1.0);
     let tests = [Some(by_visits), by_blocks].into_iter().flatten();

@@ -4,7 +4,7 @@ use super::joint_functions::RobotFunctions;
 use super::readable::{check_stations, from_stations, possible, reading_of};
 use super::together::Neighbours;
 use super::{AbsolutePlanError, AbsolutePlanning, place_rows, setup_of};
-use crate::experiment::{Candidate, is_one_configuration, together};
+use crate::experiment::{Candidate, together};
 use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{PlannedReading, ReadingKind};
@@ -150,16 +150,11 @@ impl<'a> AbsolutePlanning<'a> {
 
 /// Rows of one target, under one load, from one station and in one configuration together.
 fn alike(rows: &[Candidate]) -> Vec<Vec<usize>> {
-    let q = |place: usize| &rows[place].configuration_rad;
-    let is_same = |one: usize, other: usize| {
+    let is_alike = |one: usize, other: usize| {
         let [one, other] = [&rows[one], &rows[other]];
         (one.load, &one.target, &one.station) == (other.load, &other.target, &other.station)
-            && is_one_configuration(
-                (&one.configuration_rad, one.approach.as_ref()),
-                (&other.configuration_rad, other.approach.as_ref()),
-            )
     };
-    together(rows.len(), q, is_same)
+    together(rows.len(), |place| rows[place].pose(), is_alike)
 }
 
 /// Rows that are alike as one that is read as often as all.

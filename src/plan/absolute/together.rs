@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, Isometry3, Matrix6, Matrix6xX};
 use rayon::prelude::*;
 
 use super::AbsolutePlanning;
-use crate::experiment::{Candidate, is_one_configuration, numbered};
+use crate::experiment::{Candidate, numbered};
 use crate::numeric::markov::ProcessPoint;
 use crate::observation::{
     ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
@@ -28,24 +28,16 @@ pub(super) struct Neighbours {
 
 impl Neighbours {
     pub fn of(candidates: &[Candidate], belief: &Belief) -> Self {
-        let q = |place: usize| &candidates[place].configuration_rad;
-        let numbers = |is_same: &dyn Fn(&Candidate, &Candidate) -> bool| {
-            let is_same = |one: usize, other: usize| is_same(&candidates[one], &candidates[other]);
-            numbered(candidates.len(), q, is_same)
-        };
-        let stands = |one: &Candidate, other: &Candidate| {
-            is_one_configuration(
-                (&one.configuration_rad, one.approach.as_ref()),
-                (&other.configuration_rad, other.approach.as_ref()),
-            )
-        };
-        let of_visit = |each: &Candidate| {
+        let pose = |place: usize| candidates[place].pose();
+        let of_visit = |place: usize| {
+            let each = &candidates[place];
             let station = belief.station_of_visit(each.station.as_deref());
             (each.load.unwrap_or(Load::NONE), station.map(str::to_owned))
         };
+        let is_of_visit = |one, other| of_visit(one) == of_visit(other);
         Self {
-            configurations: numbers(&stands),
-            visits: numbers(&|one, other| stands(one, other) && of_visit(one) == of_visit(other)),
+            configurations: numbered(candidates.len(), pose, |_, _| true),
+            visits: numbered(candidates.len(), pose, is_of_visit),
         }
     }
 

@@ -221,11 +221,7 @@ impl Candidates {
             .map(|experiment| problem.told(experiment, 1))
             .collect();
         let is_shared = problem.is_shared_by_configuration();
-        let configurations = numbered(
-            all.len(),
-            |place| &all[place].configuration_rad,
-            |one, other| all[one].stands_as(&all[other]),
-        );
+        let configurations = numbered(all.len(), |place| all[place].pose(), |_, _| true);
         let told = |measured: &[(usize, u32)]| match *measured {
             [(only, times)] => problem.told(&all[only], times),
             _ => problem.told_by(self.measured(measured)),

@@ -147,8 +147,9 @@ impl MixedModel {
 
     /// What the readings say, all poses together.
     fn told_of(&self, variances: &MixedVariances) -> Option<PartsTold> {
-        let each =
-            |of: &dyn Fn(&PoseReadings) -> DMatrix<f64>| in_blocks(self.visits.iter().map(of));
+        let each = |of: &dyn Fn(&PoseReadings) -> DMatrix<f64>| {
+            in_blocks(self.visits.iter().map(of).collect())
+        };
         let rows: Vec<_> = (self.visits.iter())
             .flat_map(|visit| visit.fixed.row_iter())
             .collect();
@@ -208,8 +209,7 @@ impl MixedModel {
 }
 
 /// Matrices one behind the other, and each below the one before.
-fn in_blocks(each: impl Iterator<Item = DMatrix<f64>>) -> DMatrix<f64> {
-    let each: Vec<DMatrix<f64>> = each.collect();
+pub(in super::super) fn in_blocks(each: Vec<DMatrix<f64>>) -> DMatrix<f64> {
     let sum = |of: fn(&DMatrix<f64>) -> usize| each.iter().map(of).sum();
     let mut all = DMatrix::zeros(sum(DMatrix::nrows), sum(DMatrix::ncols));
     let mut at = (0, 0);

@@ -28,9 +28,9 @@ use crate::numeric::markov::{Kernel, KnotBlocks, MarkovProcess, knots_among};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
 use crate::robot::Approach;
+pub(super) use components::in_blocks;
 pub use known::VarianceComponents;
 use pose_readings::{by_pose, sums_of};
-pub(super) use standard_errors::SumVariances;
 
 /// No joint has more knots.
 const MOST_KNOTS: usize = 48;
@@ -169,52 +169,39 @@ impl MixedModel {
 
     /// Visits of readings at what was fitted, perhaps to others.
     pub fn visits_of(&self, case: &AbsoluteCase<'_>, rows: &[LinearReading]) -> Vec<PoseReadings> {
-        let (joints, units) = (&self.joints, &self.units);
-        (case.visits.iter())
-            .map(|visit| {
-                let size: usize = visit.iter().map(|&index| rows[index].residual.len()).sum();
-                let mut all = PoseReadings {
-                    residual: DVector::zeros(size),
-                    fixed: DMatrix::zeros(size, units.ncols()),
-                    joints: DMatrix::zeros(size, joints.len()),
-                    waves: DMatrix::zeros(size, 0),
-                    own: DMatrix::zeros(size, size),
-                    coordinates: Vec::new(),
-                    angles: Vec::new(),
-                    visits: vec![0; size],
-                    assumed: Vec::new(),
-                    commanded_rad: DVector::zeros(0),
-                    approach: None,
-                    axes: UnitQuaternion::identity(),
-                };
-                for &index in visit {
-                    let (rows, at) = (&rows[index], all.coordinates.len());
-                    let count = rows.residual.len();
-                    all.residual.rows_mut(at, count).copy_from(&rows.residual);
-                    let fixed = &rows.columns * units;
-                    all.fixed.rows_mut(at, count).copy_from(&fixed);
-                    all.joints.rows_mut(at, count).copy_from(&rows.joints);
-                    let mut own = all.own.view_mut((at, at), (count, count));
-                    own.copy_from(&rows.own);
-                    for row in 0..if visit.len() > 1 { count } else { 0 } {
-                        own[(row, row)] += self.within[row / 3];
-                    }
-                    all.coordinates.extend(0..count);
-                    let assumed = self.shared.map(|each| each.max(LEAST));
-                    all.assumed.extend((0..count).map(|row| assumed[row / 3]));
-                }
-                let first = visit.first().map(|&index| &case.observations[index].setup);
-                let angle = |&joint: &usize| first.map_or(0.0, |each| each.commanded_rad[joint]);
-                all.angles = joints.iter().map(angle).collect();
-                if let Some(setup) = first {
-                    all.commanded_rad.clone_from(&setup.commanded_rad);
-                    all.approach.clone_from(&setup.approach);
-                    let station = case.arm.instrument_from_base[setup.station];
-                    all.axes = station.rotation.inverse();
-                }
-                all
-            })
-            .collect()
+        let reading = |index: usize, within: [f64; 2]| {
+            let (rows, setup) = (&rows[index], &case.observations[index].setup);
+            let count = rows.residual.len();
+            let station = case.arm.instrument_from_base[setup.station];
+            let angle = |&joint: &usize| setup.commanded_rad[joint];
+            PoseReadings {
+                residual: rows.residual.clone(),
+                fixed: &rows.columns * &self.units,
+                joints: rows.joints.clone(),
+                waves: DMatrix::zeros(count, 0),
+                own: &rows.own
+                    + DMatrix::from_diagonal(&DVector::from_fn(count, |row, _| within[row / 3])),
+                coordinates: (0..count).collect(),
+                angles: self.joints.iter().map(angle).collect(),
+                visits: vec![0; count],
+                assumed: (0..count)
+                    .map(|row| self.shared[row / 3].max(LEAST))
+                    .collect(),
+                commanded_rad: setup.commanded_rad.clone(),
+                approach: setup.approach.clone(),
+                axes: station.rotation.inverse(),
+            }
+        };
+        let visit = |visit: &Vec<usize>| {
+            let within = if visit.len() > 1 {
+                self.within
+            } else {
+                [0.0; 2]
+            };
+            let readings = visit.iter().map(|&index| reading(index, within));
+            readings.reduce(PoseReadings::above)
+        };
+        case.visits.iter().filter_map(visit).collect()
     }
 
     /// The same of some of the visits.
@@ -382,17 +369,11 @@ impl MixedModel {
 
     fn solved(&self, variances: &MixedVariances) -> Option<MixedSolution> {
         let offsets = self.offsets(variances);
-        let size = *offsets.last()?;
-        let pieces: Vec<Option<(DMatrix<f64>, DVector<f64>)>> = (self.pieces())
-            .map(|visits| sums_of(visits, variances, &offsets))
-            .collect();
-        let mut information = DMatrix::zeros(size, size);
-        let mut gradient = DVector::zeros(size);
-        for piece in pieces {
-            let (one, other) = piece?;
-            information += one;
-            gradient += other;
-        }
+        let of_visits = |visits: &[PoseReadings]| sums_of(visits, variances, &offsets);
+        let (mut information, mut gradient) = self.sum_of(of_visits, |sum, piece| {
+            sum.0 += piece.0;
+            sum.1 += piece.1;
+        })?;
         information.fill_lower_triangle_with_upper_triangle();
         let fixed = self.units.ncols();
         let mut before = information.view_mut((0, 0), (fixed, fixed));
@@ -424,9 +405,20 @@ impl MixedModel {
         })
     }
 
-    fn pieces(&self) -> impl IndexedParallelIterator<Item = &[PoseReadings]> {
+    /// A sum over all visits, in pieces side by side.
+    fn sum_of<Sum: Send>(
+        &self,
+        of_visits: impl Fn(&[PoseReadings]) -> Option<Sum> + Sync + Send,
+        add: impl Fn(&mut Sum, Sum),
+    ) -> Option<Sum> {
         let size = self.visits.len().div_ceil(PIECES).max(LEAST_PIECE);
-        self.visits.par_chunks(size)
+        let pieces: Vec<Option<Sum>> = self.visits.par_chunks(size).map(of_visits).collect();
+        let both = |sum: Option<Sum>, piece: Option<Sum>| {
+            let mut sum = sum?;
+            add(&mut sum, piece?);
+            Some(sum)
+        };
+        pieces.into_iter().reduce(both)?
     }
 
     /// Likelier variances, and how many numbers told each of those before.
@@ -437,28 +429,24 @@ impl MixedModel {
     ) -> Option<(MixedVariances, Vec<f64>)> {
         let offsets = self.offsets(variances);
         // Numerators and denominators of what improves each variance.
-        let nothing = vec![[0.0; 2]; variances.all.len()];
-        let pieces: Vec<Option<Vec<[f64; 2]>>> = (self.pieces())
-            .map(|visits| {
-                let mut sums = nothing.clone();
-                let mut at = 0;
-                let known = solved.of_dense(visits, offsets[0]);
-                for visit in visits {
-                    let local = visit.local(variances);
-                    let known = known.rows(at, visit.residual.len()).into_owned();
-                    let places = (offsets.as_slice(), variances.of_poses);
-                    visit.improve(&local, places, (solved, &known), &mut sums)?;
-                    at += visit.residual.len();
-                }
-                Some(sums)
-            })
-            .collect();
-        let mut sums = nothing;
-        for piece in pieces {
-            for (sum, [square, trace]) in sums.iter_mut().zip(piece?) {
+        let of_visits = |visits: &[PoseReadings]| {
+            let mut sums = vec![[0.0; 2]; variances.all.len()];
+            let mut at = 0;
+            let known = solved.of_dense(visits, offsets[0]);
+            for visit in visits {
+                let local = visit.local(variances);
+                let known = known.rows(at, visit.residual.len()).into_owned();
+                let places = (offsets.as_slice(), variances.of_poses);
+                visit.improve(&local, places, (solved, &known), &mut sums)?;
+                at += visit.residual.len();
+            }
+            Some(sums)
+        };
+        let mut sums = self.sum_of(of_visits, |sums, piece| {
+            for (sum, [square, trace]) in sums.iter_mut().zip(piece) {
                 *sum = [sum[0] + square, sum[1] + trace];
             }
-        }
+        })?;
         let mut next = variances.clone();
         for (joint, process) in variances.process.iter().enumerate() {
             let (at, count) = (offsets[joint], process.states());

@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion, stack};
 
 use super::{MixedSolution, MixedVariances, PoseReadings};
-use crate::experiment::{is_one_configuration, together};
+use crate::experiment::together;
 use crate::numeric::markov::Between;
 
 /// A visit's equations at some variances: the knots that move it by each joint's error, and the covariance of what they leave.
@@ -80,9 +80,14 @@ impl PoseReadings {
 
     /// The same with a visit more of its pose.
     fn with(self, other: &Self) -> Self {
-        let other = other.turned(&(self.axes.inverse() * other.axes));
+        let mut other = other.turned(&(self.axes.inverse() * other.axes));
         let next = self.visits.last().map_or(0, |last| last + 1);
-        let labels = other.visits.iter().map(|visit| next + visit);
+        other.visits.iter_mut().for_each(|visit| *visit += next);
+        self.above(other)
+    }
+
+    /// The same with other readings below, of the visits that these say.
+    pub(super) fn above(self, other: Self) -> Self {
         Self {
             residual: stack![self.residual; other.residual],
             fixed: stack![self.fixed; other.fixed],
@@ -90,7 +95,7 @@ impl PoseReadings {
             waves: stack![self.waves; other.waves],
             own: stack![self.own, 0; 0, other.own],
             coordinates: [self.coordinates, other.coordinates].concat(),
-            visits: self.visits.into_iter().chain(labels).collect(),
+            visits: [self.visits, other.visits].concat(),
             assumed: [self.assumed, other.assumed].concat(),
             ..self
         }
@@ -204,16 +209,13 @@ impl PoseReadings {
 /// Visits of one command pose together; distances, each along a line of its own, are apart.
 pub(super) fn by_pose(visits: &[PoseReadings]) -> Vec<PoseReadings> {
     let pose = |place: usize| {
-        (
-            &visits[place].commanded_rad,
-            visits[place].approach.as_ref(),
-        )
+        let visit = &visits[place];
+        (&visit.commanded_rad, visit.approach.as_ref())
     };
     let has_axes = |visit: usize| visits[visit].coordinates.len() > 1;
-    let is_same = |one, other| {
-        has_axes(one) && has_axes(other) && is_one_configuration(pose(one), pose(other))
-    };
-    let groups = together(visits.len(), |place| pose(place).0, is_same);
+    let groups = together(visits.len(), pose, |one, other| {
+        has_axes(one) && has_axes(other)
+    });
     let joined = |group: Vec<usize>| {
         let first = visits[group[0]].clone();
         let others = group[1..].iter().map(|&place| &visits[place]);

@@ -2,24 +2,53 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
-use rayon::prelude::*;
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{HIDDEN_WAVES, MixedModel, MixedVariances, PoseReadings};
 use crate::numeric::factorisation::inverse_of;
 
-/// The variances of some sums of parameters, and how well they are known.
-pub(in super::super) struct SumVariances {
-    /// The variance of each.
-    pub variances: Vec<f64>,
-    /// Degrees of freedom of each, after F. E. Satterthwaite (*An approximate distribution of estimates of variance components*,
-    /// Biometrics Bulletin 2, 1946).
-    pub degrees: Vec<f64>,
+/// The covariance (p x p) of parameters that were fitted with readings weighed as independent.
+pub(in super::super) struct CovarianceParts {
+    /// The first part is of what is known before and of the readings themselves, then one of each variance,
+    parts: Vec<DMatrix<f64>>,
+    /// with how many numbers told it.
+    told: Vec<f64>,
+}
+
+impl CovarianceParts {
+    /// All of it.
+    pub fn whole(&self) -> DMatrix<f64> {
+        self.parts.iter().sum()
+    }
+
+    /// The standard error of a sum of parameters, each with its factor, and the degrees of freedom of its square, after F. E. Satterthwaite
+    /// (*An approximate distribution of estimates of variance components*, Biometrics Bulletin 2, 1946): no end of them where all is known,
+    /// and one at least where it is not.
+    pub fn of_sum(&self, sum: &[(usize, f64)]) -> [f64; 2] {
+        let of_part = |part: &DMatrix<f64>| {
+            let pairs = sum
+                .iter()
+                .flat_map(|one| sum.iter().map(move |other| (one, other)));
+            let terms = pairs.map(|(one, other)| one.1 * other.1 * part[(one.0, other.0)]);
+            // Where little is left of it, rounding may leave less than nothing.
+            terms.sum::<f64>().max(0.0)
+        };
+        let parts: Vec<f64> = self.parts.iter().map(of_part).collect();
+        let variance: f64 = parts.iter().sum();
+        let estimated = parts.iter().skip(1).zip(&self.told);
+        let spread = estimated.map(|(part, told)| part * part / told.max(1.0));
+        let spread: f64 = spread.sum();
+        let known = if spread > 0.0 {
+            variance * variance / spread
+        } else {
+            f64::INFINITY
+        };
+        [variance.sqrt(), known]
+    }
 }
 
 /// Sums over visits: the curvature of the fit (r x r), the parts of the variance of its gradient (r x r each) that visits have for
 /// themselves, and how waves and knots move that (r x k).
-#[derive(Clone)]
 struct GradientSums {
     curvature: DMatrix<f64>,
     parts: Vec<DMatrix<f64>>,
@@ -27,68 +56,33 @@ struct GradientSums {
 }
 
 impl MixedModel {
-    /// The variances of sums of parameters (p x n) that were fitted with readings weighed as independent. None where the numbers have no
-    /// factorisation.
-    pub fn of_sums(&self, sums: &DMatrix<f64>) -> Option<SumVariances> {
-        let (parts, told) = self.parts()?;
-        let of_sum = |sum: DVectorView<'_, f64>| {
-            let sum = self.units.tr_mul(&sum);
-            // Where little is left of it, rounding may leave less than nothing.
-            let of_part = |part: &DMatrix<f64>| sum.dot(&(part * &sum)).max(0.0);
-            let parts: Vec<f64> = parts.iter().map(of_part).collect();
-            satterthwaite(&parts, &told)
-        };
-        let (variances, degrees) = sums.column_iter().map(of_sum).unzip();
-        Some(SumVariances { variances, degrees })
-    }
-
-    /// The covariance (p x p) of parameters that were fitted with readings weighed as independent, with the degrees of freedom of each
-    /// variance. None where the numbers have no factorisation.
-    pub fn of_parameters(&self) -> Option<(DMatrix<f64>, Vec<f64>)> {
-        let (parts, told) = self.parts()?;
-        let in_units = |part: &DMatrix<f64>| &self.units * part * self.units.transpose();
-        let parts: Vec<DMatrix<f64>> = parts.iter().map(in_units).collect();
-        let degrees = (0..self.units.nrows()).map(|place| {
-            let own: Vec<f64> = parts.iter().map(|part| part[(place, place)]).collect();
-            satterthwaite(&own, &told).1
-        });
-        let degrees = degrees.collect();
-        Some((parts.into_iter().sum(), degrees))
-    }
-
-    /// The parts of the covariance (r x r each) of a fit that took readings of different visits as independent with this discrepancy,
-    /// where the variances are the likeliest: H^-1 (sum A^T V A) H^-1. The first is of what is known before and of the readings
-    /// themselves, then one of each variance, with how many numbers told it.
-    fn parts(&self) -> Option<(Vec<DMatrix<f64>>, Vec<f64>)> {
+    /// The covariance of a fit that took readings of different visits as independent with this discrepancy, where the variances are the
+    /// likeliest: H^-1 (sum A^T V A) H^-1. None where the numbers have no factorisation.
+    pub fn covariance_parts(&self) -> Option<CovarianceParts> {
         let (variances, solved) = self.likeliest()?;
         let (_, told) = self.improved(&variances, &solved)?;
         let offsets = self.offsets(&variances);
         let fixed = self.units.ncols();
-        let nothing = GradientSums {
-            curvature: DMatrix::zeros(fixed, fixed),
-            parts: vec![DMatrix::zeros(fixed, fixed); 1 + variances.all.len()],
-            through: DMatrix::zeros(fixed, offsets.last()? - fixed),
+        let of_visits = |visits: &[PoseReadings]| {
+            let mut sums = GradientSums {
+                curvature: DMatrix::zeros(fixed, fixed),
+                parts: vec![DMatrix::zeros(fixed, fixed); 1 + variances.all.len()],
+                through: DMatrix::zeros(fixed, offsets.last()? - fixed),
+            };
+            for visit in visits {
+                sums.add(visit, &variances, &offsets)?;
+            }
+            Some(sums)
         };
-        let pieces: Vec<Option<GradientSums>> = (self.pieces())
-            .map(|visits| {
-                let mut own = nothing.clone();
-                for visit in visits {
-                    own.add(visit, &variances, &offsets)?;
-                }
-                Some(own)
-            })
-            .collect();
-        let mut sums = nothing;
-        sums.curvature += &self.prior;
-        sums.parts[0] += &self.pulls;
-        for piece in pieces {
-            let piece = piece?;
+        let mut sums = self.sum_of(of_visits, |sums, piece| {
             sums.curvature += piece.curvature;
             sums.through += piece.through;
             for (sum, own) in sums.parts.iter_mut().zip(piece.parts) {
                 *sum += own;
             }
-        }
+        })?;
+        sums.curvature += &self.prior;
+        sums.parts[0] += &self.pulls;
         for (joint, process) in variances.process.iter().enumerate() {
             let count = process.states();
             let own = sums.through.columns(offsets[joint] - fixed, count);
@@ -103,9 +97,12 @@ impl MixedModel {
             let place = 2 + self.joints.len() + joint;
             sums.parts[1 + place] = own * own.transpose() * variances.all[place];
         }
-        let inverse = inverse_of(&Cholesky::new(sums.curvature)?);
-        let parts = sums.parts.iter().map(|part| &inverse * part * &inverse);
-        Some((parts.collect(), told))
+        let inverse = &self.units * inverse_of(&Cholesky::new(sums.curvature)?);
+        let parts = sums.parts.iter();
+        Some(CovarianceParts {
+            parts: (parts.map(|part| &inverse * part * inverse.transpose())).collect(),
+            told,
+        })
     }
 }
 
@@ -158,21 +155,4 @@ impl GradientSums {
         }
         Some(())
     }
-}
-
-/// The sum of a variance's parts, the first of them known and the others told by so many numbers, by one at least, and its degrees
-/// of freedom: no end of them where all is known.
-fn satterthwaite(parts: &[f64], told: &[f64]) -> (f64, f64) {
-    let variance: f64 = parts.iter().sum();
-    let estimated = parts.iter().skip(1).zip(told);
-    let spread: f64 = estimated
-        .filter(|(part, _)| **part > 0.0)
-        .map(|(part, told)| part * part / told.max(1.0))
-        .sum();
-    let freedom = if spread > 0.0 {
-        variance * variance / spread
-    } else {
-        f64::INFINITY
-    };
-    (variance, freedom)
 }

@@ -96,7 +96,6 @@ pub struct CrossValidation {
 struct NestedModelFit {
     added: ParameterGroup,
     groups: Vec<ParameterGroup>,
-    set: ParameterSet,
     fit: ParameterFit,
 }
 
@@ -117,7 +116,6 @@ impl AbsoluteCase<'_> {
         let far_out = (steps.last()).filter(|_| !self.keeps_all).and_then(|top| {
             let first = KeptFit {
                 case: case.clone(),
-                set: top.set.clone(),
                 rejected: start.clone(),
                 discrepancy: (case.left(&top.fit.belief).ok())
                     .map(|left| case.discrepancy_of(&left, &top.fit)),
@@ -135,7 +133,7 @@ impl AbsoluteCase<'_> {
         self.arm.clone_from(&case.arm);
         let blocks = Blocks::new(&case, case.count_of_blocks()?);
         let without: Vec<Result<Vec<Without>, String>> = (steps.par_iter())
-            .map(|step| blocks.without(&step.set, &step.fit))
+            .map(|step| blocks.without(&step.fit))
             .map(|found| found.map_err(|error| error.to_string()))
             .collect();
         let judged = judged_by_all(&blocks, &without);
@@ -145,13 +143,13 @@ impl AbsoluteCase<'_> {
             let named = step.fit.freedoms.named.iter();
             nested_models.push(NestedModel {
                 added: step.added,
-                unknowns: step.set.len(),
+                unknowns: step.fit.set.len(),
                 undetermined: named.map(|each| each.sentence.clone()).collect(),
                 distances: DistanceStatistics::of_positions(&left),
                 angles: DistanceStatistics::of_rotations(&left),
                 discrepancy: case.discrepancy_of(&left, &step.fit),
                 cross_validation: without.and_then(|without| {
-                    cross_validation(&case, &blocks, &judged, &step.set, &without)
+                    cross_validation(&blocks, &judged, &step.fit.set, &without)
                 }),
                 groups: step.groups,
             });
@@ -190,48 +188,38 @@ impl AbsoluteCase<'_> {
             let groups = named(&steps, added);
             let (set, _) = self.told_apart(&groups, &[])?;
             let fit = if let Some(below) = steps.last() {
-                if kinds(&below.set).eq(kinds(&set)) {
+                if kinds(&below.fit.set).eq(kinds(&set)) {
                     skipped.push((added, "adds nothing that this robot has".to_owned()));
                     continue;
                 }
                 let mut start = set.prior().mean.clone();
                 for (place, kind) in kinds(&set).enumerate() {
-                    if let Some(known) = below.set.index_of(kind) {
+                    if let Some(known) = below.fit.set.index_of(kind) {
                         start[place] = below.fit.posterior.mean[known];
                     }
                 }
                 self.fit_near(&set, start.as_slice())
             } else {
                 let fit = fit_parameters(&self.arm, &set, &self.observations)?;
-                let values = self.rebased(&set, &fit);
+                let values = self.rebased(&fit);
                 self.weigh_by(&fit, weights)?;
                 self.fit_near(&set, values.as_slice())
             };
-            match fit.and_then(|fit| self.with_nominal_where_unknown(set, fit)) {
-                Ok((set, fit)) => {
+            match fit.and_then(|fit| self.with_nominal_where_unknown(fit)) {
+                Ok(fit) => {
                     self.weigh_by(&fit, weights)?;
-                    steps.push(NestedModelFit {
-                        added,
-                        groups,
-                        set,
-                        fit,
-                    });
+                    steps.push(NestedModelFit { added, groups, fit });
                 }
                 Err(error) if steps.is_empty() => return Err(error.into()),
                 Err(error) => skipped.push((added, error.to_string())),
             }
         }
         for step in &mut steps {
-            let near = &step.fit.posterior.mean;
+            let (set, near) = (&step.fit.set, &step.fit.posterior.mean);
             // By these weights readings may tell what they did not by those of the model below.
-            let free = step.set.clone().without_nominal();
-            let fit = self.fit_near(&free, near);
-            let found = fit.and_then(|fit| self.with_nominal_where_unknown(free, fit));
-            (step.set, step.fit) = match found {
-                Err(_) if !step.set.nominal().is_empty() => {
-                    let fit = self.fit_near(&step.set, near)?;
-                    (step.set.clone(), fit)
-                }
+            let fit = self.fit_near(&set.clone().without_nominal(), near);
+            step.fit = match fit.and_then(|fit| self.with_nominal_where_unknown(fit)) {
+                Err(_) if !set.nominal().is_empty() => self.fit_near(set, near)?,
                 found => found?,
             };
         }
@@ -254,18 +242,12 @@ impl AbsoluteCase<'_> {
     /// The same fit in which compliances stay nominal that it does not tell.
     fn with_nominal_where_unknown(
         &self,
-        mut set: ParameterSet,
         mut fit: ParameterFit,
-    ) -> Result<(ParameterSet, ParameterFit), IdentificationError> {
-        loop {
-            let posterior = &fit.posterior;
-            let other = with_nominal(&set, &posterior.mean, &posterior.covariance, UNKNOWN);
-            let Some(other) = other else {
-                return Ok((set, fit));
-            };
-            fit = self.fit_near(&other, &posterior.mean)?;
-            set = other;
+    ) -> Result<ParameterFit, IdentificationError> {
+        while let Some(set) = with_nominal(&fit, &fit.posterior.covariance, UNKNOWN) {
+            fit = self.fit_near(&set, &fit.posterior.mean)?;
         }
+        Ok(fit)
     }
 }
 
@@ -302,7 +284,6 @@ fn judged_by_all(blocks: &Blocks<'_>, nested_models: &[Result<Vec<Without>, Stri
 
 /// What a nested model leaves of each block that it was not fitted to, of the readings that are judged.
 fn cross_validation(
-    case: &AbsoluteCase<'_>,
     blocks: &Blocks<'_>,
     judged: &[bool],
     set: &ParameterSet,
@@ -316,7 +297,8 @@ fn cross_validation(
             own.filter(|(index, _)| judged[*index])
                 .map(|(_, left)| left),
         );
-        let part = case.part_of(|index| blocks.of_readings[index] == block && judged[index]);
+        let part =
+            (blocks.case).part_of(|index| blocks.of_readings[index] == block && judged[index]);
         let readings = part.fitted_readings(set);
         let rows = readings.rows();
         if rows == 0 {

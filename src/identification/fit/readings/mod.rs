@@ -31,6 +31,8 @@ const HOPELESS: f64 = 0.25;
 /// Parameters that fit readings best, and what is known of them then.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParameterFit {
+    /// What was fitted.
+    pub set: ParameterSet,
     /// The belief with the fitted values.
     pub belief: ElasticArm,
     /// Values, covariance, and what is determined; in the parameters' units.
@@ -138,6 +140,7 @@ impl FittedReadings<'_> {
         let covariance = symmetric(&(&units * inverse * units.transpose()));
         let names = self.set.parameters().iter().map(|each| each.name.clone());
         Ok(ParameterFit {
+            set: self.set.clone(),
             belief: self.set.apply(self.nominal, values.as_slice()),
             posterior: Posterior {
                 names: names.collect(),
