@@ -2,6 +2,7 @@
 
 use crate::codes::{Meaning, meanings, meanings_of};
 use crate::record::messages::SchemaMessage;
+use crate::text::wording::joined;
 use clap::Args;
 use serde_json::json;
 
@@ -37,7 +38,7 @@ impl Explain {
                 let Meaning { id, title, .. } = each;
                 format!("{id}: {title}\n{}", wrapped(&each.explanation))
             };
-            codes.iter().map(one).collect::<Vec<_>>().join("\n")
+            joined(codes.iter().map(one), "\n")
         };
         Report::new(
             json!({ "schema": SchemaMessage::new("explain"), "codes": codes }),

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::files::output::write_whole;
+use crate::text::wording::naming;
 use crate::workflow::export::{ExportedModel, export};
 use clap::Args;
 use serde_json::{Value, json};
@@ -65,11 +66,8 @@ fn describe(exported: &ExportedModel) -> String {
     for each in &exported.not_expressed {
         text += &format!("not in the file: {each}\n");
     }
-    if !exported.to_leave_out.is_empty() {
-        text += &format!(
-            "a scenario that takes it for robot.model leaves out: {}\n",
-            exported.to_leave_out.join(", ")
-        );
-    }
-    text
+    text + &naming(
+        &exported.to_leave_out,
+        "a scenario that takes it for robot.model leaves out: {}\n",
+    )
 }

@@ -15,7 +15,7 @@ use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
 use crate::record::messages::plan_messages;
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Task};
-use crate::text::wording::counted;
+use crate::text::wording::{counted, naming};
 use crate::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
 use clap::Args;
 use serde_json::json;
@@ -93,14 +93,11 @@ pub fn design(
 /// The uncertainties that the search leaves out.
 fn left_out(task: &Task) -> String {
     let problem = Problem::new(task, Criterion::TestPose);
-    match problem.left_out().as_slice() {
-        [] => String::new(),
-        names => format!(
-            "\nBound and first search assume exact: {}. The predicted accuracy counts them; where they make more than 1 % of the \
-             square of it, the search is repeated with them.\n",
-            names.join(", ")
-        ),
-    }
+    naming(
+        problem.left_out(),
+        "\nBound and first search assume exact: {}. The predicted accuracy counts them; where they make more than 1 % of the square \
+         of it, the search is repeated with them.\n",
+    )
 }
 
 /// The best plans for each number of configurations within a time, for a person.

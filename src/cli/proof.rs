@@ -9,6 +9,7 @@ use crate::files::{FileError, output::write_whole};
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::search::{Bound, ProofFile, TIGHT};
 use crate::record::messages::ProvenanceMessage;
+use crate::text::wording::naming;
 use clap::Args;
 use indicatif::ProgressStyle;
 use serde::Serialize;
@@ -134,10 +135,7 @@ fn told(bound: &Bound) -> String {
 
 /// What a proof leaves out, in words that follow it.
 pub fn leaving_out(names: &[String]) -> String {
-    if names.is_empty() {
-        return String::new();
-    }
-    format!(", with {} assumed exact", names.join(", "))
+    naming(names, ", with {} assumed exact")
 }
 
 /// How near the proof is; null where there is none.

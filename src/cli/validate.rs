@@ -12,7 +12,7 @@ use crate::measurement::{read_measured, read_measurements};
 use crate::plan::write_plan;
 use crate::record::messages::plan_messages;
 use crate::scenario::Scenario;
-use crate::text::wording::counted;
+use crate::text::wording::{counted, joined, naming};
 use crate::workflow::stored_robot::StoredRobot;
 use crate::workflow::validate_absolute::{
     AbsoluteValidation, prediction_failed, validate_absolute,
@@ -273,16 +273,13 @@ fn describe_readings(validation: &AbsoluteValidation, with_joints: &[ReadingResi
         let (share, name) = (validation.coverage(part)?, validation.names[part]);
         Some(format!("{:.1} % of the {name}", share * 100.0))
     };
-    let shares: Vec<String> = (0..2).filter_map(share).collect();
-    text += &format!("  In their regions of 95 % lie {}.\n", shares.join(" and "));
+    let shares = joined((0..2).filter_map(share), " and ");
+    text += &format!("  In their regions of 95 % lie {shares}.\n");
     if let Some(probability) = validation.probability {
         text += &format!("  predicted and observed differences: p = {probability:.2}\n");
     }
-    if !validation.frames_anew.is_empty() {
-        text += &format!(
-            "  fitted to these readings: the frames of {}\n",
-            validation.frames_anew.join(", ")
-        );
-    }
-    text
+    text + &naming(
+        &validation.frames_anew,
+        "  fitted to these readings: the frames of {}\n",
+    )
 }

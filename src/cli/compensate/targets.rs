@@ -11,6 +11,7 @@ use crate::identification::JointError;
 use crate::mujoco::frame;
 use crate::parameter::ElasticArm;
 use crate::scenario::Scenario;
+use crate::text::wording::joined;
 use crate::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
 use clap::ValueEnum;
 use nalgebra::{DVector, Isometry3, Vector3};
@@ -19,7 +20,7 @@ use serde_json::{Value, json};
 use super::Compensate;
 use crate::cli::Report;
 use crate::cli::identified::taken_as_believed;
-use crate::cli::table::table;
+use crate::cli::table::{numbers, table};
 
 /// In which frame targets are, or in which a workpiece stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -88,10 +89,8 @@ impl Compensate {
             let angles = (found.as_ref().ok()).map(|commands| names.numbers(commands.as_slice()));
             let reason = (found.as_ref().err()).map(|failure| reason(failure, &robot.arm));
             if let Some(angles) = &angles {
-                let fields: Vec<String> = angles.iter().map(ToString::to_string).collect();
-                csv += &format!("{number},{},{}\n", row.line, fields.join(","));
-                let told: Vec<String> = angles.iter().map(|angle| format!("{angle:.5}")).collect();
-                shown.push(vec![number.to_string(), told.join(" ")]);
+                csv += &format!("{number},{},{}\n", row.line, joined(angles, ","));
+                shown.push(vec![number.to_string(), numbers(angles.iter().copied(), 5)]);
             }
             if let Some(reason) = &reason {
                 conditions.push(ConditionCode::Unreachable.with(format!(
@@ -147,13 +146,12 @@ impl Compensate {
             return Ok(robot.machining_tool);
         };
         let tools = &robot.arm.tools;
-        (tools.iter())
-            .position(|tool| tool.name == *name)
-            .ok_or_else(|| {
-                let known: Vec<&str> = tools.iter().map(|tool| tool.name.as_str()).collect();
-                let problem = format!("--tool: found {name:?}; allowed are: {}", known.join(", "));
-                FileError::new(&self.identified, problem).code(ErrorCode::Targets)
-            })
+        let place = tools.iter().position(|tool| tool.name == *name);
+        place.ok_or_else(|| {
+            let known = joined(tools.iter().map(|tool| &tool.name), ", ");
+            let problem = format!("--tool: found {name:?}; allowed are: {known}");
+            FileError::new(&self.identified, problem).code(ErrorCode::Targets)
+        })
     }
 
     /// The frame of the targets in the robot's base, and how it is called.
@@ -211,10 +209,8 @@ impl Compensate {
             Some(other) => &other.stations,
             None => &robot.stations,
         };
-        let names: Vec<&str> = (stations.iter())
-            .filter_map(|each| each.name.as_deref())
-            .collect();
-        let several = format!("name one of them with --station: {}", names.join(", "));
+        let names = joined(stations.iter().filter_map(|each| each.name.as_ref()), ", ");
+        let several = format!("name one of them with --station: {names}");
         match (self.station.as_deref(), stations.as_slice()) {
         (_, []) => Err(wrong(
             "was identified from deflections, which do not determine the robot's base in the instrument's frame",

@@ -11,7 +11,7 @@ use crate::measurement::{Measurement, Origin};
 use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
 use crate::task::Belief;
-use crate::text::wording::counted;
+use crate::text::wording::{counted, joined, naming};
 use crate::workflow::identify::{NotIdentified, identify_measurements};
 use serde_json::json;
 
@@ -96,8 +96,8 @@ pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
     let NotIdentified { error, conditions } = problem;
     let wrong = FileError::new(file, error.to_string()).code(error.code());
     if !conditions.is_empty() {
-        let all: Vec<&str> = conditions.iter().map(|each| each.text.as_str()).collect();
-        return wrong.hint(all.join("; "));
+        let all = conditions.iter().map(|each| &each.text);
+        return wrong.hint(joined(all, "; "));
     }
     match error {
         IdentificationError::Equilibrium { .. } | IdentificationError::NotConverged { .. } => wrong
@@ -153,19 +153,15 @@ fn uncertain(identification: &Identification) -> String {
 /// The compliances of which the measurements tell next to nothing beside what was known before.
 fn known_before(identification: &Identification, belief: &Belief) -> String {
     let parameters = identification.parameters.iter();
-    let only_before: Vec<&str> = (parameters.zip(belief.prior_deviations()))
-        .filter(|(parameter, before)| {
-            let error = parameter.estimate.map(|estimate| estimate.standard_error);
+    let only_before = parameters
+        .zip(belief.prior_deviations())
+        .filter(|(each, before)| {
+            let error = each.estimate.map(|estimate| estimate.standard_error);
             !is_told(error, *before)
-        })
-        .map(|(parameter, _)| parameter.name.as_str())
-        .collect();
-    if only_before.is_empty() {
-        return String::new();
-    }
-    let names = only_before.join(", ");
-    format!(
-        "  the measurements say next to nothing of the compliance of {names}: as known before\n"
+        });
+    naming(
+        only_before.map(|(each, _)| &each.name),
+        "  the measurements say next to nothing of the compliance of {}: as known before\n",
     )
 }
 

@@ -7,7 +7,7 @@ use crate::record::study::{StudyPlanMessage, study_csv};
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
 use crate::task::AccuracyKind;
-use crate::text::wording::{inverse_interval, significant};
+use crate::text::wording::{inverse_interval, joined, significant};
 use crate::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
 use crate::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
@@ -121,24 +121,19 @@ pub fn write(folder: &Path, results: &Results, written: &mut Written) -> anyhow:
 
 /// What holds, and is worth knowing, a line each.
 pub fn noted(notes: &[String]) -> String {
-    notes.iter().fold(String::new(), |mut text, note| {
-        text += &format!("note: {note}\n");
-        text
-    })
+    joined(notes.iter().map(|note| format!("note: {note}\n")), "")
 }
 
 /// Failed runs with their reasons.
 fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
-    let reasons: Vec<String> = (message.failures.iter())
-        .map(|(reason, count)| format!("{count}: {reason}"))
-        .collect();
+    let reasons = (message.failures.iter()).map(|(reason, count)| format!("{count}: {reason}"));
     (message.failed > 0).then(|| {
         format!(
             "{} of {} runs failed with the plan {:?} ({})",
             message.failed,
             message.failed + message.runs,
             message.name,
-            reasons.join("; ")
+            joined(reasons, "; ")
         )
     })
 }
