@@ -2,11 +2,8 @@
 
 use crate::codes::{Meaning, meanings, meanings_of};
 use crate::record::messages::SchemaMessage;
-use crate::text::wording::joined;
-use clap::Args;
-use serde_json::json;
 
-use super::Report;
+use super::command_prelude::*;
 
 /// Columns of a terminal.
 const COLUMNS: usize = 100;

@@ -1,15 +1,10 @@
 //! `export`: the calibrated robot as a model's file.
 
-use std::path::PathBuf;
-
 use crate::files::output::write_whole;
-use crate::text::wording::naming;
 use crate::workflow::export::{ExportedModel, export};
-use clap::Args;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::identified::{ScenarioRobot, read_robot};
-use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]

@@ -1,18 +1,13 @@
 //! An identified file for a command, with its conditions.
 
-use std::path::Path;
-
-use crate::codes::{Condition, ConditionCode, ErrorCode};
-use crate::files::FileError;
 use crate::identification::{StoredIdentification, impossible_compliance};
 use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::{estimable::Estimable, posterior::Posterior};
-use crate::scenario::Scenario;
 use crate::task::Fingerprint;
-use crate::text::wording::{naming, shell_path};
+use crate::text::wording::shell_path;
 use crate::workflow::{calibrated::CalibratedRobot, stored_robot::StoredRobot};
 
-use super::Common;
+use super::command_prelude::*;
 
 /// What an identification gives to compensate with.
 pub struct IdentifiedCompliances {

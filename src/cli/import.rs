@@ -1,16 +1,11 @@
 //! `import`: a foreign table becomes a measurement file.
 
-use std::path::{Path, PathBuf};
-
 use crate::files::{output::write_whole, roles::Roles};
 use crate::measurement::foreign::{ImportedTable, import};
 use crate::record::messages::SchemaMessage;
-use crate::text::wording::{counted, naming};
-use clap::Args;
-use serde_json::json;
 
-use super::table::table;
-use super::{Report, Said, check_outputs, program};
+use super::command_prelude::*;
+use super::{Said, check_outputs, program};
 
 #[derive(Debug, Args)]
 pub struct Import {

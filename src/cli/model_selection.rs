@@ -1,9 +1,8 @@
 //! A selection of models, for a person.
 
 use crate::identification::{DistanceStatistics, ModelSelection};
-use crate::text::wording::naming;
 
-use super::table::{number, or_dash, table};
+use super::command_prelude::*;
 
 /// Nested models, and which one to use.
 pub fn describe(model_selection: &ModelSelection) -> String {

@@ -7,10 +7,10 @@ use crate::identification::{
     Identification, MeasurementResidual, RejectedReading, RepeatComponents, RepeatedPose, Repeats,
 };
 use crate::measurement::Measurement;
-use crate::text::wording::{counted, joined, percent};
+use crate::text::wording::percent;
 use nalgebra::Vector3;
 
-use super::table::{number, or_dash, table};
+use super::command_prelude::*;
 
 /// So many measurements are listed, those that fit least first.
 const LISTED: usize = 6;

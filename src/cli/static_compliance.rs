@@ -3,11 +3,8 @@
 use crate::compensation::{KnownArm, StaticCompliance};
 use crate::robot::EquilibriumError;
 use crate::task::TestPose;
-use crate::text::wording::naming;
-use serde_json::{Value, json};
 
-use super::Report;
-use super::table::table;
+use super::command_prelude::*;
 
 const AXES: [usize; 3] = [0, 1, 2];
 

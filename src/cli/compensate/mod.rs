@@ -2,29 +2,22 @@
 
 mod targets;
 
-use std::path::PathBuf;
-
 use crate::calibration::{CompensatedPose, pose_conditions};
-use crate::codes::ErrorCode;
 use crate::csv::word_field;
 use crate::experiment::experiment_columns;
-use crate::files::{FileError, make_folder};
+use crate::files::make_folder;
 use crate::laboratory::{CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to};
 use crate::measurement::SimulatedRun;
 use crate::record::messages::TestPoseMessage;
-use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Method, Task};
+use crate::task::{Method, Task};
 use crate::testbed::TrueRobots;
-use crate::text::wording::joined;
-use clap::Args;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::dialect::dialect;
 use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::planned::RELATIVE;
 use super::static_compliance::add_static_compliance;
-use super::table::{number, numbers, table_of};
-use super::{Common, Report, named_by_file, without_effect};
+use super::table::numbers;
 use targets::{TargetFrame, Workpiece};
 
 #[derive(Debug, Args)]

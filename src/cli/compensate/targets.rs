@@ -1,26 +1,20 @@
 //! `compensate --targets`: the joint angles to command for absolute targets.
 
-use std::path::Path;
-
-use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
-use crate::files::{FileError, output::write_whole};
+use crate::files::output::write_whole;
 use crate::identification::JointError;
 use crate::mujoco::frame;
 use crate::parameter::ElasticArm;
-use crate::scenario::Scenario;
-use crate::text::wording::joined;
 use crate::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
 use clap::ValueEnum;
 use nalgebra::{DVector, Isometry3, Vector3};
-use serde_json::{Value, json};
 
 use super::Compensate;
-use crate::cli::Report;
+use crate::cli::command_prelude::*;
 use crate::cli::identified::taken_as_believed;
-use crate::cli::table::{numbers, table};
+use crate::cli::table::numbers;
 
 /// In which frame targets are, or in which a workpiece stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -1,9 +1,6 @@
 //! `identify` on absolute readings.
 
-use std::path::Path;
-
-use crate::codes::ErrorCode;
-use crate::files::{FileError, output::write_whole};
+use crate::files::output::write_whole;
 use crate::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
 use crate::measurement::{AbsoluteReading, read_measured};
 use crate::quantities::units::shown_unit;
@@ -11,15 +8,14 @@ use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedM
 use crate::record::model_selection::model_selection_json;
 use crate::record::uncertainties::uncertainty_tables;
 use crate::robot::Load;
-use crate::scenario::Scenario;
-use crate::text::wording::{counted, naming};
 use crate::view::discrepancy_plots::model_selection_plot;
 use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
 
 use super::Identify;
+use crate::cli::command_prelude::*;
+use crate::cli::residuals;
 use crate::cli::study::results::noted;
-use crate::cli::table::{DISTANCES, distances, numbers, or_dash, table};
-use crate::cli::{Report, residuals};
+use crate::cli::table::{DISTANCES, distances, numbers};
 
 impl Identify {
     /// A robot.

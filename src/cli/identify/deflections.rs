@@ -1,24 +1,17 @@
 //! `identify` on deflections.
 
-use std::path::Path;
-
-use crate::codes::ErrorCode;
-use crate::files::FileError;
 use crate::identification::{
     Case, Identification, IdentificationError, Robustness, Sigma, UncertainEstimate,
 };
 use crate::measurement::{Measurement, Origin};
 use crate::robot::ReadsAlong;
-use crate::scenario::Scenario;
 use crate::task::Belief;
-use crate::text::wording::{counted, joined, naming};
 use crate::workflow::identify::{NotIdentified, identify_measurements};
-use serde_json::json;
 
 use super::Identify;
+use crate::cli::command_prelude::*;
+use crate::cli::residuals;
 use crate::cli::study::results::noted;
-use crate::cli::table::{number, or_dash, table};
-use crate::cli::{Report, residuals};
 
 impl Identify {
     /// Compliances.

@@ -1,19 +1,13 @@
 //! What a study comes to: its records, and text for people.
 
-use std::path::Path;
-
-use crate::codes::{Condition, ConditionCode};
 use crate::record::study::{StudyPlanMessage, study_csv};
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
-use crate::task::AccuracyKind;
-use crate::text::wording::{inverse_interval, joined, significant};
+use crate::text::wording::{inverse_interval, significant};
 use crate::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
 use crate::workflow::study::{Timing, plan_messages, study_json};
-use serde_json::Value;
 
-use crate::cli::Report;
-use crate::cli::table::{number, or_dash, table_of};
+use crate::cli::command_prelude::*;
 use crate::cli::uncertainty_budget::contributions;
 use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::{Written, record_text};
