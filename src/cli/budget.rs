@@ -1,28 +1,20 @@
 //! `budget`: how many experiments, and in how many configurations?
 
-use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use crate::codes::{Condition, ConditionCode};
 use crate::laboratory::Campaign;
 use crate::laboratory::time::{least_minutes, quickest};
 use crate::plan::absolute::AbsolutePlanError;
 use crate::plan::search::{BudgetPoint, PlanSize, budget, cheapest, repeated_configurations};
 use crate::quantities::plausible::ACCURACY;
 use crate::record::messages::ProvenanceMessage;
-use crate::scenario::Scenario;
-use crate::task::AccuracyKind;
-use crate::text::wording::counted;
 use crate::view::plots::budget_plot;
-use clap::Args;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::interruption::STOP;
 use super::plan_args::{ReadingsArgs, offered};
 use super::progress::search;
 use super::proof::{ProofArgs, proof_json};
-use super::table::{number, table_of};
-use super::{Common, Report, without_effect};
 
 /// What a plan shares is as good as constant where it falls by less than this factor.
 const FLAT: f64 = 1.1;

@@ -1,24 +1,21 @@
 //! `check`: is the scenario valid, how was it understood, and is the plan possible?
 
 use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
 
 use crate::experiment::read_candidates;
 use crate::plan::absolute::AbsolutePlanning;
 use crate::plan::{Feasibility, read_plan, violated};
 use crate::record::messages::SchemaMessage;
 use crate::record::understanding::{understanding_json, unknowns_json};
-use crate::task::{AccuracyKind, Task};
+use crate::task::Task;
 use crate::understanding::{
     Understanding, UnderstoodJoint, UnderstoodPose, Unknowns, impossible, unknowns,
 };
-use clap::Args;
 use nalgebra::Vector3;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::printed_error::PrintedError;
-use super::table::table;
-use super::{Common, Report, program, without_effect};
+use super::program;
 
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["seed", "threads", "out"])))]

@@ -1,16 +1,12 @@
 //! `compare`: two results files against tolerances.
 
-use std::path::PathBuf;
-
-use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::comparison::record::{COLUMNS, comparison_json, markdown, notes, row, verdict};
 use crate::comparison::{Aspect, Comparison, compare, results::ResultsFile};
 use crate::files::{output::write_whole, roles::Roles};
 use crate::gate::Decision;
-use clap::Args;
 
-use super::table::table_of;
-use super::{Accepted, Report, Said, check_outputs};
+use super::command_prelude::*;
+use super::{Accepted, Said, check_outputs};
 
 #[derive(Debug, Args)]
 pub struct Compare {

@@ -1,23 +1,15 @@
 //! `evaluate`: the predicted accuracy of a plan.
 
-use std::path::PathBuf;
-
-use crate::codes::ErrorCode;
 use crate::experiment::{Candidate, read_candidates};
-use crate::files::FileError;
 use crate::plan::absolute::AbsolutePlanning;
 use crate::plan::search::Bound;
 use crate::plan::{Assessment, Criterion, read_plan};
 use crate::robot::{Approach, Load};
-use crate::scenario::Scenario;
-use crate::task::AccuracyKind;
-use clap::Args;
-use serde_json::json;
 
+use super::command_prelude::*;
 use super::interruption::{STOP, proceed};
 use super::plan_args::{PlanArgs, of_any_plan};
 use super::planned::PlannedAccuracy;
-use super::{Report, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("candidates", of_any_plan), mut_args(without_effect(&["out", "draw"])))]

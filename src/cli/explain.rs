@@ -2,10 +2,8 @@
 
 use crate::codes::{Meaning, meanings, meanings_of};
 use crate::record::messages::SchemaMessage;
-use clap::Args;
-use serde_json::json;
 
-use super::Report;
+use super::command_prelude::*;
 
 /// Columns of a terminal.
 const COLUMNS: usize = 100;
@@ -37,7 +35,7 @@ impl Explain {
                 let Meaning { id, title, .. } = each;
                 format!("{id}: {title}\n{}", wrapped(&each.explanation))
             };
-            codes.iter().map(one).collect::<Vec<_>>().join("\n")
+            joined(codes.iter().map(one), "\n")
         };
         Report::new(
             json!({ "schema": SchemaMessage::new("explain"), "codes": codes }),

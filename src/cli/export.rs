@@ -1,14 +1,10 @@
 //! `export`: the calibrated robot as a model's file.
 
-use std::path::PathBuf;
-
 use crate::files::output::write_whole;
 use crate::workflow::export::{ExportedModel, export};
-use clap::Args;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::identified::{ScenarioRobot, read_robot};
-use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -65,11 +61,8 @@ fn describe(exported: &ExportedModel) -> String {
     for each in &exported.not_expressed {
         text += &format!("not in the file: {each}\n");
     }
-    if !exported.to_leave_out.is_empty() {
-        text += &format!(
-            "a scenario that takes it for robot.model leaves out: {}\n",
-            exported.to_leave_out.join(", ")
-        );
-    }
-    text
+    text + &naming(
+        &exported.to_leave_out,
+        "a scenario that takes it for robot.model leaves out: {}\n",
+    )
 }

@@ -1,18 +1,13 @@
 //! An identified file for a command, with its conditions.
 
-use std::path::Path;
-
-use crate::codes::{Condition, ConditionCode, ErrorCode};
-use crate::files::FileError;
 use crate::identification::{StoredIdentification, impossible_compliance};
 use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::{estimable::Estimable, posterior::Posterior};
-use crate::scenario::Scenario;
 use crate::task::Fingerprint;
 use crate::text::wording::shell_path;
 use crate::workflow::{calibrated::CalibratedRobot, stored_robot::StoredRobot};
 
-use super::Common;
+use super::command_prelude::*;
 
 /// What an identification gives to compensate with.
 pub struct IdentifiedCompliances {
@@ -82,13 +77,10 @@ pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result
 
 /// What was not asked for when absolute readings were fitted, for a person.
 pub fn taken_as_believed(robot: &CalibratedRobot) -> String {
-    match robot.taken_as_believed.as_slice() {
-        [] => String::new(),
-        joints => format!(
-            "Assumed exact, as the scenario has them: the compliances of {}, which were not identified.\n",
-            joints.join(", ")
-        ),
-    }
+    naming(
+        &robot.taken_as_believed,
+        "Assumed exact, as the scenario has them: the compliances of {}, which were not identified.\n",
+    )
 }
 
 /// The conditions with which it was identified.

@@ -1,16 +1,11 @@
 //! `import`: a foreign table becomes a measurement file.
 
-use std::path::{Path, PathBuf};
-
 use crate::files::{output::write_whole, roles::Roles};
 use crate::measurement::foreign::{ImportedTable, import};
 use crate::record::messages::SchemaMessage;
-use crate::text::wording::counted;
-use clap::Args;
-use serde_json::json;
 
-use super::table::table;
-use super::{Report, Said, check_outputs, program};
+use super::command_prelude::*;
+use super::{Said, check_outputs, program};
 
 #[derive(Debug, Args)]
 pub struct Import {
@@ -61,13 +56,9 @@ impl Import {
 fn describe(path: &Path, imported: &ImportedTable) -> String {
     let rows = counted(imported.rows as u64, "row");
     let shown = |value: f64| format!("{value:.5}");
-    let ranges: Vec<Vec<String>> = (imported.ranges.iter())
-        .map(|(column, [low, high])| vec![column.clone(), shown(*low), shown(*high)])
-        .collect();
+    let ranges = (imported.ranges.iter())
+        .map(|(column, [low, high])| vec![column.clone(), shown(*low), shown(*high)]);
     let ranges = table("column | smallest | largest", ranges);
-    let mut text = format!("{}: {rows}\n{ranges}", path.display());
-    if !imported.unread.is_empty() {
-        text += &format!("Not read: {}.\n", imported.unread.join(", "));
-    }
-    text
+    let unread = naming(&imported.unread, "Not read: {}.\n");
+    format!("{}: {rows}\n{ranges}{unread}", path.display())
 }

@@ -1,19 +1,14 @@
 //! `init`: a first scenario for a model.
 
-use std::path::{Path, PathBuf};
-
-use crate::codes::ErrorCode;
-use crate::files::FileError;
 use crate::files::output::{check_writable, write_whole};
 use crate::record::messages::{SchemaMessage, merge};
 use crate::record::understanding::understanding_json;
 use crate::scenario::scenario_schema;
 use crate::text::wording::shell_path;
 use crate::workflow::init::{SCHEMA_FILE, draft};
-use clap::Args;
-use serde_json::json;
 
-use super::{Report, Said, program};
+use super::command_prelude::*;
+use super::{Said, program};
 
 #[derive(Debug, Args)]
 pub struct Init {

@@ -17,6 +17,8 @@ use signal_hook::iterator::Signals;
 use signal_hook::low_level;
 use thiserror::Error;
 
+use super::written::list;
+
 /// How long work may take to end by itself.
 const GRACE: Duration = Duration::from_millis(600);
 
@@ -131,13 +133,10 @@ fn describe(finished: &[PathBuf]) -> String {
     if finished.is_empty() {
         return "nothing was kept; the same command begins anew".to_owned();
     }
-    let files: Vec<String> = (finished.iter())
-        .map(|file| file.display().to_string())
-        .collect();
     format!(
         "of the results, only {} {} written; the same command begins anew",
-        files.join(", "),
-        if files.len() == 1 { "was" } else { "were" }
+        list(finished),
+        if finished.len() == 1 { "was" } else { "were" }
     )
 }
 

@@ -1,10 +1,7 @@
 //! `lab`: a plan goes to the laboratory.
 
-use std::path::PathBuf;
-
-use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::experiment::read_candidates;
-use crate::files::{FileError, make_folder};
+use crate::files::make_folder;
 use crate::laboratory::{Campaign, CampaignError, Program, hang_or_apply, program};
 use crate::measurement::{
     AbsoluteReading, CONTROLLER_COMPENSATES, RowToFillIn, readings_to_fill_in, table_to_fill_in,
@@ -14,20 +11,16 @@ use crate::plan::absolute::AbsolutePlanning;
 use crate::plan::{Feasibility, Plan, read_plan};
 use crate::record::campaign::campaign_json;
 use crate::robot::ReadsAlong;
-use crate::scenario::Scenario;
-use crate::task::AccuracyKind;
-use crate::text::wording::{counted, duration};
+use crate::text::wording::duration;
 use crate::view::run_sheet::run_sheet;
 use crate::view::stills::Stills;
-use clap::Args;
 use nalgebra::Vector3;
-use serde_json::Value;
 
+use super::command_prelude::*;
 use super::dialect::dialect_if_suitable;
-use super::table::table;
+use super::results;
 use super::views::RUN_SHEET;
 use super::written::record_text;
-use super::{Common, Report, results, without_effect};
 
 /// The table to fill in, and the record.
 const FILES: [&str; 2] = ["measurements.csv", "campaign.json"];

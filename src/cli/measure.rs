@@ -1,26 +1,19 @@
 //! `measure`: virtual measurements of a plan.
 
 use std::fmt::Display;
-use std::path::PathBuf;
 
 use crate::calibration::{MeasuredRun, measure};
-use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::experiment::read_candidates;
-use crate::files::{FileError, output::write_whole};
+use crate::files::output::write_whole;
 use crate::measurement::{absolute_table, deflection_table};
 use crate::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
 use crate::record::messages::{MeasurementMessage, TruthMessage};
 use crate::robot::ReadsAlong;
-use crate::scenario::Scenario;
 use crate::study::virtual_readings::virtual_readings;
-use crate::task::{AccuracyKind, Belief, Task};
+use crate::task::{Belief, Task};
 use crate::testbed::{TrueRobots, VirtualRobot};
-use crate::text::wording::counted;
-use clap::Args;
-use serde_json::json;
 
-use super::table::table;
-use super::{Common, Report, without_effect};
+use super::command_prelude::*;
 
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["threads", "out"])))]

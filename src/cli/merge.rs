@@ -1,14 +1,12 @@
 //! `merge`: the shards of a study become one result.
 
-use std::path::PathBuf;
-
 use crate::files::{make_folder, roles::Roles};
 use crate::record::tally_file::join;
-use clap::Args;
 
+use super::command_prelude::*;
 use super::study::results::{FILES, Results, write};
 use super::views::STUDY_PAGE;
-use super::{Accepted, Report, Said};
+use super::{Accepted, Said};
 
 #[derive(Debug, Args)]
 pub struct Merge {

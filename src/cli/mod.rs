@@ -5,6 +5,7 @@
 
 mod budget;
 mod check;
+mod command_prelude;
 mod compare;
 mod compensate;
 mod dialect;

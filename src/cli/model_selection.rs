@@ -2,7 +2,7 @@
 
 use crate::identification::{DistanceStatistics, ModelSelection};
 
-use super::table::{number, or_dash, table};
+use super::command_prelude::*;
 
 /// Nested models, and which one to use.
 pub fn describe(model_selection: &ModelSelection) -> String {
@@ -33,20 +33,12 @@ pub fn describe(model_selection: &ModelSelection) -> String {
          that, with the standard error of the difference\n",
         model_selection.blocks, model_selection.judged
     );
-    let rejected = model_selection.rejected.iter();
-    let numbers: Vec<String> = rejected
-        .map(|each| (each.reading + 1).to_string())
-        .collect();
-    if !numbers.is_empty() {
-        let readings = if numbers.len() == 1 {
-            "reading"
-        } else {
-            "readings"
-        };
-        let numbers = numbers.join(", ");
-        text +=
-            &format!("  outliers of the largest model, left out of all: {readings} {numbers}\n");
-    }
+    let rejected = model_selection.rejected.iter().map(|each| each.reading + 1);
+    let readings = match rejected.len() {
+        1 => "  outliers of the largest model, left out of all: reading {}\n",
+        _ => "  outliers of the largest model, left out of all: readings {}\n",
+    };
+    text += &naming(rejected, readings);
     for nested_model in &model_selection.nested_models {
         if let Err(reason) = &nested_model.cross_validation {
             let added = nested_model.added.word();

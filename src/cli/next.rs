@@ -1,12 +1,9 @@
 //! `next`: what to measure next, after some of a plan is measured.
 
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::experiment::{Experiment, write_candidates};
-use crate::files::FileError;
 use crate::identification::{AbsoluteCase, Case, Robustness};
 use crate::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
 use crate::measurement::{Origin, read_measured_so_far, read_measurements_so_far};
@@ -19,20 +16,14 @@ use crate::plan::{
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use crate::record::absolute_plan::planned_readings;
 use crate::record::messages::plan_messages;
-use crate::scenario::Scenario;
-use crate::task::AccuracyKind;
-use crate::text::wording::counted;
 use crate::workflow::identify::identify_measurements;
-use clap::Args;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::identify::deflections::{self, explained};
 use super::interruption::STOP;
 use super::plan_args::{ReadingsArgs, offered};
 use super::planned::{search_stopped, undetermined_by_plan};
 use super::progress::search;
-use super::table::table;
-use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]

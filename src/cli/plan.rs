@@ -1,10 +1,7 @@
 //! `plan`: design a plan of experiments.
 
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::codes::ErrorCode;
-use crate::files::FileError;
 use crate::laboratory::Campaign;
 use crate::laboratory::time::{TimedPlan, plans_within};
 use crate::plan::search::{
@@ -13,20 +10,15 @@ use crate::plan::search::{
 use crate::plan::{Assessment, Criterion, Plan, take_nearest_turns};
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
 use crate::record::messages::plan_messages;
-use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Task};
-use crate::text::wording::counted;
+use crate::task::Task;
 use crate::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
-use clap::Args;
-use serde_json::json;
 
+use super::command_prelude::*;
 use super::interruption::{STOP, ask_search, searched};
 use super::plan_args::{PlanArgs, of_any_plan, offered};
 use super::planned::{PlannedAccuracy, search_stopped};
 use super::progress::{bar, search, show};
 use super::proof::ProofArgs;
-use super::table::table;
-use super::{Common, Report, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("candidates", of_any_plan), mut_args(without_effect(&["out"])))]
@@ -93,14 +85,11 @@ pub fn design(
 /// The uncertainties that the search leaves out.
 fn left_out(task: &Task) -> String {
     let problem = Problem::new(task, Criterion::TestPose);
-    match problem.left_out().as_slice() {
-        [] => String::new(),
-        names => format!(
-            "\nBound and first search assume exact: {}. The predicted accuracy counts them; where they make more than 1 % of the \
-             square of it, the search is repeated with them.\n",
-            names.join(", ")
-        ),
-    }
+    naming(
+        problem.left_out(),
+        "\nBound and first search assume exact: {}. The predicted accuracy counts them; where they make more than 1 % of the square \
+         of it, the search is repeated with them.\n",
+    )
 }
 
 /// The best plans for each number of configurations within a time, for a person.

@@ -1,23 +1,18 @@
 //! Which absolute readings may be planned, of a file of candidates or at sampled configurations; and what `plan` and `evaluate` take alike.
 
-use std::path::{Path, PathBuf};
-
-use crate::codes::ErrorCode;
 use crate::experiment::{Candidate, read_candidates};
-use crate::files::FileError;
 use crate::identification::ParameterGroup;
 use crate::plan::absolute::{DrawnWanted, ReadingsWanted};
 use crate::plan::search::{Candidates, OfferedCandidates};
 use crate::quantities::limits::MOST_NAMED;
 use crate::robot::Load;
-use crate::scenario::Scenario;
 use crate::task::{Task, TestPose};
-use crate::text::wording::counted;
-use clap::{Arg, Args};
+use clap::Arg;
 
+use super::command_prelude::*;
 use super::proof::ProofArgs;
+use super::rests;
 use super::uncertainty_budget::BudgetArgs;
-use super::{Common, rests};
 
 /// So many configurations are drawn where nothing else is said.
 const DRAWN: u32 = 200;

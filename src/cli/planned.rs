@@ -1,12 +1,9 @@
 //! A plan with what is predicted of it: of deflections, or of absolute readings.
 
-use std::path::Path;
 use std::sync::Arc;
 
-use crate::codes::{Condition, ConditionCode};
 use crate::compensation::KnownArm;
 use crate::experiment::write_candidates;
-use crate::files::FileError;
 use crate::identification::ParameterGroup;
 use crate::parameter::ParameterKind;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
@@ -15,25 +12,22 @@ use crate::plan::{Assessment, FurtherError, Plan, UncertaintyBudget, posterior, 
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::record::messages::assessment_json;
 use crate::record::robot_trials::RobotTrials;
-use crate::scenario::Scenario;
 use crate::study::verdict::Kept;
 use crate::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
 use crate::task::Task;
-use crate::text::wording::counted;
 use crate::understanding::implausible;
 use crate::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, PlanPage, absolute_page};
 use crate::view::stills::Stills;
 use crate::workflow::study::try_plan;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::interruption::{Interrupted, STOP, searched};
 use super::plan_args::PlanArgs;
 use super::progress::bar;
 use super::proof::leaving_out;
 use super::static_compliance::add_static_compliance;
-use super::table::{number, or_dash, table};
+use super::uncertainty_budget;
 use super::views::command_line;
-use super::{Report, uncertainty_budget};
 
 /// What a relative accuracy is.
 pub const RELATIVE: &str =

@@ -1,21 +1,17 @@
 //! How far the bound is proved, as options; and what came of it.
 
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::codes::ErrorCode;
-use crate::files::{FileError, output::write_whole};
+use crate::files::output::write_whole;
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::search::{Bound, ProofFile, TIGHT};
 use crate::record::messages::ProvenanceMessage;
-use clap::Args;
 use indicatif::ProgressStyle;
 use serde::Serialize;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::progress::bar;
-use super::{Common, Report};
 
 /// After so many boxes a proof ends of which nothing is asked: a second at most.
 const BOXES: u64 = 300_000;
@@ -134,10 +130,7 @@ fn told(bound: &Bound) -> String {
 
 /// What a proof leaves out, in words that follow it.
 pub fn leaving_out(names: &[String]) -> String {
-    if names.is_empty() {
-        return String::new();
-    }
-    format!(", with {} assumed exact", names.join(", "))
+    naming(names, ", with {} assumed exact")
 }
 
 /// How near the proof is; null where there is none.

@@ -2,19 +2,16 @@
 
 use crate::files::make_folder;
 use crate::record::messages::ProvenanceMessage;
-use crate::scenario::Scenario;
 use crate::study::Entry;
 use crate::view::recording::{CarriedOutPlan, PlanRecord, Recording};
 use crate::workflow::study::refuse_others;
-use clap::Args;
-use serde_json::json;
 
+use super::command_prelude::*;
 use super::interruption::proceed;
 use super::plan_args::ReadingsArgs;
+use super::results;
 use super::study::results::noted;
-use super::table::table_of;
 use super::views::{carried_out, write_recording};
-use super::{Common, Report, results};
 
 #[derive(Debug, Args)]
 pub struct Replay {

@@ -1,17 +1,15 @@
 //! `reproduce`: the paper's numbers beside this program's.
 
-use crate::codes::{Condition, ConditionCode};
 use crate::files::make_folder;
 use crate::paper::{Reproduction, reproduce};
 use crate::plan::search::Watch;
 use crate::record::messages::ProvenanceMessage;
-use clap::Args;
 
+use super::command_prelude::*;
 use super::interruption::{STOP, proceed};
 use super::progress::{bar, show};
-use super::table::{number, table};
+use super::results;
 use super::written::record_text;
-use super::{Common, Report, results};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", |argument| argument.default_value("scenarios/klimchik2012.toml")))]

@@ -7,10 +7,10 @@ use crate::identification::{
     Identification, MeasurementResidual, RejectedReading, RepeatComponents, RepeatedPose, Repeats,
 };
 use crate::measurement::Measurement;
-use crate::text::wording::{counted, percent};
+use crate::text::wording::percent;
 use nalgebra::Vector3;
 
-use super::table::{number, or_dash, table};
+use super::command_prelude::*;
 
 /// So many measurements are listed, those that fit least first.
 const LISTED: usize = 6;
@@ -30,7 +30,6 @@ pub fn residuals(
     });
     let all = order.len();
     order.truncate(LISTED);
-    let three = |values: &mut dyn Iterator<Item = String>| values.collect::<Vec<_>>().join(" ");
     let rows = order.into_iter().map(|index| {
         let residual = &left[index];
         let is_rejected = rejected.iter().any(|each| each.reading == index);
@@ -46,8 +45,14 @@ pub fn residuals(
                 index + 1,
                 if is_rejected { " (left out)" } else { "" }
             ),
-            three(&mut read_m.iter().map(|value| format!("{:7.4}", value * 1e3))),
-            three(&mut standardised.map(|value| format!("{:>5}", number(*value, 1)))),
+            joined(
+                read_m.iter().map(|value| format!("{:7.4}", value * 1e3)),
+                " ",
+            ),
+            joined(
+                standardised.map(|value| format!("{:>5}", number(*value, 1))),
+                " ",
+            ),
             or_dash(residual.probability, probability),
         ]
     });

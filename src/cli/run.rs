@@ -7,28 +7,26 @@ use crate::measurement::{absolute_table, deflection_table};
 use crate::plan::search::{Bound, RepeatsNeeded, Watch};
 use crate::plan::{UncertaintyBudget, take_nearest_turns};
 use crate::record::absolute_plan::AbsolutePlanMessage;
-use crate::scenario::Scenario;
-use crate::task::AccuracyKind;
-use crate::text::wording::{counted, shell_path};
+use crate::text::wording::shell_path;
 use crate::view::recording::{CarriedOutPlan, Recording};
 use crate::view::report::{AbsolutePageRecord, PlanPage, absolute_page, run_page};
 use crate::workflow::design::Wanted;
 use crate::workflow::run::{
     AbsoluteRun, FailedPlan, RANDOM_PLANS, RUN, RunOutcome, RunStage, TriedPlan, run, run_absolute,
 };
-use clap::Args;
 
+use super::command_prelude::*;
 use super::identify::{absolute, deflections};
 use super::interruption::{STOP, proceed};
 use super::plan::design;
 use super::plan_args::ReadingsArgs;
 use super::planned::{PlannedAccuracy, bound_basis, budget, left_out};
+use super::progress;
 use super::proof::ProofArgs;
-use super::table::{in_um, number, table};
+use super::table::in_um;
 use super::uncertainty_budget::{self, BudgetArgs};
 use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
 use super::written::{record_text, warn};
-use super::{Common, Report, progress};
 
 #[derive(Debug, Args)]
 pub struct Run {

@@ -1,8 +1,5 @@
 //! `select`: does optimal design help on a real robot?
 
-use std::path::PathBuf;
-
-use crate::codes::ConditionCode;
 use crate::identification::ParameterGroup;
 use crate::measurement::{Origin, read_measured};
 use crate::quantities::limits::MOST_EXPERIMENTS;
@@ -10,14 +7,10 @@ use crate::record::selection::selection_json;
 use crate::study::selection::{
     CHOICES, Chosen, Selection, SelectionOfSize, SelectionWanted, choice_name, select,
 };
-use crate::text::wording::counted;
 use crate::view::selection_plot::selection_plot;
-use clap::Args;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::progress::search;
-use super::table::{number, table};
-use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file), mut_args(without_effect(&["out"])))]

@@ -3,10 +3,8 @@
 use crate::compensation::{KnownArm, StaticCompliance};
 use crate::robot::EquilibriumError;
 use crate::task::TestPose;
-use serde_json::{Value, json};
 
-use super::Report;
-use super::table::table;
+use super::command_prelude::*;
 
 const AXES: [usize; 3] = [0, 1, 2];
 
@@ -23,9 +21,7 @@ pub fn add_static_compliance(
         records.push(record(&pose.name, &compliance));
         report.text += &describe(&pose.name, &compliance);
     }
-    if !exact.is_empty() {
-        report.text += &format!("  assumed exact: the compliances of {}\n", exact.join(", "));
-    }
+    report.text += &naming(&exact, "  assumed exact: the compliances of {}\n");
     report.json["static_compliance"] = json!({ "assumed_exact": exact, "test_poses": records });
     Ok(())
 }

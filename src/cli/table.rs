@@ -1,7 +1,7 @@
 //! Plain text tables.
 
 use crate::identification::DistanceStatistics;
-use crate::text::wording::shortened;
+use crate::text::wording::{joined, shortened};
 
 /// Names of rows have at most so many characters.
 const LONGEST_NAME: usize = 40;
@@ -64,6 +64,12 @@ pub fn or_dash<T>(of: Option<T>, shown: impl FnOnce(T) -> String) -> String {
 /// A length (m) in micrometres with the given decimals, or a dash where there is none.
 pub fn in_um(value_m: Option<f64>, decimals: usize) -> String {
     number(value_m.map(|value_m| value_m * 1e6), decimals)
+}
+
+/// Numbers with the given decimals, one after the other.
+pub fn numbers(values: impl IntoIterator<Item = f64>, decimals: usize) -> String {
+    let values = values.into_iter();
+    joined(values.map(|value| format!("{value:.decimals$}")), " ")
 }
 
 /// A number with the given decimals, or a dash where there is none.

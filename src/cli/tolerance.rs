@@ -1,13 +1,10 @@
 //! Measurements judged against a tolerance with a guard band (JCGM 106).
 
-use crate::codes::ConditionCode;
 use crate::gate::{Decision, DistanceTolerance, JudgedDistance};
 use crate::quantities::plausible::{ACCURACY, TOLERANCE};
-use clap::Args;
 use nalgebra::{Matrix3, Vector3};
-use serde_json::json;
 
-use super::Report;
+use super::command_prelude::*;
 
 /// What an identified robot must keep.
 #[derive(Debug, Args)]

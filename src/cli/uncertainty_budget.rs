@@ -1,14 +1,10 @@
 //! Uncertainty budgets as tables, for all commands.
 
-use std::path::PathBuf;
-
 use crate::plan::{BudgetSource, UncertaintyBudget};
 use crate::study::account::Contribution;
 use crate::text::wording::significant;
-use clap::Args;
 
-use super::Report;
-use super::table::{number, or_dash, table};
+use super::command_prelude::*;
 
 /// Where a budget is written.
 #[derive(Debug, Args)]

@@ -1,9 +1,5 @@
 //! `validate`: whether the robot errs as its identification predicts.
 
-use std::path::{Path, PathBuf};
-
-use crate::codes::ErrorCode;
-use crate::files::FileError;
 use crate::identification::{
     DistanceStatistics, Predicted, Predictions, ReadingResidual, with_discrepancy,
 };
@@ -11,20 +7,16 @@ use crate::laboratory::validation::{validate, validation_plan};
 use crate::measurement::{read_measured, read_measurements};
 use crate::plan::write_plan;
 use crate::record::messages::plan_messages;
-use crate::scenario::Scenario;
-use crate::text::wording::counted;
 use crate::workflow::stored_robot::StoredRobot;
 use crate::workflow::validate_absolute::{
     AbsoluteValidation, prediction_failed, validate_absolute,
 };
-use clap::Args;
 use nalgebra::{Matrix3, Vector3};
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::identified::{IdentifiedCompliances, read_identified, read_stored, trust};
-use super::table::{DISTANCES, distances, in_um, or_dash, table, table_of};
+use super::table::{DISTANCES, distances, in_um};
 use super::tolerance::{ToleranceArgs, report_judged};
-use super::{Common, Report, named_by_file, without_effect};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -273,16 +265,13 @@ fn describe_readings(validation: &AbsoluteValidation, with_joints: &[ReadingResi
         let (share, name) = (validation.coverage(part)?, &validation.names[part]);
         Some(format!("{:.1} % of the {name}", share * 100.0))
     };
-    let shares: Vec<String> = (0..2).filter_map(share).collect();
-    text += &format!("  In their regions of 95 % lie {}.\n", shares.join(" and "));
+    let shares = joined((0..2).filter_map(share), " and ");
+    text += &format!("  In their regions of 95 % lie {shares}.\n");
     if let Some(probability) = validation.probability {
         text += &format!("  predicted and observed differences: p = {probability:.2}\n");
     }
-    if !validation.frames_anew.is_empty() {
-        text += &format!(
-            "  fitted to these readings: the frames of {}\n",
-            validation.frames_anew.join(", ")
-        );
-    }
-    text
+    text + &naming(
+        &validation.frames_anew,
+        "  fitted to these readings: the frames of {}\n",
+    )
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::codes::{Condition, ConditionCode};
 use crate::files::{FileError, output::write_whole};
-use crate::text::diagnostics::say;
+use crate::text::{diagnostics::say, wording::joined};
 use serde_json::Value;
 
 /// Which files are there and which are not. What cannot be written costs no other result.
@@ -88,9 +88,7 @@ impl Written {
     }
 }
 
-fn list(files: &[PathBuf]) -> String {
-    let names: Vec<String> = (files.iter())
-        .map(|file| file.display().to_string())
-        .collect();
-    names.join(", ")
+/// Files, by their paths.
+pub fn list(files: &[PathBuf]) -> String {
+    joined(files.iter().map(|file| file.display()), ", ")
 }

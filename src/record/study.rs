@@ -10,6 +10,7 @@ use crate::study::summary::{Measured, Summary};
 use crate::study::tally::{Failure, Tally};
 use crate::study::verdict::{MonteCarloOutcome, numerical_tolerance};
 use crate::task::AccuracyKind;
+use crate::text::wording::joined;
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -203,17 +204,17 @@ pub fn study_csv(plans: &[StudyPlanMessage]) -> String {
             one(plan.nees_z),
             one(plan.mean_ratio_to_random),
         ];
-        let numbers = numbers.concat().into_iter();
-        let numbers = numbers.map(|each| each.map_or_else(String::new, |each| each.to_string()));
-        let (name, m, sigma, load) = (
+        let numbers = numbers.concat().into_iter().map(|each| joined(each, ""));
+        text += &format!(
+            "{},{},{},{},{},{},{}\n",
             word_field(&plan.name),
             plan.experiments,
             plan.sigma_mm,
             plan.load_scale,
+            plan.runs,
+            plan.failed,
+            joined(numbers, ",")
         );
-        let cells = numbers.collect::<Vec<_>>().join(",");
-        let (runs, failed) = (plan.runs, plan.failed);
-        text += &format!("{name},{m},{sigma},{load},{runs},{failed},{cells}\n");
     }
     text
 }

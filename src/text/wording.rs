@@ -1,6 +1,7 @@
 //! Numbers, counts and words as a person reads them.
 
 use std::borrow::Cow;
+use std::fmt::Display;
 use std::path::Path;
 
 /// A distance in micrometres with its unit, or a dash.
@@ -42,8 +43,7 @@ pub fn listed(values: impl IntoIterator<Item = f64>, decimals: usize) -> String 
         };
         if text == "-0" { "0" } else { text }.replace('-', "\u{2212}")
     };
-    let all: Vec<String> = values.into_iter().map(short).collect();
-    all.join(", ")
+    joined(values.into_iter().map(short), ", ")
 }
 
 /// A number of so many significant digits without needless zeros.
@@ -76,6 +76,20 @@ pub fn inverse_interval([low, high]: [f64; 2]) -> String {
     } else {
         // So few runs do not bound it.
         format!("over {:.2}", high.recip())
+    }
+}
+
+/// Words, or numbers, one after the other.
+pub fn joined(words: impl IntoIterator<Item = impl Display>, between: &str) -> String {
+    let words = words.into_iter().map(|word| word.to_string());
+    words.collect::<Vec<_>>().join(between)
+}
+
+/// A sentence with some names in the place of its "{}"; nothing where there are none.
+pub fn naming(names: impl IntoIterator<Item = impl Display>, sentence: &str) -> String {
+    match joined(names, ", ") {
+        none if none.is_empty() => none,
+        names => sentence.replacen("{}", &names, 1),
     }
 }
 

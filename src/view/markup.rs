@@ -78,6 +78,12 @@ pub fn paragraph(text: &str) -> String {
     format!("<p>{}</p>\n", escaped(text))
 }
 
+/// A paragraph for each text that says something.
+pub fn paragraphs(texts: impl IntoIterator<Item = String>) -> String {
+    let texts = texts.into_iter().filter(|text| !text.is_empty());
+    texts.map(|text| paragraph(&text)).collect()
+}
+
 /// A figure of a drawing (SVG) with its caption.
 pub fn figure(svg: &str, caption: &str) -> String {
     format!(

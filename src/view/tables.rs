@@ -5,7 +5,7 @@ use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::record::messages::CalibrationMessage;
 use crate::record::study::StudyPlanMessage;
 use crate::text::markdown_text;
-use crate::text::wording::{dash, inverse_interval, number};
+use crate::text::wording::{dash, inverse_interval, joined, number};
 use crate::view::markup::{micro_sign, table_of};
 
 /// A table; the first column is text, the others are numbers.
@@ -35,10 +35,8 @@ impl RecordTable {
     /// Of a text, in Markdown: the first so many columns.
     pub fn markdown(&self, columns: usize) -> String {
         let line = |cells: &[String]| {
-            let cells: Vec<_> = (cells.iter().take(columns))
-                .map(|cell| markdown_text(cell))
-                .collect();
-            format!("| {} |\n", cells.join(" | "))
+            let cells = cells.iter().take(columns).map(|cell| markdown_text(cell));
+            format!("| {} |\n", joined(cells, " | "))
         };
         let columns = self.header.len().min(columns);
         let sides = "--:|".repeat(columns.saturating_sub(1));

@@ -2,28 +2,22 @@
 
 mod targets;
 
-use std::path::PathBuf;
-
 use crate::calibration::{CompensatedPose, pose_conditions};
-use crate::codes::ErrorCode;
 use crate::csv::word_field;
 use crate::experiment::experiment_columns;
-use crate::files::{FileError, make_folder};
+use crate::files::make_folder;
 use crate::laboratory::{CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to};
 use crate::measurement::SimulatedRun;
 use crate::record::messages::TestPoseMessage;
-use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Method, Task};
+use crate::task::{Method, Task};
 use crate::testbed::TrueRobots;
-use clap::Args;
-use serde_json::{Value, json};
 
+use super::command_prelude::*;
 use super::dialect::dialect;
 use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::planned::RELATIVE;
 use super::static_compliance::add_static_compliance;
-use super::table::{number, table_of};
-use super::{Common, Report, named_by_file, without_effect};
+use super::table::numbers;
 use targets::{TargetFrame, Workpiece};
 
 #[derive(Debug, Args)]
@@ -227,13 +221,10 @@ fn describe(poses: &[TestPoseMessage], unit: &str, is_simulated: bool) -> String
             row.extend(observed.map(|distance| format!("{distance:.4}")));
         }
         row.push(number(pose.rho0_mm, 4));
-        let angles = pose.q_commanded_deg.iter();
-        let angles: Vec<String> = angles.map(|angle| format!("{angle:.5}")).collect();
-        row.push(angles.join(" "));
+        row.push(numbers(pose.q_commanded_deg.iter().copied(), 5));
         row
     };
-    let rows = poses.iter().map(row);
-    table_of(&header, rows)
+    table_of(&header, poses.iter().map(row))
 }
 
 /// The angles to command as CSV: a row for each test pose, with the task's load and the predicted rms distance.
@@ -244,15 +235,10 @@ fn angles(task: &Task, poses: &[TestPoseMessage]) -> String {
         experiment_columns(&commands).join(",")
     );
     for (pose, message) in task.test_poses.iter().zip(poses) {
-        let mut fields = vec![word_field(&message.name)];
-        fields.extend(message.q_commanded_deg.iter().map(ToString::to_string));
-        fields.extend(pose.load.wrench().iter().map(ToString::to_string));
-        fields.push(
-            message
-                .rho0_mm
-                .map_or_else(String::new, |rho0_mm| rho0_mm.to_string()),
-        );
-        text += &(fields.join(",") + "\n");
+        let (name, wrench) = (word_field(&message.name), pose.load.wrench());
+        let numbers = message.q_commanded_deg.iter().chain(&wrench);
+        let rho0_mm = joined(message.rho0_mm, "");
+        text += &format!("{name},{},{rho0_mm}\n", joined(numbers, ","));
     }
     text
 }

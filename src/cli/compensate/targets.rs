@@ -1,25 +1,20 @@
 //! `compensate --targets`: the joint angles to command for absolute targets.
 
-use std::path::Path;
-
-use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
-use crate::files::{FileError, output::write_whole};
+use crate::files::output::write_whole;
 use crate::identification::JointError;
 use crate::mujoco::frame;
 use crate::parameter::ElasticArm;
-use crate::scenario::Scenario;
 use crate::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
 use clap::ValueEnum;
 use nalgebra::{DVector, Isometry3, Vector3};
-use serde_json::{Value, json};
 
 use super::Compensate;
-use crate::cli::Report;
+use crate::cli::command_prelude::*;
 use crate::cli::identified::taken_as_believed;
-use crate::cli::table::{number, table};
+use crate::cli::table::numbers;
 
 /// In which frame targets are, or in which a workpiece stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -98,12 +93,10 @@ impl Compensate {
             let one_return_mm = accuracy.map(|each| each.one_return_m * 1e3);
             if let Some(angles) = &angles {
                 let predicted = mean_mm.map_or_else(String::new, |value| value.to_string());
-                let fields = angles.iter().map(ToString::to_string).chain([predicted]);
-                let fields: Vec<String> = fields.collect();
-                csv += &format!("{place},{},{}\n", row.line, fields.join(","));
-                let told: Vec<String> = angles.iter().map(|angle| format!("{angle:.5}")).collect();
+                csv += &format!("{place},{},{},{predicted}\n", row.line, joined(angles, ","));
                 let predicted = [mean_mm, one_return_mm].map(|value| number(value, 4));
-                shown.push([&[place.to_string()], &predicted[..], &[told.join(" ")]].concat());
+                let commands = numbers(angles.iter().copied(), 5);
+                shown.push([&[place.to_string()], &predicted[..], &[commands]].concat());
             }
             if let Some(reason) = &reason {
                 conditions.push(ConditionCode::Unreachable.with(format!(
@@ -169,13 +162,12 @@ impl Compensate {
             return Ok(robot.machining_tool);
         };
         let tools = &robot.arm.tools;
-        (tools.iter())
-            .position(|tool| tool.name == *name)
-            .ok_or_else(|| {
-                let known: Vec<&str> = tools.iter().map(|tool| tool.name.as_str()).collect();
-                let problem = format!("--tool: found {name:?}; allowed are: {}", known.join(", "));
-                FileError::new(&self.identified, problem).code(ErrorCode::Targets)
-            })
+        let place = tools.iter().position(|tool| tool.name == *name);
+        place.ok_or_else(|| {
+            let known = joined(tools.iter().map(|tool| &tool.name), ", ");
+            let problem = format!("--tool: found {name:?}; allowed are: {known}");
+            FileError::new(&self.identified, problem).code(ErrorCode::Targets)
+        })
     }
 
     /// The frame of the targets in the robot's base, the place of the station whose frame it is, and how it is called.
@@ -233,10 +225,8 @@ impl Compensate {
             Some(other) => &other.stations,
             None => &robot.stations,
         };
-        let names: Vec<&str> = (stations.iter())
-            .filter_map(|each| each.name.as_deref())
-            .collect();
-        let several = format!("name one of them with --station: {}", names.join(", "));
+        let names = joined(stations.iter().filter_map(|each| each.name.as_ref()), ", ");
+        let several = format!("name one of them with --station: {names}");
         match (self.station.as_deref(), stations.as_slice()) {
         (_, []) => Err(wrong(
             "was identified from deflections, which do not determine the robot's base in the instrument's frame",

@@ -1,9 +1,6 @@
 //! `identify` on absolute readings.
 
-use std::path::Path;
-
-use crate::codes::ErrorCode;
-use crate::files::{FileError, output::write_whole};
+use crate::files::output::write_whole;
 use crate::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
 use crate::measurement::{AbsoluteReading, read_measured};
 use crate::quantities::units::shown_unit;
@@ -11,15 +8,14 @@ use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedM
 use crate::record::model_selection::model_selection_json;
 use crate::record::uncertainties::uncertainty_tables;
 use crate::robot::Load;
-use crate::scenario::Scenario;
-use crate::text::wording::counted;
 use crate::view::discrepancy_plots::model_selection_plot;
 use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
 
 use super::Identify;
+use crate::cli::command_prelude::*;
+use crate::cli::residuals;
 use crate::cli::study::results::noted;
-use crate::cli::table::{DISTANCES, distances, or_dash, table};
-use crate::cli::{Report, residuals};
+use crate::cli::table::{DISTANCES, distances, numbers};
 
 impl Identify {
     /// A robot.
@@ -80,14 +76,11 @@ impl Identify {
         if let Some(path) = &self.uncertainties_out {
             report.noted(path, write_uncertainties(path, file, &identified));
         }
-        let uncounted = uncounted(&identified.case);
         let text = &mut report.text;
-        if !uncounted.is_empty() {
-            *text += &format!(
-                "  Not counted but as part of what the residuals show: {}\n",
-                uncounted.join(", ")
-            );
-        }
+        *text += &naming(
+            uncounted(&identified.case),
+            "  Not counted but as part of what the residuals show: {}\n",
+        );
         *text += &residuals::patterns(&identified.patterns);
         *text += &residuals::repeats(identified.repeats.as_ref(), "positions");
         *text += &residuals::components(identified.repeat_components.as_ref());
@@ -132,12 +125,11 @@ fn compared(beside: &Inconsistencies) -> String {
         (_, 1) => format!("of {parameters} one is inconsistent with each other"),
         (_, count) => format!("of {parameters} {count} are inconsistent with each other"),
     };
-    let mut text = format!("  Fitted apart {one} and {other}: {found}.\n");
-    if !beside.not_comparable.is_empty() {
-        let names = beside.not_comparable.join(", ");
-        text += &format!("    not comparable, from the same prior in both: {names}\n");
-    }
-    text
+    format!("  Fitted apart {one} and {other}: {found}.\n")
+        + &naming(
+            &beside.not_comparable,
+            "    not comparable, from the same prior in both: {}\n",
+        )
 }
 
 /// What was identified, for a person.
@@ -168,11 +160,8 @@ pub fn describe(message: &AbsoluteMessage) -> String {
         let header = "unknown | nominal | value | standard error | 95 % interval | unit";
         text += &format!("\n{}", table(header, rows));
     }
-    if !message.left_out.is_empty() {
-        let names = message.left_out.iter().map(|each| &*each.name);
-        let names = names.collect::<Vec<_>>().join(", ");
-        text += &format!("\n  Redundant, not fitted: {names}\n");
-    }
+    let redundant = message.left_out.iter().map(|each| &each.name);
+    text += &naming(redundant, "\n  Redundant, not fitted: {}\n");
     let mut rows = vec![distances("distance [mm]", &message.distance_mm)];
     rows.extend((message.angle_mrad.as_ref()).map(|angles| distances("angle [mrad]", angles)));
     text += &format!("\n{}", table(DISTANCES, rows));
@@ -220,24 +209,15 @@ fn discrepancy_model(found: &UnexplainedMessage) -> String {
 }
 
 fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage]) -> String {
-    let joined = |values: &[f64], decimals: usize| {
-        let texts: Vec<String> = (values.iter())
-            .map(|value| format!("{value:.decimals$}"))
-            .collect();
-        texts.join(" ")
-    };
     let row = |what: &str, frame: &MountedFrameMessage| {
-        let name = frame
-            .name
-            .as_deref()
-            .map_or_else(String::new, |name| format!(" {name}"));
-        let std = |errors: &Option<[f64; 3]>| or_dash(*errors, |errors| joined(&errors, 4));
+        let name = frame.name.iter().map(|name| format!(" {name}"));
+        let std = |errors: Option<[f64; 3]>| or_dash(errors, |errors| numbers(errors, 4));
         vec![
-            format!("{what}{name}"),
-            joined(&frame.position_mm, 4),
-            std(&frame.position_std_mm),
-            or_dash(frame.quaternion, |q| joined(&q, 7)),
-            std(&frame.rotation_std_mrad),
+            what.to_owned() + &name.collect::<String>(),
+            numbers(frame.position_mm, 4),
+            std(frame.position_std_mm),
+            or_dash(frame.quaternion, |q| numbers(q, 7)),
+            std(frame.rotation_std_mrad),
         ]
     };
     let rows = (stations.iter().map(|frame| row("base at station", frame)))

@@ -1,24 +1,17 @@
 //! `identify` on deflections.
 
-use std::path::Path;
-
-use crate::codes::ErrorCode;
-use crate::files::FileError;
 use crate::identification::{
     Case, Identification, IdentificationError, Robustness, Sigma, UncertainEstimate,
 };
 use crate::measurement::{Measurement, Origin};
 use crate::robot::ReadsAlong;
-use crate::scenario::Scenario;
 use crate::task::Belief;
-use crate::text::wording::counted;
 use crate::workflow::identify::{NotIdentified, identify_measurements};
-use serde_json::json;
 
 use super::Identify;
+use crate::cli::command_prelude::*;
+use crate::cli::residuals;
 use crate::cli::study::results::noted;
-use crate::cli::table::{number, or_dash, table};
-use crate::cli::{Report, residuals};
 
 impl Identify {
     /// Compliances.
@@ -96,8 +89,8 @@ pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
     let NotIdentified { error, conditions } = problem;
     let wrong = FileError::new(file, error.to_string()).code(error.code());
     if !conditions.is_empty() {
-        let all: Vec<&str> = conditions.iter().map(|each| each.text.as_str()).collect();
-        return wrong.hint(all.join("; "));
+        let all = conditions.iter().map(|each| &each.text);
+        return wrong.hint(joined(all, "; "));
     }
     match error {
         IdentificationError::Equilibrium { .. } | IdentificationError::NotConverged { .. } => wrong
@@ -153,19 +146,15 @@ fn uncertain(identification: &Identification) -> String {
 /// The compliances of which the measurements tell next to nothing beside what was known before.
 fn known_before(identification: &Identification, belief: &Belief) -> String {
     let parameters = identification.parameters.iter();
-    let only_before: Vec<&str> = (parameters.zip(belief.prior_deviations()))
-        .filter(|(parameter, before)| {
-            let error = parameter.estimate.map(|estimate| estimate.standard_error);
+    let only_before = parameters
+        .zip(belief.prior_deviations())
+        .filter(|(each, before)| {
+            let error = each.estimate.map(|estimate| estimate.standard_error);
             !is_told(error, *before)
-        })
-        .map(|(parameter, _)| parameter.name.as_str())
-        .collect();
-    if only_before.is_empty() {
-        return String::new();
-    }
-    let names = only_before.join(", ");
-    format!(
-        "  the measurements say next to nothing of the compliance of {names}: as known before\n"
+        });
+    naming(
+        only_before.map(|(each, _)| &each.name),
+        "  the measurements say next to nothing of the compliance of {}: as known before\n",
     )
 }
 

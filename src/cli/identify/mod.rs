@@ -3,19 +3,13 @@
 pub mod absolute;
 pub mod deflections;
 
-use std::path::PathBuf;
-
-use crate::codes::ConditionCode;
 use crate::files::output::write_whole;
 use crate::identification::{ParameterGroup, patterns::Patterns};
 use crate::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
-use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Method};
+use crate::task::Method;
 use crate::view::discrepancy_plots::patterns_plot;
-use clap::Args;
-use serde_json::{Value, json};
 
-use super::{Common, Report, named_by_file, without_effect};
+use super::command_prelude::*;
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]

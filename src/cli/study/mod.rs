@@ -2,28 +2,25 @@
 
 pub mod results;
 
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::experiment::Candidate;
-use crate::files::{FileError, hexadecimal, make_folder, sha256_of};
+use crate::files::{hexadecimal, make_folder, sha256_of};
 use crate::plan::search::Watch;
 use crate::quantities::limits::{MOST_SHARDS, MOST_TRIALS};
 use crate::record::messages::SchemaMessage;
 use crate::record::tally_file::{AbsoluteStudyHeader, Header, PlanHeader, TallyFile};
-use crate::scenario::Scenario;
 use crate::study::runner::Runner;
 use crate::study::{Entry, Level, Setting, StudyError};
-use crate::task::{AccuracyKind, Task};
-use crate::text::{diagnostics::say, wording::counted};
+use crate::task::Task;
+use crate::text::diagnostics::say;
 use crate::view::study_recording::next_snapshot;
 use crate::workflow::design::Wanted;
 use crate::workflow::study::{self, Timing, foreign_loads};
-use clap::Args;
 use indicatif::ProgressStyle;
-use serde_json::json;
 
 use self::results::{Results, describe, write};
+use super::command_prelude::*;
 use super::interruption::{Interrupted, STOP, ask_work, keeps, proceed};
 use super::plan::design;
 use super::plan_args::ReadingsArgs;
@@ -31,7 +28,6 @@ use super::progress::bar;
 use super::proof::ProofArgs;
 use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
 use super::written::Written;
-use super::{Common, Report};
 
 #[derive(Debug, Args)]
 pub struct StudyCommand {

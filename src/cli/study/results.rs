@@ -1,19 +1,13 @@
 //! What a study comes to: its records, and text for people.
 
-use std::path::Path;
-
-use crate::codes::{Condition, ConditionCode};
 use crate::record::study::{StudyPlanMessage, study_csv};
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
-use crate::task::AccuracyKind;
 use crate::text::wording::{inverse_interval, significant};
 use crate::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
 use crate::workflow::study::{Timing, plan_messages, study_json};
-use serde_json::Value;
 
-use crate::cli::Report;
-use crate::cli::table::{number, or_dash, table_of};
+use crate::cli::command_prelude::*;
 use crate::cli::uncertainty_budget::contributions;
 use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::{Written, record_text};
@@ -121,24 +115,19 @@ pub fn write(folder: &Path, results: &Results, written: &mut Written) -> anyhow:
 
 /// What holds, and is worth knowing, a line each.
 pub fn noted(notes: &[String]) -> String {
-    notes.iter().fold(String::new(), |mut text, note| {
-        text += &format!("note: {note}\n");
-        text
-    })
+    joined(notes.iter().map(|note| format!("note: {note}\n")), "")
 }
 
 /// Failed runs with their reasons.
 fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
-    let reasons: Vec<String> = (message.failures.iter())
-        .map(|(reason, count)| format!("{count}: {reason}"))
-        .collect();
+    let reasons = (message.failures.iter()).map(|(reason, count)| format!("{count}: {reason}"));
     (message.failed > 0).then(|| {
         format!(
             "{} of {} runs failed with the plan {:?} ({})",
             message.failed,
             message.failed + message.runs,
             message.name,
-            reasons.join("; ")
+            joined(reasons, "; ")
         )
     })
 }

@@ -5,7 +5,7 @@ mod target;
 
 use std::path::{Path, PathBuf};
 
-use crate::text::wording::shell_word;
+use crate::text::wording::{joined, shell_word};
 use crate::view::rerun_file::{log_recording, write_rerun};
 use crate::view::{mcap_file::write_mcap, recording::Recording};
 
@@ -56,8 +56,5 @@ pub const RUN_SHEET: &str = "run_sheet.html";
 pub fn command_line() -> String {
     let given = std::env::args_os().skip(1);
     let words = given.map(|each| shell_word(&each.to_string_lossy()));
-    let words: Vec<String> = std::iter::once("elastocal".to_owned())
-        .chain(words)
-        .collect();
-    words.join(" ")
+    joined(["elastocal".to_owned()].into_iter().chain(words), " ")
 }

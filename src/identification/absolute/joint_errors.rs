@@ -259,10 +259,15 @@ impl DiscrepancyModel {
         q: &[f64],
     ) -> (DVector<f64>, DMatrix<f64>) {
         let local = self.local(rows, places, q);
+        let known = self.by_what_is_known(&local);
+        (local.left, local.new + known)
+    }
+
+    /// The covariance that one reading's rows have by what was identified.
+    pub(super) fn by_what_is_known(&self, local: &LocalRows) -> DMatrix<f64> {
         let among = self.covariance.select_rows(&local.index);
         let among = among.select_columns(&local.index);
-        let known = &local.matrix * among * local.matrix.transpose();
-        (local.left, local.new + known)
+        &local.matrix * among * local.matrix.transpose()
     }
 
     /// By how much larger than computed squares of errors of positions (0) or rotations (1) are at commanded angles.

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6xX};
 
-use super::joint_errors::{DiscrepancyModel, among};
+use super::joint_errors::DiscrepancyModel;
 use super::residuals::{LinearReading, with_joints};
 use crate::identification::IdentificationError;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
@@ -47,8 +47,7 @@ impl DiscrepancyModel {
         };
         let q = setup.commanded_rad.as_slice();
         let local = self.local(&rows, places, q);
-        let known =
-            &local.matrix * among(&self.covariance, &local.index) * local.matrix.transpose();
+        let known = self.by_what_is_known(&local);
         // Without joints' errors the scale is of regions alone.
         let scale = if joints.is_empty() {
             1.0

@@ -40,7 +40,7 @@ use crate::mujoco::Additions;
 use crate::robot::{Commands, Robot};
 use crate::task::{Belief, Task};
 use crate::testbed::Truth;
-use crate::text::{nearest, wrong_name};
+use crate::text::{nearest, wording::joined, wrong_name};
 
 impl Scenario {
     /// Reads and checks a scenario file.
@@ -147,7 +147,7 @@ impl Checker<'_> {
         Ok(Scenario {
             path: self.path.to_owned(),
             name: self.name()?,
-            description: name::in_one_line(&file.description),
+            description: joined(file.description.split_whitespace(), " "),
             sha256: self.inputs.borrow().sha256(&self.question(table)?),
             seed: file.seed,
             task: Task {

@@ -38,11 +38,6 @@ impl Checker<'_> {
     }
 }
 
-/// A description as a heading has it.
-pub(super) fn in_one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
 fn wrong_text(key: &str, text: &str) -> Option<String> {
     match key {
         "description" => {

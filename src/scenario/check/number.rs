@@ -10,6 +10,7 @@ use crate::files::FileError;
 use crate::mujoco::frame;
 use crate::quantities::plausible::{ANGLE, DIRECTION, Kind, POSITION};
 use crate::robot::SerialChain;
+use crate::text::wording::joined;
 
 impl Checker<'_> {
     /// A number of a kind.
@@ -229,6 +230,5 @@ pub(super) fn in_si(unit: &str, value: f64) -> f64 {
 
 /// The joints' names, for messages.
 pub(super) fn names_of(chain: &SerialChain) -> String {
-    let names = chain.joints.iter().map(|joint| joint.name.as_str());
-    names.collect::<Vec<_>>().join(", ")
+    joined(chain.joints.iter().map(|joint| &joint.name), ", ")
 }

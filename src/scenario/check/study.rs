@@ -14,6 +14,7 @@ use crate::scenario::PlanFile;
 use crate::scenario::file::{SigmaOf, Spread, StudyPlanTable, StudyTable, SweepTable};
 use crate::study::{Conditions, StudyPlan, StudySettings, StudySource};
 use crate::task::{AccuracyKind, Design};
+use crate::text::wording::joined;
 
 /// Without the key `trials`.
 const DEFAULT_TRIALS: u64 = 10_000;
@@ -304,13 +305,9 @@ impl Checker<'_> {
         if fits_any(measurements, conditions) {
             return Ok(());
         }
-        let all: Vec<String> = conditions
-            .iter()
-            .map(|each| each.experiments.to_string())
-            .collect();
         let problem = format!(
             "found {measurements} measurements; whole repetitions must make up study.experiments = {}",
-            all.join(" or ")
+            joined(conditions.iter().map(|each| each.experiments), " or ")
         );
         Err(self.wrong(key, problem))
     }

@@ -11,12 +11,12 @@ use crate::calibration::rms_m;
 use crate::observation::LengthKind;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
-use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
+use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
-use crate::text::wording::{counted, dash, micrometres, percent};
+use crate::text::wording::{counted, dash, micrometres, naming, percent};
 use crate::view::charts::PlotError;
-use crate::view::markup::{card, heading, micro_sign, page, paragraph, section, table};
+use crate::view::markup::{card, heading, micro_sign, page, paragraph, paragraphs, section, table};
 use crate::view::tables;
 use crate::workflow::run::{AbsoluteRun, RUN};
 
@@ -100,19 +100,13 @@ fn plan_card(plan: &AbsolutePlanMessage) -> String {
     let rows = || plan.plan.iter();
     let configurations = each_once(rows().map(|row| &row.q_deg)).len();
     let loaded = rows().filter(|row| row.wrench.is_some()).count();
-    let listed = |title: &str, of: fn(&PlannedReadingMessage) -> Option<&str>| {
-        let words = each_once(rows().filter_map(of));
-        if words.is_empty() {
-            String::new()
-        } else {
-            format!(" {title}: {}.", words.join(", "))
-        }
-    };
+    let targets = each_once(rows().filter_map(|row| row.target.as_ref()));
+    let stations = each_once(rows().filter_map(|row| row.station.as_ref()));
     let about = format!(
         "{loaded} of {} under a load.{}{}",
         counted(plan.plan.len() as u64, "row"),
-        listed("Reflectors", |row| row.target.as_deref()),
-        listed("Stations", |row| row.station.as_deref())
+        naming(targets, " Reflectors: {}."),
+        naming(stations, " Stations: {}.")
     );
     let answer = format!(
         "{} in {}",
@@ -189,21 +183,14 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
     }
     let lines = lines(std::slice::from_ref(runs), |_, _| false);
     let caption = "Distance of the loaded tool from where the identified model predicts it, rms over the test poses, of each virtual robot. The area is the distribution; the vertical line is the mean.";
-    let hidden: Vec<String> = (runs.contributions.iter())
+    let hidden = (runs.contributions.iter())
         .filter(|each| each.hidden)
         .map(|each| match each.contribution_um {
             Some(um) if um > 0.0 => format!("{} ({})", each.source, micrometres(Some(um * 1e-3))),
             _ => each.source.clone(),
-        })
-        .collect();
-    let mut body = paragraph(&said);
-    if !hidden.is_empty() {
-        body += &paragraph(&format!(
-            "Of this the planner does not know: {}.",
-            hidden.join(", ")
-        ));
-    }
-    Ok(body + &distances_figure(&lines, caption)? + &distances_table(&lines))
+        });
+    let hidden = paragraphs([naming(hidden, "Of this the planner does not know: {}.")]);
+    Ok(paragraph(&said) + &hidden + &distances_figure(&lines, caption)? + &distances_table(&lines))
 }
 
 /// The stills, and the plan as a table.
@@ -293,13 +280,10 @@ fn identified(run: &AbsoluteRun<'_>) -> String {
         counted(found.readings as u64, "reading"),
         RUN
     );
-    if !found.left_out.is_empty() {
-        let names: Vec<&str> = found.left_out.iter().map(|each| &*each.name).collect();
-        about += &format!(
-            " Redundant, not fitted: {}. Frames take their part; where links do, too, no truth stands beside geometry.",
-            names.join(", ")
-        );
-    }
+    about += &naming(
+        found.left_out.iter().map(|each| &each.name),
+        " Redundant, not fitted: {}. Frames take their part; where links do, too, no truth stands beside geometry.",
+    );
     let distances = &found.distance_mm;
     about += &format!(
         " Read less predicted: {} rms, at most {}.",

@@ -4,7 +4,7 @@ use plotters::style::RGBColor;
 
 use crate::plan::search::BudgetPoint;
 use crate::record::evidence::CriterionPlanMessage;
-use crate::text::wording::percent;
+use crate::text::wording::{joined, percent};
 use crate::view::charts::{
     COLOURS, Chart, ChartAxis, GRID, HALF, INK, Mark, PlotError, Rows, Series, WHOLE,
 };
@@ -102,8 +102,7 @@ pub fn criteria_names(plan: &CriterionPlanMessage) -> String {
         "test_pose" => "test pose".to_owned(),
         other => other.to_uppercase(),
     };
-    let names: Vec<String> = plan.criteria.iter().map(name).collect();
-    names.join(", ")
+    joined(plan.criteria.iter().map(name), ", ")
 }
 
 /// A compliance with its 95 % interval, relative to the truth.

@@ -26,7 +26,7 @@ use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
 use crate::task::{Belief, Instrument};
-use crate::text::wording::{counted, dash, listed, micrometres, number, percent};
+use crate::text::wording::{counted, dash, joined, listed, micrometres, naming, number, percent};
 use crate::workflow::run::{RANDOM_PLANS, RunOutcome, TriedPlan};
 use distances::{distances_figure, distances_table, lines};
 use figures::{
@@ -186,17 +186,13 @@ fn criteria(plans: &[CriterionPlanMessage]) -> String {
 
 /// What the plans of criteria are, and which of them are rough.
 fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
-    let mut caption = "The best plan found for each criterion, of as many measurements, evaluated at the test pose.".to_owned();
+    let caption = "The best plan found for each criterion, of as many measurements, evaluated at the test pose.";
     let alone =
         |plan: &&CriterionPlanMessage| plan.searches_agreeing.is_some_and(|count| count < 2);
-    let rough: Vec<String> = plans.iter().filter(alone).map(criteria_names).collect();
-    if !rough.is_empty() {
-        caption += &format!(
-            " Searches for {} did not agree: by that criterion there may be better plans.",
-            rough.join("; ")
-        );
-    }
-    caption
+    let rough = joined(plans.iter().filter(alone).map(criteria_names), "; ");
+    let rough = Some(rough).filter(|rough| !rough.is_empty());
+    let words = " Searches for {} did not agree: by that criterion there may be better plans.";
+    caption.to_owned() + &naming(rough, words)
 }
 
 /// What the letters stand for.
@@ -250,8 +246,7 @@ fn plan_table(
     let (row, own) = own.split_once(" | ").unwrap_or((own, ""));
     let columns = scenario.task.belief.commands().columns();
     let angles = columns.iter().map(|column| column.replace('_', " [") + "]");
-    let angles: Vec<String> = angles.collect();
-    let angles = angles.join(" | ");
+    let angles = joined(angles, " | ");
     let header = format!("{row} | {angles} | force [N] | torque [N m] | {own}");
     let about = format!(
         "Red: the load, which acts at the calibration tool; forces are in the world frame, z up. Green: {}. {same} the same numbers.",
@@ -370,13 +365,12 @@ fn verdict_card(is_kept: bool, verdict: &str, about: &str) -> String {
 
 /// A card of what must be looked at; where there is nothing, an answer with what holds, if anything is said of that.
 fn checks_card(conditions: &[Condition], (answer, holds): (&str, &str)) -> String {
-    let all: Vec<String> = conditions.iter().map(ToString::to_string).collect();
-    match (all.len(), answer) {
+    match (conditions.len(), answer) {
         (0, "") => String::new(),
         (0, _) => card("good", "Checks", answer, holds),
         (count, _) => {
             let count = counted(count as u64, "condition") + " to look at";
-            card("bad", "Checks", &count, &(all.join("; ") + "."))
+            card("bad", "Checks", &count, &(joined(conditions, "; ") + "."))
         }
     }
 }
@@ -409,12 +403,15 @@ fn provenance(from: &ProvenanceMessage, command: &str) -> String {
         ("seed", from.seed.to_string()),
         ("command", command.to_owned()),
     ];
-    let list: Vec<String> = (entries.iter())
-        .map(|(key, value)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value)))
-        .collect();
+    let entry = |(key, value)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value));
+    let list: String = entries
+        .each_ref()
+        .map(|(key, value)| (*key, &**value))
+        .map(entry)
+        .concat();
     section(
         "provenance",
         "Where this page comes from",
-        &format!("<dl>\n{}</dl>\n", list.concat()),
+        &format!("<dl>\n{list}</dl>\n"),
     )
 }

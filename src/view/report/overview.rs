@@ -7,7 +7,7 @@ use crate::plan::search::{BoundKind, RepeatsNeeded};
 use crate::plan::{Assessment, UncertaintyBudget};
 use crate::record::evidence::EvidenceMessage;
 use crate::scenario::Scenario;
-use crate::text::wording::{counted, micrometres, shell_path};
+use crate::text::wording::{counted, micrometres, naming, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};
 use crate::workflow::run::{RunOutcome, TriedPlan};
 
@@ -26,20 +26,16 @@ const ALL_HOLD: &str = "On the virtual robot: every compliance that was asked fo
 /// Title and cards.
 pub fn overview(shown: &PlanPage<'_>, outcome: &RunOutcome, own: &TriedPlan) -> String {
     let (scenario, assessment) = (shown.scenario, &own.assessment);
-    let others = outcome.tried.iter().skip(1);
-    let violating: Vec<&str> = others
+    let violating = (outcome.tried.iter().skip(1))
         .filter(|plan| plan.assessment.violated().is_some())
-        .map(|plan| &*plan.record.name)
-        .collect();
-    let (answer, of_others) = match &violating[..] {
-        [] => ("all hold", String::new()),
-        names => (
-            "all hold for this plan",
-            format!(
-                " Of the plans beside it, {} keep not all of them.",
-                names.join(", ")
-            ),
-        ),
+        .map(|plan| &plan.record.name);
+    let of_others = naming(
+        violating,
+        " Of the plans beside it, {} keep not all of them.",
+    );
+    let answer = match &*of_others {
+        "" => "all hold",
+        _ => "all hold for this plan",
     };
     let cards = [
         plan_card(scenario, own),
@@ -137,10 +133,7 @@ fn proved_of_it(assessment: &Assessment) -> String {
     let Some(proof) = assessment.bound().and_then(|bound| bound.proof.as_ref()) else {
         return "There is no proof.".to_owned();
     };
-    let certain = match proof.left_out.as_slice() {
-        [] => String::new(),
-        left_out => format!(", with {} assumed exact", left_out.join(", ")),
-    };
+    let certain = naming(&proof.left_out, ", with {} assumed exact");
     format!(
         "Proved, by branch and bound over {} boxes of configurations: none can be below {}{certain}.",
         proof.boxes,

@@ -3,8 +3,8 @@
 use super::each_once;
 use crate::plan::{BudgetSource, UncertaintyBudget};
 use crate::record::study::StudyPlanMessage;
-use crate::text::wording::{micrometres, number, percent, significant};
-use crate::view::markup::{cell, micro_sign, paragraph, section, table_of_cells};
+use crate::text::wording::{dash, joined, micrometres, number, percent, significant};
+use crate::view::markup::{cell, micro_sign, paragraph, paragraphs, section, table_of_cells};
 
 /// A table of rows with a share (%) that ends each, with its bar, the largest first.
 fn with_bars(header: &[&str], mut rows: Vec<(Vec<String>, f64)>) -> String {
@@ -28,7 +28,7 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
         return String::new();
     };
     let unit = |each: &BudgetSource| Some(micro_sign(each.unit.as_deref()?));
-    let or_none = |text: Option<String>| text.unwrap_or_else(|| "\u{2013}".to_owned());
+    let or_none = |text: Option<String>| text.unwrap_or_else(dash);
     let row = |each: &BudgetSource| {
         let cells = vec![
             each.source.clone(),
@@ -59,12 +59,7 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
     );
     let table = with_bars(&header, budget.sources.iter().map(row).collect());
     let remark = |each: &BudgetSource| Some(format!("{} {}.", each.source, each.remark.as_ref()?));
-    let remarks: Vec<String> = budget.sources.iter().filter_map(remark).collect();
-    let remarks = if remarks.is_empty() {
-        String::new()
-    } else {
-        paragraph(&remarks.join(" "))
-    };
+    let remarks = paragraphs([joined(budget.sources.iter().filter_map(remark), " ")]);
     section(
         "sources",
         "Uncertainty budget",
@@ -97,9 +92,7 @@ pub fn verdict(runs: &StudyPlanMessage) -> Option<String> {
 
 /// The verdict of each plan of a study whose scenario lists what is uncertain, and the contributions of all beside each other.
 pub fn of_study(plans: &[StudyPlanMessage]) -> String {
-    let verdicts: String = (plans.iter().filter_map(verdict))
-        .map(|verdict| paragraph(&verdict))
-        .collect();
+    let verdicts = paragraphs(plans.iter().filter_map(verdict));
     let plans: Vec<&StudyPlanMessage> = (plans.iter())
         .filter(|plan| verdict(plan).is_some() && !plan.contributions.is_empty())
         .collect();
