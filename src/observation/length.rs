@@ -3,23 +3,26 @@
 
 use nalgebra::Vector3;
 
-use crate::parameter::ParameterKind;
+use crate::parameter::{Axis, ParameterKind};
 
 /// A kind of lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LengthKind {
     /// How far a target is from the station's point, as a ballbar or a wire encoder has it.
     Distance,
+    /// How high a target is above the station's plane, as a height gauge on a surface table has it: its z coordinate.
+    Height,
 }
 
 impl LengthKind {
     /// All of them.
-    pub const ALL: [Self; 1] = [Self::Distance];
+    pub const ALL: [Self; 2] = [Self::Distance, Self::Height];
 
     /// Its name: what one is, as in scenarios; with an s, what several are.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Distance => "distance",
+            Self::Height => "height",
         }
     }
 
@@ -32,6 +35,7 @@ impl LengthKind {
     pub const fn column(self) -> &'static str {
         match self {
             Self::Distance => "distance_mm",
+            Self::Height => "height_mm",
         }
     }
 
@@ -42,17 +46,15 @@ impl LengthKind {
                 position_m.norm(),
                 position_m.try_normalize(0.0).unwrap_or_default(),
             ),
+            Self::Height => (position_m.z, Vector3::z()),
         }
     }
 
     /// Where it begins (m) that ends at a target: what is between should be free.
-    pub const fn begins_at(
-        self,
-        station_m: Vector3<f64>,
-        _target_m: &Vector3<f64>,
-    ) -> Vector3<f64> {
+    pub fn begins_at(self, station_m: Vector3<f64>, target_m: &Vector3<f64>) -> Vector3<f64> {
         match self {
             Self::Distance => station_m,
+            Self::Height => Vector3::new(target_m.x, target_m.y, station_m.z),
         }
     }
 
@@ -61,6 +63,14 @@ impl LengthKind {
     pub const fn shows(self, kind: ParameterKind) -> bool {
         match self {
             Self::Distance => !matches!(kind, ParameterKind::BaseRotation { .. }),
+            Self::Height => matches!(
+                kind,
+                ParameterKind::BasePosition { axis: Axis::Z, .. }
+                    | ParameterKind::BaseRotation {
+                        axis: Axis::X | Axis::Y,
+                        ..
+                    }
+            ),
         }
     }
 
@@ -68,6 +78,7 @@ impl LengthKind {
     pub const fn is_positive(self) -> bool {
         match self {
             Self::Distance => true,
+            Self::Height => false,
         }
     }
 
@@ -75,6 +86,7 @@ impl LengthKind {
     pub const fn is_sighted(self) -> bool {
         match self {
             Self::Distance => true,
+            Self::Height => false,
         }
     }
 
@@ -82,6 +94,7 @@ impl LengthKind {
     pub const fn bears_load(self) -> bool {
         match self {
             Self::Distance => false,
+            Self::Height => true,
         }
     }
 
@@ -91,6 +104,7 @@ impl LengthKind {
             Self::Distance => {
                 "write down the distance that is shown: what spans it is put in for the reading, and taken out before the robot moves"
             }
+            Self::Height => "write down the height that is shown above the plane",
         }
     }
 }

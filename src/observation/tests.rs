@@ -13,8 +13,9 @@ use crate::robot::{
     rotation_vector,
 };
 
-const KINDS: [ReadingKind; 5] = [
+const KINDS: [ReadingKind; 6] = [
     ReadingKind::Length(LengthKind::Distance),
+    ReadingKind::Length(LengthKind::Height),
     ReadingKind::Deflection,
     ReadingKind::DeflectionAndRotation,
     ReadingKind::Position,

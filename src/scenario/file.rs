@@ -172,6 +172,8 @@ pub enum SigmaOf {
     Position,
     /// Of a distance.
     Distance,
+    /// Of a height.
+    Height,
 }
 
 impl SigmaOf {
@@ -179,7 +181,7 @@ impl SigmaOf {
     pub(super) fn deflection_factor(self) -> f64 {
         match self {
             Self::Deflection => 1.0,
-            Self::Position | Self::Distance => 2.0_f64.sqrt(),
+            Self::Position | Self::Distance | Self::Height => 2.0_f64.sqrt(),
         }
     }
 }
@@ -198,6 +200,8 @@ pub enum InstrumentReads {
     Displacement,
     /// The distance of a target from a station, as a ballbar or a wire encoder does.
     Distance,
+    /// The height of a target above the plane of a station, as a height gauge on a surface table does.
+    Height,
 }
 
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
@@ -222,6 +226,8 @@ pub(super) struct InstrumentTable {
     pub gauge: Option<GaugeTable>,
     /// What reads distances beside a tracker, from some of the stations.
     pub distance: Option<LengthTable>,
+    /// The same of heights.
+    pub height: Option<LengthTable>,
 }
 
 impl InstrumentTable {
@@ -229,6 +235,7 @@ impl InstrumentTable {
     pub(super) const fn length(&self, kind: LengthKind) -> Option<&LengthTable> {
         match kind {
             LengthKind::Distance => self.distance.as_ref(),
+            LengthKind::Height => self.height.as_ref(),
         }
     }
 }
@@ -370,6 +377,7 @@ pub(super) enum ShapeTable {
 pub(super) enum StationReads {
     Position,
     Distance,
+    Height,
 }
 
 /// One of `[[station]]`.

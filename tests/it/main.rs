@@ -157,6 +157,7 @@ mod gate;
 mod gate_refusals;
 mod gauges;
 mod gear_waves;
+mod heights;
 mod hostile_input;
 mod identifiability;
 mod implausible_input;
