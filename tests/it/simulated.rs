@@ -63,9 +63,8 @@ fn told(scenario: &Scenario, readings: &[AbsoluteReading]) -> (Patterns, bool) {
         .looked_at(&fit, readings)
         .expect("stable")
         .patterns(&[]);
-    let halves = case.kept(&fit).halves(&fit);
-    let is_inconsistent =
-        halves.is_some_and(|(_, [one, other])| !one.beside(&other).found.is_empty());
+    let halves = case.kept(&fit).inconsistencies_of_halves(&fit);
+    let is_inconsistent = halves.is_some_and(|(_, halves)| !halves.found.is_empty());
     (patterns, is_inconsistent)
 }
 
