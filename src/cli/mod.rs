@@ -36,7 +36,6 @@ mod replay;
 mod reproduce;
 mod residuals;
 mod run;
-mod schema;
 mod select;
 mod static_compliance;
 mod study;
@@ -57,7 +56,7 @@ use crate::files::output::{check_writable, write_whole};
 use crate::files::{FileError, roles::Roles, shipped};
 use crate::measurement::Origin;
 use crate::record::messages::{platform, results};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, scenario_schema};
 use crate::text::{diagnostics::say, plain, wording::shell_path};
 use crate::understanding::collapse;
 use anyhow::Context;
@@ -223,7 +222,7 @@ enum Command {
     Reproduce(reproduce::Reproduce),
     /// Print the JSON schema of scenarios, with which editors complete and check them
     #[command(after_help = "Example:\n  elastocal schema > scenario.schema.json")]
-    Schema(schema::Schema),
+    Schema,
     /// What a code of a condition or an error means
     #[command(
         after_help = "Examples:\n  elastocal explain C0102\n  elastocal explain C02 E0301 --json"
@@ -329,7 +328,13 @@ impl Arguments {
     /// Does what the command says, and prints no results.
     pub fn report(&self) -> anyhow::Result<Report> {
         let mut report = of_kinds!(&self.command, [Init Run Check Plan Budget Evaluate Measure Import Identify Compensate Export Lab
-            Next Validate Study Select Replay Merge Compare Reproduce Schema] command => command.execute(),
+            Next Validate Study Select Replay Merge Compare Reproduce] command => command.execute(),
+            // It is JSON, whether or not results are wanted as such.
+            Command::Schema => {
+                let json = scenario_schema();
+                let text = serde_json::to_string_pretty(&json)? + "\n";
+                Ok(Report::new(json, text, Vec::new()))
+            },
             Command::Explain(command) => Ok(command.execute()),
             // It has nothing to report.
             Command::LoadModel(_) => Ok(Report::default()))?;

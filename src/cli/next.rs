@@ -88,11 +88,7 @@ impl Next {
         let given = (self.plan.as_ref()).map(|path| read_plan(path, commands.clone()));
         let given = given.transpose()?;
         let belief = &task.belief;
-        self.common.say(&format!(
-            "identifying {} from {}",
-            belief.parameter_names().join(", "),
-            counted(measurements.len() as u64, "measurement")
-        ));
+        deflections::say(&self.common, belief, measurements.len());
         let case = Case::as_believed(belief, &measurements);
         let identified = identify_measurements(case, Robustness::NONE)
             .map_err(|problem| explained(&self.measurements, &problem))?;

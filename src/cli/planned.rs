@@ -221,7 +221,7 @@ impl PlanArgs {
             Err(StudyError::Stopped) => return Err(Interrupted.into()),
             trials => trials?,
         };
-        report.text += &describe_trials(&trials);
+        report.text += &format!("\n{}\n", trials.outcome());
         report.conditions.extend(unkept(&trials));
         Ok(trials)
     }
@@ -303,22 +303,6 @@ pub fn left_out(message: &AbsolutePlanMessage) -> String {
     let not_counted = message.not_counted.iter();
     let not_counted = not_counted.map(|each| format!("Not counted: {each}\n"));
     exact.chain(not_counted).collect()
-}
-
-/// What was seen of a prediction, for a person.
-fn describe_trials(trials: &RobotTrials) -> String {
-    let runs = &trials.runs;
-    let mut text = format!(
-        "\nOf {} sampled, read by the plan and identified: residual error {} +- {} mm rms, predicted {} mm",
-        counted(runs.runs, "virtual robot"),
-        number(runs.rms_mm, 5),
-        number(runs.rms_std_mm, 5),
-        number(runs.combined_rms_mm, 5)
-    );
-    if let Some(share) = trials.below_quantile95 {
-        text += &format!("; {:.1} % stay below what 95 % should", share * 100.0);
-    }
-    text + &format!(". The prediction {}.\n", trials.outcome())
 }
 
 /// What must be looked at of simulated robots.

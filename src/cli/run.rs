@@ -270,18 +270,7 @@ fn of_deflections(outcome: &RunOutcome) -> String {
     let header = "plan | predicted rms [um] | efficiency | observed in this run [um] | violations";
     let mut text = format!("\n{}", table(header, rows));
     if poses.len() > 1 {
-        let row = |pose: &CompensatedPose| {
-            let [without, with] = [pose.seen.uncompensated_m, pose.seen.residual_m]
-                .map(|off_m| in_um(Some(off_m.norm()), 2));
-            vec![
-                pose.name.clone(),
-                number(Some(pose.weight), 3),
-                without,
-                with,
-            ]
-        };
-        let header = "test pose | weight | uncompensated [um] | residual error in this run [um]";
-        text += &format!("\n{}", table(header, poses.iter().map(row)));
+        text += &at_test_poses(poses, "uncompensated");
     }
     for entry in &outcome.tried {
         if let Some(reason) = entry.assessment.no_bound() {
@@ -335,6 +324,20 @@ fn of_deflections(outcome: &RunOutcome) -> String {
     text
 }
 
+/// What was predicted and observed at each test pose, and under a name without what was identified.
+fn at_test_poses(poses: &[CompensatedPose], without: &str) -> String {
+    let row = |pose: &CompensatedPose| {
+        let [before_m, after_m] = [pose.seen.uncompensated_m, pose.seen.residual_m];
+        let predicted_m = pose.predicted_m.as_ref().ok().copied();
+        let distances = [predicted_m, Some(after_m.norm()), Some(before_m.norm())];
+        let distances = distances.map(|distance_m| in_um(distance_m, 2));
+        [vec![pose.name.clone()], distances.to_vec()].concat()
+    };
+    let header =
+        format!("test pose | predicted rms [um] | observed in this run [um] | {without} [um]");
+    format!("\n{}", table(&header, poses.iter().map(row)))
+}
+
 /// What random plans predict, for a person.
 fn random(of: &str, rho0_m: f64, words: &str) -> String {
     format!(
@@ -345,17 +348,8 @@ fn random(of: &str, rho0_m: f64, words: &str) -> String {
 
 /// What a run of absolute readings means, for a person.
 fn of_readings(plan: &AbsolutePlanMessage, outcome: &AbsoluteRun<'_>) -> String {
-    let row = |pose: &CompensatedPose| {
-        let [before_m, after_m] = [pose.seen.uncompensated_m, pose.seen.residual_m];
-        let predicted_m = pose.predicted_m.as_ref().ok().copied();
-        let distances = [predicted_m, Some(after_m.norm()), Some(before_m.norm())];
-        let distances = distances.map(|distance_m| in_um(distance_m, 2));
-        [vec![pose.name.clone()], distances.to_vec()].concat()
-    };
-    let header =
-        "test pose | predicted rms [um] | observed in this run [um] | of the nominal robot [um]";
-    let budget = uncertainty_budget::describe(plan.uncertainty_budget.as_ref());
-    let mut text = format!("\n{}{budget}", table(header, outcome.poses.iter().map(row)));
+    let mut text = at_test_poses(&outcome.poses, "of the nominal robot");
+    text += &uncertainty_budget::describe(plan.uncertainty_budget.as_ref());
     text += &left_out(plan);
     let [before_m, after_m] = rms_m(&outcome.poses);
     text += &format!(

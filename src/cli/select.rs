@@ -7,7 +7,7 @@ use crate::record::selection::selection_json;
 use crate::study::selection::{
     CHOICES, Chosen, Selection, SelectionOfSize, SelectionWanted, choice_name, select,
 };
-use crate::view::selection_plot::selection_plot;
+use crate::view::plots::selection_plot;
 
 use super::command_prelude::*;
 use super::progress::search;
@@ -107,23 +107,13 @@ fn describe(selection: &Selection<'_>) -> String {
     text
 }
 
+/// The [`NUMBERS`](crate::study::selection::NUMBERS) in the order of the table's columns.
+const SHOWN: [usize; 8] = [0, 1, 5, 2, 3, 4, 6, 7];
+
 fn of_one_size(of_size: &SelectionOfSize, unit: &str) -> String {
     let row = |name: &str, better: String, numbers: [Option<f64>; 8]| {
-        let [
-            mean,
-            rms,
-            quantile95,
-            largest,
-            rho0,
-            predicted,
-            from_all,
-            without,
-        ] = numbers;
-        let cells = [
-            mean, rms, predicted, quantile95, largest, rho0, from_all, without,
-        ];
         let mut row = vec![name.to_owned()];
-        row.extend(cells.map(|value| number(value, 4)));
+        row.extend(SHOWN.map(|place| number(numbers[place], 4)));
         row.insert(6, better);
         row
     };

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vec
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::messages::rows_of;
 use crate::codes::Condition;
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, DistanceStatistics, LeftOut, RejectedReading, Unexplained,
@@ -181,21 +182,14 @@ impl AbsoluteMessage {
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
         let kept = fit.of_kept(&fit.left);
         let [distances, angles] = DistanceStatistics::in_mm_and_mrad(&kept);
-        let factors = factors(fit);
-        let entry = scaled(&fit.posterior.covariance, &factors);
+        let covariance = scaled(&fit.posterior.covariance, &factors(fit));
         Self {
             readings: fit.left.len(),
             numbers: fit.rows,
             unknowns: (0..fit.set.len())
                 .map(|index| unknown(fit, index))
                 .collect(),
-            covariance: (0..factors.len())
-                .map(|row| {
-                    (0..factors.len())
-                        .map(|column| entry(row, column))
-                        .collect()
-                })
-                .collect(),
+            covariance: rows_of(&covariance),
             stations: stations(case, fit),
             targets: targets(case, fit),
             left_out: fit.left_out.clone(),
@@ -241,9 +235,9 @@ fn factors(fit: &AbsoluteFit) -> Vec<f64> {
     (0..fit.set.len()).map(|index| fit.factor(index)).collect()
 }
 
-/// The entries of a covariance in these.
-fn scaled(covariance: &DMatrix<f64>, factors: &[f64]) -> impl Fn(usize, usize) -> f64 {
-    |row, column| covariance[(row, column)] * factors[row] * factors[column]
+/// A covariance in these.
+fn scaled(covariance: &DMatrix<f64>, factors: &[f64]) -> DMatrix<f64> {
+    covariance.map_with_location(|row, column, entry| entry * factors[row] * factors[column])
 }
 
 fn discrepancy_model(
@@ -256,7 +250,10 @@ fn discrepancy_model(
     let shift = model.shift.iter().zip(&factors);
     let shift = shift.map(|(shift, factor)| shift * factor).collect();
     factors.resize(model.covariance.nrows(), 1.0);
-    let entry = scaled(&model.covariance, &factors);
+    let mut covariance = rows_of(&scaled(&model.covariance, &factors));
+    for (index, row) in covariance.iter_mut().enumerate() {
+        row.truncate(index + 1);
+    }
     let [distances, angles] = DistanceStatistics::in_mm_and_mrad(&found.left);
     let joints = &case.arm.chain.joints;
     UnexplainedMessage {
@@ -274,9 +271,7 @@ fn discrepancy_model(
             })
             .collect(),
         shift,
-        covariance: (0..factors.len())
-            .map(|row| (0..=row).map(|column| entry(row, column)).collect())
-            .collect(),
+        covariance,
         remainder_mm: model.rest[0] * 1e3,
         remainder_mrad: model.rest[1] * 1e3,
         scale: model.scale,

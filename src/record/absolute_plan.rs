@@ -157,9 +157,6 @@ pub struct ReadingsRunMessage {
 
 impl ReadingsRunMessage {
     /// The record as JSON.
-    ///
-    /// # Errors
-    /// None that records of numbers and texts have.
     pub fn json(&self) -> serde_json::Result<Value> {
         let unknowns = self.identification.unknowns.iter().zip(&self.true_values);
         let unknowns = unknowns.map(|(each, value)| json!({ "name": each.name, "value": value }));

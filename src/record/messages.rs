@@ -16,7 +16,7 @@ use crate::identification::{Identification, MeasurementResidual, UncertainEstima
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
-use crate::robot::{Approach, Commands, Load};
+use crate::robot::{Approach, Commands};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Method};
 use crate::testbed::{RunTruth, SampledValue};
@@ -138,7 +138,7 @@ pub struct ExperimentMessage {
 pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage> {
     let message = |experiment: &Experiment| ExperimentMessage {
         q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
-        wrench: wrench(&experiment.load),
+        wrench: experiment.load.wrench().into(),
         repeats: experiment.repeats,
         approach: experiment.approach.as_ref().map(Approach::word),
         direction: experiment.direction.map(Into::into),
@@ -175,7 +175,7 @@ impl MeasurementMessage {
         let rotation = measurement.rotation.as_ref();
         Self {
             q_deg: commands.numbers(measurement.configuration_rad.as_slice()),
-            wrench: wrench(&measurement.load),
+            wrench: measurement.load.wrench().into(),
             deflection_mm: Some(thousandfold(&measurement.deflection_m)),
             deflection_std_mm: measurement.sigma_m.as_ref().map(thousandfold),
             rotation_mrad: rotation.map(|rotation| thousandfold(&rotation.vector_rad)),
@@ -289,7 +289,8 @@ fn directions_of(columns: &DMatrix<f64>) -> Vec<Vec<f64>> {
         .collect()
 }
 
-fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+/// A matrix, row by row.
+pub(crate) fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
     let rows = matrix.row_iter();
     rows.map(|row| row.iter().copied().collect()).collect()
 }
@@ -454,11 +455,6 @@ impl CalibrationMessage {
                 .collect(),
         }
     }
-}
-
-/// A load as force (N), then torque (N m).
-pub fn wrench(load: &Load) -> [f64; 6] {
-    load.wrench().into()
 }
 
 /// From metres to millimetres, or from radians to milliradians.

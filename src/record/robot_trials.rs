@@ -8,6 +8,7 @@ use crate::study::runner::Runner;
 use crate::study::summary::Measured;
 use crate::study::{StudyError, tally::Tally, verdict::Kept};
 use crate::task::AccuracyKind;
+use crate::text::wording::counted;
 
 /// Robots that were drawn, measured as the plan says, identified and looked at.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,13 +61,26 @@ impl RobotTrials {
         })
     }
 
-    /// What became of the prediction, in words that follow it.
+    /// What was seen beside what was predicted, in words.
     pub fn outcome(&self) -> String {
-        let verdict = self.runs.verdict.as_deref().unwrap_or_default();
-        match self.prediction {
-            Kept::Holds => verdict.to_owned(),
-            Kept::Exceeded | Kept::Conservative => format!("is {verdict}"),
-        }
+        let runs = &self.runs;
+        let [rms, std, predicted] = [runs.rms_mm, runs.rms_std_mm, runs.combined_rms_mm]
+            .map(|value_mm| format!("{:.5}", value_mm.unwrap_or(f64::NAN)));
+        let below = self.below_quantile95.map(|share| {
+            let percent = share * 100.0;
+            format!("; {percent:.1} % stay below what 95 % should")
+        });
+        let is = match self.prediction {
+            Kept::Holds => "",
+            Kept::Exceeded | Kept::Conservative => "is ",
+        };
+        format!(
+            "Of {} sampled, read by the plan and identified: residual error {rms} +- {std} mm rms, predicted {predicted} mm{}. \
+             The prediction {is}{}.",
+            counted(runs.runs, "virtual robot"),
+            below.unwrap_or_default(),
+            runs.verdict.as_deref().unwrap_or_default()
+        )
     }
 
     /// The record.

@@ -10,7 +10,7 @@ use crate::study::summary::{Measured, Summary};
 use crate::study::tally::{Failure, Tally};
 use crate::study::verdict::{MonteCarloOutcome, numerical_tolerance};
 use crate::task::AccuracyKind;
-use crate::text::wording::joined;
+use crate::text::wording::{joined, significant};
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -111,6 +111,20 @@ impl ValidationMessage {
     }
 }
 
+impl std::fmt::Display for ValidationMessage {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            formatter,
+            "U = {:.3} um (95 %) predicted, {:.3} +- {:.3} um by Monte Carlo, numerical tolerance {} um: {}",
+            self.predicted_um,
+            self.monte_carlo_um,
+            self.monte_carlo_std_um,
+            significant(self.numerical_tolerance_um, 1),
+            self.outcome
+        )
+    }
+}
+
 /// A histogram of distances; bins grow with the distance, 8 an octave.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct HistogramMessage {
@@ -176,6 +190,15 @@ impl StudyPlanMessage {
             mean_ratio_to_random: ratio.map(|ratio| ratio.value),
             mean_ratio_to_random_ci95: ratio.map(|ratio| ratio.interval95()),
         }
+    }
+
+    /// What was predicted of the runs and what became of it, in words; nothing where nothing is listed as uncertain.
+    pub fn outcome(&self) -> Option<String> {
+        let (predicted_mm, verdict) = (self.combined_rms_mm?, self.verdict.as_ref()?);
+        let predicted_um = predicted_mm * 1e3;
+        Some(format!(
+            "predicted {predicted_um:.3} um; the prediction {verdict}"
+        ))
     }
 }
 

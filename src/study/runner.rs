@@ -416,22 +416,17 @@ impl<'a> Runner<'a> {
         let drawn = mine.random.draw(experiments, self.seed, run);
         let plan = drawn.map_err(|error| Failure::NoPlan.because(&error))?;
         let all = (part.model.plan(&plan)?).run(&workspace.normals, &mine.unknown);
-        take_lane(batch, &all, lane);
+        batch.square[lane] = all.square[lane];
+        batch.nees[lane] = all.nees[lane];
+        batch.expected[lane] = all.expected[lane];
+        batch.variance[lane] = all.variance[lane];
+        batch.freedom[lane] = all.freedom[lane];
         if self.level == Level::Model {
             return Ok(());
         }
         let prepared = PreparedPlan::new(&part.setting.task, &plan);
         robot_run(workspace, setting, &prepared, batch, lane)
     }
-}
-
-/// Puts another batch's outcome of a run in the place of its own.
-fn take_lane(batch: &mut Batch, other: &Batch, lane: usize) {
-    batch.square[lane] = other.square[lane];
-    batch.nees[lane] = other.nees[lane];
-    batch.expected[lane] = other.expected[lane];
-    batch.variance[lane] = other.variance[lane];
-    batch.freedom[lane] = other.freedom[lane];
 }
 
 /// At the robot's level, puts what is seen on the virtual robot in the place of the model's outcome.

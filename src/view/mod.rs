@@ -5,14 +5,12 @@
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
 //! - [`run_sheet`]: the sheet to take along into the laboratory.
-//! - [`plots`]: budgets of measurements as SVG; [`discrepancy_plots`]: residuals; [`selection_plot`]: choices of readings. All are made of
-//!   `charts`, as the figures of pages are.
+//! - [`plots`]: plots that are files of their own, made of `charts`, as the figures of pages are.
 //! - [`report`]: pages to look at, on [`markup`].
 //! - `tables`: what pages and texts of recordings list.
 //! - [`mesh`]: the model's shapes as triangles.
 
 mod charts;
-pub mod discrepancy_plots;
 pub mod markup;
 pub mod mcap_file;
 pub mod mesh;
@@ -21,7 +19,6 @@ pub mod recording;
 pub mod report;
 pub mod rerun_file;
 pub mod run_sheet;
-pub mod selection_plot;
 pub mod stills;
 pub mod study_recording;
 mod tables;

@@ -138,9 +138,16 @@ impl<'a> Stills<'a> {
                 svg,
                 "<g class=\"still\" transform=\"translate({x:.1} {y:.1})\">"
             );
-            let words = self.words(index, experiment);
-            caption(&mut svg, &words, index + 1, experiment.repeats, still_width);
-            let _ = write!(svg, "<g transform=\"translate(0 {CAPTION_PX})\">");
+            let [angles, loads] = self.words(index, experiment);
+            let _ = write!(
+                svg,
+                "<g fill=\"#222\" font-size=\"13\"><text y=\"14\"><tspan font-weight=\"bold\">{}</tspan>\
+                 <tspan x=\"20\">{angles}</tspan></text><text x=\"20\" y=\"31\" fill=\"#b3261e\">{loads}</text>\
+                 <text x=\"{still_width:.0}\" y=\"31\" text-anchor=\"end\" font-weight=\"bold\">{} x</text></g>\
+                 <g transform=\"translate(0 {CAPTION_PX})\">",
+                index + 1,
+                experiment.repeats
+            );
             self.picture(&mut svg, scene, true);
             svg.push_str("</g></g>\n");
         }
@@ -302,22 +309,6 @@ fn shared(camera: &Camera) -> String {
          rx=\"6\"/></clipPath>\n<g id=\"floor\">{}</g></defs>",
         floor(camera)
     )
-}
-
-/// They stand over a still of a sheet.
-fn caption(
-    svg: &mut String,
-    [angles, loads]: &[String; 2],
-    number: usize,
-    repeats: u32,
-    width: f64,
-) {
-    let _ = write!(
-        svg,
-        "<g fill=\"#222\" font-size=\"13\"><text y=\"14\"><tspan font-weight=\"bold\">{number}</tspan>\
-         <tspan x=\"20\">{angles}</tspan></text><text x=\"20\" y=\"31\" fill=\"#b3261e\">{loads}</text>\
-         <text x=\"{width:.0}\" y=\"31\" text-anchor=\"end\" font-weight=\"bold\">{repeats} x</text></g>"
-    );
 }
 
 /// The floor with its grid, as far as the pictures reach.

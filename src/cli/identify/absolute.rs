@@ -8,7 +8,7 @@ use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedM
 use crate::record::model_selection::model_selection_json;
 use crate::record::uncertainties::uncertainty_tables;
 use crate::robot::Load;
-use crate::view::discrepancy_plots::model_selection_plot;
+use crate::view::plots::model_selection_plot;
 use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
 
 use super::Identify;

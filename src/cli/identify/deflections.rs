@@ -23,13 +23,9 @@ impl Identify {
     ) -> anyhow::Result<Report> {
         let loads = measurements.iter().map(|each| &each.load);
         let loads_outside = scenario.task.loads.outside_all("measurement", loads);
-        let method = self.method.unwrap_or(scenario.task.belief.method);
-        self.common.say(&format!(
-            "identifying {} from {}",
-            scenario.task.belief.parameter_names().join(", "),
-            counted(measurements.len() as u64, "measurement")
-        ));
         let belief = &scenario.task.belief;
+        let method = self.method.unwrap_or(belief.method);
+        say(&self.common, belief, measurements.len());
         let is_plain = belief.uncertain.is_plain();
         if self.sigma_from_residuals && (belief.prior.is_some() || !is_plain) {
             let problem = "with what is known before, sigma has to be known, too";
@@ -82,6 +78,16 @@ impl Identify {
         self.draw_patterns(scenario, &identified.patterns, &mut report)?;
         Ok(report)
     }
+}
+
+/// Says what is identified, and from how many measurements.
+pub fn say(common: &Common, belief: &Belief, measurements: usize) {
+    let (names, count) = (belief.parameter_names(), measurements as u64);
+    let measurements = counted(count, "measurement");
+    common.say(&format!(
+        "identifying {} from {measurements}",
+        names.join(", ")
+    ));
 }
 
 /// Why nothing is identified, with what to do about it.

@@ -7,7 +7,7 @@ use crate::files::output::write_whole;
 use crate::identification::{ParameterGroup, patterns::Patterns};
 use crate::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
 use crate::task::Method;
-use crate::view::discrepancy_plots::patterns_plot;
+use crate::view::plots::patterns_plot;
 
 use super::command_prelude::*;
 

@@ -3,7 +3,7 @@
 use crate::record::study::{StudyPlanMessage, study_csv};
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
-use crate::text::wording::{inverse_interval, significant};
+use crate::text::wording::inverse_interval;
 use crate::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
 use crate::workflow::study::{Timing, plan_messages, study_json};
 
@@ -185,42 +185,25 @@ fn swept(messages: &[StudyPlanMessage]) -> Vec<Swept> {
     SWEPT.into_iter().filter(varies).collect()
 }
 
-/// The comparison of JCGM 101, clause 8, of a plan's expanded uncertainty.
-fn validation(name: &str, message: &StudyPlanMessage) -> String {
-    (message.validation.as_ref()).map_or_else(String::new, |each| {
-        format!(
-            "{name}: U = {:.3} um (95 %) predicted, {:.3} +- {:.3} um by Monte Carlo, numerical tolerance {} um: {}\n",
-            each.predicted_um,
-            each.monte_carlo_um,
-            each.monte_carlo_std_um,
-            significant(each.numerical_tolerance_um, 1),
-            each.outcome
-        )
-    })
-}
-
 /// What each plan predicted, what its errors are made of, and whether the prediction holds.
 fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String {
     let mut text = match accuracy {
         AccuracyKind::Absolute => format!("{ABSOLUTE_ACCURACY}\n"),
         AccuracyKind::Relative => String::new(),
     };
-    let micro = |value: f64| format!("{:.3}", value * 1e3);
     let swept = swept(messages);
     for message in messages {
         let conditions = swept.iter();
         let conditions = conditions.map(|(name, value)| format!(", {name} {}", value(message)));
         let name = message.name.clone() + &conditions.collect::<String>();
-        let predicted = message.combined_rms_mm.zip(message.verdict.as_ref());
-        let Some((predicted_mm, verdict)) = predicted else {
-            text += &validation(&name, message);
+        let outcome = message.outcome();
+        let validation = message.validation.iter().map(ToString::to_string);
+        for words in outcome.iter().cloned().chain(validation) {
+            text += &format!("{name}: {words}\n");
+        }
+        if outcome.is_none() {
             continue;
-        };
-        text += &format!(
-            "{name}: predicted {} um; the prediction {verdict}\n{}",
-            micro(predicted_mm),
-            validation(&name, message)
-        );
+        }
         if let Some(share) = message.coverage95 {
             let percent = share * 100.0;
             text += &match accuracy {

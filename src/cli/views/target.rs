@@ -80,8 +80,8 @@ fn spawn() -> Result<Viewer, (String, String)> {
     if here.probe().is_err() {
         // Its own streams, so that nobody who reads this program's waits for the viewer to end; its
         // own group, so that ctrl-C does not end it.
-        viewer(&found)
-            .arg(format!("--port={DEFAULT_PORT}"))
+        Command::new(&found)
+            .args(["--bind=127.0.0.1", &format!("--port={DEFAULT_PORT}")])
             .arg("--expect-data-soon")
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -94,13 +94,6 @@ fn spawn() -> Result<Viewer, (String, String)> {
             })?;
     }
     connect(&here)
-}
-
-/// Starts a viewer that listens to this machine alone.
-fn viewer(program: &Path) -> Command {
-    let mut command = Command::new(program);
-    command.arg("--bind=127.0.0.1");
-    command
 }
 
 /// The one that the tests installed beside the folder into which this program was built. In whatever folder a user stands is

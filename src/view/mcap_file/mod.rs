@@ -258,7 +258,18 @@ impl<W: Write + Seek> Channels<W> {
                     let change = scene::change_tool(recording, step.tool(), now);
                     self.draw(SCENE, now, &change)?;
                 }
-                self.write(&STEPS, now, &step_record(calibration, step))?;
+                let commands = &calibration.commands;
+                let record = StepRecord {
+                    calibration: calibration.record.name(),
+                    title: calibration.title(step),
+                    q_commanded_deg: commands.numbers(step.commanded_rad.as_slice()),
+                    q_unloaded_deg: commands.all_numbers(&step.unloaded.q_rad),
+                    q_loaded_deg: commands.all_numbers(&step.loaded.q_rad),
+                    wrench: step.load.wrench().into(),
+                    displacement_mm: thousandfold(&step.displacement_m()),
+                    enlargement: step.enlargement,
+                };
+                self.write(&STEPS, now, &record)?;
                 self.draw(TRANSFORMS, now, &scene::transforms(recording, step, now))?;
                 let annotations = scene::annotations(recording, calibration, step, now);
                 self.draw(SCENE, now, &annotations)?;
@@ -463,18 +474,5 @@ fn joints(recording: &Recording, stance: &Stance, now: Duration) -> JointStates 
     JointStates {
         timestamp: stamp(now),
         joints: joints.map(joint).collect(),
-    }
-}
-
-fn step_record<'a>(calibration: &'a RecordedCalibration, step: &Step) -> StepRecord<'a> {
-    StepRecord {
-        calibration: calibration.record.name(),
-        title: calibration.title(step),
-        q_commanded_deg: calibration.commands.numbers(step.commanded_rad.as_slice()),
-        q_unloaded_deg: calibration.commands.all_numbers(&step.unloaded.q_rad),
-        q_loaded_deg: calibration.commands.all_numbers(&step.loaded.q_rad),
-        wrench: crate::record::messages::wrench(&step.load),
-        displacement_mm: thousandfold(&step.displacement_m()),
-        enlargement: step.enlargement,
     }
 }

@@ -55,19 +55,16 @@ pub fn write_study_mcap(
             channels.write(&PROGRESS, now, &ProgressRecord { runs: *runs, plans })?;
         }
         if let Some(last) = snapshots.last() {
-            channels.write(&STUDY, now, &study_record(study, last))?;
+            let header = &study.header;
+            let record = StudyRecord {
+                trials: header.trials,
+                level: header.level,
+                parameters: &header.parameters,
+                reference: header.reference(),
+                plans: &last.plans,
+            };
+            channels.write(&STUDY, now, &record)?;
         }
         channels.finish()
     })
-}
-
-fn study_record<'a>(study: &'a StudyRecording, last: &'a Snapshot) -> StudyRecord<'a> {
-    let header = &study.header;
-    StudyRecord {
-        trials: header.trials,
-        level: header.level,
-        parameters: &header.parameters,
-        reference: header.reference(),
-        plans: &last.plans,
-    }
 }

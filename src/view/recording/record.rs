@@ -38,9 +38,6 @@ impl PlanRecord {
     }
 
     /// The record as JSON.
-    ///
-    /// # Errors
-    /// None that records of numbers and texts have.
     pub fn json(&self) -> serde_json::Result<Value> {
         match self {
             Self::Deflections(record) => serde_json::to_value(record),

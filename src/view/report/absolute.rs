@@ -75,14 +75,8 @@ fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     cards += &(shown.run).map_or_else(String::new, |run| run_cards(shown.plan, run));
     if let Some(trials) = shown.trials {
         let is_kept = trials.prediction == Kept::Holds;
-        let about = format!(
-            "{} were sampled in MuJoCo, read by the plan and identified: residual error {} rms, predicted {}.",
-            counted(trials.runs.runs + trials.runs.failed, "virtual robot"),
-            micrometres(trials.runs.rms_mm),
-            micrometres(trials.runs.combined_rms_mm)
-        );
         let verdict = trials.runs.verdict.as_deref().unwrap_or_default();
-        cards += &verdict_card(is_kept, verdict, &about);
+        cards += &verdict_card(is_kept, verdict, &trials.outcome());
     }
     if !shown.plan.assumed_exact.is_empty() {
         let about = shown.plan.assumed_exact.join("; ") + ".";
@@ -161,21 +155,11 @@ fn best_card(plan: &AbsolutePlanMessage) -> String {
 /// The verdict in words, the distances that were left, and the numbers.
 fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
     let runs = &trials.runs;
-    let mut said = format!(
-        "Predicted {} rms, observed {} \u{b1} {}: the prediction {}.",
-        micrometres(runs.combined_rms_mm),
-        micrometres(runs.rms_mm),
-        micrometres(runs.rms_std_mm),
-        trials.outcome()
-    );
-    if let Some(share) = trials.below_quantile95 {
-        let share = percent(Some(share), 1);
-        said += &format!(" {share} of the robots stay below what 95 % should;");
-    }
+    let mut said = trials.outcome();
     if let Some(share) = runs.coverage95 {
         let share = percent(Some(share), 1);
         said +=
-            &format!(" at {share} of the test poses the tool is within the predicted 95 % region.");
+            &format!(" At {share} of the test poses the tool is within the predicted 95 % region.");
     }
     if runs.failed > 0 {
         let failed = counted(runs.failed, "robot");

@@ -86,6 +86,11 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
         ),
     ]);
     body += &section("plans", "The plans in this run", &plans(&outcome.tried));
+    let caption = format!(
+        "The bound holds for every plan of as many measurements. Crosses: this plan of {}, measured again as a whole; what its \
+         repeats share they do not average. The searches for other numbers were short; the command budget looks closer.",
+        assessment.experiments
+    );
     let accuracy = accuracy_figure(
         (&evidence.accuracy, &evidence.repeated),
         &evidence.lower_bounds_rho0_mm,
@@ -100,7 +105,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
         section(
             "accuracy",
             "More or fewer measurements",
-            &figure(&accuracy, &accuracy_caption(assessment.experiments)),
+            &figure(&accuracy, &caption),
         ),
     ]);
     body += &overview::next_steps(
@@ -152,13 +157,6 @@ fn distances(evidence: &EvidenceMessage) -> Result<String, PlotError> {
         "How far off the tool is after compensation",
         &body,
     ))
-}
-
-fn accuracy_caption(experiments: u32) -> String {
-    format!(
-        "The bound holds for every plan of as many measurements. Crosses: this plan of {experiments}, measured again as \
-         a whole; what its repeats share they do not average. The searches for other numbers were short; the command budget looks closer."
-    )
 }
 
 /// The accuracy of the best plan for each criterion.
@@ -403,12 +401,9 @@ fn provenance(from: &ProvenanceMessage, command: &str) -> String {
         ("seed", from.seed.to_string()),
         ("command", command.to_owned()),
     ];
-    let entry = |(key, value)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value));
-    let list: String = entries
-        .each_ref()
-        .map(|(key, value)| (*key, &**value))
-        .map(entry)
-        .concat();
+    let entry =
+        |(key, value): &(&str, String)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value));
+    let list: String = entries.iter().map(entry).collect();
     section(
         "provenance",
         "Where this page comes from",

@@ -67,34 +67,18 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
     )
 }
 
-/// What was predicted of a plan's runs and what became of it, in a sentence; nothing where nothing is listed as uncertain.
-pub fn verdict(runs: &StudyPlanMessage) -> Option<String> {
-    let (predicted, verdict) = (runs.combined_rms_mm?, runs.verdict.as_ref()?);
-    let validation = (runs.validation.as_ref()).map_or_else(String::new, |each| {
-        let [predicted, observed, error, tolerance] = [
-            each.predicted_um,
-            each.monte_carlo_um,
-            each.monte_carlo_std_um,
-            each.numerical_tolerance_um,
-        ]
-        .map(|value_um| micrometres(Some(value_um * 1e-3)));
-        format!(
-            " U = {predicted} (95 %) predicted, {observed} \u{b1} {error} by Monte Carlo, numerical tolerance {tolerance}: {}.",
-            each.outcome
-        )
-    });
-    Some(format!(
-        "{}: predicted {} rms; the prediction {verdict}.{validation}",
-        runs.name,
-        micrometres(Some(predicted))
-    ))
+/// What was predicted of a plan's runs and what became of it, in a sentence.
+fn verdict(runs: &StudyPlanMessage) -> Option<String> {
+    let validation = (runs.validation.iter()).map(|each| format!(" {each}."));
+    let validation: String = validation.collect();
+    Some(format!("{}: {}.{validation}", runs.name, runs.outcome()?))
 }
 
 /// The verdict of each plan of a study whose scenario lists what is uncertain, and the contributions of all beside each other.
 pub fn of_study(plans: &[StudyPlanMessage]) -> String {
     let verdicts = paragraphs(plans.iter().filter_map(verdict));
     let plans: Vec<&StudyPlanMessage> = (plans.iter())
-        .filter(|plan| verdict(plan).is_some() && !plan.contributions.is_empty())
+        .filter(|plan| plan.outcome().is_some() && !plan.contributions.is_empty())
         .collect();
     if plans.is_empty() {
         return String::new();

@@ -83,7 +83,9 @@ fn begin(
 }
 
 fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
-    let [readings, of_readings] = curves_of_readings(recording);
+    let first = recording.calibrations.first();
+    let curves = first.map(|first| first.record.curves());
+    let [readings, of_readings] = curves.unwrap_or(["deflection_mm", "deflections [mm]"]);
     let mut curves = |name: &str, group: &str| {
         let values = (recording.steps()).flat_map(|(_, calibration, step)| {
             (measured(calibration, step).into_iter())
@@ -198,12 +200,4 @@ fn measured(calibration: &RecordedCalibration, step: &Step) -> Vec<Groups> {
     };
     let measured = measurements.clone();
     measured.map(|index| groups(index).collect()).collect()
-}
-
-/// The group of curves of what was read, and its name.
-fn curves_of_readings(recording: &Recording) -> [&'static str; 2] {
-    let first = recording.calibrations.first();
-    first.map_or(["deflection_mm", "deflections [mm]"], |first| {
-        first.record.curves()
-    })
 }

@@ -93,7 +93,8 @@ impl StudyStream {
                 stream.log(mean_path(&plan.name), &Scalars::new(values))?;
             }
             if let Some(bars) = bars(&plan.histogram) {
-                let bars = bars.with_color(translucent(colour));
+                let [red, green, blue] = colour;
+                let bars = bars.with_color([red, green, blue, BAR_ALPHA]);
                 stream.log(distance_path(&plan.name), &bars)?;
             }
         }
@@ -192,10 +193,6 @@ fn colours(study: &StudyRecording) -> impl Iterator<Item = [u8; 3]> {
     colours
         .into_iter()
         .map(|colour| [colour.0, colour.1, colour.2])
-}
-
-const fn translucent([red, green, blue]: [u8; 3]) -> [u8; 4] {
-    [red, green, blue, BAR_ALPHA]
 }
 
 /// The share of runs (%) per micrometre in each bin, up to the bin that [`DRAWN`] of them end in: few that are far off would

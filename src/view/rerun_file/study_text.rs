@@ -6,7 +6,7 @@ use super::text::{heading, origin};
 use crate::study::account::Contribution;
 use crate::task::AccuracyKind;
 use crate::text::markdown_text;
-use crate::text::wording::{micrometres, number, percent};
+use crate::text::wording::{number, percent};
 use crate::view::study_recording::{Snapshot, StudyRecording};
 use crate::view::tables::{self, RecordTable};
 
@@ -52,13 +52,8 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
         tables::study(&snapshot.plans).markdown(5)
     );
     for plan in &snapshot.plans {
-        if let (Some(predicted_mm), Some(verdict)) = (plan.combined_rms_mm, &plan.verdict) {
-            let _ = writeln!(
-                text,
-                "\n{}: predicted {}; the prediction {verdict}.",
-                markdown_text(&plan.name),
-                micrometres(Some(predicted_mm))
-            );
+        if let Some(outcome) = plan.outcome() {
+            let _ = writeln!(text, "\n{}: {outcome}.", markdown_text(&plan.name));
         }
     }
     if failed > 0 {
