@@ -226,9 +226,10 @@ impl AbsoluteGroups {
         kind: Option<LengthKind>,
     ) -> Result<Option<Matrix6<f64>>, FileError> {
         let mut covariance = Matrix6::identity();
-        let of_lengths = match row.get(DISPLACEMENT_SIGMA).is_nan() {
-            true => ReadingPrecision::None,
-            false => ReadingPrecision::Deviations,
+        let of_lengths = if row.get(DISPLACEMENT_SIGMA).is_nan() {
+            ReadingPrecision::None
+        } else {
+            ReadingPrecision::Deviations
         };
         let precision = kind.map_or(self.precision, |_| of_lengths);
         let is_pose = self.is_pose && kind.is_none();

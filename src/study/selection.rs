@@ -227,7 +227,8 @@ pub fn select<'a>(
     wanted: &SelectionWanted,
     watch: Watch<'_>,
 ) -> Result<Selection<'a>, AbsoluteError> {
-    let parts = (AbsoluteCase::new(belief, readings)?.counting_sources()).in_parts(groups)?;
+    let parts =
+        (AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths()).in_parts(groups)?;
     let count = parts.together.len();
     if let Some(&size) = wanted.sizes.iter().find(|size| **size as usize >= count) {
         let offered = counted(count as u64, parts.unit());

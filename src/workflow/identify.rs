@@ -217,7 +217,7 @@ pub fn identify_absolute<'a>(
         }
     };
     let case = AbsoluteCase::new(belief, readings).map_err(mistaken)?;
-    let mut case = case.counting_sources();
+    let mut case = case.counting_sources_of_lengths();
     case.keeps_all |= keeps_all;
     let likely = case.likely_input_error();
     let fit = case.fit(groups, weights).map_err(mistaken)?;
@@ -269,11 +269,12 @@ fn halves(case: &mut AbsoluteCase<'_>, fit: &AbsoluteFit) -> Option<Inconsistenc
     })
 }
 
-/// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
-/// by themselves, but for joint error functions. Lengths count them, and what is read beside them.
-pub fn uncounted(case: &AbsoluteCase<'_>) -> Vec<String> {
-    let sources = case.belief.uncertain.sources();
-    let new = sources.filter(|(_, source)| !case.reads_lengths() && !source.is_function());
+/// The uncertainties that are new in each reading, where readings were not weighed by them: a discrepancy that the residuals show consists of
+/// them. Joint error functions are fitted.
+pub fn uncounted(identified: &IdentifiedRobot<'_>) -> Vec<String> {
+    let sources = identified.case.belief.uncertain.sources();
+    let counts_them = identified.fit.counts_sources;
+    let new = sources.filter(|(_, source)| !counts_them && !source.is_function());
     new.map(|(name, _)| name.to_owned()).collect()
 }
 
@@ -284,7 +285,7 @@ pub fn model_selection(
     readings: &[AbsoluteReading],
     (weights, keeps_all): (ReadingWeights, bool),
 ) -> Result<ModelSelection, AbsoluteError> {
-    let mut case = AbsoluteCase::new(belief, readings)?.counting_sources();
+    let mut case = AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths();
     case.keeps_all |= keeps_all;
     case.model_selection(weights)
 }
@@ -302,7 +303,7 @@ impl<'a> IdentifiedRobot<'a> {
         (groups, weights): (&[ParameterGroup], ReadingWeights),
         between: [String; 2],
     ) -> Result<(), AbsoluteError> {
-        let mut other = AbsoluteCase::new(belief, readings)?.counting_sources();
+        let mut other = AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths();
         other.keeps_all = self.case.keeps_all;
         let fit = other.fit(groups, weights)?;
         let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));
@@ -381,7 +382,7 @@ impl<'a> IdentifiedRobot<'a> {
             "repeats": self.repeats,
             "repeat_components": self.repeat_components,
             "inconsistencies": self.inconsistencies,
-            "not_counted": uncounted(&self.case),
+            "not_counted": uncounted(self),
             "conditions": self.conditions(),
             "notes": self.notes(),
         });

@@ -10,8 +10,8 @@ use crate::compensation::uncompensated_rows;
 use crate::files::FileError;
 use crate::identification::{AbsoluteError, DiscrepancyModel};
 use crate::numeric::posterior::Posterior;
-use crate::observation::{PlannedReadings, Setup};
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
+use crate::observation::{BareArm, PlannedReadings, ReadingErrors, Setup};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource};
 use crate::robot::Load;
 use crate::task::{Belief, TestPose};
 
@@ -26,6 +26,8 @@ pub(super) struct KnownPlaces {
     /// The places of the first of these among the model's.
     places: Vec<usize>,
     discrepancy: DiscrepancyModel,
+    /// What is new at a visit by the planner's model, where no discrepancy was found, which consists of that.
+    sources: Vec<ReadingSource>,
 }
 
 /// How far a tool is from its target, rms (m).
@@ -33,7 +35,7 @@ pub(super) struct KnownPlaces {
 pub struct TargetAccuracy {
     /// By what was identified, and by the task's uncertain load: the mean of returns to the target.
     pub mean_m: f64,
-    /// One return, with the model discrepancy besides.
+    /// One return, with what is new at a visit besides: the model discrepancy that was found, or what the planner's model says.
     pub one_return_m: f64,
 }
 
@@ -53,9 +55,16 @@ impl KnownPlaces {
         let arm = stored.apply(path, &reference)?;
         let (set, posterior) = known(path, stored, (&arm, belief), covariance, &kinds)?;
         let is_own = |&place: &usize| kinds[place].is_some();
+        let sources = belief.uncertain.sources().map(|(_, source)| source);
+        let is_new = |source: &&ReadingSource| {
+            stored.message.discrepancy_mm.is_none()
+                && !source.is_function()
+                && !matches!(source, ReadingSource::Range(_))
+        };
         Ok(Self {
             places: (0..kinds.len()).filter(is_own).collect(),
             discrepancy: stored.discrepancy_model(path, &arm)?,
+            sources: sources.filter(is_new).cloned().collect(),
             arm,
             set,
             posterior,
@@ -109,10 +118,18 @@ impl KnownPlaces {
         let task_m2: f64 = (by_task.column_iter().zip(variances.iter().skip(own)))
             .map(|(column, variance)| column.norm_squared() * variance)
             .sum();
+        let bare = BareArm {
+            chain: &self.arm.chain,
+            compliance_rad_per_nm: &self.arm.compliance_rad_per_nm,
+            tool: &self.arm.tools[tool],
+        };
+        let (q, carried) = (commanded_rad.as_slice(), (bare.tool, load));
+        let new = ReadingErrors::new(bare, q, carried, None, &self.sources).covariance();
         let mean_m2 = error.identified_m2 + task_m2;
+        let one_return_m2 = mean_m2 + error.new_m2 + new.fixed_view::<3, 3>(0, 0).trace();
         Ok(Some(TargetAccuracy {
             mean_m: mean_m2.sqrt(),
-            one_return_m: (mean_m2 + error.new_m2).sqrt(),
+            one_return_m: one_return_m2.sqrt(),
         }))
     }
 }

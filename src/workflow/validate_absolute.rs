@@ -199,7 +199,11 @@ pub fn validate_absolute(
     // Sources disturb the nominal robot's readings, in the frames where they are seen.
     (nominal.instrument_from_base).clone_from(&case.arm.instrument_from_base);
     let identified = std::mem::replace(&mut case.arm, nominal.clone());
-    case = case.counting_sources();
+    // A discrepancy that was found consists of them.
+    case = match stored.message.discrepancy_mm {
+        None => case.counting_sources(),
+        Some(_) => case.counting_sources_of_lengths(),
+    };
     case.arm = identified;
     let anew = (known.anew.iter()).map(|kind| (*kind, None));
     let anew = ParameterSet::new(&case.arm, anew).map_err(in_file(file))?;

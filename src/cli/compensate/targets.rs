@@ -126,7 +126,7 @@ impl Compensate {
             );
         }
         if !robot.stations.is_empty() {
-            text += "Predicted: by what was identified, the mean of returns; of one return with the model discrepancy besides.\n";
+            text += "Predicted: by what was identified, the mean of returns; of one return with what is new at a visit besides.\n";
         }
         text += &taken_as_believed(robot);
         if let Some(errors) = &robot.with_joint_errors {

@@ -78,7 +78,7 @@ impl Identify {
         }
         let text = &mut report.text;
         *text += &naming(
-            uncounted(&identified.case),
+            uncounted(&identified),
             "  Not counted but as part of what the residuals show: {}\n",
         );
         *text += &residuals::patterns(&identified.patterns);

@@ -27,9 +27,14 @@ const SHORT: f64 = 1e-2;
 const MATTERS: f64 = 0.1;
 
 impl AbsoluteCase<'_> {
-    /// The same case with the readings that were fitted alone.
+    /// The same case with the readings that were fitted alone, weighed by the errors that the fit counted.
     pub fn kept(&self, fit: &AbsoluteFit) -> Self {
-        self.without(&fit.rejected)
+        let kept = self.without(&fit.rejected);
+        if fit.counts_sources {
+            kept.counting_sources()
+        } else {
+            kept
+        }
     }
 
     /// The same case without some of its readings, and without copies of others.

@@ -33,7 +33,8 @@ const FAR: f64 = 2.0;
 pub enum ReadingWeights {
     /// By its own covariance alone.
     Own,
-    /// The same; where the residuals say that this cannot be, by what the model leaves unexplained, too.
+    /// By its own covariance, and by what the planner's model says of its other errors; where the residuals say that the first cannot be all,
+    /// by what the model leaves unexplained in their place.
     AsNeeded,
     /// By what the model leaves unexplained, too.
     WithDiscrepancy,
@@ -77,6 +78,8 @@ pub struct AbsoluteFit {
     pub degrees: f64,
     /// What that consists of, where there are readings enough to tell: the covariance counts it then.
     pub discrepancy_model: Option<Unexplained>,
+    /// Whether readings were weighed by what the planner's model says of their errors besides the instrument's.
+    pub counts_sources: bool,
     /// The number of scalar readings.
     pub rows: usize,
     /// The sum of squares of the weighted residuals.
@@ -187,6 +190,7 @@ impl<'a> AbsoluteCase<'a> {
             fit.posterior.covariance.clone_from(&model.covariance);
         }
         let degrees = discrepancy.map(|_| case.degrees_of(&fit));
+        let counts_sources = case.is_sharing_known;
         (self.arm, self.within) = (case.arm, case.within);
         let left = self.left(&fit.belief)?;
         let (nominal, undetermined): (Vec<_>, Vec<_>) =
@@ -205,6 +209,7 @@ impl<'a> AbsoluteCase<'a> {
             degrees: degrees.unwrap_or(f64::INFINITY),
             discrepancy,
             discrepancy_model: found.discrepancy_model,
+            counts_sources,
             rows: fit.rows,
             square: fit.square,
             consistency: found.consistency,
@@ -240,6 +245,10 @@ impl<'a> AbsoluteCase<'a> {
         let (fit, discrepancy) = match own {
             Some(fit) if is_plausible || weights == ReadingWeights::Own => {
                 let values = case.rebased(&fit);
+                if weights == ReadingWeights::AsNeeded {
+                    // So few readings do not show what the planner's model says of their errors.
+                    case = case.counting_sources();
+                }
                 (case.fit_near(set, values.as_slice())?, None)
             }
             other => case.with_discrepancy(set, near.cloned().or(other))?,

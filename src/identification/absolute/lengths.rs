@@ -103,12 +103,24 @@ impl AbsoluteCase<'_> {
         (!names.is_empty()).then(|| names.join(" and "))
     }
 
-    /// The same where lengths, and what is read beside them, are weighed by what the planner's model says of their errors: what is new in
-    /// each, and what readings of one visit, or of one configuration, share, seen in the frames that the case has. What is shared is not
-    /// found from their residuals.
+    /// The same where lengths, and what is read beside them, are weighed by [all errors](Self::counting_sources) from the beginning: what is
+    /// shared is not found from their residuals.
+    #[must_use]
+    pub fn counting_sources_of_lengths(self) -> Self {
+        if self.reads_lengths() {
+            self.counting_sources()
+        } else {
+            self
+        }
+    }
+
+    /// The same weighed by what the planner's model says of the readings' errors: what is new in each, and what readings of one visit, or of
+    /// one configuration, share, seen in the frames that the case has. Joint error functions are no matter of single readings.
     #[must_use]
     pub fn counting_sources(mut self) -> Self {
-        if !self.reads_lengths() {
+        let uncertain = &self.belief.uncertain;
+        let are_functions = !self.reads_lengths() && !uncertain.joint_functions().is_empty();
+        if self.is_sharing_known || are_functions || uncertain.sources().next().is_none() {
             return self;
         }
         let belief = self.belief;

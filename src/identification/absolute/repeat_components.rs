@@ -227,7 +227,7 @@ fn averaged(
         first: visit[0],
         read: targets.keys().copied().collect(),
         residual: DVector::from_vec(residual),
-        own: in_blocks(owns),
+        own: in_blocks(&owns),
         joints: DMatrix::from_rows(&moved),
     }
 }

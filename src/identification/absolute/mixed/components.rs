@@ -148,7 +148,7 @@ impl MixedModel {
     /// What the readings say, all poses together.
     fn told_of(&self, variances: &MixedVariances) -> Option<PartsTold> {
         let each = |of: &dyn Fn(&PoseReadings) -> DMatrix<f64>| {
-            in_blocks(self.visits.iter().map(of).collect())
+            in_blocks(&self.visits.iter().map(of).collect::<Vec<_>>())
         };
         let rows: Vec<_> = (self.visits.iter())
             .flat_map(|visit| visit.fixed.row_iter())
@@ -209,11 +209,11 @@ impl MixedModel {
 }
 
 /// Matrices one behind the other, and each below the one before.
-pub(in super::super) fn in_blocks(each: Vec<DMatrix<f64>>) -> DMatrix<f64> {
+pub(in super::super) fn in_blocks(each: &[DMatrix<f64>]) -> DMatrix<f64> {
     let sum = |of: fn(&DMatrix<f64>) -> usize| each.iter().map(of).sum();
     let mut all = DMatrix::zeros(sum(DMatrix::nrows), sum(DMatrix::ncols));
     let mut at = (0, 0);
-    for own in &each {
+    for own in each {
         all.view_mut(at, own.shape()).copy_from(own);
         at = (at.0 + own.nrows(), at.1 + own.ncols());
     }
