@@ -69,17 +69,20 @@ impl Prior {
             .collect()
     }
 
-    /// Standard deviations where something is known, else typical sizes: what is known far better than the rest hides none of it.
+    /// Standard deviations where something is known, else typical sizes: what is known far better than the rest hides none of it. A
+    /// precision that is rounding beside the others is none.
     fn own_sizes(&self, typical: &[f64]) -> Vec<f64> {
-        (typical.iter().zip(&self.precision.diagonal()))
-            .map(|(typical, own)| {
-                if *own > 0.0 {
-                    own.sqrt().recip()
-                } else {
-                    *typical
-                }
-            })
-            .collect()
+        let relative = self.relative(typical).diagonal();
+        let least = ROUNDING * relative.amax();
+        let each = typical.iter().zip(&relative);
+        each.map(|(typical, own)| {
+            if *own > least {
+                typical / own.sqrt()
+            } else {
+                *typical
+            }
+        })
+        .collect()
     }
 
     /// The precision as whitened equations, r x p: rows of unit variance that parameters times them equal those
@@ -110,6 +113,19 @@ mod tests {
     use super::*;
     use crate::numeric::estimable::Estimable;
     use nalgebra::dmatrix;
+
+    /// What rounding leaves of a parameter of which nothing is known is no knowledge: it has its mean.
+    #[test]
+    fn rounding_is_no_knowledge() {
+        let prior = Prior {
+            mean: DVector::from_vec(vec![1e-6, 2e-6]),
+            precision: dmatrix![1e12, 1e-6; 1e-6, 3e-5],
+        };
+        let spread = prior.spread(&[1e-6, 1e-6]);
+        assert_eq!(spread.ncols(), 1);
+        assert!((spread[(0, 0)].abs() / 1e-6 - 1.0).abs() < 1e-9);
+        assert!(spread[(1, 0)].abs() < 1e-20, "{spread}");
+    }
 
     /// A covariance comes back from the precision, from rows and from the spread, whatever the units.
     #[test]

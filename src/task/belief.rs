@@ -319,9 +319,9 @@ impl Belief {
     pub fn prior_deviations(&self) -> Vec<Option<f64>> {
         let prior = self.known();
         let spread = prior.spread(&self.sizes());
-        let is_known = |place: usize| prior.precision[(place, place)] > 0.0;
-        let deviation = |place: usize| is_known(place).then(|| spread.row(place).norm());
-        (0..self.unknowns()).map(deviation).collect()
+        let each = spread.row_iter().map(|row| row.norm());
+        each.map(|deviation| Some(deviation).filter(|deviation| *deviation > 0.0))
+            .collect()
     }
 
     /// The precision of what is known of the unknowns before any measurement (p x p), in their units.
