@@ -98,8 +98,7 @@ impl<'a> RobotRuns<'a> {
         lane: usize,
     ) -> Result<Outcome, FailedRun> {
         let belief = &self.task.belief;
-        let mut measurements = self
-            .robots
+        let mut measurements = (self.robots)
             .measure_noise_free(plan, &belief.instrument, laboratory, lane)
             .map_err(|error| Failure::Measurement.because(&error))?;
         add_noise(&mut measurements, &belief.instrument, noise, lane);

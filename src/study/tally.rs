@@ -361,12 +361,8 @@ impl Tally {
         let total: u64 = self.bins.iter().sum();
         let wanted = share * total as f64;
         let mut below = 0.0;
-        for (index, &count) in self
-            .bins
-            .iter()
-            .enumerate()
-            .filter(|(_, count)| **count > 0)
-        {
+        let filled = self.bins.iter().enumerate();
+        for (index, &count) in filled.filter(|(_, count)| **count > 0) {
             let count = count as f64;
             if below + count >= wanted {
                 let within = ((wanted - below) / count).clamp(0.0, 1.0);

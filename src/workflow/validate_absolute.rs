@@ -244,10 +244,8 @@ pub fn validate_absolute(
         );
         moved.extend(found.map(|found| (name, found)));
     }
-    let configurations = case
-        .observations
-        .iter()
-        .map(|each| &each.setup.commanded_rad);
+    let setups = case.observations.iter().map(|each| &each.setup);
+    let configurations = setups.map(|each| &each.commanded_rad);
     Ok(AbsoluteValidation {
         beyond: (stored.read_ranges()).beyond(&arm, "reading", configurations),
         left,

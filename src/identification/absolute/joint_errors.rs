@@ -272,9 +272,15 @@ impl DiscrepancyModel {
 
     /// By how much larger than computed squares of errors of positions (0) or rotations (1) are at commanded angles.
     pub(super) fn scale_at(&self, part: usize, q: &[f64]) -> f64 {
-        let joints = self.joints.iter();
-        let logarithm: f64 = joints.map(|each| each.spread_at(part, q[each.joint])).sum();
-        self.scale[part] * logarithm.exp()
+        let angles = self.joints.iter().map(|each| q[each.joint]);
+        self.scale[part] * self.relative_at(part, angles)
+    }
+
+    /// The same but for how large they are on the whole, at the angles of these joints.
+    pub(super) fn relative_at(&self, part: usize, angles: impl Iterator<Item = f64>) -> f64 {
+        let joints = self.joints.iter().zip(angles);
+        let logarithm: f64 = (joints.map(|(joint, angle)| joint.spread_at(part, angle))).sum();
+        logarithm.exp()
     }
 
     /// A residual at commanded angles with its covariance, beside the regions of 95 %.

@@ -181,11 +181,10 @@ impl DiscrepancyModel {
         let mut all: Vec<[f64; 2]> = (sure.iter().zip(self.spread(part, &sure)))
             .map(|((_, square, share), factor)| [square / factor, *share])
             .collect();
-        all.extend(
-            doubtful
-                .iter()
-                .map(|(angles, square, share)| [square / self.relative_at(part, angles), *share]),
-        );
+        all.extend(doubtful.iter().map(|(angles, square, share)| {
+            let relative = self.relative_at(part, angles.iter().copied());
+            [square / relative, *share]
+        }));
         self.scale[part] = quantile_95(all) / SQUARE_95;
         share
     }
@@ -207,13 +206,6 @@ impl DiscrepancyModel {
             joint.spread[part] = coefficients;
         }
         spread.by_others.into_iter().map(f64::exp).collect()
-    }
-
-    /// The same at the angles (of these joints) of one that is none of them.
-    fn relative_at(&self, part: usize, angles: &[f64]) -> f64 {
-        let joints = self.joints.iter().zip(angles);
-        let logarithm: f64 = (joints.map(|(joint, &angle)| joint.spread_at(part, angle))).sum();
-        logarithm.exp()
     }
 }
 
