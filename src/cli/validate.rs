@@ -185,18 +185,15 @@ fn describe(validation: &Predictions) -> String {
         }
         row
     });
-    let mut header = vec![
-        "measurement",
-        "measured less predicted [um]",
-        "predicted rms [um]",
-        "contribution of the robot [um]",
-    ];
-    if has_rotation {
-        header.push("rotation, measured less predicted [urad]");
-    }
+    let rotation = if has_rotation {
+        " | rotation, measured less predicted [urad]"
+    } else {
+        ""
+    };
+    let header = "measurement | measured less predicted [um] | predicted rms [um] | contribution of the robot [um]";
     format!(
         "{}\nPredicted and observed differences: p = {:.2}.\n",
-        table_of(&header, rows),
+        table(&(header.to_owned() + rotation), rows),
         validation.probability()
     )
 }

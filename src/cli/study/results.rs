@@ -154,19 +154,11 @@ pub fn describe(messages: &[StudyPlanMessage]) -> String {
         ]);
         row
     };
-    let mut header = vec!["plan"];
-    header.extend(swept.iter().map(|(name, _)| name));
-    header.extend([
-        "mean [um]",
-        "95 % interval [um]",
-        "rms [um]",
-        "expected rms [um]",
-        "z",
-        "95 % below [um]",
-        "NEES",
-        "failed",
-    ]);
-    table_of(&header, messages.iter().map(row))
+    let swept = joined(swept.iter().map(|(name, _)| format!(" | {name}")), "");
+    let header = format!(
+        "plan{swept} | mean [um] | 95 % interval [um] | rms [um] | expected rms [um] | z | 95 % below [um] | NEES | failed"
+    );
+    table(&header, messages.iter().map(row))
 }
 
 /// A condition that a sweep can vary: what it is called, and its value as text.

@@ -76,16 +76,9 @@ impl Checker<'_> {
         let additions = self.additions(&file)?;
         let locked = self.locked(&file.robot)?;
         let mut nominal = self.nominal(&file, &additions, &locked)?;
-        let calibration_tool = self.tool(
-            "robot.calibration_site",
-            &nominal.model,
-            &file.robot.calibration_site,
-        )?;
-        let machining_tool = self.tool(
-            "robot.machining_site",
-            &nominal.model,
-            &file.robot.machining_site,
-        )?;
+        let tool = |key: &str, site: &str| self.tool(key, &nominal.model, site);
+        let calibration_tool = tool("robot.calibration_site", &file.robot.calibration_site)?;
+        let machining_tool = tool("robot.machining_site", &file.robot.machining_site)?;
         let (mut parameters, further) = self.parameters(&nominal.chain, &file)?;
         let true_robot = self.true_robot(&file, &nominal, &additions, &locked)?;
         let before = self.prior(&file, &mut nominal, &mut parameters)?;

@@ -274,14 +274,11 @@ impl Recording {
         });
         let tools = self.steps().map(|(.., step)| step.unloaded.tool_m);
         let places: Vec<Vector3<f64>> = links.chain(tools).collect();
-        let low = places
-            .iter()
-            .copied()
-            .reduce(|one, other| one.inf(&other))?;
-        let high = places
-            .iter()
-            .copied()
-            .reduce(|one, other| one.sup(&other))?;
+        let corner = |of: fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>| {
+            let places = places.iter().copied();
+            places.reduce(|one, other| of(&one, &other))
+        };
+        let (low, high) = (corner(Vector3::inf)?, corner(Vector3::sup)?);
         let centre = (low + high) / 2.0;
         let radius = places.iter().map(|place| (place - centre).norm());
         let radius = radius.fold(0.0, f64::max);

@@ -73,17 +73,12 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
         let observed = Some((&**poses, "uncompensated"));
         body += &test_poses(&scenario.task.test_poses, &predicted_mm, all_mm, observed)?;
     }
+    let belief = &scenario.task.belief;
+    let found = compliances(belief, calibration)?;
+    let left = residuals(&belief.instrument, calibration)?;
     body += &pair(&[
-        section(
-            "compliances",
-            "Compliances",
-            &compliances(&scenario.task.belief, calibration)?,
-        ),
-        section(
-            "residuals",
-            "Standardised residuals",
-            &residuals(&scenario.task.belief.instrument, calibration)?,
-        ),
+        section("compliances", "Compliances", &found),
+        section("residuals", "Standardised residuals", &left),
     ]);
     body += &section("plans", "The plans in this run", &plans(&outcome.tried));
     let caption = format!(
@@ -96,32 +91,19 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
         &evidence.lower_bounds_rho0_mm,
         assessment.experiments,
     )?;
+    let accuracy = figure(&accuracy, &caption);
+    let criteria = criteria(&evidence.criteria_compared);
     body += &pair(&[
-        section(
-            "criteria",
-            "The criteria compared",
-            &criteria(&evidence.criteria_compared),
-        ),
-        section(
-            "accuracy",
-            "More or fewer measurements",
-            &figure(&accuracy, &caption),
-        ),
+        section("criteria", "The criteria compared", &criteria),
+        section("accuracy", "More or fewer measurements", &accuracy),
     ]);
-    body += &overview::next_steps(
-        &scenario.path,
-        overview::more_accurate(evidence, assessment),
-    );
-    body += &section(
-        "configurations",
-        "What to measure",
-        &configurations(shown, calibration),
-    );
+    let more = overview::more_accurate(evidence, assessment);
+    body += &overview::next_steps(&scenario.path, more);
+    let configurations = configurations(shown, calibration);
+    body += &section("configurations", "What to measure", &configurations);
     body += &provenance(shown.provenance, shown.command);
-    Ok(page(
-        &format!("{}: calibration report", scenario.name),
-        &body,
-    ))
+    let title = format!("{}: calibration report", scenario.name);
+    Ok(page(&title, &body))
 }
 
 /// What comes several times, once.
@@ -152,12 +134,11 @@ fn distances(evidence: &EvidenceMessage) -> Result<String, PlotError> {
         evidence.trials
     );
     let body = distances_figure(&lines, &caption)? + &distances_table(&lines);
-    Ok(section(
-        "distances",
-        "How far off the tool is after compensation",
-        &body,
-    ))
+    Ok(section("distances", DISTANCES, &body))
 }
+
+/// The title of the distributions of residual errors.
+const DISTANCES: &str = "How far off the tool is after compensation";
 
 /// The accuracy of the best plan for each criterion.
 fn criteria(plans: &[CriterionPlanMessage]) -> String {
@@ -388,25 +369,18 @@ fn random_card(median_m: Option<f64>, own_m: Option<f64>, of: &str, repeats: &st
 
 /// Where a page comes from.
 fn provenance(from: &ProvenanceMessage, command: &str) -> String {
+    let program = format!("elastocal {} ({})", from.version, from.commit);
+    let (hash, seed) = (from.scenario_sha256.clone(), from.seed.to_string());
     let entries = [
-        (
-            "program",
-            format!("elastocal {} ({})", from.version, from.commit),
-        ),
+        ("program", program),
         ("scenario", from.scenario.clone()),
-        (
-            "SHA-256 of scenario and models",
-            from.scenario_sha256.clone(),
-        ),
-        ("seed", from.seed.to_string()),
+        ("SHA-256 of scenario and models", hash),
+        ("seed", seed),
         ("command", command.to_owned()),
     ];
     let entry =
         |(key, value): &(&str, String)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value));
     let list: String = entries.iter().map(entry).collect();
-    section(
-        "provenance",
-        "Where this page comes from",
-        &format!("<dl>\n{list}</dl>\n"),
-    )
+    let list = format!("<dl>\n{list}</dl>\n");
+    section("provenance", "Where this page comes from", &list)
 }

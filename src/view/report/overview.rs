@@ -37,20 +37,15 @@ pub fn overview(shown: &PlanPage<'_>, outcome: &RunOutcome, own: &TriedPlan) -> 
         "" => "all hold",
         _ => "all hold for this plan",
     };
+    let (median_m, own_m) = (outcome.random_rho0_m, assessment.rho0_m);
+    let repeats = repeats(outcome.random_repeats);
+    let holds = format!("{ALL_HOLD}{of_others}");
     let cards = [
         plan_card(scenario, own),
         accuracy_card(own),
         proof_card(&outcome.evidence, assessment),
-        random_card(
-            outcome.random_rho0_m,
-            assessment.rho0_m,
-            "",
-            &repeats(outcome.random_repeats),
-        ),
-        checks_card(
-            shown.conditions,
-            (answer, &format!("{ALL_HOLD}{of_others}")),
-        ),
+        random_card(median_m, own_m, "", &repeats),
+        checks_card(shown.conditions, (answer, &holds)),
     ];
     let title = format!("Calibration plan: {}", scenario.name);
     heading(&title, &scenario.description, &cards.concat())
@@ -59,12 +54,13 @@ pub fn overview(shown: &PlanPage<'_>, outcome: &RunOutcome, own: &TriedPlan) -> 
 fn plan_card(scenario: &Scenario, own: &TriedPlan) -> String {
     let measurements = counted(own.assessment.experiments.into(), "measurement");
     let configurations = counted(own.record.plan.len() as u64, "configuration");
-    let parameters = scenario.task.belief.parameter_names().join(", ");
+    let parameters = scenario.task.belief.parameter_names();
+    let about = naming(parameters, "Identifies the compliance of {}.");
     card(
         "",
         "Plan",
         &format!("{measurements} in {configurations}"),
-        &format!("Identifies the compliance of {parameters}."),
+        &about,
     )
 }
 
@@ -85,26 +81,17 @@ fn accuracy_card(own: &TriedPlan) -> String {
         )),
         uncompensated
     );
-    card(
-        "",
-        "Accuracy after compensation",
-        &(length(assessment.rho0_m) + " rms"),
-        &about,
-    )
+    let answer = length(assessment.rho0_m) + " rms";
+    card("", "Accuracy after compensation", &answer, &about)
 }
 
 fn proof_card(evidence: &EvidenceMessage, assessment: &Assessment) -> String {
     let (searches, agreeing) = (evidence.bound_searches, evidence.bound_searches_agreeing);
     let (Some(bound), Some(efficiency)) = (assessment.bound_m(), assessment.efficiency()) else {
-        return card(
-            "bad",
-            "Is it the best?",
-            "no bound",
-            &assessment.no_bound().map_or_else(
-                || "Nothing is known about better plans.".to_owned(),
-                |reason| format!("Nothing is known about better plans: {reason}."),
-            ),
-        );
+        let reason = assessment.no_bound().map(|reason| format!(": {reason}"));
+        let reason = reason.unwrap_or_default();
+        let about = format!("Nothing is known about better plans{reason}.");
+        return card("bad", "Is it the best?", "no bound", &about);
     };
     let found = assessment.bound();
     let proved = found.filter(|bound| bound.kind == BoundKind::Proved);
@@ -186,11 +173,8 @@ pub fn next_steps(scenario: &Path, more: Option<(String, String)>) -> String {
     let more = more.map(|(text, options)| (text, format!("plan {path} {options}")));
     let lead = paragraph("Instead of the virtual robot, on yours:");
     let steps: String = steps.into_iter().chain(more).map(step).collect();
-    section(
-        "next",
-        "What to do next",
-        &format!("{lead}<ol class=\"next\">\n{steps}</ol>\n"),
-    )
+    let body = format!("{lead}<ol class=\"next\">\n{steps}</ol>\n");
+    section("next", "What to do next", &body)
 }
 
 /// The next larger plan that was searched.

@@ -7,13 +7,13 @@ use crate::text::wording::{dash, joined, micrometres, number, percent, significa
 use crate::view::markup::{cell, micro_sign, paragraph, paragraphs, section, table_of_cells};
 
 /// A table of rows with a share (%) that ends each, with its bar, the largest first.
-fn with_bars(header: &[&str], mut rows: Vec<(Vec<String>, f64)>) -> String {
+fn with_bars(header: &str, mut rows: Vec<(Vec<String>, f64)>) -> String {
     rows.sort_by(|one, other| other.1.total_cmp(&one.1));
     let cells = rows.iter().map(|(row, share)| {
         let cells: String = row.iter().map(|text| cell(text)).collect();
         cells + &bar(*share, false, &percent(Some(share / 100.0), 1))
     });
-    table_of_cells(header, cells)
+    table_of_cells(&header.split(" | ").collect::<Vec<_>>(), cells)
 }
 
 /// A cell with a bar over so many percent of it behind its text.
@@ -41,30 +41,18 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
         ];
         (cells, each.variance_share_percent)
     };
-    let header = [
-        "source",
-        "type",
-        "level",
-        "u(x)",
-        "unit",
-        "sensitivity [\u{b5}m per unit]",
-        "contribution [\u{b5}m]",
-        "share of variance",
-    ];
+    let header = "source | type | level | u(x) | unit | sensitivity [\u{b5}m per unit] | contribution [\u{b5}m] | share of variance";
     let combined = format!(
         "u_c = {}, U = {} (95 %), k = {}. {about}",
         micrometres(Some(budget.combined_standard_uncertainty_um * 1e-3)),
         micrometres(budget.expanded_uncertainty_um.map(|value| value * 1e-3)),
         number(budget.coverage_factor, 3)
     );
-    let table = with_bars(&header, budget.sources.iter().map(row).collect());
+    let table = with_bars(header, budget.sources.iter().map(row).collect());
     let remark = |each: &BudgetSource| Some(format!("{} {}.", each.source, each.remark.as_ref()?));
     let remarks = paragraphs([joined(budget.sources.iter().filter_map(remark), " ")]);
-    section(
-        "sources",
-        "Uncertainty budget",
-        &(paragraph(&combined) + &table + &remarks),
-    )
+    let body = paragraph(&combined) + &table + &remarks;
+    section("sources", "Uncertainty budget", &body)
 }
 
 /// What was predicted of a plan's runs and what became of it, in a sentence.
@@ -85,11 +73,8 @@ pub fn of_study(plans: &[StudyPlanMessage]) -> String {
     }
     let about = "Contributions to the errors of the simulated truth (\u{b5}m), to first order; squares add up. Orange: the planner's model \
                  does not have the source.";
-    section(
-        "sources",
-        "Uncertainty budget",
-        &(verdicts + &contributions(&plans) + &paragraph(about)),
-    )
+    let body = verdicts + &contributions(&plans) + &paragraph(about);
+    section("sources", "Uncertainty budget", &body)
 }
 
 /// A row for each source and a column for each plan; bars are as long as contributions, the largest source comes first.
@@ -134,7 +119,7 @@ mod tests {
     fn bars_are_as_long_as_shares_and_the_largest_comes_first() {
         let rows =
             [("a <&", 36.0), ("b", 64.0)].map(|(name, share)| (vec![name.to_owned()], share));
-        let html = with_bars(&["source", "share"], rows.into());
+        let html = with_bars("source | share", rows.into());
         let places = [
             "<td>b</td><td class=\"bar\" style=\"--share: 64.00%\">64.0\u{a0}%</td>",
             "<td>a &lt;&amp;</td><td class=\"bar\" style=\"--share: 36.00%\">36.0\u{a0}%</td>",

@@ -2,7 +2,7 @@
 
 use super::absolute::ABSOLUTE_ACCURACY;
 use super::distances::{distances_figure, distances_table, lines, means_figure, shares_figure};
-use super::{checks_card, provenance, sources, verdict_card};
+use super::{DISTANCES, checks_card, provenance, sources, verdict_card};
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
 use crate::task::AccuracyKind;
@@ -52,20 +52,15 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
     let title = format!("Plans compared: {}", header.provenance.scenario);
     let cards = accuracy_card(is_absolute) + &cards(study);
     let mut body = heading(&title, &caption, &cards);
-    body += &section(
-        "distances",
-        "How far off the tool is after compensation",
-        &(means_figure(&lines)?
-            + &distances_figure(&lines, &caption)?
-            + &shares_figure(&lines)?
-            + &distances_table(&lines)),
-    );
+    let distances = means_figure(&lines)?
+        + &distances_figure(&lines, &caption)?
+        + &shares_figure(&lines)?
+        + &distances_table(&lines);
+    body += &section("distances", DISTANCES, &distances);
     body += &sources::of_study(study.plans);
     body += &provenance(&header.provenance, study.command);
-    Ok(page(
-        &format!("{}: study", header.provenance.scenario),
-        &body,
-    ))
+    let title = format!("{}: study", header.provenance.scenario);
+    Ok(page(&title, &body))
 }
 
 /// Which accuracy the study is about.
@@ -108,11 +103,7 @@ fn cards(study: &StudyPageRecord<'_>) -> String {
     let about = "The largest difference between the observed and the predicted mean square, in standard deviations; \
                  among a few plans it rarely exceeds 3.";
     let tone = if largest < 4.0 { "good" } else { "bad" };
-    cards += &card(
-        tone,
-        "Prediction",
-        &format!("off by {largest:.1} sigma at most"),
-        about,
-    );
+    let answer = format!("off by {largest:.1} sigma at most");
+    cards += &card(tone, "Prediction", &answer, about);
     cards + &checks_card(study.conditions, ("", ""))
 }

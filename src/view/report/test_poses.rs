@@ -74,11 +74,8 @@ pub(super) fn test_poses(
     let numbers = format!(
         "<details><summary>The test poses by their numbers</summary>\n{numbers}</details>\n"
     );
-    Ok(section(
-        "poses",
-        TITLE,
-        &(figure(&svg, &caption) + &numbers),
-    ))
+    let body = figure(&svg, &caption) + &numbers;
+    Ok(section("poses", TITLE, &body))
 }
 
 #[cfg(test)]
