@@ -282,7 +282,7 @@ fn stops_helping(points: &[BudgetPoint]) -> String {
 /// loss against all different ones.
 fn describe(points: &[BudgetPoint]) -> String {
     let counts = repeated_configurations(points);
-    let micro = |value_m: Option<f64>| number(value_m.map(|value_m| value_m * 1e6), 3);
+    let micro = |value_m: Option<f64>| in_um(value_m, 3);
     let is_shared = points.iter().any(|point| point.shared_m.is_some());
     let mut header = vec!["measurements".to_owned()];
     header.extend(counts.iter().map(|count| format!("in {count} [um]")));
@@ -296,7 +296,7 @@ fn describe(points: &[BudgetPoint]) -> String {
                 |point: &&BudgetPoint| (point.experiments, point.configurations) == (m, count);
             points.iter().find(is_it).map_or_else(String::new, |point| {
                 let loss = point.rho0_m / all_different.rho0_m - 1.0;
-                format!("{:.3} ({:+.2} %)", point.rho0_m * 1e6, loss * 100.0)
+                format!("{} ({:+.2} %)", micro(Some(point.rho0_m)), loss * 100.0)
             })
         };
         let mut row = vec![m.to_string()];

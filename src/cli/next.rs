@@ -330,11 +330,17 @@ fn tell(found: &Rest, old_m: Option<f64>) -> String {
         describe(Some(found.rho0_m))
     );
     if let Some(bound_m) = found.bound_m {
-        text += &format!("; no other rest can be below {:.3} um", bound_m * 1e6);
+        text += &format!(
+            "; no other rest can be below {} um",
+            in_um(Some(bound_m), 3)
+        );
     }
     text.push('\n');
     if let Some(old_m) = old_m {
-        text += &format!("The rest of the plan would give {:.3} um.\n", old_m * 1e6);
+        text += &format!(
+            "The rest of the plan would give {} um.\n",
+            in_um(Some(old_m), 3)
+        );
     }
     text
 }
@@ -342,7 +348,7 @@ fn tell(found: &Rest, old_m: Option<f64>) -> String {
 fn describe(rho0_m: Option<f64>) -> String {
     rho0_m.map_or_else(
         || "a test pose depends on compliances that are not determined yet".to_owned(),
-        |rho0_m| format!("rho0 = {:.3} um at the test pose", rho0_m * 1e6),
+        |rho0_m| format!("rho0 = {} um at the test pose", in_um(Some(rho0_m), 3)),
     )
 }
 

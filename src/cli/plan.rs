@@ -101,7 +101,7 @@ fn tell(timed: &[TimedPlan]) -> String {
         vec![
             plan.configurations.to_string(),
             plan.experiments.to_string(),
-            format!("{:.3}", plan.rho0_m * 1e6),
+            in_um(Some(plan.rho0_m), 3),
             format!("{:.0}", plan.minutes),
         ]
     };

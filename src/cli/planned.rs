@@ -318,7 +318,7 @@ fn unkept(trials: &RobotTrials) -> Vec<Condition> {
         )));
     }
     if trials.prediction == Kept::Exceeded {
-        let micro = |value_mm: Option<f64>| number(value_mm.map(|value_mm| value_mm * 1e3), 2);
+        let micro = |value_mm: Option<f64>| in_um(value_mm.map(|value_mm| value_mm * 1e-3), 2);
         conditions.push(ConditionCode::PredictionExceeded.with(format!(
             "residual error of simulated robots {} +- {} um rms, predicted {} um",
             micro(runs.rms_mm),
@@ -382,10 +382,10 @@ fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     let mut text = format!(
         "{}: rho0 = {} um at the test pose{}",
         counted(assessment.experiments.into(), "experiment"),
-        number(assessment.rho0_m.map(|value| value * 1e6), 3),
+        in_um(assessment.rho0_m, 3),
         scenario.task.counted_words()
     );
-    let shown = |value_m: f64| format!("{:.3} um", value_m * 1e6);
+    let shown = |value_m: f64| format!("{} um", in_um(Some(value_m), 3));
     text += &match assessment.bound() {
         Some(bound) => bounded(bound, assessment.efficiency(), "below", &shown),
         None => "\n".to_owned(),

@@ -23,7 +23,6 @@ use super::plan_args::ReadingsArgs;
 use super::planned::{PlannedAccuracy, bound_basis, budget, left_out};
 use super::progress;
 use super::proof::ProofArgs;
-use super::table::in_um;
 use super::uncertainty_budget::{self, BudgetArgs};
 use super::views::{RUN_FILES, TARGETS, ViewerTarget, command_line, show, write_recording};
 use super::written::{record_text, warn};

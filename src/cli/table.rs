@@ -1,7 +1,7 @@
 //! Plain text tables.
 
 use crate::identification::DistanceStatistics;
-use crate::text::wording::{joined, shortened};
+use crate::text::wording::{self, joined, shortened};
 
 /// Names of rows have at most so many characters.
 const LONGEST_NAME: usize = 40;
@@ -63,7 +63,7 @@ pub fn or_dash<T>(of: Option<T>, shown: impl FnOnce(T) -> String) -> String {
 
 /// A length (m) in micrometres with the given decimals, or a dash where there is none.
 pub fn in_um(value_m: Option<f64>, decimals: usize) -> String {
-    number(value_m.map(|value_m| value_m * 1e6), decimals)
+    or_dash(value_m, |value_m| wording::in_um(value_m, decimals))
 }
 
 /// Numbers with the given decimals, one after the other.

@@ -47,9 +47,9 @@ pub fn describe(budget: Option<&UncertaintyBudget>) -> String {
         |each: &BudgetSource| Some(format!("  {} {}\n", each.source, each.remark.as_ref()?));
     let remarks: String = budget.sources.iter().filter_map(remark).collect();
     let combined = format!(
-        "  u_c = {:.3} um, U = {} um (95 %), k = {}\n",
-        budget.combined_standard_uncertainty_um,
-        number(budget.expanded_uncertainty_um, 3),
+        "  u_c = {} um, U = {} um (95 %), k = {}\n",
+        in_um(Some(budget.combined_standard_uncertainty_um * 1e-6), 3),
+        in_um(budget.expanded_uncertainty_um.map(|um| um * 1e-6), 3),
         number(budget.coverage_factor, 3)
     );
     format!("\n{}{combined}{remarks}", table(header, rows))

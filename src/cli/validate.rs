@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::command_prelude::*;
 use super::identified::{IdentifiedCompliances, read_identified, read_stored, trust};
-use super::table::{DISTANCES, distances, in_um};
+use super::table::{DISTANCES, distances};
 use super::tolerance::{ToleranceArgs, report_judged};
 
 #[derive(Debug, Args)]

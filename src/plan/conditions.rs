@@ -5,6 +5,7 @@ use crate::codes::{Condition, ConditionCode};
 use crate::compensation::test_pose_matrix;
 use crate::robot::Approach;
 use crate::task::Task;
+use crate::text::wording::in_um;
 
 /// Configurations that differ by less than this in every joint (rad, m) hardly have discrepancies of their own.
 const NEAR: f64 = 5.0 * std::f64::consts::PI / 180.0;
@@ -61,11 +62,11 @@ fn near(task: &Task, plan: &Plan, own_m: f64) -> Option<Condition> {
     };
     pairs.truncate(NAMED);
     Some(ConditionCode::NearConfigurations.with(format!(
-        "experiments {}{more} are within 5 deg in all joints, with independent model discrepancies: rho0 = {:.3} um, \
-         and {:.3} um with one discrepancy for each group",
+        "experiments {}{more} are within 5 deg in all joints, with independent model discrepancies: rho0 = {} um, \
+         and {} um with one discrepancy for each group",
         pairs.join(", "),
-        own_m * 1e6,
-        as_one_m * 1e6
+        in_um(own_m, 3),
+        in_um(as_one_m, 3)
     )))
 }
 
@@ -86,10 +87,10 @@ fn no_gain(task: &Task, rho0_m: f64) -> Option<Condition> {
         .sqrt();
     (rho0_m > NO_GAIN * bent_m).then(|| {
         ConditionCode::NoGain.with(format!(
-            "compensation gains next to nothing: predicted residual error {:.3} um, deflection by the task load {:.3} um; is a \
+            "compensation gains next to nothing: predicted residual error {} um, deflection by the task load {} um; is a \
              load in another unit, such as kN?",
-            rho0_m * 1e6,
-            bent_m * 1e6
+            in_um(rho0_m, 3),
+            in_um(bent_m, 3)
         ))
     })
 }

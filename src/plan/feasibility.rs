@@ -1,4 +1,4 @@
-//! Whether an experiment is possible: the bounds of the region, and what MuJoCo says of collisions
+//! Whether an experiment is possible: the bounds of the region, whether the robot rests, and what MuJoCo says of collisions
 //! and of the tracker's sight, for the unloaded and the loaded robot.
 
 use std::collections::BTreeSet;
@@ -18,6 +18,9 @@ const ROUNDING: f64 = 1e-9;
 
 /// The kind of a violation by a collision.
 pub(super) const COLLISION: &str = "collision clearance";
+
+/// The kind of the violation where the robot does not hold itself or the load.
+const EQUILIBRIUM: &str = "static equilibrium";
 
 /// The kinds of violations of a gauge: it reads along no direction that is allowed, or no such displacement.
 const DIRECTION: &str = "direction";
@@ -71,11 +74,12 @@ impl Violation {
         [DIRECTION, DISPLACEMENT].contains(&&*self.what)
     }
 
-    /// The constraint that is violated, without the names of the geometries.
+    /// The constraint that is violated, without names of geometries and numbers.
     pub fn kind(&self) -> String {
         match self.what.split_once(" of ") {
             Some(("distance", _)) => COLLISION.to_owned(),
             _ if self.what.starts_with("free line of sight") => "line of sight".to_owned(),
+            _ if self.what.contains(EQUILIBRIUM) => EQUILIBRIUM.to_owned(),
             _ => self.what.clone(),
         }
     }
@@ -124,16 +128,6 @@ impl<'a> LookingAt<'a> {
             is_seen: direction.is_none(),
         }
     }
-
-    /// Whether a station says from how far, or at which angle, it can read.
-    const fn has_limits(&self) -> bool {
-        match self.station {
-            None => false,
-            Some(station) => {
-                station.incidence_max_rad.is_some() || !matches!(station.range_m, [None, None])
-            }
-        }
-    }
 }
 
 /// Judges experiments against a task's region.
@@ -143,7 +137,50 @@ pub struct Feasibility<'a> {
     bounds: Vec<SmoothBound>,
     state: KinematicState,
     solver: EquilibriumSolver,
+    firmness: Firmness,
     simulation: Option<State>,
+}
+
+/// What a plain arm surely holds: no torque is larger than T = (F + m g) l + M at any configuration, nor are its derivatives by
+/// angles. With the sum a of all k T at most 1/5, Newton's method converges to a stable equilibrium (Kantorovich: the first step is
+/// at most a / (1 - a), the whole way twice that, below half a radian; eigenvalues of I - k dtau/dq are at least 1 - a).
+#[derive(Debug)]
+struct Firmness {
+    /// The sum of the compliances (rad/(N m)); infinite where more than the joints of the paper's arm is elastic.
+    compliance_rad_per_nm: f64,
+    /// The longest lever (m).
+    lever_m: f64,
+    /// The weight of all links (N).
+    weight_n: f64,
+}
+
+impl Firmness {
+    /// Of the planner's arm.
+    fn new(belief: &Belief) -> Self {
+        let (nominal, tool) = (&belief.nominal, &belief.calibration_tool);
+        let joints = &nominal.chain.joints;
+        let links = joints.iter().skip(1);
+        let links_m = links.map(|joint| joint.previous_from_link.translation.vector.norm());
+        let masses_m = joints.iter().map(|joint| joint.centre_of_mass_m.norm());
+        let end_m = tool.link_from_tool.translation.vector.norm();
+        let mass_kg: f64 = joints.iter().map(|joint| joint.mass_kg).sum();
+        Self {
+            compliance_rad_per_nm: if nominal.chain.is_plain() {
+                nominal.compliance_rad_per_nm.iter().map(|k| k.abs()).sum()
+            } else {
+                f64::INFINITY
+            },
+            lever_m: links_m.sum::<f64>() + masses_m.fold(end_m, f64::max),
+            weight_n: mass_kg * nominal.chain.gravity_m_s2.norm(),
+        }
+    }
+
+    /// Whether the arm surely holds a load, and itself.
+    fn holds(&self, load: &Load) -> bool {
+        let force_n = load.force_n.norm() + self.weight_n;
+        let torque_nm = force_n * self.lever_m + load.torque_nm.norm();
+        self.compliance_rad_per_nm * torque_nm <= 0.2
+    }
 }
 
 impl<'a> Feasibility<'a> {
@@ -159,6 +196,7 @@ impl<'a> Feasibility<'a> {
             bounds: bounds_of(region),
             state: KinematicState::new(task.belief.joints()),
             solver: EquilibriumSolver::new(task.belief.joints()),
+            firmness: Firmness::new(&task.belief),
             task,
             simulation,
         }
@@ -200,36 +238,37 @@ impl<'a> Feasibility<'a> {
             let what = format!("largest joint distance from forbidden configuration {index}");
             self.of_joint(joint, what, [found, bound])
         }));
-        if self.simulation.is_some() || looking.has_limits() {
-            for load in [Load::NONE, experiment.load] {
-                match self.seen_violations(q, &load, looking) {
-                    Ok(found) => violations.extend(found),
-                    Err(error) => {
-                        let error = error.to_string();
-                        violations.push(Violation::in_words(&error, error.clone()));
-                    }
+        for load in [Load::NONE, experiment.load] {
+            match self.seen_violations(q, &load, looking) {
+                Ok(found) => violations.extend(found),
+                Err(error) => {
+                    let error = error.to_string();
+                    violations.push(Violation::in_words(&error, error.clone()));
+                    break;
                 }
             }
-            violations.dedup_by(|one, other| one.what == other.what);
         }
+        violations.dedup_by(|one, other| one.what == other.what);
         for each in &mut violations {
             each.experiment = Some(number);
         }
         violations
     }
 
-    /// Whether MuJoCo finds the experiment free of collisions and in the tracker's sight, unloaded
-    /// and loaded, where the region asks for that, and away from forbidden configurations.
+    /// Whether the nominal robot rests, and MuJoCo finds it free of collisions and in the tracker's sight where the region asks
+    /// for that, unloaded and loaded, and away from forbidden configurations.
     pub fn is_clear(&mut self, q: &[f64], load: &Load, direction: Option<&Vector3<f64>>) -> bool {
         if self.forbidden(q).is_some() || self.beyond_gauge(q, load, direction).is_some() {
             return false;
         }
+        if self.simulation.is_none() && self.firmness.holds(load) {
+            return true;
+        }
         let looking = LookingAt::of_deflections(self.task, direction);
-        self.simulation.is_none()
-            || [Load::NONE, *load].iter().all(|load| {
-                self.seen_violations(q, load, looking)
-                    .is_ok_and(|violations| violations.is_empty())
-            })
+        [Load::NONE, *load].iter().all(|load| {
+            self.seen_violations(q, load, looking)
+                .is_ok_and(|violations| violations.is_empty())
+        })
     }
 
     /// What keeps a gauge from reading an experiment: that it is set along no direction that is allowed, or moves further than it shows.

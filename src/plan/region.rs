@@ -91,7 +91,9 @@ pub fn bounds_of(region: &Region) -> Vec<SmoothBound> {
         .map(f64::sin);
     add(Bounded::Elevation, true, sine);
     add(Bounded::Elevation, false, sine.map(|sine| -sine));
-    for (joint, &torque) in region.joint_torque_max_nm.iter().flatten().enumerate() {
+    let torques = region.joint_torque_max_nm.iter().flatten().enumerate();
+    // Nothing bounds the torque of a passive joint.
+    for (joint, &torque) in torques.filter(|(_, torque)| torque.is_finite()) {
         add(Bounded::Torque(joint), true, Some(torque));
         add(Bounded::Torque(joint), false, Some(-torque));
     }

@@ -8,9 +8,9 @@ use crate::study::Conditions;
 use crate::study::account::{Account, Contribution};
 use crate::study::summary::{Measured, Summary};
 use crate::study::tally::{Failure, Tally};
-use crate::study::verdict::{MonteCarloOutcome, numerical_tolerance};
+use crate::study::verdict::{Kept, MonteCarloOutcome, STANDARD_ERRORS, numerical_tolerance};
 use crate::task::AccuracyKind;
-use crate::text::wording::{joined, significant};
+use crate::text::wording::{in_um, joined, significant};
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -115,10 +115,10 @@ impl std::fmt::Display for ValidationMessage {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             formatter,
-            "U = {:.3} um (95 %) predicted, {:.3} +- {:.3} um by Monte Carlo, numerical tolerance {} um: {}",
-            self.predicted_um,
-            self.monte_carlo_um,
-            self.monte_carlo_std_um,
+            "U = {} um (95 %) predicted, {} +- {} um by Monte Carlo, numerical tolerance {} um: {}",
+            in_um(self.predicted_um * 1e-6, 3),
+            in_um(self.monte_carlo_um * 1e-6, 3),
+            in_um(self.monte_carlo_std_um * 1e-6, 3),
             significant(self.numerical_tolerance_um, 1),
             self.outcome
         )
@@ -192,12 +192,38 @@ impl StudyPlanMessage {
         }
     }
 
-    /// What was predicted of the runs and what became of it, in words; nothing where nothing is listed as uncertain.
+    /// The same with the verdict on a prediction of the instrument's noise alone, where it is exceeded. A few runs' own scatter
+    /// does not tell that.
+    pub fn judged_by_noise(mut self) -> Self {
+        let numbers = (self.rms_mm.zip(self.rms_std_mm)).zip(self.predicted_rms_mm.zip(self.z));
+        if let Some(((value, standard_error), (predicted_mm, z))) = numbers {
+            let observed_mm = Measured {
+                value,
+                standard_error,
+            };
+            let is_exceeded = Kept::of(predicted_mm, observed_mm) == Kept::Exceeded;
+            self.verdict = (is_exceeded && z > STANDARD_ERRORS).then(|| {
+                format!(
+                    "exceeded: {:.3} times what is predicted of noise alone; the simulated truth is another robot, or \
+                     deflections are not linear enough",
+                    value / predicted_mm
+                )
+            });
+        }
+        self
+    }
+
+    /// Whether more is left than the instrument's noise alone explains, and nothing else is listed as uncertain.
+    pub const fn is_beyond_noise(&self) -> bool {
+        self.combined_rms_mm.is_none() && self.verdict.is_some()
+    }
+
+    /// What was predicted of the runs and what became of it, in words; where nothing is listed as uncertain, if it is exceeded.
     pub fn outcome(&self) -> Option<String> {
-        let (predicted_mm, verdict) = (self.combined_rms_mm?, self.verdict.as_ref()?);
-        let predicted_um = predicted_mm * 1e3;
+        let predicted_mm = self.combined_rms_mm.or(self.predicted_rms_mm)?;
+        let (predicted_um, verdict) = (in_um(predicted_mm * 1e-3, 3), self.verdict.as_ref()?);
         Some(format!(
-            "predicted {predicted_um:.3} um; the prediction {verdict}"
+            "predicted {predicted_um} um; the prediction {verdict}"
         ))
     }
 }

@@ -23,6 +23,7 @@ use crate::plan::{
 };
 use crate::task::Task;
 use crate::testbed::Truth;
+use crate::text::wording::in_um;
 
 /// The contribution of a source to the errors of the simulated truth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -81,9 +82,9 @@ impl Account {
         let worst = hidden.max_by(|one, other| one.or_zero_um().total_cmp(&other.or_zero_um()));
         let why = match worst {
             Some(part) if part.or_zero_um() > 0.0 => format!(
-                "; the largest hidden contribution is {:?}, {:.3} um",
+                "; the largest hidden contribution is {:?}, {} um",
                 part.source,
-                part.or_zero_um()
+                in_um(part.or_zero_um() * 1e-6, 3)
             ),
             // What it leaves was not computed, or is no first order.
             Some(part) => format!("; {:?} is hidden", part.source),

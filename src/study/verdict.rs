@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::summary::Measured;
 
 /// More standard errors than this are not chance ...
-const STANDARD_ERRORS: f64 = 3.0;
+pub const STANDARD_ERRORS: f64 = 3.0;
 /// ... nor are they what linear propagation leaves out, beyond this share.
 const LINEAR: f64 = 0.02;
 

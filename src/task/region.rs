@@ -13,7 +13,7 @@ pub struct Region {
     pub tool_radius_m: [Option<f64>; 2],
     /// Upper bound of the elevation of the tool's z axis over the horizontal, phi of Table 3 (rad).
     pub tool_elevation_max_rad: Option<f64>,
-    /// Upper bounds of the joint torques under load and gravity (N m).
+    /// Upper bounds of the joint torques under load and gravity (N m); infinite where a joint is passive.
     pub joint_torque_max_nm: Option<Vec<f64>>,
     /// Robot, tool and surroundings stay this far apart (m), unloaded and loaded.
     pub collision_clearance_m: Option<f64>,

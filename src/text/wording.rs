@@ -18,6 +18,16 @@ pub fn micrometres(value_mm: Option<f64>) -> String {
     })
 }
 
+/// A length (m) in micrometres with the given decimals; with digits where it is so small that none would show.
+pub fn in_um(value_m: f64, decimals: usize) -> String {
+    let value = value_m * 1e6;
+    if value != 0.0 && value.abs() < 5e-4 {
+        format!("{value:.2e}")
+    } else {
+        format!("{value:.decimals$}")
+    }
+}
+
 /// A number with the given decimals, or a dash.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(dash, |value| {

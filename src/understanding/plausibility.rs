@@ -12,6 +12,7 @@ use crate::experiment::Loads;
 use crate::robot::{EquilibriumError, Joint, Load};
 use crate::scenario::Scenario;
 use crate::task::{Task, TestPose};
+use crate::text::wording::in_um;
 
 /// A robot that sags or bends by more than this at its tool (m) ...
 const BENT_M: f64 = 0.05;
@@ -94,11 +95,11 @@ fn hardly_bent(scenario: &Scenario) -> impl Iterator<Item = Condition> {
         let moved = bent_at(scenario, pose).ok()?.task_load_m.norm();
         (moved < sigma_m && pose.load != Load::NONE).then(|| {
             ConditionCode::SmallDeflection.with(format!(
-                "at {:?} the task load moves the tool by {:.3} um, less than sigma = {:.3} um of the instrument: is the load in \
+                "at {:?} the task load moves the tool by {} um, less than sigma = {} um of the instrument: is the load in \
                  another unit, such as kN?",
                 pose.name,
-                moved * 1e6,
-                sigma_m * 1e6
+                in_um(moved, 3),
+                in_um(sigma_m, 3)
             ))
         })
     })

@@ -281,6 +281,10 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Vec<StudyPlanMessage
             (tally, reference),
             (plan.account.as_ref(), plan.predicted_quantile95_m),
         );
+        // Where every run has a plan of its own there is no account of what else is uncertain.
+        if plan.account.is_none() && plan.sha256.is_some() {
+            message = message.judged_by_noise();
+        }
         if header.absolute.is_some() {
             // What is left at several test poses is one robot's: its squares are not independent.
             message.nees_z = None;

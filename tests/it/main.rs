@@ -93,6 +93,7 @@
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
 //! - `absolute_plans`, `absolute_predictions`, `absolute_trials`, `stations`: plans of absolute readings, robots that err as they predict,
 //!   virtual ones of the program among them, and where the instrument stands.
+//! - `held_robots`: experiments that the robot must hold, and what is far from usual sizes.
 //! - `chains`: what a command writes the next one reads, whatever is uncertain.
 //! - `candidates`: plans that are chosen from a list, held to all plans that there are of it.
 //! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
@@ -158,6 +159,7 @@ mod gate_refusals;
 mod gauges;
 mod gear_waves;
 mod heights;
+mod held_robots;
 mod hostile_input;
 mod identifiability;
 mod implausible_input;

@@ -57,24 +57,38 @@ impl Results {
 
     fn conditions(&self) -> Vec<Condition> {
         let failures = self.failures(false).into_iter();
-        failures
-            .map(|text| ConditionCode::FailedRuns.with(text))
-            .collect()
+        let failures = failures.map(|text| ConditionCode::FailedRuns.with(text));
+        let exceeded =
+            self.messages.iter().enumerate().filter(|(place, message)| {
+                message.is_beyond_noise() && !self.is_comparison(*place)
+            });
+        let exceeded = exceeded.map(|(_, message)| {
+            let um = |value_mm: Option<f64>| in_um(value_mm.map(|mm| mm * 1e-3), 3);
+            ConditionCode::PredictionExceeded.with(format!(
+                "residual error with the plan {:?} {} +- {} um rms, predicted {} um",
+                message.name,
+                um(message.rms_mm),
+                um(message.rms_std_mm),
+                um(message.predicted_rms_mm)
+            ))
+        });
+        failures.chain(exceeded).collect()
+    }
+
+    /// Whether a plan is random, and others are compared with it.
+    fn is_comparison(&self, place: usize) -> bool {
+        let plans = &self.header.plans;
+        let refers =
+            |(other, each): (usize, &PlanHeader)| other != place && each.reference == Some(place);
+        let is_drawn_anew = plans[place].sha256.is_none();
+        let has_others = plans.iter().any(|each| each.sha256.is_some());
+        plans.iter().enumerate().any(refers) || (is_drawn_anew && has_others)
     }
 
     /// Failed runs: of random plans that others are compared with, which nobody chose, or of the others.
     fn failures(&self, of_comparison: bool) -> Vec<String> {
-        let plans = &self.header.plans;
-        let is_comparison = |place: usize| {
-            let refers = |(other, each): (usize, &PlanHeader)| {
-                other != place && each.reference == Some(place)
-            };
-            let is_drawn_anew = plans[place].sha256.is_none();
-            let has_others = plans.iter().any(|each| each.sha256.is_some());
-            plans.iter().enumerate().any(refers) || (is_drawn_anew && has_others)
-        };
         (self.messages.iter().enumerate())
-            .filter(|(place, _)| is_comparison(*place) == of_comparison)
+            .filter(|(place, _)| self.is_comparison(*place) == of_comparison)
             .filter_map(|(_, message)| failed_runs(message))
             .collect()
     }
@@ -134,7 +148,7 @@ fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
 
 /// The table for a person, with a column for each condition that varies.
 pub fn describe(messages: &[StudyPlanMessage]) -> String {
-    let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
+    let micro = |value: Option<f64>| in_um(value.map(|value| value * 1e-3), 3);
     let swept = swept(messages);
     let row = |message: &StudyPlanMessage| {
         let interval = or_dash(message.mean_ci95_mm, |[low, high]| {
@@ -207,7 +221,9 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
                 ),
             };
         }
-        text += &contributions(&message.contributions);
+        if !message.contributions.is_empty() {
+            text += &contributions(&message.contributions);
+        }
         text.push('\n');
     }
     text

@@ -34,10 +34,11 @@
 use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 use rayon::prelude::*;
 
+use super::error::SearchError;
 use super::local::{LocalSearch, Precision};
 use super::observation::times;
 use super::point::{Point, add_information, information_in};
-use super::problem::{Problem, SearchError};
+use super::problem::Problem;
 use super::sampling::{RandomPlans, points_inside, starts};
 use super::weighing::{Weighing, apportioned, drop_light, normalise};
 use crate::experiment::{Experiment, Plan, printed_tolerance};

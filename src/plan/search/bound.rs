@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use super::approximate::{ApproximateDesign, Certificate, approximate_design};
+use super::error::SearchError;
 use super::finite::FiniteBound;
-use super::problem::{Problem, SearchError};
+use super::problem::Problem;
 use super::provable::ProvableTask;
 use super::proved::ProvedBound;
 use crate::experiment::{Experiment, NotMandatory, Plan, is_one_direction};
@@ -32,7 +33,7 @@ type MaybeProof = Option<Result<ProvedBound, NoProof>>;
 /// - that hang one load in each configuration, where deflections of one share errors: two loads there may tell more than they
 ///   would apart;
 /// - whose other experiments keep the smooth bounds of the region (joint ranges, the tool's height,
-///   radius and elevation, torques), widened as [`widened`] says.
+///   radius and elevation, torques), widened as [`widened`] says, and leave the robot a static equilibrium.
 ///
 /// Collisions, sight and forbidden configurations exclude no plan. Outside of the class there is no
 /// bound, and the reason is told.
@@ -422,7 +423,7 @@ impl Bound {
             certificate.largest_derivative =
                 certificate.largest_derivative.max(proof.largest().found);
         }
-        let cost = certificate.lower_bound(measurements).ok_or(too_few)?;
+        let cost = number(certificate.lower_bound(measurements).ok_or(too_few)?)?;
         let proved = proof.and_then(|proof| {
             Some(PlanProof {
                 best: proof.of_size(measurements)?,
@@ -452,7 +453,7 @@ impl Bound {
         let none =
             format!("plans are bounded by test_pose, a, d and o1 alone, and not by {criterion}");
         let cost = (enumerated.bound.least_cost(free)).ok_or(NoBound::Outside(none))?;
-        let best = self.criterion.value_of_cost(cost);
+        let best = self.criterion.value_of_cost(number(cost)?);
         let left_out = enumerated.left_out.clone();
         Ok(PlanBound::of_all(
             best,
@@ -513,6 +514,13 @@ impl Bound {
         }
         Ok(())
     }
+}
+
+/// The cost of a bound; there is none where derivatives are no numbers, as where the robot gives way.
+fn number(cost: f64) -> Result<f64, NoBound> {
+    const NONE: &str = "no bound was found: the largest directional derivative is no number";
+    let is_number = !cost.is_nan();
+    (is_number.then_some(cost)).ok_or_else(|| NoBound::Outside(NONE.to_owned()))
 }
 
 /// Whether a plan hangs one load in each configuration, where deflections of one configuration share errors by the belief.

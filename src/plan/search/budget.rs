@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::approximate::approximate_design;
 use super::bound::{Bound, PlanBound};
+use super::error::SearchError;
 use super::exact::{Watch, exact_design_from};
-use super::problem::{Problem, SearchError};
+use super::problem::Problem;
 use super::size::PlanSize;
 use crate::plan::proof::ProofLimits;
 use crate::plan::{Criterion, Plan, UncertaintyBudget, posterior, rho0_m};

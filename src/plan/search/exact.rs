@@ -6,9 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 use super::approximate::ApproximateDesign;
+use super::error::SearchError;
 use super::local::{LocalSearch, Precision};
 use super::point::Point;
-use super::problem::{Problem, SearchError};
+use super::problem::Problem;
 use super::refinement::{Found, Refinement};
 use super::rounding::rounded_design;
 use super::size::PlanSize;

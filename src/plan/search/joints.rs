@@ -26,12 +26,8 @@ pub(super) fn random_information(
     let mut matrix = evaluator.matrix();
     let mut information = DMatrix::zeros(size, size);
     let loads = task.loads.samples();
-    let mut random = generator(FIXED_SEED, SHOWN);
-    for _ in 0..CONFIGURATIONS {
-        let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
-        evaluator
-            .readings
-            .move_to(&ranges.iter().map(draw).collect::<Vec<f64>>());
+    for q in random_configurations(ranges) {
+        evaluator.readings.move_to(&q);
         for direction in &task.directions {
             evaluator.readings.read_along(direction.as_ref());
             for load in &loads {
@@ -42,6 +38,35 @@ pub(super) fn random_information(
     }
     let each = loads.len() * task.directions.len();
     (information, f64::from(CONFIGURATIONS) * each as f64)
+}
+
+/// Whether some load has a torque on a joint in one of these configurations.
+pub(super) fn is_loaded(
+    mut evaluator: MatrixEvaluator<'_>,
+    ranges: &[(f64, f64)],
+    task: &Task,
+    joint: usize,
+) -> bool {
+    /// Torques below this share of the largest that a load could have are rounding.
+    const ROUNDING: f64 = 1e-9;
+    let loads = task.loads.samples();
+    random_configurations(ranges).any(|q| {
+        evaluator.readings.move_to(&q);
+        let state = evaluator.readings.state();
+        let arm_m = (state.tool_position - state.anchor[state.first_axis]).norm();
+        loads.iter().any(|load| {
+            let most = load.force_n.norm() * arm_m + load.torque_nm.norm();
+            state.load_torque(joint, load).abs() > ROUNDING * most
+        })
+    })
+}
+
+fn random_configurations(ranges: &[(f64, f64)]) -> impl Iterator<Item = Vec<f64>> {
+    let mut random = generator(FIXED_SEED, SHOWN);
+    (0..CONFIGURATIONS).map(move |_| {
+        let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
+        ranges.iter().map(draw).collect()
+    })
 }
 
 /// The joints whose angle changes neither what any experiment tells nor the smooth bounds, found by

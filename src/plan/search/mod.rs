@@ -7,6 +7,7 @@
 //! - `exact`, `exchange`, `refinement`, `rounding`: the best plan of whole experiments, by exchange over a pool and refinement by
 //!   gradients, or from a rounded approximate design.
 //! - `budget`, `criteria`: the best accuracy against the number of measurements, and the best plans for the criteria of Table 1.
+//! - `error`: why there is no plan.
 //! - `candidates`, `finite`, `finite_search`: plans of a finite list, whose bound is proved by looking at all.
 //! - `correlated_choice`: choices from a long list of readings that follow functions of joints' angles.
 
@@ -18,6 +19,7 @@ mod candidate_information;
 mod candidates;
 mod correlated_choice;
 mod criteria;
+mod error;
 mod exact;
 mod exchange;
 mod finite;
@@ -49,11 +51,12 @@ pub use candidates::Candidates;
 pub(in crate::plan) use candidates::possible_of;
 pub use correlated_choice::{CorrelatedChoice, best_choice};
 pub use criteria::{CriterionPlan, compare_criteria};
+pub use error::SearchError;
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
 pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;
-pub use problem::{Effort, Problem, SearchError};
+pub use problem::{Effort, Problem};
 pub use proved::{ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_plan, random_plan};
 pub use size::PlanSize;

@@ -3,10 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::DMatrix;
-use thiserror::Error;
 
-use super::candidate_error::CandidateError;
-use super::joints::{indifferent_joints, random_information};
+use super::error::SearchError;
+use super::joints::{indifferent_joints, is_loaded, random_information};
 use super::observation::MatrixEvaluator;
 use super::point::{add_information, in_directions};
 use super::relevance::{SMALL, relevant};
@@ -19,75 +18,6 @@ use crate::plan::{
     sharing_groups, stand_at, task_rows, widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
-
-/// Why there is no plan.
-#[derive(Debug, Error, Clone, PartialEq)]
-pub enum SearchError {
-    /// No sampled experiment is feasible.
-    #[error("no experiment is feasible: of {samples} random ones, {}", rejections.join(", "))]
-    EmptyRegion {
-        /// How many were tried.
-        samples: usize,
-        /// How many each constraint rejected.
-        rejections: Vec<String>,
-    },
-    /// The test pose depends on a compliance that no feasible experiment shows.
-    #[error(
-        "no feasible experiment shows the compliance of {}: no load has a torque on it",
-        joints.join(", ")
-    )]
-    NotExcited {
-        /// The joints.
-        joints: Vec<String>,
-    },
-    /// What is asked for depends on compliances of which feasible experiments show combinations only.
-    #[error(
-        "no feasible experiments separate the compliances of {}: they show in combinations only",
-        joints.join(", ")
-    )]
-    Inseparable {
-        /// The joints.
-        joints: Vec<String>,
-    },
-    /// The test pose depends on unknowns, not compliances alone, of which no feasible experiment shows more than
-    /// combinations.
-    #[error(
-        "no feasible experiments determine {}: deflections do not show them, or in combinations only",
-        names.join(", ")
-    )]
-    Undetermined {
-        /// The unknowns.
-        names: Vec<String>,
-    },
-    /// A criterion of Table 1 is about the compliances alone, and more is to be found.
-    #[error(
-        "the criterion is about compliances alone, and robot.parameters names {}, too: plan for the test pose",
-        names.join(", ")
-    )]
-    CompliancesAlone {
-        /// What else is to be found.
-        names: Vec<String>,
-    },
-    /// Plans over a region are not optimised by a criterion, and no bound by it is searched.
-    #[error(
-        "plans are optimised and bounded by test_pose, a, d and o1: for {criterion}, choose from candidates (plan --candidates FILE)"
-    )]
-    NotOptimised {
-        /// The criterion's name.
-        criterion: &'static str,
-    },
-    /// No plan can be made of a list of candidates.
-    #[error("{0}")]
-    Candidates(CandidateError),
-    /// So few experiments cannot determine the compliances.
-    #[error("{experiments} experiments cannot determine {parameters} compliances in this region")]
-    Singular {
-        /// The number of different configurations.
-        experiments: u32,
-        /// The number of unknown compliances.
-        parameters: usize,
-    },
-}
 
 /// How much work a search does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -240,8 +170,18 @@ impl<'a> Problem<'a> {
             let names = named(&missing);
             self.impossible = Some(SearchError::Undetermined { names });
         } else if !alone.is_empty() {
-            let joints = named(&alone);
-            self.impossible = Some(SearchError::NotExcited { joints });
+            let is_faint = |&&index: &&usize| {
+                let joint = self.parameters[index];
+                is_loaded(self.evaluator(), &self.ranges, self.task, joint)
+            };
+            let (faint, idle): (Vec<usize>, Vec<usize>) = alone.iter().partition(is_faint);
+            self.impossible = Some(if idle.is_empty() {
+                let joints = named(&faint);
+                SearchError::Faint { joints }
+            } else {
+                let joints = named(&idle);
+                SearchError::NotExcited { joints }
+            });
         } else if !together.is_empty() {
             let joints = named(&together);
             self.impossible = Some(SearchError::Inseparable { joints });

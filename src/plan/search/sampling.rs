@@ -8,9 +8,10 @@ use rand::{Rng, RngExt};
 use rand_distr::{Distribution, UnitSphere};
 use rayon::prelude::*;
 
+use super::error::SearchError;
 use super::local::LocalSearch;
 use super::point::{Point, force};
-use super::problem::{Problem, SearchError};
+use super::problem::Problem;
 use crate::experiment::Loads;
 use crate::numeric::random::{generator, streams};
 use crate::plan::feasibility::COLLISION;
