@@ -75,6 +75,16 @@ pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result
     })
 }
 
+/// Refuses a file of the same readings as were fitted, where others are needed.
+pub fn refuse_same(path: &Path, is_same: bool, as_what: &str, hint: &str) -> Result<(), FileError> {
+    if !is_same {
+        return Ok(());
+    }
+    let problem = format!("holds the same readings as {as_what}");
+    let wrong = FileError::new(path, problem).code(ErrorCode::Measurements);
+    Err(wrong.hint(hint))
+}
+
 /// What was not asked for when absolute readings were fitted, for a person.
 pub fn taken_as_believed(robot: &CalibratedRobot) -> String {
     naming(

@@ -102,7 +102,8 @@ impl Next {
         let total = (self.experiments)
             .or_else(|| given.as_ref().map(Plan::measurements))
             .unwrap_or(task.design.experiments);
-        let mut conditions: Vec<Condition> = identified.conditions().collect();
+        let conditions = identified.conditions().chain(scenario.of_unknown_origin());
+        let mut conditions: Vec<Condition> = conditions.collect();
         let mut text = deflections::describe(identification, belief);
         text += &format!(
             "\n{} of {} so far: {}\n",

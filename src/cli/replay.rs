@@ -1,8 +1,10 @@
 //! `replay`: one run of the study on the virtual robot, recorded.
 
+use crate::calibration::pose_conditions;
 use crate::files::make_folder;
 use crate::record::messages::ProvenanceMessage;
 use crate::study::Entry;
+use crate::task::Belief;
 use crate::view::recording::{CarriedOutPlan, PlanRecord, Recording};
 use crate::workflow::study::refuse_others;
 
@@ -12,6 +14,7 @@ use super::plan_args::ReadingsArgs;
 use super::results;
 use super::study::results::noted;
 use super::views::{carried_out, write_recording};
+use super::written::record_text;
 
 #[derive(Debug, Args)]
 pub struct Replay {
@@ -74,17 +77,33 @@ impl Replay {
             "plans": records.iter().map(|each| each.json()).collect::<Result<Vec<_>, _>>()?,
         });
         let json = results("replay", &ProvenanceMessage::new(&scenario), [keys]);
+        let said = describe(&scenario, &records) + &noted(&notes);
+        let belief = &settings[0].task.belief;
+        let found = plans.iter().flat_map(|plan| conditions(belief, plan));
+        let mut report = Report::new(json, said, found.collect());
         let (text, record) = (
-            serde_json::to_string_pretty(&json)? + "\n",
+            record_text(&mut report.json, &report.conditions)?,
             folder.join(record),
         );
-        let said = describe(&scenario, &records) + &noted(&notes);
-        let mut report = Report::new(json, said, Vec::new());
         report.written.save(&record, &text);
         let shown = write_recording(&recording, &record, &mut report.written);
         report.text += &format!("recorded in {}, .mcap and .json\n", shown.display());
         Ok(report)
     }
+}
+
+/// What must be looked at of what was identified by a plan, and of what that commands.
+fn conditions(belief: &Belief, plan: &CarriedOutPlan) -> Vec<Condition> {
+    let (name, found) = match plan {
+        CarriedOutPlan::Deflections(name, made) => {
+            let mut found = made.identification.conditions();
+            found.extend(pose_conditions(belief, &made.poses));
+            (name, found)
+        }
+        CarriedOutPlan::Readings(record, _) => (&record.name, record.conditions.clone()),
+    };
+    let plan = format!("plan {name:?}");
+    found.iter().map(|each| each.within(&plan)).collect()
 }
 
 /// The distance that each plan leaves at each test pose.

@@ -1,10 +1,11 @@
 //! `validate`: whether the robot errs as its identification predicts.
 
 use crate::identification::{
-    DistanceStatistics, Predicted, Predictions, ReadingResidual, with_discrepancy,
+    DistanceStatistics, Predicted, Predictions, ReadingResidual, is_identified_from,
+    with_discrepancy,
 };
 use crate::laboratory::validation::{validate, validation_plan};
-use crate::measurement::{read_measured, read_measurements};
+use crate::measurement::{MeasuredArm, read_measured, read_measurements};
 use crate::plan::write_plan;
 use crate::record::messages::plan_messages;
 use crate::workflow::stored_robot::StoredRobot;
@@ -14,7 +15,7 @@ use crate::workflow::validate_absolute::{
 use nalgebra::{Matrix3, Vector3};
 
 use super::command_prelude::*;
-use super::identified::{IdentifiedCompliances, read_identified, read_stored, trust};
+use super::identified::{IdentifiedCompliances, read_identified, read_stored, refuse_same, trust};
 use super::table::{DISTANCES, distances};
 use super::tolerance::{ToleranceArgs, report_judged};
 
@@ -63,6 +64,11 @@ impl Validate {
             }
             (None, None) => self.plan(&scenario, read_identified(path, &scenario)?)?,
         };
+        if let Some(file) = &self.measurements {
+            let as_what = format!("{} was identified from", path.display());
+            let hint = "give measurements that were not fitted";
+            refuse_same(file, is_identified_from(path, file)?, &as_what, hint)?;
+        }
         let keys = [shown.json.take()];
         let mut report = (self.common).report("validate", &scenario, keys, shown)?;
         if let Some(tolerance) = self.tolerance.tolerance() {
@@ -105,7 +111,12 @@ impl Validate {
         trust(identified, scenario, Some(&robot.identified_with))?;
         let (robot, mut conditions) = robot.with_possible_compliances(&belief.arm());
         let why = ", and what was identified rests on absolute readings";
-        let readings = read_measured(file, &scenario.task)?.absolute(file, why)?;
+        // A station with a new word gets its frame from these readings.
+        let of = MeasuredArm {
+            stations: Vec::new(),
+            ..(&scenario.task).into()
+        };
+        let readings = read_measured(file, of)?.absolute(file, why)?;
         let validation = validate_absolute(belief, identified, &robot, file, &readings)?;
         conditions.extend(validation.conditions());
         let left = validation.left.iter().map(|each| each.position_m);

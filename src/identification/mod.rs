@@ -53,5 +53,5 @@ pub use repeats::{PlaceDrift, RepeatedPose, Repeats};
 pub use residuals::{MeasurementResidual, residuals};
 pub use robust::{RobustIdentification, Robustness};
 pub use spread::{MOST_SPREAD, SPREAD_ORDERS};
-pub use stored::{StoredIdentification, hold_impossible, nominal_instead};
+pub use stored::{StoredIdentification, hold_impossible, is_identified_from, nominal_instead};
 pub(crate) use stored::{StoredOrigin, read_identified};

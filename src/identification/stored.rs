@@ -9,9 +9,9 @@ use serde::de::DeserializeOwned;
 use super::agreement::{SaidEstimate, agree};
 use super::covariance::covariance_of;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
-use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
+use crate::files::{FileError, hexadecimal, sha256_of};
 use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
@@ -36,8 +36,8 @@ pub struct StoredIdentification {
     pub all: Option<Posterior>,
     /// The conditions with which it was made, besides what is not determined.
     pub conditions: Vec<Condition>,
-    /// The names of the error sources with which it was made.
-    pub error_sources: Vec<String>,
+    /// The names of the error sources with which it was made; some files do not say.
+    pub error_sources: Option<Vec<String>>,
     /// What the model leaves unexplained, of positions (m) and rotations (rad); nothing where the measurements did not show any.
     pub discrepancy: [f64; 2],
     /// The degrees of freedom that this was estimated with; `None` where nothing was.
@@ -90,8 +90,7 @@ struct IdentificationFile {
     #[serde(default)]
     conditions: Vec<Condition>,
     identified_with: Option<Fingerprint>,
-    #[serde(default)]
-    error_sources: Vec<String>,
+    error_sources: Option<Vec<String>>,
 }
 
 /// The keys of any identified file that say under which scenario it was made.
@@ -247,6 +246,16 @@ pub(crate) fn read_identified<T: DeserializeOwned>(
         return Ok(None);
     }
     from_json(path, &text).map_err(|wrong: FileError| coded(wrong.hint(WANTED)))
+}
+
+/// Whether a file is the one that an identified file was made from, by its hash.
+///
+/// # Errors
+/// One of the two cannot be read.
+pub fn is_identified_from(path: &Path, measurements: &Path) -> Result<bool, FileError> {
+    let (_, json) = read_results(path, &["identify", "run"], WANTED)?;
+    let hash = &json["provenance"]["inputs_sha256"]["measurements"];
+    Ok(*hash == hexadecimal(&sha256_of(measurements)?))
 }
 
 fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>, FileError> {

@@ -21,7 +21,7 @@ use crate::files::FileError;
 use crate::parameter::Unloaded;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
 use crate::robot::{Commands, ReadsAlong};
-use crate::task::{AccuracyKind, Belief, Task};
+use crate::task::{AccuracyKind, Belief, Station, Task};
 
 /// Reads measurements of an arm, which may be given by its number of joints: deflections, or the positions without and
 /// with the load of which they are the differences.
@@ -49,6 +49,8 @@ pub struct MeasuredArm {
     pub beside_m: Option<f64>,
     /// What absolute readings of it have, where these are what is measured.
     pub absolute: Option<Vec<String>>,
+    /// The stations that they are from; any where there are none.
+    pub stations: Vec<Station>,
 }
 
 impl From<Commands> for MeasuredArm {
@@ -58,6 +60,7 @@ impl From<Commands> for MeasuredArm {
             unloaded: Unloaded::Own,
             beside_m: None,
             absolute: None,
+            stations: Vec::new(),
         }
     }
 }
@@ -75,6 +78,7 @@ impl From<&Belief> for MeasuredArm {
             unloaded: belief.instrument.unloaded,
             beside_m: (belief.instrument.gauge).and_then(|gauge| gauge.beside_m),
             absolute: None,
+            stations: Vec::new(),
         }
     }
 }
@@ -85,6 +89,7 @@ impl From<&Task> for MeasuredArm {
         let read = length.map_or_else(|| owned(&POSITION), |kind| owned(&[kind.column()]));
         Self {
             absolute: (task.design.accuracy == AccuracyKind::Absolute).then_some(read),
+            stations: task.belief.stations.clone(),
             ..Self::from(&task.belief)
         }
     }
@@ -102,8 +107,8 @@ pub enum MeasuredFile {
 /// Reads a measurement file of either kind: what its header has decides.
 ///
 /// # Errors
-/// As [`read_measurements`]; of absolute readings a quaternion must be of length 1, a covariance positive definite, and
-/// rows of one visit at the same angles.
+/// As [`read_measurements`]; of absolute readings a quaternion must be of length 1, a covariance positive definite,
+/// stations some of those that there are, and rows of one visit at the same angles.
 pub fn read_measured(path: &Path, of: impl Into<MeasuredArm>) -> Result<MeasuredFile, FileError> {
     read(path, &of.into(), false)
 }
@@ -182,7 +187,7 @@ fn read(path: &Path, of: &MeasuredArm, may_be_unfinished: bool) -> Result<Measur
         }
     })?;
     let found = if absolute_reads().iter().any(|read| table.has(read)) {
-        absolute_readings(&table, commands).map(MeasuredFile::Absolute)
+        absolute_readings(&table, commands, &of.stations).map(MeasuredFile::Absolute)
     } else {
         deflections(&table, of).map(MeasuredFile::Deflections)
     };

@@ -16,6 +16,7 @@ use crate::files::FileError;
 use crate::observation::{LengthKind, ReadLength};
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, shown};
 use crate::robot::{Commands, Load};
+use crate::task::{Station, wrong_station};
 
 /// Rounding in what wrote a covariance may leave it so far from positive definite, as a share of the variances.
 const LEAST_EIGENVALUE: f64 = 1e-9;
@@ -81,12 +82,18 @@ pub(super) fn absolute_columns(
 pub(super) fn absolute_readings(
     table: &Table<'_>,
     commands: &Commands,
+    stations: &[Station],
 ) -> Result<Vec<AbsoluteReading>, FileError> {
     let given = AbsoluteGroups::new(table)?;
+    let says_stations = table.has(&[WORDS[2]]);
     let mut readings = Vec::new();
     let mut visits: BTreeMap<String, (usize, Vec<u64>)> = BTreeMap::new();
     for row in table.rows() {
         let reading = given.reading(&row, commands)?;
+        let wrong = wrong_station(stations, reading.station.as_deref());
+        if let Some([problem, hint]) = wrong.filter(|_| says_stations) {
+            return Err(row.wrong(problem).hint(hint));
+        }
         if let Some(visit) = &reading.visit {
             let bits: Vec<u64> = (reading.configuration_rad.iter())
                 .map(|q| q.to_bits())

@@ -40,19 +40,21 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, MjEditError> {
             .filter(|tendon| !left.contains(tendon))
             .map(|tendon| format!("{tendon:?}"))
             .collect();
-        let with = match gone.as_slice() {
+        let mut with = match gone.as_slice() {
             [] => String::new(),
             gone => format!(" with what hangs on it, tendon {}", gone.join(", ")),
         };
-        said.push(format!(
-            "{what} {called} is no part of the arm: it is left out{with}"
-        ));
         let is_of_it = |name: &str| names.iter().any(|each| each == name);
         while let Some(equality) =
             (spec.equality_iter_mut()).find(|each| is_of_it(each.name1()) || is_of_it(each.name2()))
         {
+            let ends = [equality.name1(), equality.name2()].map(|name| format!("{name:?}"));
+            with += &format!(", with the equality constraint of {}", ends.join(" and "));
             delete(equality)?;
         }
+        said.push(format!(
+            "{what} {called} is no part of the arm: it is left out{with}"
+        ));
         // What would look at it plays no part in statics.
         while let Some(camera) =
             (spec.world_body_mut().camera_iter_mut(true)).find(|each| is_of_it(each.targetbody()))

@@ -47,8 +47,8 @@ pub const RESOLUTION: Kind = Kind::positive("mm", 1e-9, 1e4);
 pub const CLEARANCE: Kind = Kind::zero_or_positive("mm", 1e-6, 1e5);
 /// An angle (deg).
 pub const ANGLE: Kind = Kind::any("deg", 1e5);
-/// An upper bound of the size of an angle (deg).
-pub const ANGLE_LIMIT: Kind = Kind::zero_or_positive("deg", 1e-9, 1e5);
+/// The largest elevation of an axis (deg).
+pub const ELEVATION: Kind = Kind::zero_or_positive("deg", 1e-9, 90.0);
 /// How far a reflector may turn away from the instrument, between its z axis and the way to it (deg).
 pub const INCIDENCE: Kind = Kind::positive("deg", 1e-9, 180.0);
 /// The width of a range of angles (deg).

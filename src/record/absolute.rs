@@ -91,6 +91,9 @@ pub struct AbsoluteMessage {
     pub iterations: usize,
     /// Read less predicted positions (mm), in the station's frame.
     pub residuals_mm: Vec<[f64; 3]>,
+    /// The same of orientations, as rotation vectors (mrad), null of positions; none where no poses are read.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rotation_residuals_mrad: Vec<Option<[f64; 3]>>,
     /// What that discrepancy consists of, for predictions of other poses; null where there are too few readings to tell.
     #[serde(default)]
     pub discrepancy_model: Option<UnexplainedMessage>,
@@ -171,6 +174,11 @@ pub struct UnexplainedMessage {
 }
 
 impl AbsoluteMessage {
+    /// What is left of the orientation of a reading (mrad), where it is a pose.
+    pub fn rotation_residual_mrad(&self, reading: usize) -> Option<[f64; 3]> {
+        self.rotation_residuals_mrad.get(reading).copied().flatten()
+    }
+
     /// Whether an unknown is one of a station's or a target's frame.
     pub fn is_of_frame(&self, name: &str) -> bool {
         let owner = name.rsplit_once('.').map_or("", |(owner, _)| owner);
@@ -205,6 +213,9 @@ impl AbsoluteMessage {
             iterations: fit.iterations,
             residuals_mm: (fit.left.iter())
                 .map(|each| (each.position_m * 1e3).into())
+                .collect(),
+            rotation_residuals_mrad: (fit.left.iter().filter(|_| angles.is_some()))
+                .map(|each| each.rotation_rad.map(|rad| (rad * 1e3).into()))
                 .collect(),
             discrepancy_model: (fit.discrepancy_model.as_ref())
                 .map(|each| discrepancy_model(case, fit, each)),

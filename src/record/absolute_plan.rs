@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use super::absolute::AbsoluteMessage;
 use super::length::LengthField;
 use super::messages::{TestPoseMessage, TruthMessage};
+use crate::codes::Condition;
 use crate::measurement::AbsoluteReading;
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
@@ -128,12 +129,14 @@ fn readings_json(readings: &[AbsoluteReading]) -> Vec<Value> {
             return json!(LengthField(each.length));
         }
         let position_mm: [f64; 3] = (each.position_m * 1e3).into();
-        let quaternion = each
-            .rotation
-            .map(|turned| [turned.w, turned.i, turned.j, turned.k]);
-        json!({ "position_mm": position_mm, "quaternion": quaternion })
+        json!({ "position_mm": position_mm, "quaternion": quaternion(each) })
     };
     readings.iter().map(reading).collect()
+}
+
+/// The orientation of a pose, real part first, in the instrument's frame.
+pub fn quaternion(reading: &AbsoluteReading) -> Option<[f64; 4]> {
+    (reading.rotation).map(|turned| [turned.w, turned.i, turned.j, turned.k])
 }
 
 /// A plan of absolute readings that was carried out once.
@@ -153,6 +156,8 @@ pub struct ReadingsRunMessage {
     pub identification: AbsoluteMessage,
     /// What that achieves at each test pose.
     pub test_poses: Vec<TestPoseMessage>,
+    /// What must be looked at, of the fit and of what is commanded.
+    pub conditions: Vec<Condition>,
 }
 
 impl ReadingsRunMessage {

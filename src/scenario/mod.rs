@@ -13,6 +13,7 @@ use schemars::schema_for;
 use serde_json::Value;
 
 use self::file::File;
+use crate::codes::{Condition, ConditionCode};
 use crate::gate::Gate;
 use crate::laboratory::Laboratory;
 use crate::measurement::Origin;
@@ -70,7 +71,7 @@ pub struct Scenario {
     /// Whether the belief leaves out the uncertainties that the scenario lists, see [`Scenario::noise_only`].
     pub is_noise_only: bool,
     /// What speaks against trusting what the scenario builds on.
-    pub doubts: Vec<String>,
+    pub doubts: Vec<Condition>,
     /// How much worse results may get.
     pub gate: Gate,
     /// The tools and payloads that it mounts on the robot.
@@ -82,6 +83,13 @@ impl Scenario {
     pub fn settings(&self) -> Vec<Setting<'_>> {
         let setting = |&conditions: &Conditions| Setting::new(&self.task, &self.truth, conditions);
         self.study.conditions.iter().map(setting).collect()
+    }
+
+    /// That nobody knows with which error sources its prior was identified.
+    pub fn of_unknown_origin(&self) -> impl Iterator<Item = Condition> {
+        let doubts = self.doubts.iter();
+        let unknown = doubts.filter(|each| each.code == ConditionCode::NoFingerprint);
+        unknown.cloned()
     }
 
     /// The scenario of a planner who knows of the instrument's noise alone; the virtual robot stays as uncertain as it

@@ -21,7 +21,7 @@ pub use fingerprint::{Fingerprint, robot_sha256};
 pub use gauge::Gauge;
 pub use prior_campaign::PriorCampaign;
 pub use region::{Forbidden, Region};
-pub use station::{Station, station_named};
+pub use station::{Station, station_named, wrong_station};
 
 /// A test pose (D3): where the robot must machine.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::observation::LengthKind;
+use crate::text::nearest;
 
 /// A place where the instrument may stand when it reads positions or poses, or where it reads lengths from.
 ///
@@ -35,4 +36,32 @@ impl Station {
 pub fn station_named<'a>(stations: &'a [Station], name: Option<&str>) -> Option<&'a Station> {
     let name = name?;
     stations.iter().find(|station| station.name == name)
+}
+
+/// What is wrong with the station of a row, and what to do about it: one that a task with stations has not, or none where it has
+/// several. A task without stations takes any word.
+pub fn wrong_station(stations: &[Station], found: Option<&str>) -> Option<[String; 2]> {
+    let names: Vec<&str> = stations.iter().map(|station| &*station.name).collect();
+    let (problem, hint) = match found {
+        Some(name) if !names.is_empty() && !names.contains(&name) => {
+            let hint = nearest(name, names.iter().copied()).map_or_else(
+                || {
+                    "a scenario with [[station]] has each station that files of rows name"
+                        .to_owned()
+                },
+                |likely| format!("did you mean {likely:?}?"),
+            );
+            (format!("found {name:?}"), hint)
+        }
+        None if names.len() > 1 => (
+            "is missing".to_owned(),
+            "give the column station".to_owned(),
+        ),
+        _ => return None,
+    };
+    let known = names.join(", ");
+    Some([
+        format!("station: {problem}; the scenario has {known}"),
+        hint,
+    ])
 }

@@ -45,7 +45,8 @@ const SIGMA_M: f64 = 1e-3;
 /// What is implausible about a scenario, in whole sentences.
 pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<String> {
     let (nominal, truth) = (&scenario.task.belief.nominal, &scenario.truth.robot);
-    let mut warnings = scenario.doubts.clone();
+    let doubts = scenario.doubts.iter().map(|each| each.text.clone());
+    let mut warnings: Vec<String> = doubts.collect();
     for model in [&nominal.model, &truth.model] {
         for what in model.left_out() {
             let warning = format!("{}: {what}", model.path().display());
@@ -81,10 +82,11 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
     warnings
 }
 
-/// What every command that relies on a scenario's loads says of them.
+/// What every command that relies on a scenario's loads says of them, and of a prior of unknown origin.
 pub fn implausible(scenario: &Scenario) -> Vec<Condition> {
     hardly_bent(scenario)
         .chain(upward(&scenario.task))
+        .chain(scenario.of_unknown_origin())
         .collect()
 }
 

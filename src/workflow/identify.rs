@@ -156,10 +156,6 @@ impl Identified {
         let rejected: Vec<Value> = self.rejected.iter().map(RejectedReading::json).collect();
         let more = json!({
             "sigma_from_residuals": sigma_from_residuals,
-            "identified_with": scenario.task.belief.fingerprint(),
-            // Null where it is no text, which JSON could not hold.
-            "scenario_file": scenario.path.to_str(),
-            "error_sources": scenario.task.belief.source_names(),
             "residuals": self.residuals,
             "diagnoses": self.input_errors,
             "discrepancy_mm": discrepancy.map(|[position_m, _]| position_m * 1e3),
@@ -169,9 +165,19 @@ impl Identified {
             "repeats": self.repeats,
             "notes": self.notes(),
         });
-        let keys = [serde_json::to_value(&message)?, more];
+        let keys = [serde_json::to_value(&message)?, rests_on(scenario), more];
         Ok(results("identify", provenance, keys))
     }
+}
+
+/// The keys of what was identified from deflections that say what it rests on.
+pub fn rests_on(scenario: &Scenario) -> Value {
+    json!({
+        "identified_with": scenario.task.belief.fingerprint(),
+        // Null where it is no text, which JSON could not hold.
+        "scenario_file": scenario.path.to_str(),
+        "error_sources": scenario.task.belief.source_names(),
+    })
 }
 
 /// A target is another one where it is further than this from its place (m)

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::design::{Designed, Wanted};
 use super::evidence::gather;
-use super::identify::{IdentifiedRobot, identify_absolute};
+use super::identify::{IdentifiedRobot, identify_absolute, rests_on};
 use crate::calibration::{
     Calibration, CalibrationError, CompensatedPose, SeenPose, calibrate, pose_conditions, rms_m,
 };
@@ -20,7 +20,7 @@ use crate::files::FileError;
 use crate::identification::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, ParameterGroup, ReadingWeights,
 };
-use crate::measurement::AbsoluteReading;
+use crate::measurement::{AbsoluteReading, SimulatedRun};
 use crate::numeric::posterior::NotDetermined;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::plan::Assessment;
@@ -230,6 +230,7 @@ impl RunOutcome {
         } = &self.tried[0];
         let first = json!({
             "gate": scenario.gate,
+            "simulated": SimulatedRun { seed: scenario.seed, run: Some(RUN) },
             "plan": main.plan,
             "elapsed_s": elapsed_s,
             "measurements": main.measurements,
@@ -267,6 +268,7 @@ impl RunOutcome {
             serde_json::to_value(&main.test_poses[0])?,
             assessment_json(scenario, assessment),
             serde_json::to_value(&main.identification)?,
+            rests_on(scenario),
             keys,
             serde_json::to_value(&self.evidence)?,
         ];
@@ -446,8 +448,11 @@ fn record(
     let belief = &scenario.task.belief;
     let (commands, joints) = (belief.commands(), belief.parameters.iter().copied());
     let pose = |pose| TestPoseMessage::new(&commands, pose);
+    let mut conditions = fit.conditions();
+    conditions.extend(pose_conditions(belief, poses));
     ReadingsRunMessage {
         name: name.to_owned(),
+        conditions,
         plan,
         truth: TruthMessage::new(joints, &robots.sampled(number)),
         true_values: true_values(scenario, robots, fit),

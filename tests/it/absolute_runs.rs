@@ -354,3 +354,28 @@ fn what_is_wrong_is_said_once() {
         outcome.says(wanted);
     }
 }
+
+/// Records and recordings of poses have the orientation of each reading, and what is left of it.
+#[test]
+fn recordings_of_poses_have_orientations() {
+    let poses = "[instrument]\nrotation_sigma_mrad = 0.1";
+    let text = absolute(KNOWN).replace("[instrument]", poses);
+    let (place, run) = run_of(&text, "--draw 6");
+    let record = &run["plans"][0];
+    let bytes = std::fs::read(place.path("out/s/run.mcap")).expect("a recording");
+    let messages = read_mcap(&bytes);
+    let read = messages.iter().filter(|each| each.topic == "/measurements");
+    let read: Vec<_> = read.collect();
+    let residuals = &record["identification"]["rotation_residuals_mrad"];
+    assert_eq!(residuals.as_array().map(Vec::len), Some(read.len()));
+    for (place, message) in read.iter().enumerate() {
+        let turned = &record["measurements"][place]["quaternion"];
+        assert_eq!(numbers(&message.json["quaternion"]), numbers(turned));
+        let residual = numbers(&message.json["rotation_residual_mrad"]);
+        assert_eq!(residual, numbers(&residuals[place]));
+        let size = residual.iter().map(|each| each * each).sum::<f64>().sqrt();
+        assert!(size > 0.0 && size < 1.0, "{residual:?}");
+    }
+    let shown = rows(&rerun(&["rrd", "print"], &place.path("out/s/run.rrd")));
+    assert!(shown.len() > 10);
+}

@@ -109,6 +109,7 @@ const SCENARIO_EDITS: &[Edit] = &[
     (LOAD, "kind = \"any\"\nforce_max_n = 0", &["load.force_max_n", "found 0", "positive"], None),
     (LOAD, "kind = \"list\"\nwrenches = []", &["load.wrenches", "is empty"], None),
     (LOAD, "kind = \"list\"\nwrenches = [{ force_n = [0, 0, 0] }]", &["load.wrenches[0]", "a load of zero"], None),
+    (LOAD, "kind = \"list\"\nwrenches = [{ force_n = [0, 0, -9] }, { force_n = [0, 0, -9] }]", &["load.wrenches[1]", "there twice"], None),
     ("force_n = [0, 280, -180]", "force_n = [0, 280, -180]\nweight = -1", &["test_pose[0].weight", "found -1", "positive"], None),
     ("force_n = [0, 280, -180]", "force_n = [0, inf, -180]", &["test_pose[0].force_n", "found inf", "finite"], None),
     // What does not fit the robot.
@@ -131,6 +132,7 @@ const SCENARIO_EDITS: &[Edit] = &[
     ("joint_1 = [0, 0]", "joint_1 = [0, 200]", &["region.joint_range_deg.joint_1", "found 0 to 200", "-185.0000 to 185.0000"], None),
     ("tool_height_min_mm = 800", "tool_height_min_mm = nan", &["region.tool_height_min_mm", "found NaN"], None),
     ("tool_height_min_mm = 800", "tool_height_min_mm = 800\ntool_height_max_mm = 700", &["region.tool_height_min_mm", "found 800", "region.tool_height_max_mm = 700"], None),
+    ("tool_elevation_max_deg = 30", "tool_elevation_max_deg = 91", &["region.tool_elevation_max_deg", "found 91"], None),
     ("tool_elevation_max_deg = 30", "collision_clearance_mm = -1", &["region.collision_clearance_mm", "found -1"], None),
     ("tool_elevation_max_deg = 30", "joint_torque_max_nm = [1, 2]", &["region.joint_torque_max_nm", "found 2 numbers", "6 joints"], None),
     ("experiments = 3", "experiments = 0", &["design.experiments", "found 0", "at least 2"], None),

@@ -268,6 +268,9 @@ fn folder_of_run(workplace: &Workplace) -> Value {
     let written: Value =
         serde_json::from_str(&workplace.read("results/s/results.json")).expect("JSON");
     assert_eq!(printed, written);
+    // As in an identified file, so that it can be a prior.
+    assert!(written["identified_with"]["robot_sha256"].is_string());
+    assert!(written["error_sources"].is_array());
     written
 }
 

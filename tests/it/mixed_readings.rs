@@ -617,7 +617,7 @@ fn rows_that_do_not_fit_are_refused() {
         ",tracker,",
         &["reading 1 is a distance from station \"tracker\""],
     );
-    refused(",shelf,", ",door,", &["station \"door\""]);
+    refused(",shelf,", ",door,", &["station: found \"door\""]);
     refused(
         ",shelf,,",
         ",shelf,1,",

@@ -473,3 +473,28 @@ fn a_prior_that_cannot_be_one_is_refused() {
     let outcome = place.run("check p.toml").ends_with(1);
     assert!(outcome.stderr.contains("nothing.json"), "{outcome:?}");
 }
+
+/// A prior that does not say which error sources are in its estimates is a condition of what rests on it.
+#[test]
+fn a_prior_of_unknown_error_sources_is_a_condition() {
+    let place = Workplace::new();
+    place.write("s.toml", linear());
+    let plan = table4(3);
+    place
+        .run(&format!(
+            "measure s.toml --plan {plan} --measurements-out m.csv"
+        ))
+        .ends_with(0);
+    identified(&place, "s.toml", "m.csv", "i.json");
+    place.write("p.toml", with_prior(&linear(), "i.json"));
+    let evaluate = format!("evaluate p.toml --plan {plan} --quiet");
+    assert!(!place.run(&evaluate).stderr.contains("C0308"));
+    let mut json: serde_json::Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let keys = json.as_object_mut().expect("an object");
+    keys.remove("error_sources").expect("a key");
+    place.write("i.json", json.to_string());
+    for command in [&evaluate, "identify p.toml --measurements m.csv --quiet"] {
+        let said = place.run(command).ends_with(3);
+        said.says("condition C0308: i.json does not say with which robot and error sources");
+    }
+}

@@ -4,6 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use elastocal::experiment::Candidate;
 use elastocal::identification::ParameterGroup;
+use elastocal::measurement::read_measured;
 use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning};
 use elastocal::plan::search::{PlanSize, Watch, random_plan};
 use elastocal::scenario::Scenario;
@@ -419,4 +420,38 @@ fn a_station_stands_where_it_stands_whatever_else_is_read() {
         }
         assert_ne!(of(&both, one), of(&both, other));
     }
+}
+
+/// A file of readings has the stations of the scenario, where it has some; a row without one is of the one station that there is.
+#[test]
+fn readings_are_from_the_scenarios_stations() {
+    let place = Workplace::new();
+    let near = station("near", [-1800.0, 0.0, 800.0], "");
+    let far = station("far", [-9000.0, -6000.0, 1200.0], "");
+    let header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,station,x_mm,y_mm,z_mm";
+    let read = |stations: &str, name: &str| {
+        let scenario = loaded(&place, stations);
+        let row = |name| format!("0,-60,80,0,0,0,{name},1,2,3\n");
+        place.write("m.csv", format!("{header}\n{}{}", row("near"), row(name)));
+        let read = read_measured(&place.path("m.csv"), &scenario.task);
+        read.map(drop).map_err(|error| error.to_string())
+    };
+    for (stations, name, problem) in [
+        (
+            near.clone() + &far,
+            "fare",
+            "line 3: station: found \"fare\"; the scenario has near, far",
+        ),
+        (
+            near.clone() + &far,
+            "",
+            "line 3: station: is missing; the scenario has near, far",
+        ),
+    ] {
+        let found = read(&stations, name).expect_err(name);
+        assert!(found.contains(problem), "{found}");
+    }
+    assert_eq!(read(&(near.clone() + &far), "far"), Ok(()));
+    assert_eq!(read(&near, ""), Ok(()));
+    assert_eq!(read("", "fare"), Ok(()));
 }

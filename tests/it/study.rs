@@ -198,6 +198,27 @@ fn a_replay_is_the_run_of_the_study() {
     assert_eq!(replay["notes"], serde_json::json!([says]));
 }
 
+/// What must be looked at of a fit is said of the replay, with the plan.
+#[test]
+fn a_replay_has_the_conditions_of_its_fits() {
+    let workplace = Workplace::new();
+    let study = "[study]\nexperiments = 2\n\n\
+                 [[study.plan]]\nname = \"two\"\nkind = \"file\"\nfile = \"plans/klimchik2012_m2.csv\"\n";
+    let noisy = with_study(study).replace("sigma_mm = 0.03", "sigma_mm = 10");
+    workplace.write("s.toml", noisy);
+    let replay = workplace.run("replay s.toml --run 0 --json --quiet");
+    let replay = replay
+        .ends_with(3)
+        .says("condition C0202: plan \"two\": the compliance of")
+        .json();
+    let fitted = replay["plans"][0]["identification"]["conditions"].as_array();
+    let said = replay["conditions"].as_array();
+    assert_eq!(said.map(Vec::len), fitted.map(Vec::len));
+    let written: Value =
+        serde_json::from_str(&workplace.read("out/s/replay_0.json")).expect("JSON");
+    assert_eq!(written["conditions"], replay["conditions"]);
+}
+
 /// Any run can be measured by itself: as its replay measures, true compliances included.
 #[test]
 fn a_run_is_measured_as_its_replay_measures() {

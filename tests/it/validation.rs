@@ -68,9 +68,15 @@ fn a_prediction_is_kept_or_not() {
 #[test]
 fn a_tolerance_with_a_guard_band_is_kept_or_not() {
     let workplace = identified();
+    // What was fitted says nothing of a prediction; here it stands for other measurements.
+    workplace
+        .run("validate --quiet --identified i.json --measurements m.csv")
+        .ends_with(1)
+        .says("error E0302: m.csv: holds the same readings as i.json was identified from");
+    workplace.write("own.csv", "# again\n".to_owned() + &workplace.read("m.csv"));
     let judged = |options: &str, code: i32| {
         let arguments =
-            "validate --quiet --identified i.json --measurements m.csv --json --tolerance-um";
+            "validate --quiet --identified i.json --measurements own.csv --json --tolerance-um";
         let outcome = workplace
             .run(&format!("{arguments} {options}"))
             .ends_with(code);

@@ -13,6 +13,7 @@ use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_select
 
 use super::Identify;
 use crate::cli::command_prelude::*;
+use crate::cli::identified::refuse_same;
 use crate::cli::residuals;
 use crate::cli::study::results::noted;
 use crate::cli::table::{DISTANCES, distances, numbers};
@@ -46,13 +47,11 @@ impl Identify {
         if let Some(other) = &self.against {
             let why = ", and absolute readings are held against it";
             let others = read_measured(other, &scenario.task)?.absolute(other, why)?;
-            if others == readings {
-                let problem = format!("holds the same readings as {}", file.display());
-                let wrong = FileError::new(other, problem).code(ErrorCode::Measurements);
-                return Err(wrong
-                    .hint("--against takes another series of the robot")
-                    .into());
-            }
+            let (same, hint) = (
+                file.display(),
+                "--against takes another series of the robot",
+            );
+            refuse_same(other, others == readings, &same.to_string(), hint)?;
             let between = [file, other].map(|path| format!("in {}", path.display()));
             (identified.compare(belief, &others, (groups, weights), between))
                 .map_err(|error| error.in_file(other))?;

@@ -73,7 +73,8 @@ impl Identify {
         text += &residuals::patterns(&identified.patterns);
         text += &residuals::repeats(identified.repeats.as_ref(), "deflections");
         text += &noted(&identified.notes());
-        let conditions = loads_outside.into_iter().chain(identified.conditions());
+        let conditions = (loads_outside.into_iter().chain(identified.conditions()))
+            .chain(scenario.of_unknown_origin());
         let mut report = Report::new(json, text, conditions.collect());
         self.draw_patterns(scenario, &identified.patterns, &mut report)?;
         Ok(report)

@@ -209,6 +209,7 @@ impl StudyCommand {
         if part.header.absolute.is_none() {
             report.conditions.extend(foreign_loads(scenario));
         }
+        report.conditions.extend(scenario.of_unknown_origin());
         report.written = written;
         Ok(report)
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::error::{AbsolutePlanError, some_of};
+use super::error::AbsolutePlanError;
 use crate::experiment::Candidate;
 use crate::measurement::AbsoluteReading;
 use crate::observation::ReadLength;
@@ -12,8 +12,7 @@ use crate::plan::search::{CandidateError, OfferedCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::robot::{Load, SerialChain, Tool};
-use crate::task::{Belief, Task, station_named};
-use crate::text::nearest;
+use crate::task::{Belief, Task, station_named, wrong_station};
 
 /// Rows as readings from stations: where a task says what stations there are, a row that names none is one from each.
 pub(super) fn from_stations(
@@ -25,31 +24,15 @@ pub(super) fn from_stations(
     }
     let mut all = Vec::new();
     for row in rows {
-        let Some(name) = &row.station else {
+        if row.station.is_none() {
             all.extend(task.belief.stations.iter().map(|station| Candidate {
                 station: Some(station.name.clone()),
                 ..row.clone()
             }));
-            continue;
-        };
-        if station_named(&task.belief.stations, Some(name)).is_none() {
-            let known = task
-                .belief
-                .stations
-                .iter()
-                .map(|station| station.name.as_str());
-            let hint = nearest(name, known).map_or_else(
-                || "a scenario with [[station]] has each station that candidates name".to_owned(),
-                |likely| format!("did you mean {likely:?}?"),
-            );
-            return Err(of_station(
-                task,
-                row.line,
-                &format!("found {name:?}"),
-                &hint,
-            ));
+        } else {
+            check_station(task, row)?;
+            all.push(row.clone());
         }
-        all.push(row.clone());
     }
     if all.len() > MOST_CANDIDATES {
         return Err(CandidateError::too_many(all.len(), "from", "station").into());
@@ -57,28 +40,20 @@ pub(super) fn from_stations(
     Ok(all)
 }
 
-/// What is wrong with the station of a line, where a task has some.
-fn of_station(task: &Task, line: usize, problem: &str, hint: &str) -> AbsolutePlanError {
-    let known: Vec<String> = task
-        .belief
-        .stations
-        .iter()
-        .map(|station| station.name.clone())
-        .collect();
-    let known = some_of(&known);
-    let problem = format!("line {line}: station: {problem}; the scenario has {known}");
-    AbsolutePlanError::other(problem, Some(hint))
+/// Refuses a row of a station that the task has not, or of none where it has several.
+fn check_station(task: &Task, row: &Candidate) -> Result<(), AbsolutePlanError> {
+    match wrong_station(&task.belief.stations, row.station.as_deref()) {
+        Some([problem, hint]) => {
+            let problem = format!("line {}: {problem}", row.line);
+            Err(AbsolutePlanError::other(problem, Some(&hint)))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Refuses readings of a plan that do not say from which of several stations they are.
 pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), AbsolutePlanError> {
-    match rows.iter().find(|row| row.station.is_none()) {
-        Some(row) if task.belief.stations.len() > 1 => {
-            let hint = "give the column station";
-            Err(of_station(task, row.line, "is missing", hint))
-        }
-        _ => Ok(()),
-    }
+    rows.iter().try_for_each(|row| check_station(task, row))
 }
 
 /// The rows that a task allows, and why not the others.

@@ -47,7 +47,12 @@ impl Checker<'_> {
                     let parts = [Some(wrench.force_n.as_slice()), wrench.torque_nm.as_deref()];
                     self.load(key, ["force_n", "torque_nm"], parts)
                 };
-                Loads::List(self.each("load.wrenches", MOST_LISTED, wrenches, load)?)
+                let loads = self.each("load.wrenches", MOST_LISTED, wrenches, load)?;
+                if let Some(place) = (1..loads.len()).find(|&at| loads[..at].contains(&loads[at])) {
+                    let key = format!("load.wrenches[{place}]");
+                    return Err(self.wrong(&key, "the same load is there twice"));
+                }
+                Loads::List(loads)
             }
         })
     }

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::super::file::File;
 use super::Checker;
-use crate::codes::ErrorCode;
+use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
 use crate::identification::StoredIdentification;
 use crate::numeric::posterior::Posterior;
@@ -23,7 +23,7 @@ pub(super) struct Before {
     /// How many of the parameters something is known of.
     pub known: usize,
     /// What speaks against trusting it.
-    pub doubts: Vec<String>,
+    pub doubts: Vec<Condition>,
 }
 
 impl Checker<'_> {
@@ -46,21 +46,21 @@ impl Checker<'_> {
         let stored = StoredIdentification::read(&path, nominal).map_err(wrong)?;
         self.inputs.borrow_mut().add(&path)?;
         let file = format!("the identification in {}", path.display());
-        let mut doubts: Vec<String> = (stored.conditions.iter())
-            .map(|condition| condition.within(&file).text)
+        let mut doubts: Vec<Condition> = (stored.conditions.iter())
+            .map(|condition| condition.within(&file))
             .collect();
-        match &stored.identified_with {
-            Some(with) if with.robot_sha256 != robot_sha256(&nominal.chain) => {
-                let problem = "was identified with another robot: its joints' names, axes or places are not \
-                               those of the scenario's model";
-                let other = FileError::new(&path, problem).at("identified_with.robot_sha256");
-                return Err(wrong(other.code(ErrorCode::OtherRobot)));
-            }
-            Some(_) => {}
-            None => doubts.push(format!(
-                "{} does not say what it was identified with, as files of earlier versions do not",
+        let with = stored.identified_with.as_ref();
+        if with.is_some_and(|with| with.robot_sha256 != robot_sha256(&nominal.chain)) {
+            let problem = "was identified with another robot: its joints' names, axes or places are not \
+                           those of the scenario's model";
+            let other = FileError::new(&path, problem).at("identified_with.robot_sha256");
+            return Err(wrong(other.code(ErrorCode::OtherRobot)));
+        }
+        if with.is_none() || stored.error_sources.is_none() {
+            doubts.push(ConditionCode::NoFingerprint.with(format!(
+                "{} does not say with which robot and error sources it was identified: sources that are in its estimates count again",
                 path.display()
-            )),
+            )));
         }
         let is_replaced = |name: &String| {
             let mut tables = uncertainty.iter().filter(|each| each.replaced);
@@ -102,7 +102,7 @@ impl Checker<'_> {
             return Err(self.wrong(key, format!("{} determined nothing", path.display())));
         }
         let count = means.len();
-        let (found, sources) = (stored.all, stored.error_sources);
+        let (found, sources) = (stored.all, stored.error_sources.unwrap_or_default());
         Ok(Before {
             known: spread.ncols(),
             campaign: Some(campaign_of(

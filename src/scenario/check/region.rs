@@ -5,7 +5,7 @@ use super::number::in_si;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_LISTED;
 use crate::quantities::plausible::{
-    ANGLE, ANGLE_LIMIT, ANGLE_WIDTH, CLEARANCE, POSITION, TORQUE_LIMIT,
+    ANGLE, ANGLE_WIDTH, CLEARANCE, ELEVATION, POSITION, TORQUE_LIMIT,
 };
 use crate::robot::{Commands, Joint, SerialChain};
 use crate::scenario::file::{ForbiddenTable, RegionTable};
@@ -44,7 +44,7 @@ impl Checker<'_> {
             tool_height_m: self.lengths("region.tool_height", height_mm, &POSITION)?,
             tool_radius_m: self.lengths("region.tool_radius", radius_mm, &POSITION)?,
             tool_elevation_max_rad: self
-                .optional("region.tool_elevation_max_deg", elevation_deg, &ANGLE_LIMIT)?
+                .optional("region.tool_elevation_max_deg", elevation_deg, &ELEVATION)?
                 .map(f64::to_radians),
             joint_torque_max_nm: joint_torque_max_nm.transpose()?,
             collision_clearance_m: self

@@ -26,7 +26,7 @@ use super::recording::{PlanRecord, RecordedCalibration, Recording, Stance, Step,
 use crate::files::{FileError, output::Output};
 use crate::laboratory::Costs;
 use crate::record::absolute::AbsoluteMessage;
-use crate::record::absolute_plan::ReadingsRunMessage;
+use crate::record::absolute_plan::{ReadingsRunMessage, quaternion};
 use crate::record::length::LengthField;
 use crate::record::messages::{
     IdentificationMessage, MeasurementMessage, ProvenanceMessage, TestPoseMessage, thousandfold,
@@ -99,11 +99,15 @@ struct ReadingRecord<'a> {
     station: Option<&'a str>,
     /// The position that was read (mm), in the instrument's frame; null of lengths.
     position_mm: Option<[f64; 3]>,
+    /// The orientation that was read of a pose, real part first, in the instrument's frame.
+    quaternion: Option<[f64; 4]>,
     /// The length that was read, of lengths.
     #[serde(flatten)]
     length: LengthField,
     /// Read less predicted position (mm), in the instrument's frame; null of lengths.
     residual_mm: Option<[f64; 3]>,
+    /// Read less predicted orientation of a pose, as a rotation vector (mrad), in the instrument's frame.
+    rotation_residual_mrad: Option<[f64; 3]>,
     /// Read less predicted length (mm), of lengths.
     length_residual_mm: Option<f64>,
 }
@@ -458,8 +462,10 @@ fn reading_record<'a>(
         target: reading.target.as_deref(),
         station: reading.station.as_deref(),
         position_mm,
+        quaternion: quaternion(reading),
         length: LengthField(reading.length),
         residual_mm,
+        rotation_residual_mrad: record.identification.rotation_residual_mrad(index),
         length_residual_mm,
     }
 }

@@ -22,7 +22,7 @@ pub struct ShownVector {
     pub label: &'static str,
     /// The group of curves that shows it, if one does.
     pub group: Option<&'static str>,
-    /// Its coordinates (mm),
+    /// Its coordinates (mm; mrad of rotations),
     pub vector_mm: Option<[f64; 3]>,
     /// and what a gauge or a ballbar reads of it (mm).
     pub along_mm: Option<f64>,
@@ -101,7 +101,7 @@ impl PlanRecord {
     }
 
     /// What was read once: of deflections the truth without the instrument's errors, whole also where a gauge reads; what was read, and
-    /// what identification leaves of it.
+    /// what identification leaves of it; of poses the orientation, too.
     pub fn shown(&self, index: usize) -> Vec<ShownVector> {
         let [group, _] = self.curves();
         let (label, true_mm, read_mm, residuals_mm) = match self {
@@ -133,7 +133,29 @@ impl PlanRecord {
                 along_mm,
             })
         };
-        vectors.into_iter().filter_map(shown).collect()
+        let mut shown: Vec<_> = vectors.into_iter().filter_map(shown).collect();
+        if let Self::Readings(record) = self {
+            let read = record.readings.get(index).and_then(|each| each.rotation);
+            let vectors = [
+                (
+                    "read, rotation [mrad]",
+                    read.map(|turned| (turned.scaled_axis() * 1e3).into()),
+                ),
+                (
+                    "rotation residual [mrad]",
+                    record.identification.rotation_residual_mrad(index),
+                ),
+            ];
+            shown.extend(vectors.into_iter().filter(|each| each.1.is_some()).map(
+                |(label, vector_mm)| ShownVector {
+                    label,
+                    group: None,
+                    vector_mm,
+                    along_mm: None,
+                },
+            ));
+        }
+        shown
     }
 
     /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a length that.
