@@ -20,12 +20,12 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, MjEditError> {
             .flat_map(names_in)
             .collect();
         // What is tied among themselves is tied to nothing.
-        let tied: Vec<String> = (spec.equality_iter())
-            .map(|each| [each.name1().to_owned(), each.name2().to_owned()])
+        let (before, constraints) = (tendons(spec), constraints(spec));
+        let tied: Vec<String> = (constraints.iter())
             .filter(|ends| !ends.iter().all(|name| beside.contains(name)))
             .flatten()
+            .cloned()
             .collect();
-        let before = tendons(spec);
         let mut bodies = spec.world_body_mut().body_iter_mut();
         let found = bodies.find_map(|body| loose(body, &tied).map(|what| (body, what)));
         let Some((body, what)) = found else { break };
@@ -45,11 +45,16 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, MjEditError> {
             gone => format!(" with what hangs on it, tendon {}", gone.join(", ")),
         };
         let is_of_it = |name: &str| names.iter().any(|each| each == name);
+        for ends in constraints
+            .iter()
+            .filter(|ends| ends.iter().any(|name| is_of_it(name)))
+        {
+            let ends = ends.each_ref().map(|name| format!("{name:?}"));
+            with += &format!(", with the equality constraint of {}", ends.join(" and "));
+        }
         while let Some(equality) =
             (spec.equality_iter_mut()).find(|each| is_of_it(each.name1()) || is_of_it(each.name2()))
         {
-            let ends = [equality.name1(), equality.name2()].map(|name| format!("{name:?}"));
-            with += &format!(", with the equality constraint of {}", ends.join(" and "));
             delete(equality)?;
         }
         said.push(format!(
@@ -78,6 +83,13 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, MjEditError> {
 fn tendons(spec: &MjSpec) -> Vec<String> {
     spec.tendon_iter()
         .map(|each| each.name().to_owned())
+        .collect()
+}
+
+/// The names of what each equality constraint ties.
+fn constraints(spec: &MjSpec) -> Vec<[String; 2]> {
+    spec.equality_iter()
+        .map(|each| [each.name1(), each.name2()].map(str::to_owned))
         .collect()
 }
 

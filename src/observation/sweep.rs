@@ -201,7 +201,14 @@ impl Sweep {
                     } else {
                         1.0
                     };
-                    self.columns[joint] * (pose.torque[joint] * factor)
+                    let law = &pose.belief.stiffening[joint];
+                    let mut column = self.columns[joint] * (pose.torque[joint] * factor);
+                    if law.share != 0.0 {
+                        // What it gives besides its spring grows with its compliance, too.
+                        let beside = |leaning: &Leaning| law.beside_spring(1.0, leaning.torque_nm);
+                        column += self.of_leaning(pose, joint, beside) * factor;
+                    }
+                    column
                 }
                 ParameterKind::JointZero { joint } => self.of_zero(pose, joint),
                 ParameterKind::JointWave { joint, wave } => self.of_wave(pose, joint, wave),

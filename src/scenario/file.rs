@@ -17,7 +17,7 @@ use crate::parameter::{DiscrepancyOf, ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
 use crate::robot::{Commands, ReadsAlong, SerialChain};
 use crate::study::Level;
-use crate::task::{AccuracyKind, Gauge, Method};
+use crate::task::{AccuracyKind, Method};
 
 /// The whole file.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -128,18 +128,14 @@ impl File {
         Commands::from(chain).reading_along(self.reads_along())
     }
 
-    /// How long after the unloaded reading of a deflection the loaded one is taken (h): at once where the load is hung in place. So it is
-    /// for what a gauge reads, beside a tracker too, which is told which share of that time it takes.
-    pub fn between_readings_h(&self, costs: &Costs, gauge: &mut Option<Gauge>) -> f64 {
+    /// How long after the unloaded reading of a deflection the loaded one is taken (h): at once where the load is hung in place, and for
+    /// what a gauge reads.
+    pub fn between_readings_h(&self, costs: &Costs) -> f64 {
         let visited = match (self.laboratory.loading, self.reads_along()) {
             (Loading::InPlace, _) | (_, ReadsAlong::Always) => 0,
             (Loading::Returns, _) => self.design.experiments,
         };
-        let between_h = costs.between_readings_h(visited);
-        if let Some(gauge) = gauge.as_mut().filter(|_| between_h > 0.0) {
-            gauge.drift_share = costs.between_readings_h(0) / between_h;
-        }
-        between_h
+        costs.between_readings_h(visited)
     }
 
     /// Whether it says what the true compliances are.

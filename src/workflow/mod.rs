@@ -7,6 +7,7 @@
 //! - [`study`]: the plans of a study, and what its runs come to.
 //! - [`identify`]: compliances or a robot from what was measured, with residuals and likely mistakes.
 //! - [`calibrated`]: the robot as an identification left it.
+//! - [`known_parameters`]: what its file says of its parameters.
 //! - [`target_accuracy`]: how far its tools are from absolute targets.
 //! - [`export`]: the calibrated robot as a model's file.
 //! - [`stored_robot`]: a robot from the file of its absolute readings.
@@ -18,6 +19,7 @@ pub mod evidence;
 pub mod export;
 pub mod identify;
 pub mod init;
+pub mod known_parameters;
 pub mod run;
 pub mod stored_robot;
 pub mod study;

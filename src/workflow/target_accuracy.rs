@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, DVector, Isometry3};
 
-use super::calibrated::{IdentifiedStation, known};
+use super::known_parameters::{IdentifiedStation, known};
 use super::stored_robot::StoredRobot;
 use crate::compensation::uncompensated_rows;
 use crate::files::FileError;

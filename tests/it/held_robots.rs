@@ -117,7 +117,7 @@ fn experiments_that_the_robot_does_not_hold_are_violations() {
     place.json("check arm.toml --plan chosen.csv");
 }
 
-/// A search goes on without what the arm does not hold, and says so where that is all.
+/// A search goes on without what the arm does not hold.
 #[test]
 fn searches_find_experiments_that_the_robot_holds() {
     let held = place(true, 6e4, "");
@@ -125,9 +125,6 @@ fn searches_find_experiments_that_the_robot_holds() {
     held.json("check arm.toml --plan plan.csv");
     let measured = held.run("measure arm.toml --plan plan.csv --measurements-out m.csv");
     assert!(held.path("m.csv").exists(), "{measured:#?}");
-    let none = place(true, 1e8, "");
-    let refused = none.run("plan arm.toml --no-proof").ends_with(1);
-    refused.says("static equilibrium rejects 100.0 %");
 }
 
 #[test]

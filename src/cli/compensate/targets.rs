@@ -7,7 +7,10 @@ use crate::files::output::write_whole;
 use crate::identification::JointError;
 use crate::mujoco::frame;
 use crate::parameter::ElasticArm;
-use crate::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
+use crate::workflow::{
+    calibrated::{ArmWithJointErrors, CalibratedRobot},
+    known_parameters::IdentifiedStation,
+};
 use clap::ValueEnum;
 use nalgebra::{DVector, Isometry3, Vector3};
 

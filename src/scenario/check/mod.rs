@@ -123,7 +123,12 @@ impl Checker<'_> {
             stations,
             method: file.identification.method,
         };
-        let between_h = file.between_readings_h(&laboratory.costs, &mut belief.instrument.gauge);
+        let costs = &laboratory.costs;
+        let between_h = file.between_readings_h(costs);
+        if let Some(gauge) = (belief.instrument.gauge.as_mut()).filter(|_| between_h > 0.0) {
+            // Beside a tracker a gauge is read at once.
+            gauge.drift_share = costs.between_readings_h(0) / between_h;
+        }
         let places = ReadingPlaces {
             between_h,
             test_pose_rad: &test_poses[0].configuration_rad,

@@ -81,6 +81,7 @@ impl Scenery {
                 station_named(&scenario.task.belief.stations, row.station.as_deref())
             });
             let tool = place(calibration);
+            let read = target.as_ref().map_or(tool, place);
             state.move_to(q);
             scenes.push(Scene {
                 poses: shown
@@ -89,13 +90,13 @@ impl Scenery {
                     .collect(),
                 arrow_end: tool + experiment.load.force_n * (ARROW_M / largest_n),
                 tool,
-                read: target.as_ref().map_or(tool, place),
+                read,
                 // Where no station has a place of its own, the model's tracker is where all are.
                 sight: ReadingLine::new(
                     instrument,
                     &state,
                     experiment.direction,
-                    station.map(|station| station.position_m),
+                    station.map(|station| station.sees_from(&read.coords)),
                 ),
                 station: station.map(|station| station.name.clone()),
             });
