@@ -273,8 +273,8 @@ frames are identified, with a joint repeatability of 0.0485 mrad, transmission e
 ## Where the model is not linear
 
 The largest gaps: a log-normal compliance of a joint that no measurement shows, where the linear model misses 7/8 of the spread's square,
-and shares by which all joints of the KR-270 stiffen, or soften, at 8000 N m, of which its second one carries more: with 2 % the few that
-soften most are not far from giving way. {PARTS * RUNS // 4} runs, each with the random numbers of the linear model's.
+beside shares by which all joints of the KR-270 stiffen, or soften, at 8000 N m, of which its second one carries more: fits and compensation
+have the whole law. {PARTS * RUNS // 4} runs, each with the random numbers of the linear model's.
 
 """,
     "hidden": """

@@ -201,14 +201,12 @@ impl Sweep {
                     } else {
                         1.0
                     };
-                    let law = &pose.belief.stiffening[joint];
-                    let mut column = self.columns[joint] * (pose.torque[joint] * factor);
-                    if law.share != 0.0 {
-                        // What it gives besides its spring grows with its compliance, too.
-                        let beside = |leaning: &Leaning| law.beside_spring(1.0, leaning.torque_nm);
-                        column += self.of_leaning(pose, joint, beside) * factor;
+                    let column = self.columns[joint] * (pose.torque[joint] * factor);
+                    if pose.leanings.is_none() {
+                        column
+                    } else {
+                        column + self.of_law(pose, joint) * factor
                     }
-                    column
                 }
                 ParameterKind::JointZero { joint } => self.of_zero(pose, joint),
                 ParameterKind::JointWave { joint, wave } => self.of_wave(pose, joint, wave),
@@ -320,6 +318,15 @@ impl Sweep {
             column += jacobian_column(pose.state, joint) * (here - unloaded);
         }
         column
+    }
+
+    /// What more of a joint's compliance moves by what the joint gives besides its spring, which grows with it.
+    #[cold]
+    fn of_law(&self, pose: &SweepPose<'_>, joint: usize) -> Vector6<f64> {
+        let law = &pose.belief.stiffening[joint];
+        self.of_leaning(pose, joint, |leaning| {
+            law.beside_spring(1.0, leaning.torque_nm)
+        })
     }
 
     /// What more of a wave in a joint's gear moves. Where the joint is commanded back by what its spring gives, the gear errs by more

@@ -141,45 +141,57 @@ pub struct Feasibility<'a> {
     simulation: Option<State>,
 }
 
-/// What a plain arm surely holds: no torque is larger than T = (F + m g) l + M at any configuration, nor are its derivatives by
-/// angles. With the sum a of all k T at most 1/5, Newton's method converges to a stable equilibrium (Kantorovich: the first step is
-/// at most a / (1 - a), the whole way twice that, below half a radian; eigenvalues of I - k dtau/dq are at least 1 - a).
+/// What a plain arm surely holds. No torque about joint j is larger than `T_j` = (F + m g) l + M with the mass and the reach beyond it, nor are
+/// its derivatives by this joint's angle and those before. With the sum a of all `k_j` `T_j` at most 1/5, Newton's method converges to a
+/// stable equilibrium (Kantorovich: the first step is at most a / (1 - a), the whole way twice that, below half a radian; eigenvalues of
+/// I - k dtau/dq are at least 1 - a, as |dtau_i/dq_j|^2 is at most `T_i` `T_j`).
 #[derive(Debug)]
-struct Firmness {
-    /// The sum of the compliances (rad/(N m)); infinite where more than the joints of the paper's arm is elastic.
+struct Firmness(Option<Vec<FirmJoint>>);
+
+/// What lies beyond a joint.
+#[derive(Debug)]
+struct FirmJoint {
     compliance_rad_per_nm: f64,
-    /// The longest lever (m).
-    lever_m: f64,
-    /// The weight of all links (N).
+    reach_m: f64,
     weight_n: f64,
 }
 
 impl Firmness {
-    /// Of the planner's arm.
+    /// Of the planner's arm; nothing is said of one where more than the joints of the paper's arm is elastic.
     fn new(belief: &Belief) -> Self {
         let (nominal, tool) = (&belief.nominal, &belief.calibration_tool);
-        let joints = &nominal.chain.joints;
-        let links = joints.iter().skip(1);
-        let links_m = links.map(|joint| joint.previous_from_link.translation.vector.norm());
-        let masses_m = joints.iter().map(|joint| joint.centre_of_mass_m.norm());
-        let end_m = tool.link_from_tool.translation.vector.norm();
-        let mass_kg: f64 = joints.iter().map(|joint| joint.mass_kg).sum();
-        Self {
-            compliance_rad_per_nm: if nominal.chain.is_plain() {
-                nominal.compliance_rad_per_nm.iter().map(|k| k.abs()).sum()
-            } else {
-                f64::INFINITY
-            },
-            lever_m: links_m.sum::<f64>() + masses_m.fold(end_m, f64::max),
-            weight_n: mass_kg * nominal.chain.gravity_m_s2.norm(),
+        if !nominal.chain.is_plain() {
+            return Self(None);
         }
+        let gravity_m_s2 = nominal.chain.gravity_m_s2.norm();
+        let mut reach_m = tool.link_from_tool.translation.vector.norm();
+        let mut weight_n = 0.0;
+        let each = nominal
+            .chain
+            .joints
+            .iter()
+            .zip(&nominal.compliance_rad_per_nm);
+        let beyond = each.rev().map(|(joint, compliance)| {
+            weight_n += joint.mass_kg * gravity_m_s2;
+            let own_m = reach_m.max(joint.centre_of_mass_m.norm());
+            reach_m = own_m + joint.previous_from_link.translation.vector.norm();
+            FirmJoint {
+                compliance_rad_per_nm: compliance.abs(),
+                reach_m: own_m,
+                weight_n,
+            }
+        });
+        Self(Some(beyond.collect()))
     }
 
     /// Whether the arm surely holds a load, and itself.
     fn holds(&self, load: &Load) -> bool {
-        let force_n = load.force_n.norm() + self.weight_n;
-        let torque_nm = force_n * self.lever_m + load.torque_nm.norm();
-        self.compliance_rad_per_nm * torque_nm <= 0.2
+        let (force_n, moment_nm) = (load.force_n.norm(), load.torque_nm.norm());
+        let gives = |joint: &FirmJoint| {
+            let torque_nm = (force_n + joint.weight_n) * joint.reach_m + moment_nm;
+            joint.compliance_rad_per_nm * torque_nm
+        };
+        (self.0.as_ref()).is_some_and(|joints| joints.iter().map(gives).sum::<f64>() <= 0.2)
     }
 }
 

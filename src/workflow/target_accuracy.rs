@@ -40,7 +40,7 @@ pub struct TargetAccuracy {
 }
 
 impl KnownPlaces {
-    /// From a file of absolute readings: `kinds` are its unknowns, with the covariance of these.
+    /// From a file of absolute readings, with the covariance of its unknowns.
     pub fn new(
         (path, stored): (&Path, &StoredRobot),
         (reference, belief): (&ElasticArm, &Belief),

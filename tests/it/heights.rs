@@ -90,7 +90,8 @@ fn files_of_heights_are_read_as_they_are_written() {
     // A millimetre and a milliradian off, and along the table where it is believed to be.
     let found = numbers(&station["position_mm"]);
     assert!(
-        found[0] == 600.0 && found[1] == 150.0 && (found[2] + 50.0).abs() < 5.0,
+        [found[0], found[1]].map(f64::to_bits) == [600.0, 150.0].map(f64::to_bits)
+            && (found[2] + 50.0).abs() < 5.0,
         "{station}"
     );
     let [w, x, y, z] = numbers(&station["quaternion"])[..] else {
