@@ -8,6 +8,7 @@ mod contributions;
 mod criterion;
 mod factorisation;
 mod feasibility;
+mod firmness;
 mod predicted_accuracy;
 pub mod proof;
 mod region;

@@ -6,6 +6,7 @@
 
 mod check;
 mod file;
+mod instrument_file;
 
 use std::path::PathBuf;
 

@@ -9,7 +9,7 @@ use super::tally::{FailedRun, Failure};
 use super::virtual_readings::{VirtualReadingError, VisitedRow};
 use crate::identification::{AbsoluteCase, AbsoluteError};
 use crate::robot::Load;
-use crate::task::TestPose;
+use crate::task::{Station, TestPose};
 use crate::testbed::{TrueRobots, VirtualRobot};
 
 /// The virtual robot at rest.
@@ -28,7 +28,7 @@ pub struct AtRest {
 pub struct CarriedOutRow {
     /// Its readings in the plan's order: repeats differ by what is new in each, and the first one is shown.
     pub readings: Range<usize>,
-    /// Where the instrument stands (m, world frame), where somebody says.
+    /// From where the loaded target is read (m, world frame), where somebody says.
     pub station_m: Option<Vector3<f64>>,
     /// The commanded angles (rad).
     pub commanded_rad: DVector<f64>,
@@ -121,12 +121,14 @@ impl VisitedRow<'_> {
         };
         let load = self.row.load.unwrap_or(Load::NONE);
         let first = self.numbers[0].reading;
+        let rests = [rest(Load::NONE)?, rest(load)?];
+        let from_m = |station: &Station| station.sees_from(&rests[1].place_m);
         Ok(CarriedOutRow {
             readings: first..first + self.numbers.len(),
-            station_m: self.seen.station_m,
+            station_m: self.station.map(from_m),
             commanded_rad: self.row.configuration_rad.clone(),
             load,
-            rests: [rest(Load::NONE)?, rest(load)?],
+            rests,
         })
     }
 }

@@ -20,7 +20,7 @@ use crate::numeric::random::streams::{Stream, frames_of_trial};
 use crate::observation::ReadLength;
 use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
 use crate::robot::{EquilibriumError, Load};
-use crate::task::{Belief, Task, station_named};
+use crate::task::{Belief, Station, Task, station_named};
 use crate::testbed::{ReadingNumbers, SeenFrom, TrueRobots, Truth};
 
 /// The instrument is within such a cube about the robot (m).
@@ -64,6 +64,8 @@ pub struct VisitedRow<'a> {
     pub row: &'a Candidate,
     /// What is read, and from where.
     pub seen: SeenFrom<'a>,
+    /// The station, where the scenario has it.
+    pub station: Option<&'a Station>,
     /// What is sampled, visit by visit.
     pub numbers: &'a [ReadingNumbers],
     each: RepeatedReading,
@@ -144,6 +146,7 @@ impl<'a> ReadPlan<'a> {
                     station_m: station.map(|station| station.position_m),
                     by_tracker: belief.reads_by_tracker(name),
                 },
+                station,
                 numbers,
                 each: *each,
             }

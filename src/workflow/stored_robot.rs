@@ -140,9 +140,14 @@ impl StoredRobot {
         Ok(set.apply(arm, &values))
     }
 
+    /// Whether the readings showed a discrepancy: it consists of the errors that the scenario lists of readings, which count without one.
+    pub const fn has_discrepancy(&self) -> bool {
+        self.message.discrepancy_mm.is_some()
+    }
+
     /// The angles that were read, where the model left a discrepancy.
     pub fn read_ranges(&self) -> ReadRanges {
-        if self.message.discrepancy_mm.is_none() {
+        if !self.has_discrepancy() {
             return ReadRanges::default();
         }
         ReadRanges(self.message.ranges_read.clone())

@@ -2,29 +2,31 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, DVector, Isometry3};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX};
 
 use super::known_parameters::{IdentifiedStation, known};
 use super::stored_robot::StoredRobot;
-use crate::compensation::uncompensated_rows;
 use crate::files::FileError;
 use crate::identification::{AbsoluteError, DiscrepancyModel};
 use crate::numeric::posterior::Posterior;
 use crate::observation::{BareArm, PlannedReadings, ReadingErrors, Setup};
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
 use crate::robot::Load;
-use crate::task::{Belief, TestPose};
+use crate::task::Belief;
 
 /// What is known of where tools stand.
 #[derive(Debug, Clone)]
 pub(super) struct KnownPlaces {
     /// The arm as it was identified, with its stations, and a last one in the robot's base.
     arm: ElasticArm,
-    /// Its parameters, those of the stations among them, then those of the task's loads.
+    /// Its parameters, those of the stations among them,
     set: ParameterSet,
-    posterior: Posterior,
-    /// The places of the first of these among the model's.
+    /// and their places among the model's.
     places: Vec<usize>,
+    /// Those of the task's loads.
+    of_task: ParameterSet,
+    /// What is known of both.
+    posterior: Posterior,
     discrepancy: DiscrepancyModel,
     /// What is new at a visit by the planner's model, where no discrepancy was found, which consists of that.
     sources: Vec<ReadingSource>,
@@ -55,18 +57,20 @@ impl KnownPlaces {
         let arm = stored.apply(path, &reference)?;
         let (set, posterior) = known(path, stored, (&arm, belief), covariance, &kinds)?;
         let is_own = |&place: &usize| kinds[place].is_some();
+        let places: Vec<usize> = (0..kinds.len()).filter(is_own).collect();
         let sources = belief.uncertain.sources().map(|(_, source)| source);
         let is_new = |source: &&ReadingSource| {
-            stored.message.discrepancy_mm.is_none()
+            !stored.has_discrepancy()
                 && !source.is_function()
                 && !matches!(source, ReadingSource::Range(_))
         };
         Ok(Self {
-            places: (0..kinds.len()).filter(is_own).collect(),
             discrepancy: stored.discrepancy_model(path, &arm)?,
             sources: sources.filter(is_new).cloned().collect(),
+            of_task: set.subset(&(places.len()..set.len()).collect::<Vec<_>>()),
+            set: set.subset(&(0..places.len()).collect::<Vec<_>>()),
+            places,
             arm,
-            set,
             posterior,
         })
     }
@@ -82,13 +86,6 @@ impl KnownPlaces {
         commanded_rad: &DVector<f64>,
         load: &Load,
     ) -> Result<Option<TargetAccuracy>, AbsoluteError> {
-        let own = self.places.len();
-        let kinds = self.set.parameters().iter().map(|each| each.kind);
-        let kinds: Vec<ParameterKind> = kinds.collect();
-        let of = |kinds: &[ParameterKind]| {
-            ParameterSet::new(&self.arm, kinds.iter().map(|kind| (*kind, None)))
-        };
-        let (set, of_task) = (of(&kinds[..own])?, of(&kinds[own..])?);
         let setup = Setup {
             commanded_rad: commanded_rad.clone(),
             load: *load,
@@ -97,20 +94,16 @@ impl KnownPlaces {
             station: station.unwrap_or(self.arm.instrument_from_base.len() - 1),
             approach: None,
         };
-        let error = (self.discrepancy).place_error(&self.arm, &set, &self.places, &setup)?;
-        let at_work = TestPose {
-            name: String::new(),
-            configuration_rad: commanded_rad.clone(),
-            load: *load,
-            load_axes: None,
-            weight: 1.0,
-            direction: None,
-        };
-        let sizes = vec![1.0; of_task.len()];
-        let model = PlannedReadings::at_test_pose(&self.arm, tool, &of_task, &sizes);
-        let by_task = uncompensated_rows(model, &at_work);
-        let mut rows = error.rows.insert_columns(own, of_task.len(), 0.0);
-        rows.columns_mut(own, of_task.len()).copy_from(&by_task);
+        let error = (self.discrepancy).place_error(&self.arm, &self.set, &self.places, &setup)?;
+        let q = commanded_rad.as_slice();
+        let (own, of_task) = (self.set.len(), self.of_task.len());
+        let sizes = vec![1.0; of_task];
+        let mut model = PlannedReadings::at_test_pose(&self.arm, tool, &self.of_task, &sizes);
+        let mut by_task = Matrix3xX::zeros(of_task);
+        model.move_to(q);
+        model.uncompensated(load, &mut by_task);
+        let mut rows = error.rows.insert_columns(own, of_task, 0.0);
+        rows.columns_mut(own, of_task).copy_from(&by_task);
         if self.posterior.variance_of(&rows).is_err() {
             return Ok(None);
         }
@@ -123,7 +116,7 @@ impl KnownPlaces {
             compliance_rad_per_nm: &self.arm.compliance_rad_per_nm,
             tool: &self.arm.tools[tool],
         };
-        let (q, carried) = (commanded_rad.as_slice(), (bare.tool, load));
+        let carried = (bare.tool, load);
         let new = ReadingErrors::new(bare, q, carried, None, &self.sources).covariance();
         let mean_m2 = error.identified_m2 + task_m2;
         let one_return_m2 = mean_m2 + error.new_m2 + new.fixed_view::<3, 3>(0, 0).trace();

@@ -199,10 +199,10 @@ pub fn validate_absolute(
     // Sources disturb the nominal robot's readings, in the frames where they are seen.
     (nominal.instrument_from_base).clone_from(&case.arm.instrument_from_base);
     let identified = std::mem::replace(&mut case.arm, nominal.clone());
-    // A discrepancy that was found consists of them.
-    case = match stored.message.discrepancy_mm {
-        None => case.counting_sources(),
-        Some(_) => case.counting_sources_of_lengths(),
+    case = if stored.has_discrepancy() {
+        case.counting_sources_of_lengths()
+    } else {
+        case.counting_sources()
     };
     case.arm = identified;
     let anew = (known.anew.iter()).map(|kind| (*kind, None));

@@ -30,10 +30,8 @@ fn arm(is_driven: bool, [site, tendon]: [&str; 2]) -> String {
 }
 
 fn place(is_driven: bool, force_max_n: f64, more: &str) -> Workplace {
-    let place = Workplace::new();
-    place.write("arm.xml", arm(is_driven, ["", ""]));
-    place.write("arm.toml", text(is_driven, force_max_n) + more);
-    place
+    let scenario = text(is_driven, force_max_n) + more;
+    Workplace::of_arm(arm(is_driven, ["", ""]), scenario)
 }
 
 /// A scenario of the arm.
@@ -148,12 +146,10 @@ fn short_lengths_keep_their_digits() {
 /// Near buckling deflections are not linear in compliances: a prediction of noise alone is judged as others are.
 #[test]
 fn a_prediction_of_noise_alone_is_judged() {
-    let place = Workplace::new();
     let base = "<site name=\"base\" pos=\"0.2 0.1 1.2\"/>";
     let tendon = "<tendon><spatial stiffness=\"1500\" springlength=\"0.1\"><site site=\"base\"/><site site=\"end\"/></spatial></tendon>";
-    place.write("arm.xml", arm(true, [base, tendon]));
     let study = "[study]\nlevel = \"robot\"\ntrials = 200\n[[study.plan]]\nname = \"f\"\nkind = \"file\"\nfile = \"f.csv\"\n";
-    place.write("arm.toml", text(true, 60.0) + study);
+    let place = Workplace::of_arm(arm(true, [base, tendon]), text(true, 60.0) + study);
     let header = HEAVY.lines().next().expect("a header");
     let rows = "-130.762,-73.558,-117.035,-45.816,-3.443,-3.031,-59.824,0,0,0,1\n\
         -130.738,-73.568,-117.066,-46.500,-15.906,-9.414,-57.082,0,0,0,1\n\

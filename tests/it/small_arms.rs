@@ -62,10 +62,7 @@ experiments = {experiments}
 pub const KNOWN: &str = "kind = \"compliance\"\njoints = [\"lift\", \"soft\", \"bend\"]\n";
 
 pub fn place(is_driven: bool, text: impl AsRef<[u8]>) -> Workplace {
-    let place = Workplace::new();
-    place.write("arm.xml", arm(is_driven));
-    place.write("arm.toml", text);
-    place
+    Workplace::of_arm(arm(is_driven), text)
 }
 
 /// Commands that make up for a passive joint move links that are not where they are believed to be.

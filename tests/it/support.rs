@@ -50,6 +50,14 @@ impl Workplace {
         Self { folder }
     }
 
+    /// With an arm and its scenario, `arm.xml` and `arm.toml`.
+    pub fn of_arm(model: impl AsRef<[u8]>, scenario: impl AsRef<[u8]>) -> Self {
+        let place = Self::new();
+        place.write("arm.xml", model);
+        place.write("arm.toml", scenario);
+        place
+    }
+
     /// A path inside the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)

@@ -22,6 +22,7 @@ mod places;
 mod prognoses;
 mod repeat_components;
 mod residuals;
+mod sources;
 mod unexplained;
 mod unknowns;
 mod visits;

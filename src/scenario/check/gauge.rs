@@ -11,9 +11,8 @@ use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
 use crate::quantities::plausible::{DEVIATION, RESOLUTION, SIZE};
 use crate::robot::ReadsAlong;
-use crate::scenario::file::{
-    File, InstrumentReads, InstrumentTable, UncertaintyKind, UncertaintyTable,
-};
+use crate::scenario::file::{File, UncertaintyKind, UncertaintyTable};
+use crate::scenario::instrument_file::{InstrumentReads, InstrumentTable};
 use crate::task::{AccuracyKind, Gauge, Instrument};
 
 impl Checker<'_> {

@@ -11,7 +11,8 @@ use crate::quantities::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED,
 use crate::quantities::plausible::{DEVIATION, FACTOR, Kind, SPREAD};
 use crate::robot::Commands;
 use crate::scenario::PlanFile;
-use crate::scenario::file::{SigmaOf, Spread, StudyPlanTable, StudyTable, SweepTable};
+use crate::scenario::file::{Spread, StudyPlanTable, StudyTable, SweepTable};
+use crate::scenario::instrument_file::SigmaOf;
 use crate::study::{Conditions, StudyPlan, StudySettings, StudySource};
 use crate::task::{AccuracyKind, Design};
 use crate::text::wording::joined;
