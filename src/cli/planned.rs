@@ -8,7 +8,9 @@ use crate::identification::ParameterGroup;
 use crate::parameter::ParameterKind;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::PlanBound;
-use crate::plan::{Assessment, FurtherError, Plan, UncertaintyBudget, posterior, write_plan};
+use crate::plan::{
+    Assessment, FurtherError, Plan, UncertaintyBudget, less_than_nominal, posterior, write_plan,
+};
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::record::messages::assessment_json;
 use crate::record::robot_trials::RobotTrials;
@@ -91,12 +93,15 @@ impl<'a> PlannedAccuracy<'a> {
             undetermined_by_plan(&format!("{place} {}", names.join(", ")))
         });
         let compliances = undetermined_compliances(studied, prediction);
+        let set = studied.planning.set();
+        let less = less_than_nominal(set, &set.prior().precision, &prediction.posterior);
         let unplaced = studied.planning.unplaced_stations(&studied.plan);
         let unplaced = unplaced.iter().map(|words| undetermined_by_plan(words));
         (left.into_iter())
             .chain(unplaced)
             .chain(below_bound(record.efficiency, compliances.is_empty()))
             .chain(compliances)
+            .chain(less)
             .collect()
     }
 

@@ -47,6 +47,7 @@ pub(crate) use estimate::PreparedCase;
 pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate};
 pub use fit::{ParameterFit, fit_parameters};
 pub use frames::{MountedFrames, RobustFrames, Sight};
+pub use nominal::UNKNOWN as UNKNOWN_COMPLIANCE;
 pub use outliers::{IMPLAUSIBLE, RejectedReading};
 pub use prediction::{Predicted, PredictionError, Predictions};
 pub use repeats::{PlaceDrift, RepeatedPose, Repeats};

@@ -9,7 +9,7 @@ use super::{Case, Identification, ParameterFit};
 use crate::parameter::{ParameterKind, ParameterSet};
 
 /// A compliance that is uncertain by more of its nominal value than this is not determined, errors of the readings independent ...
-pub(super) const UNKNOWN: f64 = 1.0;
+pub const UNKNOWN: f64 = 1.0;
 /// ... and where they are not, which is known less well: series that contradict each other are told by what each says.
 pub(super) const UNKNOWN_TOGETHER: f64 = 10.0;
 

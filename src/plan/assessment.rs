@@ -83,7 +83,7 @@ impl Assessment {
         Self {
             experiments,
             uncertainty_budget: UncertaintyBudget::of_deflections(task, plan, &posterior),
-            conditions: conditions(task, plan, rho0_m),
+            conditions: conditions(task, plan, &posterior, rho0_m),
             quantile95_m: quantile95_m(task, &posterior),
             rho0_m,
             standard_errors: (0..task.belief.parameters.len())

@@ -1,8 +1,13 @@
 //! The conditions of a plan, by name.
 
+use nalgebra::DMatrix;
+
 use super::{Plan, posterior, rho0_m};
 use crate::codes::{Condition, ConditionCode};
 use crate::compensation::test_pose_matrix;
+use crate::identification::UNKNOWN_COMPLIANCE;
+use crate::numeric::posterior::Posterior;
+use crate::parameter::{ParameterKind, ParameterSet};
 use crate::robot::Approach;
 use crate::task::Task;
 use crate::text::wording::in_um;
@@ -15,13 +20,51 @@ const NO_GAIN: f64 = 0.5;
 const NAMED: usize = 4;
 
 /// The conditions that do not hold for a plan with this predicted accuracy (m).
-pub(super) fn conditions(task: &Task, plan: &Plan, rho0_m: Option<f64>) -> Vec<Condition> {
+pub(super) fn conditions(
+    task: &Task,
+    plan: &Plan,
+    known: &Posterior,
+    rho0_m: Option<f64>,
+) -> Vec<Condition> {
     let Some(rho0_m) = rho0_m else {
         return Vec::new();
     };
+    let belief = &task.belief;
     (near(task, plan, rho0_m).into_iter())
         .chain(no_gain(task, rho0_m))
+        .chain(less_than_nominal(
+            belief.uncertain.set(),
+            &belief.precision(),
+            known,
+        ))
         .collect()
+}
+
+/// The compliances of which a plan tells less than their nominal values do, which fits keep then, while `rho_0` counts estimates; by a
+/// prior's precision (p x p) and what is known after the plan.
+pub fn less_than_nominal(
+    set: &ParameterSet,
+    precision: &DMatrix<f64>,
+    posterior: &Posterior,
+) -> Option<Condition> {
+    let (mut names, mut shares) = (Vec::new(), Vec::new());
+    for (place, each) in set.parameters().iter().enumerate() {
+        let is_free = matches!(each.kind, ParameterKind::JointCompliance { .. })
+            && precision[(place, place)] <= 0.0;
+        let error = is_free.then(|| posterior.standard_error(place)).flatten();
+        let share = error.map_or(0.0, |error| error / each.scale);
+        if share > UNKNOWN_COMPLIANCE {
+            names.push(each.name.as_str());
+            shares.push(format!("{share:.2}"));
+        }
+    }
+    (!names.is_empty()).then(|| {
+        ConditionCode::LessThanNominal.with(format!(
+            "identification keeps {} nominal: predicted standard errors of {} nominal values",
+            names.join(", "),
+            shares.join(", ")
+        ))
+    })
 }
 
 /// Whether the accuracy rests on discrepancies of neighbouring configurations being independent.

@@ -19,6 +19,7 @@ mod uncertainty_budget;
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
 pub use accuracy::{ExperimentModel, hung, sharing_groups, stand_at};
 pub use assessment::{Assessment, FurtherError, violated};
+pub use conditions::less_than_nominal;
 pub use criterion::{Criterion, CriterionFunction, no_wider_than_high};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, LookingAt, Violation};

@@ -252,23 +252,17 @@ impl AbsoluteCase<'_> {
     }
 
     /// The parameters of geometry, by their places in a set, that no reading of a rigid robot can tell from the others, and that no
-    /// prior settles. That gravity and loads may tell some of them after all, if hardly, is left aside, so that the same is left
-    /// out whatever was read.
+    /// prior settles: the same is left out whatever was read.
     fn redundant(&self, all: &ParameterSet, asked: &[PlannedReading]) -> Vec<(usize, LeftOut)> {
         let kind = |place: usize| all.parameters()[place].kind;
         let places: Vec<usize> = (0..all.len())
             .filter(|&place| kind(place).is_mounted() || is_geometry(kind(place)))
             .collect();
         let set = all.subset(&places);
-        let mut rigid = self.arm.clone();
-        rigid.compliance_rad_per_nm.fill(0.0);
-        rigid.chain.elements = Elements::default();
-        rigid.chain.gravity_m_s2 = Vector3::zeros();
         let mut readings = self.planned();
         readings.extend_from_slice(asked);
-        let readings = self.anywhere(&readings);
-        let information = planned_information(&set, &rigid, &set.prior().mean, &readings);
-        (Freedoms::new(&rigid, &set, &information).named.into_iter())
+        let freedoms = self.rigid_freedoms(&set, &self.anywhere(&readings));
+        (freedoms.named.into_iter())
             .filter(|each| each.is_structural)
             .map(|each| {
                 let name = set.parameters()[each.redundant].name.clone();
@@ -282,13 +276,18 @@ impl AbsoluteCase<'_> {
         self.observations.iter().map(Observation::planned).collect()
     }
 
-    /// What readings leave of a set.
-    fn freedoms(&self, set: &ParameterSet, readings: &[PlannedReading]) -> Freedoms {
-        let information = planned_information(set, &self.arm, &set.prior().mean, readings);
-        Freedoms::new(&self.arm, set, &information)
+    /// What readings of a rigid robot leave of a set. Gravity and loads may tell more, if hardly: how far along parallel axes a target
+    /// is shows where a joint across them gives.
+    fn rigid_freedoms(&self, set: &ParameterSet, readings: &[PlannedReading]) -> Freedoms {
+        let mut rigid = self.arm.clone();
+        rigid.compliance_rad_per_nm.fill(0.0);
+        rigid.chain.elements = Elements::default();
+        rigid.chain.gravity_m_s2 = Vector3::zeros();
+        let information = planned_information(set, &rigid, &set.prior().mean, readings);
+        Freedoms::new(&rigid, set, &information)
     }
 
-    /// Whether the readings determine the frames as far as this robot lets anybody.
+    /// Whether the readings determine the frames as far as this robot, were it rigid, lets anybody.
     pub(super) fn check_frames(&self) -> Result<(), AbsoluteError> {
         let kinds = self.frame_kinds();
         let readings = self.planned();
@@ -298,11 +297,11 @@ impl AbsoluteCase<'_> {
             return Err(AbsoluteError::TooFew { rows, unknowns });
         }
         let set = ParameterSet::new(&self.arm, kinds.into_iter().map(|kind| (kind, None)))?;
-        let found = self.freedoms(&set, &readings);
+        let found = self.rigid_freedoms(&set, &readings);
         if found.named.is_empty() {
             return Ok(());
         }
-        let anywhere = self.freedoms(&set, &self.anywhere(&readings));
+        let anywhere = self.rigid_freedoms(&set, &self.anywhere(&readings));
         if found.directions.ncols() <= anywhere.directions.ncols() {
             return Ok(());
         }

@@ -40,7 +40,7 @@ pub struct ReadingRows {
 }
 
 /// What a column is a multiple of.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Base {
     Moved(usize),
     Bent(usize),

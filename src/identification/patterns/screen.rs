@@ -25,7 +25,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::against::Against;
+use super::against::{Against, PatternColumn};
 use super::rows::{LookedAt, Projected, orthonormal};
 use crate::experiment::numbered;
 
@@ -52,11 +52,77 @@ pub(super) struct Test {
     pub design_effect: f64,
 }
 
-/// A candidate with what it does to the rows of all readings (6 N x c), what the fit's directions take of that (r x c), and orthonormal
-/// combinations of what is left (c x q).
+/// What a candidate's columns X (6 N x c) make of each other and of what they are beside.
+struct Products {
+    /// X^T X, c x c.
+    whole: DMatrix<f64>,
+    /// What the fit's directions take of X, r x c.
+    taken: DMatrix<f64>,
+    /// X^T r, c.
+    along: DVector<f64>,
+}
+
+impl Products {
+    /// Those of some candidates, in their order. Columns are multiples of few bases, whose products with the fit's directions serve
+    /// all harmonics.
+    fn of(looked: &LookedAt, projected: &Projected, candidates: &[Against]) -> Vec<Self> {
+        let columns: Vec<_> = candidates
+            .iter()
+            .map(|&each| looked.columns(each))
+            .collect();
+        let readings = &looked.readings;
+        let all: Vec<&PatternColumn> = columns.iter().flatten().collect();
+        let mut taken = DMatrix::zeros(projected.directions.nrows(), all.len());
+        let mut shown = DMatrix::zeros(projected.directions.nrows(), readings.len());
+        let mut first = 0;
+        for alike in all.chunk_by(|one, other| one.0 == other.0) {
+            for (index, reading) in readings.iter().enumerate() {
+                let directions = projected.directions.fixed_columns::<6>(6 * index);
+                (shown.column_mut(index)).gemv(1.0, &directions, &alike[0].0.of(reading), 0.0);
+            }
+            let factors = alike
+                .iter()
+                .flat_map(|(_, factors)| factors.iter().copied());
+            let factors = DMatrix::from_iterator(readings.len(), alike.len(), factors);
+            (taken.columns_mut(first, alike.len())).gemm(1.0, &shown, &factors, 0.0);
+            first += alike.len();
+        }
+        let mut first = 0;
+        let products = columns.iter().map(|columns| {
+            let product = |row: usize, column: usize| -> f64 {
+                let [(base, factors), (other, others)] = [&columns[row], &columns[column]];
+                let factors = factors.iter().zip(others);
+                (readings.iter().zip(factors))
+                    .map(|(each, (one, two))| base.of(each).dot(&other.of(each)) * one * two)
+                    .sum()
+            };
+            let along = |row: usize, _| -> f64 {
+                let (base, factors) = &columns[row];
+                (readings.iter().zip(factors).enumerate())
+                    .map(|(index, (each, factor))| {
+                        projected
+                            .left
+                            .fixed_rows::<6>(6 * index)
+                            .dot(&base.of(each))
+                            * factor
+                    })
+                    .sum()
+            };
+            let size = columns.len();
+            first += size;
+            Self {
+                whole: DMatrix::from_fn(size, size, product),
+                taken: taken.columns(first - size, size).into_owned(),
+                along: DVector::from_fn(size, along),
+            }
+        });
+        products.collect()
+    }
+}
+
+/// A candidate with what the fit's directions take of its columns (r x c), and orthonormal combinations of what is left of them (c x q).
 struct TestedPattern {
     against: Against,
-    rows: DMatrix<f64>,
     taken: DMatrix<f64>,
     combinations: DMatrix<f64>,
     /// Coordinates of the residuals along the combinations.
@@ -65,28 +131,26 @@ struct TestedPattern {
 
 impl TestedPattern {
     /// None where it cannot be told from the fit's own directions.
-    fn new(
-        projected: &Projected,
-        against: Against,
-        rows: DMatrix<f64>,
-        taken: DMatrix<f64>,
-    ) -> Option<Self> {
-        let whole = rows.tr_mul(&rows);
+    fn new(against: Against, products: Products) -> Option<Self> {
+        let Products {
+            whole,
+            taken,
+            along,
+        } = products;
         let left = &whole - taken.tr_mul(&taken);
         let combinations = orthonormal(&left, &whole, |_| TOLD_APART)?;
         Some(Self {
             against,
-            shares: combinations.tr_mul(&rows.tr_mul(&projected.left)),
-            rows,
+            shares: combinations.tr_mul(&along),
             taken,
             combinations,
         })
     }
 
     /// Its orthonormal directions (6 N x q).
-    fn directions(&self, projected: &Projected) -> DMatrix<f64> {
+    fn directions(&self, looked: &LookedAt, projected: &Projected) -> DMatrix<f64> {
         let taken = &self.taken * &self.combinations;
-        &self.rows * &self.combinations - projected.directions.tr_mul(&taken)
+        looked.rows_of(self.against) * &self.combinations - projected.directions.tr_mul(&taken)
     }
 
     /// The F test, with the degrees of freedom of the denominator where they are fewer than those that are left.
@@ -118,18 +182,12 @@ pub(super) fn screened(
 ) -> Vec<Test> {
     // One product of many columns is faster than many.
     let tests = candidates.par_chunks(BATCH).map(|candidates| {
-        let rows = candidates.iter().map(|&each| looked.rows_of(each));
-        let rows: Vec<DMatrix<f64>> = rows.collect();
-        let columns: Vec<_> = rows.iter().flat_map(DMatrix::column_iter).collect();
-        let taken = &projected.directions * DMatrix::from_columns(&columns);
-        let mut first = 0;
-        let tested = candidates.iter().zip(rows).filter_map(|(&against, rows)| {
-            let taken = taken.columns(first, rows.ncols()).into_owned();
-            first += rows.ncols();
-            let tested = TestedPattern::new(projected, against, rows, taken)?;
-            tested.test(projected, 1.0, f64::INFINITY)
+        let products = Products::of(looked, projected, candidates).into_iter();
+        let tested = candidates.iter().zip(products);
+        let tests = tested.filter_map(|(&against, products)| {
+            TestedPattern::new(against, products)?.test(projected, 1.0, f64::INFINITY)
         });
-        tested.collect::<Vec<_>>()
+        tests.collect::<Vec<_>>()
     });
     tests.collect::<Vec<_>>().concat()
 }
@@ -140,10 +198,9 @@ pub(super) fn judged(
     projected: &Projected,
     against: Against,
 ) -> Option<(Test, DMatrix<f64>)> {
-    let rows = looked.rows_of(against);
-    let taken = &projected.directions * &rows;
-    let candidate = TestedPattern::new(projected, against, rows, taken)?;
-    let directions = candidate.directions(projected);
+    let products = Products::of(looked, projected, &[against]).pop()?;
+    let candidate = TestedPattern::new(against, products)?;
+    let directions = candidate.directions(looked, projected);
     let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
     let effect_of = |groups: &[usize]| design_effect(groups, projected, &directions);
     let q = |reading: usize| &looked.readings[reading].angles;
