@@ -149,10 +149,19 @@ pub(super) fn describe(understanding: &Understanding) -> String {
         ]
     });
     let mut text = table(header, rows);
+    let gravity = understanding.gravity_m_s2;
+    let is_down = gravity.x == 0.0 && gravity.y == 0.0 && gravity.z <= 0.0;
+    let along = match gravity.try_normalize(0.0) {
+        Some(down) if !is_down => format!(
+            " along ({:.2}, {:.2}, {:.2}), not down z, by which heights and elevations count",
+            down.x, down.y, down.z
+        ),
+        _ => String::new(),
+    };
     text += &format!(
-        "\nThe arm reaches {:.0} mm from its first joint; gravity is {:.2} m/s^2.\n",
+        "\nThe arm reaches {:.0} mm from its first joint; gravity is {:.2} m/s^2{along}.\n",
         understanding.reach_m * 1e3,
-        understanding.gravity_m_s2
+        gravity.norm()
     );
     for (name, value, unit) in &understanding.locked {
         text += &format!("The joint {name} is locked at {value} {unit}.\n");

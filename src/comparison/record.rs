@@ -38,7 +38,7 @@ pub fn row(change: &Change) -> Vec<String> {
     let of = (change.key.of.as_ref()).map_or_else(String::new, |of| format!(" of {of}"));
     let unit = match quantity.unit() {
         "" => String::new(),
-        "rad/(N m)" => " [1e-9 rad/(N m)]".to_owned(),
+        "rad/(N m)" => " [1e-9 rad/(N m); slides 1e-9 m/N]".to_owned(),
         unit => format!(" [{unit}]"),
     };
     let verdict = match change.decision {

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::backlash::Backlash;
 use super::gear::{GearWave, WaveError};
 use crate::mujoco::TorqueLaw;
-use crate::robot::{Approach, Load, SerialChain, Tool};
+use crate::robot::{Approach, KinematicState, Load, SerialChain, Tool};
 
 /// How often a command is corrected by what the gear is off by there.
 const GEAR_STEPS: usize = 20;
@@ -111,7 +111,7 @@ pub struct Leaning {
 
 impl ElasticArm {
     /// How each joint stands off its spring at commanded angles `q` (rad), with one of the tools, under a load that acts there and
-    /// the arm's own weight.
+    /// what the arm carries besides.
     pub fn leanings(
         &self,
         q: &[f64],
@@ -131,16 +131,24 @@ impl ElasticArm {
             chain.at(tool).state(q)
         });
         let leaning = |(joint, (gap, came)): (usize, (&Backlash, bool))| {
-            let torque = state.as_ref().map_or(0.0, |state| {
-                let gravity = &self.chain.gravity_m_s2;
-                state.load_torque(joint, load) + state.gravity_torque(joint, gravity)
-            });
+            let torque = (state.as_ref()).map_or(0.0, |state| self.torque(joint, load, state));
             Leaning {
                 side: gap.side(came, torque),
                 torque_nm: torque,
             }
         };
         gaps.enumerate().map(leaning).collect()
+    }
+
+    /// What a joint carries (N m; N where it slides): the load, the arm's weight, springs beside its own, constant forces.
+    fn torque(&self, joint: usize, load: &Load, state: &KinematicState) -> f64 {
+        let gravity = state.gravity_torque(joint, &self.chain.gravity_m_s2);
+        let (of_springs, _) = state.torque_of_springs(joint, joint);
+        let offsets = self.chain.elements.offsets.iter();
+        let constant: f64 = (offsets.filter(|each| each.joint == joint))
+            .map(|each| each.force)
+            .sum();
+        state.load_torque(joint, load) + gravity + of_springs + constant
     }
 
     /// How far a joint stands off its spring (rad; m where it slides).

@@ -15,7 +15,7 @@ pub fn understanding_json(understanding: &Understanding) -> Value {
         "robot": {
             "joints": joints.collect::<Vec<_>>(),
             "reach_mm": understanding.reach_m * 1e3,
-            "gravity_m_s2": understanding.gravity_m_s2,
+            "gravity_m_s2": understanding.gravity_m_s2.norm(),
         },
         "test_poses": poses.collect::<Vec<_>>(),
         "warnings": understanding.warnings,

@@ -28,8 +28,8 @@ pub struct Understanding {
     pub locked: Vec<(String, f64, &'static str)>,
     /// The longest way from the first joint to a tool along the links (m).
     pub reach_m: f64,
-    /// The size of gravity's acceleration (m/s^2).
-    pub gravity_m_s2: f64,
+    /// Gravity's acceleration in the world frame (m/s^2).
+    pub gravity_m_s2: Vector3<f64>,
     /// The robot at each test pose.
     pub poses: Vec<UnderstoodPose>,
     /// The virtual robot, where it is more than a chain.
@@ -99,7 +99,7 @@ impl Understanding {
             .map(|tool| reach_m(chain, tool))
             .into_iter()
             .fold(0.0, f64::max),
-            gravity_m_s2: chain.gravity_m_s2.norm(),
+            gravity_m_s2: chain.gravity_m_s2,
             poses: (scenario.task.test_poses.iter())
                 .map(|pose| understood_pose(scenario, pose))
                 .collect(),

@@ -121,7 +121,7 @@ fn upward(task: &Task) -> Option<Condition> {
     };
     all_up.then(|| {
         ConditionCode::UpwardLoad.with(
-            "load: the force points upwards, where no weight pulls: is its sign wrong? z is up",
+            "load: the force points against gravity, where no weight pulls: is its sign wrong?",
         )
     })
 }
@@ -141,7 +141,7 @@ fn no_rest(pose: &str, error: &EquilibriumError) -> String {
 /// Lengths, gravity and masses in other units.
 fn sizes(understood: &Understanding) -> impl Iterator<Item = String> {
     let moving = (understood.joints.first()).map_or(0.0, |joint| joint.moving_mass_kg);
-    let (reach, gravity) = (understood.reach_m, understood.gravity_m_s2);
+    let (reach, gravity) = (understood.reach_m, understood.gravity_m_s2.norm());
     let rows = [
         (
             reach > REACH_M,

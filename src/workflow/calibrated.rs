@@ -319,9 +319,10 @@ const fn machining_tool(arm: &ElasticArm) -> usize {
 }
 
 fn shown_unit(parameter: &Parameter) -> &'static str {
-    match parameter.unit() {
-        "1" => "in the logarithm",
-        unit => unit,
+    if parameter.is_logarithmic {
+        "in the logarithm"
+    } else {
+        parameter.unit()
     }
 }
 

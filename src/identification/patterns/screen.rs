@@ -21,12 +21,12 @@
 //! Groups are readings of one configuration, and blocks where they vary more than that; of both counts by which chance is likelier.
 //! The probability is multiplied by the number of candidates that were looked at (Bonferroni).
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector6};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::against::{Against, PatternColumn};
-use super::rows::{LookedAt, Projected, orthonormal};
+use super::rows::{Base, LookedAt, Projected, orthonormal};
 use crate::experiment::numbered;
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
@@ -70,43 +70,45 @@ impl Products {
             .iter()
             .map(|&each| looked.columns(each))
             .collect();
-        let readings = &looked.readings;
         let all: Vec<&PatternColumn> = columns.iter().flatten().collect();
-        let mut taken = DMatrix::zeros(projected.directions.nrows(), all.len());
-        let mut shown = DMatrix::zeros(projected.directions.nrows(), readings.len());
+        let (count, size) = (looked.readings.len(), projected.directions.nrows());
+        let mut bases: Vec<(Base, Vec<Vector6<f64>>)> = Vec::new();
+        let mut taken = DMatrix::zeros(size, all.len());
+        let mut shown = DMatrix::zeros(size, count);
         let mut first = 0;
         for alike in all.chunk_by(|one, other| one.0 == other.0) {
-            for (index, reading) in readings.iter().enumerate() {
+            let base = alike[0].0;
+            let rows: Vec<_> = looked.readings.iter().map(|each| base.of(each)).collect();
+            for (index, row) in rows.iter().enumerate() {
                 let directions = projected.directions.fixed_columns::<6>(6 * index);
-                (shown.column_mut(index)).gemv(1.0, &directions, &alike[0].0.of(reading), 0.0);
+                shown.column_mut(index).gemv(1.0, &directions, row, 0.0);
             }
-            let factors = alike
-                .iter()
-                .flat_map(|(_, factors)| factors.iter().copied());
-            let factors = DMatrix::from_iterator(readings.len(), alike.len(), factors);
+            bases.push((base, rows));
+            let factors = alike.iter().flat_map(|column| &column.1).copied();
+            let factors = DMatrix::from_iterator(count, alike.len(), factors);
             (taken.columns_mut(first, alike.len())).gemm(1.0, &shown, &factors, 0.0);
             first += alike.len();
         }
+        let rows_of = |base: Base| {
+            let known = bases.iter().find(|(each, _)| *each == base);
+            known.map_or(&[][..], |(_, rows)| rows)
+        };
         let mut first = 0;
         let products = columns.iter().map(|columns| {
             let product = |row: usize, column: usize| -> f64 {
                 let [(base, factors), (other, others)] = [&columns[row], &columns[column]];
-                let factors = factors.iter().zip(others);
-                (readings.iter().zip(factors))
-                    .map(|(each, (one, two))| base.of(each).dot(&other.of(each)) * one * two)
+                let rows = rows_of(*base).iter().zip(rows_of(*other));
+                (rows.zip(factors.iter().zip(others)))
+                    .map(|((row, other), (factor, by))| row.dot(other) * factor * by)
                     .sum()
             };
             let along = |row: usize, _| -> f64 {
                 let (base, factors) = &columns[row];
-                (readings.iter().zip(factors).enumerate())
-                    .map(|(index, (each, factor))| {
-                        projected
-                            .left
-                            .fixed_rows::<6>(6 * index)
-                            .dot(&base.of(each))
-                            * factor
-                    })
-                    .sum()
+                let rows = rows_of(*base).iter().zip(factors).enumerate();
+                rows.map(|(index, (row, factor))| {
+                    projected.left.fixed_rows::<6>(6 * index).dot(row) * factor
+                })
+                .sum()
             };
             let size = columns.len();
             first += size;

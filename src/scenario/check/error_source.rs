@@ -327,6 +327,17 @@ impl<'a> UncertaintyEntry<'a> {
         };
         let joints = self.joints(|joint| self.gives(key(joint)), passive)?;
         for (size, of_these) in [("std_mm", "slides"), (of_angle, "turns")] {
+            let is_left = |joint: &usize| key(*joint) == size && passive(*joint).is_none();
+            let all = 0..self.belief.nominal.chain.len();
+            if self.table.joints.is_none()
+                && !self.gives(size)
+                && let Some(left) = all.into_iter().find(is_left)
+            {
+                let name = &self.belief.nominal.chain.joints[left].name;
+                let problem = format!("is missing: {name} {of_these}");
+                let wrong = self.wrong(size, problem);
+                return Err(wrong.hint("give its size, or name the joints that are meant"));
+            }
             if self.gives(size) && !joints.iter().any(|&joint| key(joint) == size) {
                 return Err(self.wrong(
                     size,

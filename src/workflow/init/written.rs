@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use nalgebra::Vector3;
+
 use super::SCHEMA_FILE;
 use super::arm::FoundArm;
 use super::pose::{CLEARANCE_M, Tried};
@@ -72,13 +74,12 @@ pub(super) fn scenario(
         short(task_n),
         short(-task_n)
     );
-    let force = short(load_n);
-    let _ = write!(
-        text,
-        "\n# GUESS: loads of the laboratory, at the calibration tool: a weight, and the same pulled sideways.\n\
-         [load]\nkind = \"list\"\nwrenches = [\n  {{ force_n = [0, 0, -{force}] }},\n  \
-         {{ force_n = [{force}, 0, 0] }},\n  {{ force_n = [0, {force}, 0] }},\n]\n"
-    );
+    text += "\n# GUESS: loads of the laboratory, at the calibration tool: a weight, and the same pulled sideways.\n\
+             [load]\nkind = \"list\"\nwrenches = [\n";
+    for force in weight_and_sideways(&arm.chain.gravity_m_s2, load_n) {
+        let _ = writeln!(text, "  {{ force_n = [{}] }},", list(force.iter().copied()));
+    }
+    text += "]\n";
     let wanted = arm.chain.joints.len().max(LEAST_MEASUREMENTS);
     let _ = write!(
         text,
@@ -87,6 +88,17 @@ pub(super) fn scenario(
         region(tried)
     );
     (text, found)
+}
+
+/// A force along that axis of the world that gravity is nearest to, down z without any, and along the two others.
+fn weight_and_sideways(gravity_m_s2: &Vector3<f64>, force_n: f64) -> [Vector3<f64>; 3] {
+    let down = match gravity_m_s2.iamax() {
+        axis if gravity_m_s2[axis] != 0.0 => axis,
+        _ => 2,
+    };
+    let sign = if gravity_m_s2[down] > 0.0 { 1.0 } else { -1.0 };
+    let sideways = |by: usize| Vector3::ith((down + by) % 3, force_n);
+    [Vector3::ith(down, sign * force_n), sideways(1), sideways(2)]
 }
 
 /// The rest of the table `[robot]`.
