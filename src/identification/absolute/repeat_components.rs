@@ -7,8 +7,8 @@
 //! S = s R + sum_j v_j J_j J_j^T
 //! ```
 //!
-//! of the readings' own covariance R, which may be s times as large as stated (contrasts within visits have s R alone), and of the joints'
-//! returns v_j with the derivatives J_j by their angles. The variances maximise the likelihood of all contrasts by the minorisation of
+//! of the readings' own covariance R, the instrument's with what the planner's model lists as new in each reading, which may be s times as
+//! large as stated (contrasts within visits have s R alone), and of the joints' returns v_j with the derivatives J_j by their angles. The variances maximise the likelihood of all contrasts by the minorisation of
 //! [`mixed`](super::mixed). With the expected information I, the effective degrees of freedom of a variance are 2 v^2 (I / var v).
 
 use std::collections::BTreeMap;
@@ -105,7 +105,8 @@ struct AveragedVisit {
 impl AbsoluteCase<'_> {
     /// What the repeated visits of a fit's positions say, without those that were rejected; none where there are none.
     pub fn repeat_components(&self, fit: &AbsoluteFit) -> Option<RepeatComponents> {
-        let kept = self.kept(fit).of_positions();
+        let kept = self.without(&fit.rejected).of_positions();
+        let kept = kept.counting_reading_errors();
         let joints = kept.commanded_joints();
         let mean = &fit.posterior.mean;
         let rows = kept.rows_at(&kept.arm, &fit.set, mean, &joints).ok()?;

@@ -26,17 +26,7 @@ impl AbsoluteCase<'_> {
         if self.is_sharing_known || are_functions || uncertain.sources().next().is_none() {
             return self;
         }
-        let belief = self.belief;
-        let errors = (0..self.observations.len()).map(|place| {
-            let setup = &self.observations[place].setup;
-            let sources = belief.uncertain.sources();
-            let errors = self.disturbed(place, &setup.load, sources.map(|(_, source)| source));
-            if self.is_length(place) {
-                return errors;
-            }
-            errors.turned(&self.arm.instrument_from_base[setup.station].rotation)
-        });
-        let mut errors: Vec<ReadingErrors> = errors.collect();
+        let mut errors = self.listed_errors();
         let setup = |visit: usize| &self.observations[self.visits[visit][0]].setup;
         let are_kept = errors.iter().any(|each| each.configuration.ncols() > 0);
         let mut shared = SharedErrors { groups: Vec::new() };
@@ -64,5 +54,31 @@ impl AbsoluteCase<'_> {
             self.observations[place].whitener = whitener(&self.covariances[place]);
         }
         self.sharing(shared)
+    }
+
+    /// The same weighed by the instrument and by what else the planner's model has as new in each reading, alone.
+    #[must_use]
+    pub(super) fn counting_reading_errors(mut self) -> Self {
+        if !self.is_sharing_known {
+            let errors = self.listed_errors();
+            for (covariance, errors) in self.covariances.iter_mut().zip(errors) {
+                *covariance += errors.reading;
+            }
+        }
+        self
+    }
+
+    /// What the planner's model says of each reading's errors besides the instrument's, in the frame that it is read in.
+    fn listed_errors(&self) -> Vec<ReadingErrors> {
+        let of_one = |place: usize| {
+            let setup = &self.observations[place].setup;
+            let sources = self.belief.uncertain.sources();
+            let errors = self.disturbed(place, &setup.load, sources.map(|(_, source)| source));
+            if self.is_length(place) {
+                return errors;
+            }
+            errors.turned(&self.arm.instrument_from_base[setup.station].rotation)
+        };
+        (0..self.observations.len()).map(of_one).collect()
     }
 }
