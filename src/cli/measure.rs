@@ -12,8 +12,10 @@ use crate::robot::ReadsAlong;
 use crate::study::virtual_readings::virtual_readings;
 use crate::task::{Belief, Task};
 use crate::testbed::{TrueRobots, VirtualRobot};
+use crate::workflow::ranges::{beyond_gauge, beyond_stations};
 
 use super::command_prelude::*;
+use super::study::results::noted;
 
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["threads", "out"])))]
@@ -130,6 +132,7 @@ impl Measure {
             ReadsAlong::Never => "experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]",
         };
         let mut text = table(header, rows);
+        text += &noted(beyond_gauge(task.belief.instrument.gauge, &measurements).as_slice());
         if let Some(truth) = of_run.as_ref().filter(|_| self.noise_free) {
             text += &truth_words(&task.belief, truth);
         }
@@ -138,7 +141,7 @@ impl Measure {
             .collect();
         let keys = json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run });
         let outside = task.loads.outside_plan(&plan, None).into_iter();
-        let conditions = outside.chain(beyond_gauge(task, &plan)).collect();
+        let conditions = outside.chain(not_shown(task, &plan)).collect();
         let rows = deflection_table(&self.plan, &commands, &measurements)?;
         let run = of_run.map(|truth| truth.run);
         Ok((Report::new(keys, text, conditions), run, rows))
@@ -163,14 +166,15 @@ impl Measure {
         .map_err(|error| self.wrong(&error))?;
         let keys = json!({ "accuracy": "absolute", "run": run, "readings": readings.len() });
         let count = counted(readings.len() as u64, "absolute reading");
-        let text = format!("{count} of the virtual robot of run {run}\n");
+        let text = format!("{count} of the virtual robot of run {run}\n")
+            + &noted(beyond_stations(&task.belief, &readings).as_slice());
         let rows = absolute_table(&commands, &readings);
         Ok((Report::new(keys, text, Vec::new()), Some(run), rows))
     }
 }
 
 /// What a gauge cannot show of a plan.
-fn beyond_gauge(task: &Task, plan: &Plan) -> Vec<Condition> {
+fn not_shown(task: &Task, plan: &Plan) -> Vec<Condition> {
     if !task.reads_along() {
         return Vec::new();
     }

@@ -15,12 +15,13 @@ use crate::identification::{
 };
 use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
-use crate::quantities::units::thousandths;
 use crate::record::absolute::AbsoluteMessage;
 use crate::record::messages::{IdentificationMessage, ProvenanceMessage, results};
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
 use crate::task::{Belief, Gauge};
+
+use super::ranges::{beyond_gauge, beyond_stations};
 
 /// What measurements say.
 #[derive(Debug)]
@@ -98,22 +99,7 @@ pub fn identify_measurements(
 impl Identified {
     /// The same with a note of what a gauge has shown beyond its range, where it read some of the measurements.
     pub fn read_by(mut self, gauge: Option<Gauge>, measurements: &[Measurement]) -> Self {
-        let Some(range_m) = gauge.and_then(|gauge| gauge.range_m) else {
-            return self;
-        };
-        let is_beyond = |each: &Measurement| {
-            each.direction.is_some() && each.deflection_m.norm() > range_m * (1.0 + 1e-9)
-        };
-        let numbered = measurements.iter().zip(1..);
-        let beyond = numbered.filter(|(each, _)| is_beyond(each));
-        let beyond: Vec<String> = beyond.map(|(_, number)| number.to_string()).collect();
-        self.beyond_range = (!beyond.is_empty()).then(|| {
-            format!(
-                "the gauge shows at most {} mm to either side, and more in measurement {}",
-                thousandths(range_m),
-                beyond.join(", ")
-            )
-        });
+        self.beyond_range = beyond_gauge(gauge, measurements);
         self
     }
 
@@ -200,6 +186,8 @@ pub struct IdentifiedRobot<'a> {
     pub repeat_components: Option<RepeatComponents>,
     /// The input error that explains what frames alone leave.
     pub likely: Option<Condition>,
+    /// Lengths that nothing shows where they were read.
+    beyond_range: Option<String>,
     /// The halves of joint space beside each other, where each has enough readings; and other series.
     pub inconsistencies: Vec<Inconsistencies>,
 }
@@ -243,6 +231,7 @@ pub fn identify_absolute<'a>(
         patterns: looked.patterns(&fit.rejected),
         inconsistencies: halves.into_iter().collect(),
         likely,
+        beyond_range: beyond_stations(belief, readings),
         case,
         fit,
     })
@@ -368,6 +357,7 @@ impl<'a> IdentifiedRobot<'a> {
                 "positions are weighed by the scenario's error sources, as the {lengths} beside them are"
             ));
         }
+        notes.extend(self.beyond_range.clone());
         notes
     }
 

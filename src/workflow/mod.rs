@@ -9,6 +9,7 @@
 //! - [`calibrated`]: the robot as an identification left it.
 //! - [`known_parameters`]: what its file says of its parameters.
 //! - [`target_accuracy`]: how far its tools are from absolute targets.
+//! - [`ranges`]: what was read beyond what an instrument shows.
 //! - [`export`]: the calibrated robot as a model's file.
 //! - [`stored_robot`]: a robot from the file of its absolute readings.
 //! - [`validate_absolute`]: other readings beside it.
@@ -20,6 +21,7 @@ pub mod export;
 pub mod identify;
 pub mod init;
 pub mod known_parameters;
+pub mod ranges;
 pub mod run;
 pub mod stored_robot;
 pub mod study;

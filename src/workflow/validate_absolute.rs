@@ -65,8 +65,11 @@ impl AbsoluteValidation {
         }
         conditions.extend(self.probability.and_then(prediction_failed));
         conditions.extend(self.worse_than_nominal());
+        // Regions share what the fit errs by: some may all miss by chance, which the probability of all counts.
+        let is_unlikely = self.probability.is_none_or(|each| each < UNLIKELY);
         for (part, name) in self.names.iter().enumerate() {
             if let Some(share) = self.coverage(part)
+                && is_unlikely
                 && self.prognoses.len() >= LEAST_JUDGED
                 && share < LEAST_COVERAGE
             {
@@ -100,6 +103,8 @@ impl AbsoluteValidation {
 /// Frames that are fitted to the readings take less than this factor of what they are off by, with as many readings as are judged.
 const WORSE: f64 = 1.5;
 
+/// Differences that are likelier than this are no sign of small regions.
+const UNLIKELY: f64 = 0.01;
 /// Less likely differences break the prediction.
 const BROKEN: f64 = 1e-3;
 /// Fewer readings say nothing of shares.
