@@ -417,3 +417,23 @@ fn equal_distances_of_a_coarse_instrument_are_no_copies() {
     let json = place.json("identify s.toml --measurements m.csv");
     assert_eq!(json["numbers"], rows.len() - 1, "{json}");
 }
+
+/// Lengths that no bar shows where they were read are noted, by who measures and by who identifies.
+#[test]
+fn lengths_beyond_the_range_are_noted() {
+    let place = workplace();
+    let text = place
+        .read("s.toml")
+        .replace("range_max_mm = 310", "range_max_mm = 302");
+    place.write("short.toml", text);
+    for told in [
+        "measure short.toml --plan plan.csv --run 1 --measurements-out short.csv",
+        "identify short.toml --measurements short.csv",
+    ] {
+        let told = place.run(told).stdout;
+        assert!(
+            told.contains("lengths outside of the range of their stations"),
+            "{told}"
+        );
+    }
+}

@@ -261,3 +261,26 @@ fn only_a_virtual_robots_distances_are_shown() {
             .contains("condition C0212: the controller compensated deflections itself")
     );
 }
+
+/// A compliance that a plan shows less well than its nominal value does is named: identification keeps it nominal then.
+#[test]
+fn compliances_less_certain_than_nominal_are_named() {
+    let place = Workplace::new();
+    let text = scenario_text("planar_3r");
+    place.write("s.toml", &text);
+    let json = |command: &str| {
+        place
+            .run(&format!("{command} --noise-only --no-proof --json --quiet"))
+            .json()
+    };
+    let fine = json("plan s.toml --plan-out p.csv");
+    let named = |json: &serde_json::Value| json["conditions"].to_string().contains("C0112");
+    assert!(!named(&fine), "{fine}");
+    let sigma = text
+        .lines()
+        .find(|line| line.starts_with("sigma_mm"))
+        .expect("a sigma");
+    place.write("n.toml", text.replace(sigma, "sigma_mm = 20"));
+    let noisy = json("evaluate n.toml --plan p.csv");
+    assert!(named(&noisy), "{noisy}");
+}

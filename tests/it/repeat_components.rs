@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::model_selection::read_where;
 use crate::one_fit::{between, normal, seen_arm, ur10, workplace};
-use crate::support::scenario_text;
+use crate::support::{Workplace, absolute_scenario_text, numbers, scenario_text};
 
 /// How each joint returns (rad).
 const RETURNS: [f64; 6] = [5e-5, 3e-5, 4e-5, 1e-4, 8e-5, 1.2e-4];
@@ -127,4 +127,56 @@ fn repeats_become_error_sources() {
     let few = &few["repeat_components"];
     let sentences = few["not_separated"].as_array().expect("sentences");
     assert!(sentences.len() > 1, "{few}");
+}
+
+/// Errors of the tracker that are listed are new in each reading, and no joint's return: with 10 um of noise and some 30 um of range, intervals of
+/// 95 % hold the true returns. Of 120, fewer than 105 with a probability below 1e-3.
+#[test]
+fn a_tracker_s_listed_errors_are_no_returns() {
+    const RUNS: usize = 20;
+    const LISTED: &str = r#"
+[[station]]
+name = "far"
+position_mm = [-6000, -3000, 1500]
+
+[[uncertainty]]
+kind = "tracker_range"
+std_um_per_m = 5
+
+[[uncertainty]]
+kind = "joint_repeatability"
+std_mrad = 0.03
+"#;
+    let truth_mrad = 0.03 / std::f64::consts::SQRT_2;
+    let place = Workplace::new();
+    let text = absolute_scenario_text("ur10").replace("sigma_mm = 0.02", "sigma_mm = 0.01");
+    place.write("s.toml", text + LISTED);
+    let mut random = generator(57, 0);
+    let mut plan = String::from("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,repeats\n");
+    for _ in 0..8 {
+        let q =
+            [170.0, 80.0, 140.0, 170.0, 170.0, 170.0].map(|most| between(&mut random, -most, most));
+        let [q1, q2, q3, q4, q5, q6] = q;
+        plan += &format!(
+            "{q1:.2},{:.2},{q3:.2},{q4:.2},{q5:.2},{q6:.2},12\n",
+            q2 - 90.0
+        );
+    }
+    place.write("p.csv", plan);
+    let (mut count, mut within) = (0, 0);
+    for run in 0..RUNS {
+        place.json(&format!(
+            "measure s.toml --plan p.csv --run {run} --measurements-out m.csv"
+        ));
+        let identify = "identify s.toml --measurements m.csv --parameters frames --json --quiet";
+        let found = place.run(identify).json();
+        let components = found["repeat_components"]["components"].as_array();
+        for each in components.expect("components") {
+            let interval = numbers(&each["interval95"]);
+            count += 1;
+            within += usize::from(interval[0] <= truth_mrad && truth_mrad <= interval[1]);
+        }
+    }
+    println!("{within} of {count}");
+    assert!(count == 6 * RUNS && within >= 105, "{within} of {count}");
 }

@@ -5,7 +5,8 @@ use elastocal::robot::Load;
 use elastocal::testbed::VirtualRobot;
 use serde_json::Value;
 
-use crate::support::{scenario_text, table4};
+use crate::absolute_trials::holds;
+use crate::support::{Workplace, scenario_text, table4};
 use crate::uncertainties::{assert_holds, assert_refused, entry, expected_mm, loaded, study, with};
 
 const SHARES: &str = "std_relative = 0.01\nat_nm = 4000";
@@ -54,6 +55,63 @@ fn other_robots_stiffen_too() {
                     kind = \"optimal\"\nexperiments = 4\nnoise_only = true\n";
     let list = entry(("stiffening", "std_relative = 0.01\nat_nm = 200"), "");
     assert_holds(&study(&format!("{head}{study_of}{list}")), "UR10");
+}
+
+/// A joint stiffens by all that it carries: a spring of its own, one between places, an actuator's constant force.
+#[test]
+fn what_a_joint_carries_besides_weight_and_load_stiffens_it() {
+    const ARM: &str = r#"<mujoco><compiler angle="degree"/><worldbody><body name="base"><site name="foot" pos="-0.3 0 0.1"/>
+        <body name="link"><inertial pos="0.5 0 0" mass="80" diaginertia="1 1 1"/><joint name="hinge" axis="0 1 0" range="-90 90"/>
+        <site name="eye" pos="0.2 0 0.3"/><site name="tip" pos="1 0 0"/></body></body></worldbody>
+        <actuator><position joint="hinge" kp="2e5"/></actuator></mujoco>"#;
+    const SCENARIO: &str = r#"
+        [robot]
+        model = "arm.xml"
+        calibration_site = "tip"
+        machining_site = "tip"
+        parameters = ["hinge"]
+        [instrument]
+        sigma_mm = 0.01
+        sigma_of = "deflection"
+        [[test_pose]]
+        q_deg = [10]
+        force_n = [0, 0, -500]
+        [load]
+        kind = "fixed"
+        force_n = [0, 0, -800]
+        [[uncertainty]]
+        kind = "compliance"
+        joints = ["hinge"]
+        std_relative = 0.000001
+        [[uncertainty]]
+        kind = "stiffening"
+        joints = ["hinge"]
+        std_relative = 0.02
+        at_nm = 1000
+        [design]
+        experiments = 4
+        "#;
+    let tendon = r#"</worldbody><tendon><spatial stiffness="8000" springlength="0.1"><site site="foot"/><site site="eye"/></spatial></tendon>"#;
+    let constant =
+        r#"<general gainprm="2e5" biastype="affine" joint="hinge" biasprm="-300 -2e5 0"/>"#;
+    for (from, to) in [
+        ("</worldbody>", tendon),
+        (r#"<position joint="hinge" kp="2e5"/>"#, constant),
+        (
+            r#"axis="0 1 0""#,
+            r#"axis="0 1 0" stiffness="500" springref="-40""#,
+        ),
+    ] {
+        assert!(ARM.contains(from));
+        let place = Workplace::of_arm(ARM.replace(from, to), SCENARIO);
+        place.write(
+            "plan.csv",
+            "q1_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n-40,0,0,-800,0,0,0,1\n0,0,0,-800,0,0,0,1\n\
+             20,0,0,-800,0,0,0,1\n50,0,0,-800,0,0,0,1\n",
+        );
+        let evaluated = place.json("evaluate arm.toml --plan plan.csv --no-proof --trials 1500");
+        holds(&evaluated["trials"]);
+    }
 }
 
 /// One law: the chain's solver and MuJoCo's forces leave the robot in the same place, and its beginning is what the belief has.

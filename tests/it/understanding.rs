@@ -187,3 +187,20 @@ experiments = 2
     let told = format!("the task load by {moved_mm:.3} mm (lift by 5.7296 deg)");
     assert!(outcome.stdout.contains(&told), "{told}: {}", outcome.stdout);
 }
+
+/// A robot on a wall whose model turns gravity: its direction is told, and the first load hangs along it.
+#[test]
+fn gravity_that_is_turned_is_told() {
+    let model = std::fs::read_to_string(project("models/ur10.xml")).expect("a model");
+    let place = Workplace::new();
+    place.write("arm.xml", model.replace("0 0 -9.81", "9.81 0 0"));
+    let told = place.run("init arm.xml --scenario-out arm.toml").stdout;
+    assert!(told.contains("along (1.00, 0.00, 0.00)"), "{told}");
+    let drafted = place.read("arm.toml");
+    let load = drafted.split("wrenches = [").nth(1).expect("loads");
+    let first = load.lines().nth(1).expect("a load");
+    assert!(
+        first.contains(", 0, 0]") && !first.contains('-'),
+        "{drafted}"
+    );
+}
