@@ -35,14 +35,9 @@ impl SaidEstimate<'_> {
             return Ok(());
         };
         let value = self.value.1;
-        let is_about =
-            |found: f64, expected: f64, size: f64| (found - expected).abs() <= ROUNDING * size;
-        if is_about(
-            f64::midpoint(low, high),
-            value,
-            value.abs() + (high - low).abs(),
-        ) || is_about(low * high, value * value, value * value)
-        {
+        let off = (f64::midpoint(low, high) - value).abs();
+        let is_about_it = off <= ROUNDING * (value.abs() + (high - low).abs());
+        if is_about_it || (low * high - value * value).abs() <= ROUNDING * (value * value) {
             return Ok(());
         }
         let found = format!("{} to {}", shown(low), shown(high));

@@ -6,7 +6,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Dyn, Matrix, Matrix6xX, Storage, U3, Vector3};
 
 use super::case::Case;
-use super::error::IdentificationError;
+use super::error::{FitResult, IdentificationError};
 use crate::measurement::Measurement;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{ObservationModel, Prediction, ReadingKind, RestTorques, Setup};
@@ -79,7 +79,7 @@ impl Case<'_> {
         &self,
         values: &[f64],
         torques: &mut Vec<RestTorques>,
-    ) -> Result<PredictedRows, IdentificationError> {
+    ) -> FitResult<PredictedRows> {
         torques.resize_with(self.measurements.len(), RestTorques::default);
         let belief = self.belief;
         if !belief.uncertain.is_plain() {

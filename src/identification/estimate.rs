@@ -7,7 +7,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 use super::case::{Case, Sigma};
 use super::discrepancy::three_rows;
 use super::equations::rows_of;
-use super::error::IdentificationError;
+use super::error::{FitResult, IdentificationError};
 use super::fit::{FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
@@ -119,15 +119,12 @@ impl Case<'_> {
     ///
     /// # Errors
     /// Nothing can be identified; a single compliance that cannot is not an error but has no estimate.
-    pub fn identify(&self) -> Result<Identification, IdentificationError> {
+    pub fn identify(&self) -> FitResult<Identification> {
         self.identify_near(None)
     }
 
     /// The same from values of the unknowns (p) that are near.
-    pub(super) fn identify_near(
-        &self,
-        near: Option<&[f64]>,
-    ) -> Result<Identification, IdentificationError> {
+    pub(super) fn identify_near(&self, near: Option<&[f64]>) -> FitResult<Identification> {
         let start = FitStart::new(self, near.is_some());
         let mut found = self.identify_from(&start, near)?;
         found.uncertain = self.others(&found, &start);
@@ -135,11 +132,7 @@ impl Case<'_> {
     }
 
     /// The same with what it begins with; what else is uncertain is not told.
-    fn identify_from(
-        &self,
-        start: &FitStart,
-        near: Option<&[f64]>,
-    ) -> Result<Identification, IdentificationError> {
+    fn identify_from(&self, start: &FitStart, near: Option<&[f64]>) -> FitResult<Identification> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
@@ -281,10 +274,7 @@ impl<'a> PreparedCase<'a> {
     }
 
     /// Identifies what is unknown; what else is uncertain than compliances is in the posterior alone.
-    pub fn identify(
-        &self,
-        measurements: &[Measurement],
-    ) -> Result<Identification, IdentificationError> {
+    pub fn identify(&self, measurements: &[Measurement]) -> FitResult<Identification> {
         let case = self.case.with(measurements);
         case.or_holding(case.identify_from(&self.start, None))
     }

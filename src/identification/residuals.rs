@@ -8,7 +8,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
 use super::case::Sigma;
-use super::error::IdentificationError;
+use super::error::FitResult;
 use super::estimate::Identification;
 use super::outliers::{NO_VARIANCE, RejectedReading, kept, squares_of};
 use super::prediction::MeasuredRows;
@@ -47,7 +47,7 @@ pub fn residuals(
     case: &Case<'_>,
     identification: &Identification,
     rejected: &[RejectedReading],
-) -> Result<Vec<MeasurementResidual>, IdentificationError> {
+) -> FitResult<Vec<MeasurementResidual>> {
     let posterior = &identification.posterior;
     let is_from_residuals = matches!(case.sigma, Sigma::FromResiduals(_));
     let measurements = kept(case.measurements, rejected);

@@ -21,7 +21,7 @@ use super::super::estimate::two_sided_student;
 use super::blocks::{Blocks, FEWEST_BLOCKS};
 use super::mixed::{MixedModel, known_alone};
 use super::unknowns::is_geometry;
-use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, joint_space_blocks};
+use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, AbsoluteResult, joint_space_blocks};
 use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
@@ -112,7 +112,7 @@ impl AbsoluteCase<'_> {
         fit: &AbsoluteFit,
         other: &mut Self,
         other_fit: &AbsoluteFit,
-    ) -> Result<Inconsistencies, AbsoluteError> {
+    ) -> AbsoluteResult<Inconsistencies> {
         let different = self.different().min(other.different());
         let needed = 2 * FEWEST_BLOCKS;
         if different < needed {
@@ -156,7 +156,7 @@ impl AbsoluteCase<'_> {
         &self,
         of_all: &AbsoluteFit,
         blocks: &Blocks<'_>,
-    ) -> Result<SeriesEstimates, AbsoluteError> {
+    ) -> AbsoluteResult<SeriesEstimates> {
         let fit = self.fit_near(&of_all.set, &of_all.posterior.mean)?;
         let without = blocks.without(&fit)?;
         let mixed = of_all.discrepancy.and_then(|discrepancy| {

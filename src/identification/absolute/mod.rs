@@ -31,7 +31,7 @@ use super::copies::CopiedReadings;
 use super::discrepancy::{ReadingResidual, joint_space_blocks};
 use super::outliers::RejectedReading;
 pub use case::AbsoluteCase;
-pub use error::AbsoluteError;
+pub use error::{AbsoluteError, AbsoluteResult};
 pub use fit::{AbsoluteFit, ReadingWeights};
 pub use inconsistencies::{CONTRADICTION, Inconsistencies, Inconsistency};
 pub use joint_errors::{DiscrepancyModel, JointError, ReadingPrognosis, SQUARE_95, Unexplained};

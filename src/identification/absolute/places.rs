@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix6xX};
 
 use super::joint_errors::DiscrepancyModel;
 use super::residuals::{LinearReading, with_joints};
-use crate::identification::IdentificationError;
+use crate::identification::FitResult;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterSet};
 
@@ -32,7 +32,7 @@ impl DiscrepancyModel {
         set: &ParameterSet,
         places: &[usize],
         setup: &Setup,
-    ) -> Result<PlaceError, IdentificationError> {
+    ) -> FitResult<PlaceError> {
         let joints: Vec<usize> = self.joints.iter().map(|each| each.joint).collect();
         let (all, zeros) = with_joints(set, arm, &joints);
         let mut by = Matrix6xX::zeros(all.len());

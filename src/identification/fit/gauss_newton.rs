@@ -9,7 +9,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::super::error::IdentificationError;
+use super::super::error::{FitResult, IdentificationError};
 
 /// A fit is found when the next step would change no unknown by more than this share of its typical size ...
 const NOTHING: f64 = 1e-10;
@@ -41,7 +41,7 @@ pub trait FitProblem {
     const SMALL: f64 = 0.0;
 
     /// The equations at values of the unknowns (p), with their solution.
-    fn at(&mut self, values: DVector<f64>) -> Result<FitPlace<Self::Kept>, IdentificationError>;
+    fn at(&mut self, values: DVector<f64>) -> FitResult<FitPlace<Self::Kept>>;
 
     /// A step in coordinates of what is determined (r) as a change of the unknowns (p), no longer than what the model can follow.
     fn change(&self, step: &DVector<f64>) -> DVector<f64>;
@@ -95,7 +95,7 @@ pub const fn not_converged(step: f64) -> IdentificationError {
 pub fn gauss_newton<Problem: FitProblem>(
     problem: &mut Problem,
     start: FitPlace<Problem::Kept>,
-) -> Result<(FitPlace<Problem::Kept>, usize), IdentificationError> {
+) -> FitResult<(FitPlace<Problem::Kept>, usize)> {
     let begun = start.values.clone();
     let mut now = start;
     let mut before: Option<FitPlace<Problem::Kept>> = None;
@@ -133,7 +133,7 @@ pub fn gauss_newton<Problem: FitProblem>(
 fn halved_step<Problem: FitProblem>(
     problem: &mut Problem,
     now: &FitPlace<Problem::Kept>,
-) -> Result<FitPlace<Problem::Kept>, IdentificationError> {
+) -> FitResult<FitPlace<Problem::Kept>> {
     let (mut change, mut size) = (problem.change(&now.step), now.step.amax());
     let is_short = now.length() <= SHORT;
     let mut reason = not_converged(now.length());

@@ -6,7 +6,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::super::error::IdentificationError;
+use super::super::error::{FitResult, IdentificationError};
 use super::gauss_newton::{
     CONVERGED, FitPlace, FitProblem, NEARLY_LINEAR, gauss_newton, not_converged,
 };
@@ -66,7 +66,7 @@ pub fn fit_parameters(
     nominal: &ElasticArm,
     set: &ParameterSet,
     observations: &[Observation],
-) -> Result<ParameterFit, IdentificationError> {
+) -> FitResult<ParameterFit> {
     let readings = FittedReadings {
         nominal,
         set,
@@ -103,16 +103,12 @@ pub enum Haste {
 
 impl FittedReadings<'_> {
     /// A fit that begins where the frames follow from the readings.
-    pub fn fit_from_frames(&self, haste: Haste) -> Result<ParameterFit, IdentificationError> {
+    pub fn fit_from_frames(&self, haste: Haste) -> FitResult<ParameterFit> {
         self.fit_from(&self.frames(), haste)
     }
 
     /// A fit that begins at values (p).
-    pub fn fit_from(
-        &self,
-        start: &DVector<f64>,
-        haste: Haste,
-    ) -> Result<ParameterFit, IdentificationError> {
+    pub fn fit_from(&self, start: &DVector<f64>, haste: Haste) -> FitResult<ParameterFit> {
         if self.observations.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
@@ -157,7 +153,7 @@ impl FittedReadings<'_> {
     }
 
     /// What the readings say at values (p), as they are weighed.
-    pub fn equations(&self, values: &DVector<f64>) -> Result<NormalEquations, IdentificationError> {
+    pub fn equations(&self, values: &DVector<f64>) -> FitResult<NormalEquations> {
         let (set, nominal, observations) = (self.set, self.nominal, self.observations);
         Ok(match self.shared {
             None => normal_equations(set, nominal, values, observations),
@@ -226,10 +222,7 @@ pub struct ReadingProblem<'a> {
 
 impl ReadingProblem<'_> {
     /// The best values from near others (p), with what the readings say there and the number of steps.
-    pub fn solve(
-        &mut self,
-        start: DVector<f64>,
-    ) -> Result<(ReadingPlace, usize), IdentificationError> {
+    pub fn solve(&mut self, start: DVector<f64>) -> FitResult<(ReadingPlace, usize)> {
         let start = self.at(start)?;
         gauss_newton(self, start)
     }
@@ -239,7 +232,7 @@ impl ReadingProblem<'_> {
         &self,
         values: DVector<f64>,
         equations: NormalEquations,
-    ) -> Result<ReadingPlace, IdentificationError> {
+    ) -> FitResult<ReadingPlace> {
         let set = self.readings.set;
         let off = (&values - &set.prior().mean).component_div(&set.scales());
         let pull = &self.prior * &off;
@@ -261,7 +254,7 @@ impl FitProblem for ReadingProblem<'_> {
     /// What the readings say, and the information's factor.
     type Kept = (NormalEquations, Cholesky<f64, Dyn>);
 
-    fn at(&mut self, values: DVector<f64>) -> Result<ReadingPlace, IdentificationError> {
+    fn at(&mut self, values: DVector<f64>) -> FitResult<ReadingPlace> {
         let equations = self.readings.equations(&values)?;
         self.solved(values, equations)
     }
