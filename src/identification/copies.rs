@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use statrs::distribution::{DiscreteCDF, Poisson};
 
+use super::outliers::{RejectedReading, rejected_of};
 use crate::codes::{Condition, ConditionCode};
 
 /// Equal readings are copies where chance makes as many equal ones with a smaller probability.
@@ -78,13 +79,14 @@ impl CopiedReadings {
         found
     }
 
-    /// The rows that count no more, since others are the same.
-    pub fn is_copy(&self, count: usize) -> Vec<bool> {
-        let mut of_all = vec![false; count];
+    /// The places of so many rows that count: others are not the same, and they were not rejected.
+    pub(super) fn kept(&self, count: usize, rejected: &[RejectedReading]) -> Vec<usize> {
+        let mut is_left_out = rejected_of(count, rejected);
         for &[_, copy] in &self.rows {
-            of_all[copy] = true;
+            is_left_out[copy] = true;
         }
-        of_all
+        let places = 0..count;
+        places.filter(|&place| !is_left_out[place]).collect()
     }
 
     /// What is wrong.

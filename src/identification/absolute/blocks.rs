@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 use super::super::error::FitResult;
 use super::super::fit::{FitProblem, Haste, ParameterFit, ReadingProblem};
-use super::super::outliers;
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, ReadingResidual, RejectedReading, joint_space_blocks,
 };
@@ -39,9 +38,8 @@ impl AbsoluteCase<'_> {
 
     /// The same case without some of its readings, and without copies of others.
     pub(super) fn without(&self, rejected: &[RejectedReading]) -> Self {
-        let is_rejected = outliers::rejected_of(self.observations.len(), rejected);
-        let is_copy = self.copies.is_copy(self.observations.len());
-        self.part_of(|index| !is_rejected[index] && !is_copy[index])
+        let kept = self.copies.kept(self.observations.len(), rejected);
+        self.part_of(|index| kept.binary_search(&index).is_ok())
     }
 
     /// The same case with some of its readings alone, weighed as they are.

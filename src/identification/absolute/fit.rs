@@ -360,11 +360,7 @@ impl AbsoluteFit {
 
     /// The readings that were fitted, by their places.
     pub fn kept(&self) -> Vec<usize> {
-        let is_rejected = outliers::rejected_of(self.left.len(), &self.rejected);
-        let is_copy = self.copies.is_copy(self.left.len());
-        (0..self.left.len())
-            .filter(|&place| !is_rejected[place] && !is_copy[place])
-            .collect()
+        self.copies.kept(self.left.len(), &self.rejected)
     }
 
     /// Those of one thing for each reading that belong to the readings that were fitted.

@@ -18,7 +18,6 @@ mod model_selection;
 mod outliers;
 mod parts;
 mod pattern_rows;
-mod places;
 mod prognoses;
 mod repeat_components;
 mod residuals;
