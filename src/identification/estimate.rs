@@ -236,10 +236,12 @@ impl Case<'_> {
 impl Sigma {
     /// How many standard errors 95 % are within, to either side, with so many equations to spare.
     fn quantile(self, spare: usize) -> f64 {
-        match self {
-            Self::Known(_) => two_sided_normal(),
-            Self::FromResiduals(_) => two_sided_student(spare as f64),
-        }
+        let is_known = matches!(self, Self::Known(_));
+        two_sided_student(if is_known {
+            f64::INFINITY
+        } else {
+            spare as f64
+        })
     }
 }
 
@@ -286,17 +288,13 @@ pub(super) fn in_room(of: &Measurement, left_m: &Vector3<f64>) -> Vector3<f64> {
     (of.direction).map_or(*left_m, |direction| direction * left_m.x + Vector3::zeros())
 }
 
-fn two_sided_normal() -> f64 {
-    Normal::standard().inverse_cdf(0.975)
-}
-
 /// With so many degrees of freedom Student's t is normal.
 const MANY: f64 = 1e6;
 
 /// What 95 % of a variable of Student's t stay within, to either side.
 pub(super) fn two_sided_student(freedom: f64) -> f64 {
     if freedom >= MANY {
-        return two_sided_normal();
+        return Normal::standard().inverse_cdf(0.975);
     }
     StudentsT::new(0.0, 1.0, freedom)
         .map_or(f64::INFINITY, |student| exceeded_with(&student, 0.025))

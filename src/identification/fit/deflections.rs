@@ -90,12 +90,16 @@ impl FitStart {
             DeflectionRows::new(predicted, &whitening, &prior, DVector::zeros(prior.nrows()))
         };
         let linear = rows(source.predicted_linearly());
+        let mut free = linear.matrix.clone();
+        for &place in source.held {
+            free.column_mut(place).fill(0.0);
+        }
         let mut torques = Vec::new();
         let at_rest = (source.method == Method::Nonlinear && !is_near)
             .then(|| source.predicted(nominal.as_slice(), &mut torques).ok());
         let mut start = Self {
             factor: None,
-            estimable: source.estimable(&linear.matrix),
+            estimable: Estimable::of_equations(&free, &source.belief.sizes()),
             at_nominal: at_rest.flatten().map_or(linear, rows),
             whitening,
             prior,

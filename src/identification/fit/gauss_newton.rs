@@ -85,11 +85,6 @@ impl<Kept> FitPlace<Kept> {
     }
 }
 
-/// The last step was so many standard errors.
-pub const fn not_converged(step: f64) -> IdentificationError {
-    IdentificationError::NotConverged { step }
-}
-
 /// The place from which no step leads further, and the number of steps, with one to spare. Where there is no hope, it is where the fit
 /// begins.
 pub fn gauss_newton<Problem: FitProblem>(
@@ -126,7 +121,8 @@ pub fn gauss_newton<Problem: FitProblem>(
         };
         before = Some(std::mem::replace(&mut now, next));
     }
-    Err(not_converged(now.length()))
+    let step = now.length();
+    Err(IdentificationError::NotConverged { step })
 }
 
 /// The next place by the linear model, after as much of the step as does not make the fit worse.
@@ -135,15 +131,15 @@ fn halved_step<Problem: FitProblem>(
     now: &FitPlace<Problem::Kept>,
 ) -> FitResult<FitPlace<Problem::Kept>> {
     let (mut change, mut size) = (problem.change(&now.step), now.step.amax());
-    let is_short = now.length() <= SHORT;
-    let mut reason = not_converged(now.length());
+    let step = now.length();
+    let mut reason = IdentificationError::NotConverged { step };
     for _ in 0..=HALVINGS {
-        let may_rise = is_short || size < Problem::SMALL;
+        let may_rise = step <= SHORT || size < Problem::SMALL;
         reason = match problem.at(&now.values + &change) {
             Ok(found) if may_rise || found.square <= now.square * (1.0 + ROUNDING) => {
                 return Ok(found);
             }
-            Ok(_) => not_converged(now.length()),
+            Ok(_) => IdentificationError::NotConverged { step },
             Err(error) => error,
         };
         change *= 0.5;
