@@ -127,7 +127,7 @@ impl Case<'_> {
     pub(super) fn identify_near(&self, near: Option<&[f64]>) -> FitResult<Identification> {
         let start = FitStart::new(self, near.is_some());
         let mut found = self.identify_from(&start, near)?;
-        found.uncertain = self.others(&found, &start);
+        found.uncertain = self.others(&found.posterior);
         Ok(found)
     }
 
@@ -150,13 +150,13 @@ impl Case<'_> {
         let sigma_m = self.typical_sigma_m();
         let sum_of_squares = fit.whitened_residuals.norm_squared();
         let ratio = (spare > 0).then(|| (sum_of_squares / freedom).sqrt());
-        let factor = match self.sigma {
-            Sigma::Known(_) => 1.0,
-            Sigma::FromResiduals(_) => {
-                ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?
-            }
+        let is_known = matches!(self.sigma, Sigma::Known(_));
+        let factor = if is_known {
+            1.0
+        } else {
+            ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?
         };
-        let quantile = self.sigma.quantile(spare);
+        let quantile = two_sided_student(if is_known { f64::INFINITY } else { freedom });
         let joints = &self.belief.parameters;
         let posterior = Posterior {
             names: self.belief.unknown_names(),
@@ -183,9 +183,7 @@ impl Case<'_> {
             let left = three_rows(&left.rows_range(rows).into_owned(), 0);
             <[f64; 3]>::from(in_room(of, &left))
         });
-        let chi_square = (spare > 0 && matches!(self.sigma, Sigma::Known(_)))
-            .then(|| ChiSquared::new(freedom).ok())
-            .flatten();
+        let chi_square = ChiSquared::new(freedom).ok().filter(|_| is_known);
         let deflections = self.measurements.iter();
         let coordinates: usize = (deflections.clone()).map(|each| rows_of(each).min(3)).sum();
         let squares: f64 = (deflections.map(|each| each.deflection_m.norm_squared())).sum();
@@ -211,37 +209,22 @@ impl Case<'_> {
     }
 
     /// What is told of what else is uncertain.
-    fn others(&self, found: &Identification, start: &FitStart) -> Vec<UncertainEstimate> {
+    fn others(&self, posterior: &Posterior) -> Vec<UncertainEstimate> {
         let extended = &self.belief.uncertain;
-        if extended.is_plain() {
-            return Vec::new();
-        }
-        let spare = start.equations().saturating_sub(found.rank);
-        let quantile = self.sigma.quantile(spare);
         let parameters = extended.set().parameters().iter().enumerate();
         let others = parameters.skip(self.belief.parameters.len());
-        let estimate = |place| Estimate::of(&found.posterior, place, quantile);
-        let told = others.map(|(place, parameter)| UncertainEstimate {
-            name: parameter.name.clone(),
-            words: parameter.kind.words(extended.arm()),
-            unit: parameter.unit().to_owned(),
-            prior_deviation: extended.prior_deviation(place),
-            value: estimate(place).map(|each| each.value),
-            standard_error: estimate(place).map(|each| each.standard_error),
+        let told = others.map(|(place, parameter)| {
+            let standard_error = posterior.standard_error(place);
+            UncertainEstimate {
+                name: parameter.name.clone(),
+                words: parameter.kind.words(extended.arm()),
+                unit: parameter.unit().to_owned(),
+                prior_deviation: extended.prior_deviation(place),
+                value: standard_error.map(|_| posterior.mean[place]),
+                standard_error,
+            }
         });
         told.collect()
-    }
-}
-
-impl Sigma {
-    /// How many standard errors 95 % are within, to either side, with so many equations to spare.
-    fn quantile(self, spare: usize) -> f64 {
-        let is_known = matches!(self, Self::Known(_));
-        two_sided_student(if is_known {
-            f64::INFINITY
-        } else {
-            spare as f64
-        })
     }
 }
 
@@ -260,7 +243,7 @@ impl Estimate {
 }
 
 /// The identification of one plan's measurements over and over: what does not depend on what is read is made once.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(crate) struct PreparedCase<'a> {
     case: Case<'a>,
     start: FitStart,

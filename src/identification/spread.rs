@@ -90,7 +90,6 @@ fn logarithms(squares: &[f64]) -> DVector<f64> {
 }
 
 /// Variances of what is left, and of each joint's coefficients.
-#[derive(Clone)]
 struct SpreadVariances {
     rest: f64,
     joints: Vec<f64>,

@@ -68,11 +68,6 @@ impl JointError {
             .sum()
     }
 
-    /// The logarithm of the factor by which squares of errors of positions (0) or rotations (1) are larger there.
-    pub(super) fn spread_at(&self, part: usize, commanded: f64) -> f64 {
-        logarithm(&self.spread[part], commanded, self.process.range())
-    }
-
     /// The command with which the joint stands there.
     pub fn command_for(&self, wanted: f64) -> f64 {
         let mut commanded = wanted;
@@ -293,8 +288,10 @@ impl DiscrepancyModel {
     /// The same but for how large they are on the whole, at the angles of these joints.
     pub(super) fn relative_at(&self, part: usize, angles: impl Iterator<Item = f64>) -> f64 {
         let joints = self.joints.iter().zip(angles);
-        let logarithm: f64 = (joints.map(|(joint, angle)| joint.spread_at(part, angle))).sum();
-        logarithm.exp()
+        let each = |(joint, angle): (&JointError, f64)| {
+            logarithm(&joint.spread[part], angle, joint.process.range())
+        };
+        joints.map(each).sum::<f64>().exp()
     }
 
     /// A residual at commanded angles with its covariance, beside the regions of 95 %.

@@ -30,7 +30,7 @@ pub struct DeflectionFit {
 }
 
 /// What fits to the same plan begin with, whatever is read.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct FitStart {
     pub whitening: Whitening,
     /// What the measurements determine follows from their linear equations at the commanded angles, as it
@@ -110,11 +110,6 @@ impl FitStart {
             start.factor = sound_factor(start.information(&start.at_nominal));
         }
         start
-    }
-
-    /// The number of equations, what was known before among them.
-    pub fn equations(&self) -> usize {
-        self.at_nominal.left.len()
     }
 
     /// What was read, whitened.

@@ -164,7 +164,7 @@ pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
             break;
         };
         let (error, gain) = (&likeliest.error, likeliest.gain);
-        let [without, as_read] = [likeliest.evidence, as_it_is].map(ReadingEvidence::rms);
+        let [without, as_read] = [likeliest.evidence.rms, as_it_is.rms];
         // Of another unit residuals may be the smaller ones of what is the less probable.
         let why = if without < as_read {
             format!(
