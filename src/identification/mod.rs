@@ -35,7 +35,7 @@ pub use absolute::{
     PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
     RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents,
 };
-pub use agreement::SaidEstimate;
+pub use agreement::agree_of_estimate;
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;
 pub(crate) use conditions::{Told, left_out};

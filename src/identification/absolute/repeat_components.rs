@@ -79,9 +79,6 @@ pub struct RepeatComponents {
     pub not_separated: Vec<String>,
 }
 
-/// Which joints have a variance in common.
-type ReturnClasses = Vec<Vec<usize>>;
-
 /// Contrasts of one covariance.
 struct Contrasts {
     /// The sum of their squares (m x m), and their number.
@@ -259,7 +256,7 @@ fn components(
     contrasts: &[Contrasts],
     joints: usize,
     is_reading_estimated: bool,
-) -> Option<(ReturnClasses, Vec<f64>, DMatrix<f64>)> {
+) -> Option<(Vec<Vec<usize>>, Vec<f64>, DMatrix<f64>)> {
     let moved = |joint: usize| {
         let columns = contrasts.iter().map(|each| each.joints.column(joint));
         columns.map(|column| column.amax()).fold(0.0, f64::max)
@@ -270,7 +267,7 @@ fn components(
         .collect();
     let numbers = (contrasts.iter()).map(|each| each.count * each.own.nrows() as f64);
     let wanted = NUMBERS_PER_VARIANCE * (moving.len() + 1) as f64;
-    let mut classes: ReturnClasses = if numbers.sum::<f64>() < wanted {
+    let mut classes: Vec<Vec<usize>> = if numbers.sum::<f64>() < wanted {
         vec![moving]
     } else {
         moving.into_iter().map(|joint| vec![joint]).collect()
