@@ -126,7 +126,8 @@ impl AbsoluteCase<'_> {
         if poses.is_empty() {
             return None;
         }
-        let (classes, variances, information) = components(&contrasts, joints.len(), within > 0)?;
+        let (classes, variances) = components(&contrasts, joints.len(), within > 0)?;
+        let (_, information) = improved(&contrasts, &classes, within > 0, &variances)?;
         let errors = Cholesky::new(information)?.inverse();
         let chain = &self.arm.chain.joints;
         let component = |level, joints: Vec<usize>, place: usize| {
@@ -251,12 +252,12 @@ fn about_mean(
     (mean, of)
 }
 
-/// Which joints have a variance in common; that of the readings, then those of these classes, and their expected information.
+/// Which joints have a variance in common; that of the readings, then those of these classes.
 fn components(
     contrasts: &[Contrasts],
     joints: usize,
     is_reading_estimated: bool,
-) -> Option<(Vec<Vec<usize>>, Vec<f64>, DMatrix<f64>)> {
+) -> Option<(Vec<Vec<usize>>, Vec<f64>)> {
     let moved = |joint: usize| {
         let columns = contrasts.iter().map(|each| each.joints.column(joint));
         columns.map(|column| column.amax()).fold(0.0, f64::max)
@@ -292,7 +293,7 @@ fn components(
             .filter(|(one, other)| one != other);
         let worst = pairs.max_by(|one, other| alike(one).total_cmp(&alike(other)));
         let Some((one, other)) = worst else {
-            return Some((classes, variances, information));
+            return Some((classes, variances));
         };
         let joined = classes.remove(one.max(other) - 1);
         let class = &mut classes[one.min(other) - 1];

@@ -62,13 +62,13 @@ impl DeflectionRows {
         mut predicted: PredictedRows,
         whitening: &Whitening,
         prior: &DMatrix<f64>,
-        off: DVector<f64>,
+        off: &DVector<f64>,
     ) -> Self {
         whitening.whiten(&mut predicted.derivatives);
         whitening.whiten(&mut predicted.values);
         Self {
             matrix: stack![predicted.derivatives; *prior],
-            left: stack![-predicted.values; off],
+            left: stack![-predicted.values; *off],
         }
     }
 
@@ -86,9 +86,8 @@ impl FitStart {
         let whitening = source.whitening();
         let nominal = DVector::from_vec(source.belief.values());
         let prior = source.belief.uncertain.prior_rows().clone();
-        let rows = |predicted| {
-            DeflectionRows::new(predicted, &whitening, &prior, DVector::zeros(prior.nrows()))
-        };
+        let off = DVector::zeros(prior.nrows());
+        let rows = |predicted| DeflectionRows::new(predicted, &whitening, &prior, &off);
         let linear = rows(source.predicted_linearly());
         let mut free = linear.matrix.clone();
         for &place in source.held {
@@ -196,7 +195,7 @@ impl FitProblem for DeflectionProblem<'_> {
         let start = self.start;
         let predicted = (self.source).predicted(values.as_slice(), &mut self.torques)?;
         let off = &start.prior * (&start.nominal - &values);
-        let rows = DeflectionRows::new(predicted, &start.whitening, &start.prior, off);
+        let rows = DeflectionRows::new(predicted, &start.whitening, &start.prior, &off);
         let rows = rows.reading(&self.read);
         let information = start.information(&rows);
         let factor = sound_factor(information.clone());
