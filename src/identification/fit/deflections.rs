@@ -8,7 +8,7 @@ use super::super::error::FitResult;
 use super::super::whitening::Whitening;
 use super::gauss_newton::{FitPlace, FitProblem, gauss_newton};
 use crate::numeric::estimable::Estimable;
-use crate::numeric::factorisation::inverse_of;
+use crate::numeric::factorisation::{gram, inverse_of};
 use crate::numeric::least_squares::{LeastSquares, condition_of, sound_factor};
 use crate::observation::RestTorques;
 use crate::task::Method;
@@ -38,6 +38,8 @@ pub struct FitStart {
     pub estimable: Estimable,
     /// What is known before, as whitened equations (q x p) of the change from nominal values.
     prior: DMatrix<f64>,
+    /// The prior's information in coordinates of what is determined, r x r.
+    before: DMatrix<f64>,
     nominal: DVector<f64>,
     /// Where a fit begins that does not begin near, but for what was read: at nominal values, through the static equilibrium as far as
     /// there is one.
@@ -96,9 +98,11 @@ impl FitStart {
         let mut torques = Vec::new();
         let at_rest = (source.method == Method::Nonlinear && !is_near)
             .then(|| source.predicted(nominal.as_slice(), &mut torques).ok());
+        let estimable = Estimable::of_equations(&free, &source.belief.sizes());
         let mut start = Self {
             factor: None,
-            estimable: Estimable::of_equations(&free, &source.belief.sizes()),
+            before: gram(&(&prior * estimable.basis_in_units())),
+            estimable,
             at_nominal: at_rest.flatten().map_or(linear, rows),
             whitening,
             prior,
@@ -120,8 +124,11 @@ impl FitStart {
 
     /// What equations say of what is determined (r x r).
     fn information(&self, rows: &DeflectionRows) -> DMatrix<f64> {
-        let within = self.estimable.coordinates(rows.matrix.transpose());
-        &within * within.transpose()
+        let readings = rows.matrix.nrows() - self.prior.nrows();
+        let within = (self.estimable).coordinates(rows.matrix.rows(0, readings).transpose());
+        let mut information = self.before.clone();
+        information.gemm(1.0, &within, &within.transpose(), 1.0);
+        information
     }
 
     /// The right-hand side of the normal equations (r).
