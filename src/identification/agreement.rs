@@ -8,46 +8,32 @@ use crate::quantities::plausible::shown;
 /// Rounding in what is said twice, as a share of its size.
 const ROUNDING: f64 = 1e-9;
 
-/// What a file says of an estimate, each with its key.
-#[derive(Debug)]
-pub struct SaidEstimate<'a> {
-    /// The value.
-    pub value: (&'a str, f64),
-    /// Its variance.
-    pub variance: (&'a str, f64),
-    /// Its standard error, where it is said.
-    pub standard_error: (&'a str, Option<f64>),
-    /// Its 95 % interval, about the value or, of a logarithm, by a factor to either side.
-    pub interval95: (&'a str, Option<[f64; 2]>),
-}
-
-impl SaidEstimate<'_> {
-    /// Whether all of it goes together.
-    ///
-    /// # Errors
-    /// What does not, by its key.
-    pub fn check(&self, path: &Path) -> Result<(), FileError> {
-        if let (key, Some(error)) = self.standard_error {
-            let root = self.variance.1.max(0.0).sqrt();
-            agree(path, (key, error), (self.variance.0, root))?;
-        }
-        let (key, Some([low, high])) = self.interval95 else {
-            return Ok(());
-        };
-        let value = self.value.1;
-        let is_about =
-            |found: f64, expected: f64, size: f64| (found - expected).abs() <= ROUNDING * size;
-        if is_about(
-            f64::midpoint(low, high),
-            value,
-            value.abs() + (high - low).abs(),
-        ) || is_about(low * high, value * value, value * value)
-        {
-            return Ok(());
-        }
-        let found = format!("{} to {}", shown(low), shown(high));
-        Err(contradiction(path, key, &found, (self.value.0, value)))
+/// Whether what a file says of an estimate goes together, each with its key: its value, its variance, and where they are said its standard
+/// error and its 95 % interval, about the value or, of a logarithm, by a factor to either side.
+///
+/// # Errors
+/// What does not, by its key.
+pub fn agree_of_estimate(
+    path: &Path,
+    (value_key, value): (&str, f64),
+    variance: (&str, f64),
+    standard_error: (&str, Option<f64>),
+    interval95: (&str, Option<[f64; 2]>),
+) -> Result<(), FileError> {
+    if let (key, Some(error)) = standard_error {
+        let root = variance.1.max(0.0).sqrt();
+        agree(path, (key, error), (variance.0, root))?;
     }
+    let (key, Some([low, high])) = interval95 else {
+        return Ok(());
+    };
+    let off = (f64::midpoint(low, high) - value).abs();
+    let is_about_it = off <= ROUNDING * (value.abs() + (high - low).abs());
+    if is_about_it || (low * high - value * value).abs() <= ROUNDING * (value * value) {
+        return Ok(());
+    }
+    let found = format!("{} to {}", shown(low), shown(high));
+    Err(contradiction(path, key, &found, (value_key, value)))
 }
 
 /// Whether a number and what another key says of it are the same.

@@ -1,7 +1,7 @@
 //! The conditions of an identification, by name.
 
 use super::outliers::{IMPLAUSIBLE, RejectedReading};
-use super::{Estimate, Identification, ParameterEstimate, UncertainEstimate};
+use super::{Identification, ParameterEstimate, UncertainEstimate};
 use crate::codes::{Condition, ConditionCode};
 use crate::quantities::plausible::ELASTIC_COMPLIANCE;
 use crate::text::wording::p_value;
@@ -34,7 +34,8 @@ pub(crate) fn left_out(rejected: &[RejectedReading], count: usize, noun: &str) -
 }
 
 /// What is told of residuals that are larger, or smaller, than these standard deviations make them, by the probabilities of as large and
-/// of as small ones. Small ones are a condition where nobody expects them.
+/// of as small ones. Small ones are a condition where nobody expects them; large ones where what the model leaves is not counted, or is more
+/// than robots have it leave (m).
 pub(super) fn inconsistent(
     [larger, smaller]: [Option<f64>; 2],
     deviations: &str,
@@ -45,15 +46,6 @@ pub(super) fn inconsistent(
         let p = p_value(probability.filter(|each| *each < IMPLAUSIBLE)?);
         Some(format!("residuals too {size} for {deviations}, {p}"))
     };
-    let large = words("large", larger).map(|words| too_large(&words, left_and_usual_m));
-    let small = words("small", smaller)
-        .map(|words| told(ConditionCode::ResidualsTooSmall, words, !are_expected));
-    large.into_iter().chain(small)
-}
-
-/// What is done about residuals that are too large: what the model leaves and how much robots have it leave (m), where it is counted. A
-/// condition where it is not, or is more.
-fn too_large(words: &str, left_and_usual_m: Option<[f64; 2]>) -> Told {
     let is_usual = left_and_usual_m.is_some_and(|[left_m, usual_m]| left_m <= usual_m);
     let done = match left_and_usual_m {
         None => "no model discrepancy in the weights".to_owned(),
@@ -64,8 +56,11 @@ fn too_large(words: &str, left_and_usual_m: Option<[f64; 2]>) -> Told {
             usual_m * 1e3
         ),
     };
-    let words = format!("{words}; {done}");
-    told(ConditionCode::ResidualsTooLarge, words, !is_usual)
+    let large = words("large", larger).map(|words| format!("{words}; {done}"));
+    let large = large.map(|words| told(ConditionCode::ResidualsTooLarge, words, !is_usual));
+    let small = words("small", smaller)
+        .map(|words| told(ConditionCode::ResidualsTooSmall, words, !are_expected));
+    large.into_iter().chain(small)
 }
 
 /// A compliance in its unit that no joint has.
@@ -81,25 +76,19 @@ pub fn impossible_compliance(joint: &str, (value, unit): (f64, &str)) -> Option<
 /// What a compliance that stays nominal would be; a condition where noise does not explain that it would be negative.
 fn stays_nominal(parameter: &ParameterEstimate) -> Option<Told> {
     let ParameterEstimate { name, unit, .. } = parameter;
-    let Estimate {
-        value,
-        standard_error,
-        ..
-    } = parameter.estimate?;
-    let is_contradicted = value < -BY_NOISE * standard_error;
+    let found = parameter.estimate?;
+    let (value, error) = (found.value, found.standard_error);
+    let is_contradicted = value < -BY_NOISE * error;
     let why = if is_contradicted {
         "negative beyond noise"
     } else {
         "less certain than that"
     };
     let words = format!(
-        "the compliance of {name} stays nominal: its estimate {value:.3e} +- {standard_error:.1e} {unit} is {why}"
+        "the compliance of {name} stays nominal: its estimate {value:.3e} +- {error:.1e} {unit} is {why}"
     );
-    Some(told(
-        ConditionCode::NegativeCompliance,
-        words,
-        is_contradicted,
-    ))
+    let code = ConditionCode::NegativeCompliance;
+    Some(told(code, words, is_contradicted))
 }
 
 impl Identification {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use statrs::distribution::{DiscreteCDF, Poisson};
 
+use super::outliers::{RejectedReading, rejected_of};
 use crate::codes::{Condition, ConditionCode};
 
 /// Equal readings are copies where chance makes as many equal ones with a smaller probability.
@@ -67,24 +68,27 @@ impl CopiedReadings {
         };
         let of_rows = expected(of_one_setup, |sigma, _| sigma);
         let of_readings = expected(pairs(all.len()) - of_one_setup, f64::max);
-        for (found, expected) in [
-            (&mut found.rows, of_rows),
-            (&mut found.readings, of_readings),
-        ] {
-            if !is_beyond_chance(found.len(), expected) {
+        // Those beyond chance stay: as many, or more, are improbable where so many are expected.
+        let judge = |found: &mut Vec<[usize; 2]>, expected: f64| {
+            let fewer = (found.len() as u64).saturating_sub(1);
+            let is_improbable = |law: Poisson| law.sf(fewer) < CHANCE;
+            if expected > 0.0 && !Poisson::new(expected).is_ok_and(is_improbable) {
                 found.clear();
             }
-        }
+        };
+        judge(&mut found.rows, of_rows);
+        judge(&mut found.readings, of_readings);
         found
     }
 
-    /// The rows that count no more, since others are the same.
-    pub fn is_copy(&self, count: usize) -> Vec<bool> {
-        let mut of_all = vec![false; count];
+    /// The places of so many rows that count: others are not the same, and they were not rejected.
+    pub(super) fn kept(&self, count: usize, rejected: &[RejectedReading]) -> Vec<usize> {
+        let mut is_left_out = rejected_of(count, rejected);
         for &[_, copy] in &self.rows {
-            of_all[copy] = true;
+            is_left_out[copy] = true;
         }
-        of_all
+        let places = 0..count;
+        places.filter(|&place| !is_left_out[place]).collect()
     }
 
     /// What is wrong.
@@ -141,10 +145,4 @@ fn shown_resolution_m(all: &[ReadBits]) -> f64 {
     let decimals = (0..=MOST_DECIMALS).map(|decimals| 1e-3 * 10_f64.powi(-decimals));
     let mut steps_m = decimals.flat_map(|last_m| [5.0, 2.0, 1.0].map(|times| times * last_m));
     (steps_m.find(is_whole)).unwrap_or_else(|| 1e-3 * 10_f64.powi(-MOST_DECIMALS - 6))
-}
-
-/// Whether as many, or more, are less probable than chance makes them where so many are expected.
-fn is_beyond_chance(found: usize, expected: f64) -> bool {
-    let fewer = (found as u64).saturating_sub(1);
-    expected <= 0.0 || Poisson::new(expected).is_ok_and(|chance| chance.sf(fewer) < CHANCE)
 }

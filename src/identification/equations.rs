@@ -6,9 +6,8 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Dyn, Matrix, Matrix6xX, Storage, U3, Vector3};
 
 use super::case::Case;
-use super::error::IdentificationError;
+use super::error::{FitResult, IdentificationError};
 use crate::measurement::Measurement;
-use crate::numeric::estimable::Estimable;
 use crate::observation::{ObservationModel, Prediction, ReadingKind, RestTorques, Setup};
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
@@ -17,15 +16,6 @@ use crate::robot::{
 impl Case<'_> {
     pub(super) fn rows(&self) -> usize {
         self.measurements.iter().map(rows_of).sum()
-    }
-
-    /// What whitened equations of the unknowns determine.
-    pub(super) fn estimable(&self, matrix: &DMatrix<f64>) -> Estimable {
-        let mut others = matrix.clone();
-        for &place in self.held {
-            others.column_mut(place).fill(0.0);
-        }
-        Estimable::of_equations(&others, &self.belief.sizes())
     }
 
     /// What is read, one measurement below the other: the deflection or what is along a direction (m), and the rotation (rad) where
@@ -79,7 +69,7 @@ impl Case<'_> {
         &self,
         values: &[f64],
         torques: &mut Vec<RestTorques>,
-    ) -> Result<PredictedRows, IdentificationError> {
+    ) -> FitResult<PredictedRows> {
         torques.resize_with(self.measurements.len(), RestTorques::default);
         let belief = self.belief;
         if !belief.uncertain.is_plain() {
@@ -103,12 +93,8 @@ impl Case<'_> {
                     .map_err(|error| IdentificationError::from((index, error)))?;
                 let sensitivity =
                     (solver.sensitivity(compliance)).select_columns(&belief.parameters);
-                let state = solver.state();
-                Ok::<_, IdentificationError>((
-                    state.tool_position,
-                    state.tool_rotation,
-                    sensitivity,
-                ))
+                let (place, axes) = (solver.state().tool_position, solver.state().tool_rotation);
+                Ok::<_, IdentificationError>((place, axes, sensitivity))
             };
             let (unloaded, unloaded_axes, from) = rest(&Load::NONE, &mut torques[0])?;
             let (loaded, loaded_axes, to) = rest(&each.load, &mut torques[1])?;
@@ -197,7 +183,6 @@ pub(super) fn setup_of(measurement: &Measurement) -> (Setup, ReadingKind) {
 }
 
 /// What is read as the model has it (N; m, rad), with its derivatives by the unknowns (N x p).
-#[derive(Debug, Clone)]
 pub(super) struct PredictedRows {
     pub derivatives: DMatrix<f64>,
     pub values: DVector<f64>,

@@ -40,6 +40,9 @@ pub enum IdentificationError {
     },
 }
 
+/// What a fit gives, if anything.
+pub type FitResult<T> = Result<T, IdentificationError>;
+
 impl From<(usize, EquilibriumError)> for IdentificationError {
     /// Of a measurement that counts from 0.
     fn from((index, source): (usize, EquilibriumError)) -> Self {

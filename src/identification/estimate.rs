@@ -7,7 +7,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 use super::case::{Case, Sigma};
 use super::discrepancy::three_rows;
 use super::equations::rows_of;
-use super::error::IdentificationError;
+use super::error::{FitResult, IdentificationError};
 use super::fit::{FitStart, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
@@ -119,27 +119,20 @@ impl Case<'_> {
     ///
     /// # Errors
     /// Nothing can be identified; a single compliance that cannot is not an error but has no estimate.
-    pub fn identify(&self) -> Result<Identification, IdentificationError> {
+    pub fn identify(&self) -> FitResult<Identification> {
         self.identify_near(None)
     }
 
     /// The same from values of the unknowns (p) that are near.
-    pub(super) fn identify_near(
-        &self,
-        near: Option<&[f64]>,
-    ) -> Result<Identification, IdentificationError> {
+    pub(super) fn identify_near(&self, near: Option<&[f64]>) -> FitResult<Identification> {
         let start = FitStart::new(self, near.is_some());
         let mut found = self.identify_from(&start, near)?;
-        found.uncertain = self.others(&found, &start);
+        found.uncertain = self.others(&found.posterior);
         Ok(found)
     }
 
     /// The same with what it begins with; what else is uncertain is not told.
-    fn identify_from(
-        &self,
-        start: &FitStart,
-        near: Option<&[f64]>,
-    ) -> Result<Identification, IdentificationError> {
+    fn identify_from(&self, start: &FitStart, near: Option<&[f64]>) -> FitResult<Identification> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
@@ -157,13 +150,13 @@ impl Case<'_> {
         let sigma_m = self.typical_sigma_m();
         let sum_of_squares = fit.whitened_residuals.norm_squared();
         let ratio = (spare > 0).then(|| (sum_of_squares / freedom).sqrt());
-        let factor = match self.sigma {
-            Sigma::Known(_) => 1.0,
-            Sigma::FromResiduals(_) => {
-                ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?
-            }
+        let is_known = matches!(self.sigma, Sigma::Known(_));
+        let factor = if is_known {
+            1.0
+        } else {
+            ratio.ok_or(IdentificationError::NoResiduals { equations, rank })?
         };
-        let quantile = self.sigma.quantile(spare);
+        let quantile = two_sided_student(if is_known { f64::INFINITY } else { freedom });
         let joints = &self.belief.parameters;
         let posterior = Posterior {
             names: self.belief.unknown_names(),
@@ -190,9 +183,7 @@ impl Case<'_> {
             let left = three_rows(&left.rows_range(rows).into_owned(), 0);
             <[f64; 3]>::from(in_room(of, &left))
         });
-        let chi_square = (spare > 0 && matches!(self.sigma, Sigma::Known(_)))
-            .then(|| ChiSquared::new(freedom).ok())
-            .flatten();
+        let chi_square = ChiSquared::new(freedom).ok().filter(|_| is_known);
         let deflections = self.measurements.iter();
         let coordinates: usize = (deflections.clone()).map(|each| rows_of(each).min(3)).sum();
         let squares: f64 = (deflections.map(|each| each.deflection_m.norm_squared())).sum();
@@ -218,35 +209,22 @@ impl Case<'_> {
     }
 
     /// What is told of what else is uncertain.
-    fn others(&self, found: &Identification, start: &FitStart) -> Vec<UncertainEstimate> {
+    fn others(&self, posterior: &Posterior) -> Vec<UncertainEstimate> {
         let extended = &self.belief.uncertain;
-        if extended.is_plain() {
-            return Vec::new();
-        }
-        let spare = start.equations().saturating_sub(found.rank);
-        let quantile = self.sigma.quantile(spare);
         let parameters = extended.set().parameters().iter().enumerate();
         let others = parameters.skip(self.belief.parameters.len());
-        let estimate = |place| Estimate::of(&found.posterior, place, quantile);
-        let told = others.map(|(place, parameter)| UncertainEstimate {
-            name: parameter.name.clone(),
-            words: parameter.kind.words(extended.arm()),
-            unit: parameter.unit().to_owned(),
-            prior_deviation: extended.prior_deviation(place),
-            value: estimate(place).map(|each| each.value),
-            standard_error: estimate(place).map(|each| each.standard_error),
+        let told = others.map(|(place, parameter)| {
+            let standard_error = posterior.standard_error(place);
+            UncertainEstimate {
+                name: parameter.name.clone(),
+                words: parameter.kind.words(extended.arm()),
+                unit: parameter.unit().to_owned(),
+                prior_deviation: extended.prior_deviation(place),
+                value: standard_error.map(|_| posterior.mean[place]),
+                standard_error,
+            }
         });
         told.collect()
-    }
-}
-
-impl Sigma {
-    /// How many standard errors 95 % are within, to either side, with so many equations to spare.
-    fn quantile(self, spare: usize) -> f64 {
-        match self {
-            Self::Known(_) => two_sided_normal(),
-            Self::FromResiduals(_) => two_sided_student(spare as f64),
-        }
     }
 }
 
@@ -265,7 +243,7 @@ impl Estimate {
 }
 
 /// The identification of one plan's measurements over and over: what does not depend on what is read is made once.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(crate) struct PreparedCase<'a> {
     case: Case<'a>,
     start: FitStart,
@@ -281,10 +259,7 @@ impl<'a> PreparedCase<'a> {
     }
 
     /// Identifies what is unknown; what else is uncertain than compliances is in the posterior alone.
-    pub fn identify(
-        &self,
-        measurements: &[Measurement],
-    ) -> Result<Identification, IdentificationError> {
+    pub fn identify(&self, measurements: &[Measurement]) -> FitResult<Identification> {
         let case = self.case.with(measurements);
         case.or_holding(case.identify_from(&self.start, None))
     }
@@ -296,17 +271,13 @@ pub(super) fn in_room(of: &Measurement, left_m: &Vector3<f64>) -> Vector3<f64> {
     (of.direction).map_or(*left_m, |direction| direction * left_m.x + Vector3::zeros())
 }
 
-fn two_sided_normal() -> f64 {
-    Normal::standard().inverse_cdf(0.975)
-}
-
 /// With so many degrees of freedom Student's t is normal.
 const MANY: f64 = 1e6;
 
 /// What 95 % of a variable of Student's t stay within, to either side.
 pub(super) fn two_sided_student(freedom: f64) -> f64 {
     if freedom >= MANY {
-        return two_sided_normal();
+        return Normal::standard().inverse_cdf(0.975);
     }
     StudentsT::new(0.0, 1.0, freedom)
         .map_or(f64::INFINITY, |student| exceeded_with(&student, 0.025))

@@ -29,20 +29,20 @@ mod tails;
 mod whitening;
 
 pub use absolute::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
-    DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut, ModelSelection,
-    MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn, PredictedPositions,
-    ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent, RepeatComponents, SQUARE_95,
-    SimulatedReadings, Unexplained, VarianceComponents,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, AbsoluteResult, CONTRADICTION, CrossValidation,
+    DiscrepancyModel, DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut,
+    ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn,
+    PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
+    RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents,
 };
-pub use agreement::SaidEstimate;
+pub use agreement::agree_of_estimate;
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;
 pub(crate) use conditions::{Told, left_out};
 pub use copies::CopiedReadings;
 pub use covariance::covariance_of;
 pub use discrepancy::{ReadingResidual, with_discrepancy};
-pub use error::IdentificationError;
+pub use error::{FitResult, IdentificationError};
 pub(crate) use estimate::PreparedCase;
 pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate};
 pub use fit::{ParameterFit, fit_parameters};

@@ -6,6 +6,7 @@
 use nalgebra::DMatrix;
 
 use super::{Case, Identification, ParameterFit};
+use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, ParameterSet};
 
 /// A compliance that is uncertain by more of its nominal value than this is not determined, errors of the readings independent ...
@@ -13,17 +14,15 @@ pub const UNKNOWN: f64 = 1.0;
 /// ... and where they are not, which is known less well: series that contradict each other are told by what each says.
 pub(super) const UNKNOWN_TOGETHER: f64 = 10.0;
 
-/// The places of those of `free` that are to stay nominal, by values and covariance of all unknowns and their typical sizes. The least
+/// The places of those of `free` that are to stay nominal, by what is known of all unknowns with this covariance. The least
 /// certain is held first, since others may be certain beside it; negative ones where all are certain.
 fn to_hold(
     mut free: Vec<usize>,
-    values: &[f64],
-    covariance: &DMatrix<f64>,
-    scales: &[f64],
+    posterior: &Posterior,
+    mut covariance: DMatrix<f64>,
     unknown: f64,
 ) -> Vec<usize> {
-    let mut covariance = covariance.clone();
-    let mut held = Vec::new();
+    let (scales, mut held) = (posterior.estimable.typical(), Vec::new());
     let uncertain = |covariance: &DMatrix<f64>, place: usize| {
         covariance[(place, place)] / scales[place].powi(2)
     };
@@ -41,7 +40,7 @@ fn to_hold(
         covariance.ger(-column[place].recip(), &column, &column, 1.0);
     }
     if held.is_empty() {
-        held.extend(free.into_iter().filter(|&place| values[place] < 0.0));
+        held.extend((free.into_iter()).filter(|&place| posterior.mean[place] < 0.0));
     }
     held
 }
@@ -59,14 +58,7 @@ pub(super) fn with_nominal(
             && set.prior().precision[(*place, *place)] <= 0.0
             && !set.nominal().contains(place)
     });
-    let scales = set.scales();
-    let held = to_hold(
-        free.collect(),
-        &posterior.mean,
-        covariance,
-        scales.as_slice(),
-        unknown,
-    );
+    let held = to_hold(free.collect(), posterior, covariance.clone(), unknown);
     (!held.is_empty()).then(|| set.clone().with_nominal(&held))
 }
 
@@ -78,15 +70,7 @@ impl Case<'_> {
         let is_free = |place: &usize| {
             found.parameters[*place].estimate.is_some() && precision[(*place, *place)] <= 0.0
         };
-        let compliances = 0..self.belief.parameters.len();
-        let free: Vec<usize> = compliances.filter(is_free).collect();
-        let scales = posterior.estimable.typical();
-        to_hold(
-            free,
-            &posterior.mean,
-            &posterior.covariance,
-            scales,
-            UNKNOWN,
-        )
+        let free = (0..self.belief.parameters.len()).filter(is_free).collect();
+        to_hold(free, posterior, posterior.covariance.clone(), UNKNOWN)
     }
 }

@@ -46,40 +46,27 @@ const ROUNDS: usize = 12;
 /// A larger share of readings is not wrong: the model is.
 const MOST: f64 = 0.25;
 
-/// The law of squares of normal errors of some coordinates, over their variance.
-#[derive(Debug, Clone, Copy)]
-struct SquareLaw {
-    coordinates: f64,
-    /// Half of them lie below.
-    median: f64,
-    /// One that is exceeded as seldom as five standard deviations of one coordinate.
-    far: f64,
+/// Half of the squares of normal errors lie below, over their variance: of a distance or a displacement along a direction, or of three
+/// coordinates.
+const fn middle_square(coordinates: usize) -> f64 {
+    if coordinates == 1 {
+        0.454_936_423_119_572_8
+    } else {
+        2.365_973_884_375_34
+    }
 }
 
-impl SquareLaw {
-    /// Of a distance or a displacement along a direction, or of three coordinates.
-    const fn of(coordinates: usize) -> Self {
-        let (coordinates, median, far) = match coordinates {
-            1 => (1.0, 0.454_936_423_119_572_8, FAR_OUT * FAR_OUT),
-            _ => (3.0, 2.365_973_884_375_34, 31.812_3),
-        };
-        Self {
-            coordinates,
-            median,
-            far,
-        }
+/// The square over a variance from so many degrees of freedom that is exceeded as seldom as five standard deviations of one coordinate.
+fn far_square(coordinates: usize, freedom: f64) -> f64 {
+    let far = [FAR_OUT * FAR_OUT, 31.812_3][usize::from(coordinates > 1)];
+    if freedom.is_infinite() {
+        return far;
     }
-
-    /// The square over a variance from so many degrees of freedom that is as improbable.
-    fn far_of(self, freedom: f64) -> f64 {
-        if freedom.is_infinite() {
-            return self.far;
-        }
-        let law = FisherSnedecor::new(self.coordinates, OF_A_MEDIAN * freedom);
-        law.map_or(f64::INFINITY, |law| {
-            (self.coordinates * exceeded_with(&law, BY_CHANCE)).max(self.far)
-        })
-    }
+    let count = coordinates as f64;
+    let law = FisherSnedecor::new(count, OF_A_MEDIAN * freedom);
+    law.map_or(f64::INFINITY, |law| {
+        (count * exceeded_with(&law, BY_CHANCE)).max(far)
+    })
 }
 
 /// A reading that was left out.
@@ -168,7 +155,7 @@ impl LookedOver<'_> {
         } else {
             self.freedom
         };
-        let [one, three] = [1, 3].map(|count| SquareLaw::of(count).far_of(freedom));
+        let [one, three] = [1, 3].map(|count| far_square(count, freedom));
         let mut farthest = vec![0.0_f64; self.left.len()];
         for (part, discrepancy) in discrepancy.iter().enumerate() {
             // Over their medians, so that readings of one coordinate and of three compare.
@@ -177,8 +164,8 @@ impl LookedOver<'_> {
                 let own = self.own[reading].fixed_view::<3, 3>(3 * part, 3 * part);
                 let square = self.square(reading, part, &(own + discrepancy));
                 let coordinates = left.part(part).map_or(3, |(_, coordinates)| coordinates);
-                let median = SquareLaw::of(coordinates).median;
-                squares.push(square / scale / median);
+                let median = middle_square(coordinates);
+                squares.push(square.unwrap_or(0.0) / scale / median);
                 far.push(if coordinates == 1 { one } else { three } / median);
             }
             let mut factors = vec![1.0; squares.len()];
@@ -214,7 +201,7 @@ impl LookedOver<'_> {
         let squares = self.weighed.iter().enumerate().map(|(reading, own)| {
             let parts = [0, 1].map(|part| {
                 let own = own.fixed_view::<3, 3>(3 * part, 3 * part).into_owned();
-                self.square(reading, part, &own)
+                self.square(reading, part, &own).unwrap_or(0.0)
             });
             (reading, parts[0].max(parts[1]))
         });
@@ -230,19 +217,23 @@ impl LookedOver<'_> {
     }
 
     /// What is left of a reading's position (0) or rotation (1) over the covariance of that: R - A cov A^T with the covariance of what is
-    /// predicted; of one that was rejected R + A cov A^T. `whole` is what R is to be.
-    fn square(&self, reading: usize, part: usize, whole: &Matrix3<f64>) -> f64 {
-        let Some((left, coordinates)) = self.left[reading].part(part) else {
-            return 0.0;
-        };
+    /// predicted; of one that was rejected R + A cov A^T. `whole` is what R is to be: where it counts what is unexplained, a fit takes up as
+    /// large a share of it as of what the reading was weighed by. None of what was not read.
+    fn square(&self, reading: usize, part: usize, whole: &Matrix3<f64>) -> Option<f64> {
+        let (left, coordinates) = self.left[reading].part(part)?;
         let is_rejected = self.rejected.iter().any(|each| each.reading == reading);
         let (first, size) = (3 * part, (coordinates, coordinates));
         let [own, known] = [&self.weighed[reading], &self.known[reading]]
             .map(|all| all.view((first, first), size).into_owned());
         let known = known * if is_rejected { -1.0 } else { 1.0 };
         let whole = whole.view((0, 0), size).into_owned();
+        let (whole, own) = (whole.cholesky()?.l(), own.cholesky()?.l());
+        let half = own.solve_lower_triangular(&known)?;
+        let share = own.solve_lower_triangular(&half.transpose())?;
+        let variance = DMatrix::identity(coordinates, coordinates) - share;
         let left = left.rows(0, coordinates).into_owned();
-        square_of(&left, whole, own, &known).unwrap_or(0.0)
+        let squares = squares_of(&whole.solve_lower_triangular(&left)?, variance);
+        Some(squares.iter().sum())
     }
 
     /// What is unexplained of the position (0) or rotation (1) of most readings: a covariance.
@@ -258,8 +249,8 @@ impl LookedOver<'_> {
         let own = median(own.collect()).unwrap_or(0.0);
         let size = |square: &dyn Fn(&Vector3<f64>) -> f64| {
             let squares = parts.clone().flatten();
-            let squares = squares
-                .map(|(left, coordinates)| square(&left) / SquareLaw::of(coordinates).median);
+            let squares =
+                squares.map(|(left, coordinates)| square(&left) / middle_square(coordinates));
             median(squares.collect()).unwrap_or(0.0) / self.spare
         };
         let least = size(&Vector3::norm_squared);
@@ -356,22 +347,6 @@ pub(super) fn kept<T: Clone>(all: &[T], rejected: &[RejectedReading]) -> Vec<T> 
         .collect()
 }
 
-/// What is left of a reading over the covariance of that. Of the reading's own covariance a fit takes up the share `known`; of the whole
-/// one, which counts what is unexplained, it takes up as much.
-fn square_of(
-    left: &DVector<f64>,
-    whole: DMatrix<f64>,
-    own: DMatrix<f64>,
-    known: &DMatrix<f64>,
-) -> Option<f64> {
-    let (whole, own) = (whole.cholesky()?.l(), own.cholesky()?.l());
-    let half = own.solve_lower_triangular(known)?;
-    let share = own.solve_lower_triangular(&half.transpose())?;
-    let variance = DMatrix::identity(left.len(), left.len()) - share;
-    let squares = squares_of(&whole.solve_lower_triangular(left)?, variance);
-    Some(squares.iter().sum())
-}
-
 /// The squares of whitened numbers over their variance, in the directions in which a fit leaves any.
 pub(super) fn squares_of(left: &DVector<f64>, variance: DMatrix<f64>) -> Vec<f64> {
     let eigen = SymmetricEigen::new(variance);
@@ -416,12 +391,13 @@ mod tests {
     #[test]
     fn laws_are_those_of_chi_square() {
         for coordinates in [1, 3] {
-            let law = SquareLaw::of(coordinates);
+            let [far, of_few, of_many] =
+                [f64::INFINITY, 20.0, 1e9].map(|freedom| far_square(coordinates, freedom));
             let squares = ChiSquared::new(coordinates as f64).expect("a law");
-            assert!((squares.cdf(law.median) - 0.5).abs() < 1e-12);
-            assert!((squares.sf(law.far) / BY_CHANCE - 1.0).abs() < 1e-4);
+            assert!((squares.cdf(middle_square(coordinates)) - 0.5).abs() < 1e-12);
+            assert!((squares.sf(far) / BY_CHANCE - 1.0).abs() < 1e-4);
             // Of a variance that is hardly known larger squares are as improbable.
-            assert!(law.far_of(20.0) > 2.0 * law.far && law.far_of(1e9) < 1.001 * law.far);
+            assert!(of_few > 2.0 * far && of_many < 1.001 * far);
         }
     }
 }

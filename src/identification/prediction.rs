@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::Case;
 use super::discrepancy::three_rows;
 use super::equations::PredictedRows;
-use super::error::IdentificationError;
+use super::error::{FitResult, IdentificationError};
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::task::Method;
 
@@ -118,7 +118,7 @@ impl Case<'_> {
     }
 
     /// The rows of the measurements alone at values of the unknowns (p).
-    pub(super) fn against(&self, values: &[f64]) -> Result<MeasuredRows, IdentificationError> {
+    pub(super) fn against(&self, values: &[f64]) -> FitResult<MeasuredRows> {
         Ok(match self.method {
             Method::Linear => self.first_order(values),
             Method::Nonlinear => MeasuredRows::new(self, self.predicted(values, &mut Vec::new())?),

@@ -8,7 +8,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
 use super::case::Sigma;
-use super::error::IdentificationError;
+use super::error::FitResult;
 use super::estimate::Identification;
 use super::outliers::{NO_VARIANCE, RejectedReading, kept, squares_of};
 use super::prediction::MeasuredRows;
@@ -47,7 +47,7 @@ pub fn residuals(
     case: &Case<'_>,
     identification: &Identification,
     rejected: &[RejectedReading],
-) -> Result<Vec<MeasurementResidual>, IdentificationError> {
+) -> FitResult<Vec<MeasurementResidual>> {
     let posterior = &identification.posterior;
     let is_from_residuals = matches!(case.sigma, Sigma::FromResiduals(_));
     let measurements = kept(case.measurements, rejected);
@@ -63,28 +63,20 @@ pub fn residuals(
     rows.left -= &rows.matrix * &fit.solution;
     rows.own_left -= &rows.own_matrix * &fit.solution;
     let spare = left.len().saturating_sub(posterior.estimable.rank());
-    let judge = Judge {
-        rows,
-        known: &fit.covariance,
-        sign: -1.0,
-        variance: 1.0,
-        others: is_from_residuals.then(|| (left.norm_squared(), spare)),
-    };
+    let others = is_from_residuals.then(|| (left.norm_squared(), spare));
+    // A fit takes what it knows off the residuals of what it was fitted to.
+    let known = -fit.covariance;
     let each = fitted.rows_of_each().zip(fitted.covariances());
-    let each = each.map(|(rows, own)| judge.residual(rows, &own));
+    let each = each.map(|(of, own)| residual((&rows, of), &own, &known, 1.0, others));
     let mut residuals: Vec<MeasurementResidual> = each.collect();
     for each in rejected {
         let alone = [case.measurements[each.reading].clone()];
         let alone = case.with(&alone);
         let ratio = is_from_residuals.then(|| identification.sigma_m / alone.typical_sigma_m());
-        let judge = Judge {
-            rows: alone.against(&posterior.mean)?,
-            known: &posterior.covariance,
-            sign: 1.0,
-            variance: ratio.unwrap_or(1.0).powi(2),
-            others: None,
-        };
-        let mut judged = judge.residual(0..alone.rows(), &alone.covariances()[0]);
+        let variance = ratio.unwrap_or(1.0).powi(2);
+        let rows = &alone.against(&posterior.mean)?;
+        let (rows, own) = ((rows, 0..alone.rows()), &alone.covariances()[0]);
+        let mut judged = residual(rows, own, &posterior.covariance, variance, None);
         judged.leverage = 0.0;
         residuals.insert(each.reading, judged);
     }
@@ -94,62 +86,53 @@ pub fn residuals(
     Ok(residuals)
 }
 
-/// What whitened residuals are compared with.
-struct Judge<'a> {
-    /// Correlated coordinates of a reading are weighted together, and each has a standard deviation of its own.
-    rows: MeasuredRows,
-    /// The covariance of the unknowns, and its sign: a fit takes it off the residuals of what it was fitted to.
-    known: &'a DMatrix<f64>,
-    sign: f64,
-    /// The variance of a whitened reading.
+/// The residual of the measurement in some rows, by its own covariance and the one of the unknowns, which a fit takes off the first; with the
+/// variance of a whitened reading. The sum of squares of all residuals, and its degrees of freedom, are given where the variance is that of the
+/// others. Correlated coordinates of a reading are weighted together, and each has a standard deviation of its own.
+fn residual(
+    (rows, of): (&MeasuredRows, Range<usize>),
+    own: &Matrix6<f64>,
+    known: &DMatrix<f64>,
     variance: f64,
-    /// The sum of squares of all residuals, and its degrees of freedom, where the variance is that of the others.
     others: Option<(f64, usize)>,
+) -> MeasurementResidual {
+    let scale = others.map_or(1.0, |(square, freedom)| (square / freedom as f64).sqrt());
+    let standardised = of.clone().enumerate().map(|(axis, row)| {
+        let columns = rows.own_matrix.row(row);
+        let own = variance * own[(axis, axis)];
+        let variance = own + (columns * known).dot(&columns);
+        let value = rows.own_left[row];
+        (variance > NO_VARIANCE * own && scale > 0.0).then(|| value / variance.sqrt() / scale)
+    });
+    let standardised = standardised.collect();
+    let matrix = rows.matrix.rows_range(of.clone());
+    let known = matrix * known * matrix.transpose();
+    let leverage = 0.0 - known.trace();
+    let own = DMatrix::identity(of.len(), of.len()) * variance;
+    let squares = squares_of(&rows.left.rows_range(of).into_owned(), own + known);
+    let square: f64 = squares.iter().sum();
+    MeasurementResidual {
+        measurement: 0,
+        standardised,
+        leverage,
+        distance: square.sqrt() / scale,
+        freedom: squares.len(),
+        probability: probability(square, squares.len(), others),
+    }
 }
 
-impl Judge<'_> {
-    /// The residual of the measurement in some rows, by its own covariance.
-    fn residual(&self, rows: Range<usize>, own: &Matrix6<f64>) -> MeasurementResidual {
-        let scale = (self.others).map_or(1.0, |(square, freedom)| (square / freedom as f64).sqrt());
-        let standardised = rows.clone().enumerate().map(|(axis, row)| {
-            let columns = self.rows.own_matrix.row(row);
-            let own = self.variance * own[(axis, axis)];
-            let variance = own + self.sign * (columns * self.known).dot(&columns);
-            let value = self.rows.own_left[row];
-            (variance > NO_VARIANCE * own && scale > 0.0).then(|| value / variance.sqrt() / scale)
-        });
-        let standardised = standardised.collect();
-        let count = rows.len();
-        let matrix = self.rows.matrix.rows_range(rows.clone());
-        let known = matrix * self.known * matrix.transpose();
-        let leverage = known.trace();
-        let own = DMatrix::identity(count, count) * self.variance;
-        let left = self.rows.left.rows_range(rows).into_owned();
-        let squares = squares_of(&left, own + known * self.sign);
-        let square: f64 = squares.iter().sum();
-        MeasurementResidual {
-            measurement: 0,
-            standardised,
-            leverage,
-            distance: square.sqrt() / scale,
-            freedom: squares.len(),
-            probability: self.probability(square, squares.len()),
-        }
-    }
-
-    /// The probability of a square at least as large: chi-squared, or F against the variance of the other residuals.
-    fn probability(&self, square: f64, freedom: usize) -> Option<f64> {
-        let own = freedom as f64;
-        let Some((all, freedom)) = self.others else {
-            return Some(ChiSquared::new(own).ok()?.sf(square));
-        };
-        let others = freedom as f64 - own;
-        let law = FisherSnedecor::new(own, others).ok()?;
-        let left = (all - square).max(0.0);
-        Some(if left > 0.0 {
-            law.sf((square / own) / (left / others))
-        } else {
-            0.0
-        })
-    }
+/// The probability of a square at least as large: chi-squared, or F against the variance of the other residuals.
+fn probability(square: f64, freedom: usize, others: Option<(f64, usize)>) -> Option<f64> {
+    let own = freedom as f64;
+    let Some((all, freedom)) = others else {
+        return Some(ChiSquared::new(own).ok()?.sf(square));
+    };
+    let others = freedom as f64 - own;
+    let law = FisherSnedecor::new(own, others).ok()?;
+    let left = (all - square).max(0.0);
+    Some(if left > 0.0 {
+        law.sf((square / own) / (left / others))
+    } else {
+        0.0
+    })
 }

@@ -9,7 +9,7 @@ use super::discrepancy::{
     ReadingResidual, WEIGHINGS, discrepancy_of, repeats, six_rows, with_discrepancy,
 };
 use super::equations::rows_of;
-use super::error::IdentificationError;
+use super::error::FitResult;
 use super::estimate::{Identification, in_room, two_sided_student};
 use super::nominal::UNKNOWN;
 use super::outliers::IMPLAUSIBLE;
@@ -71,10 +71,7 @@ impl<'a> Case<'a> {
     ///
     /// # Errors
     /// As [`identify`](Self::identify).
-    pub fn identify_robustly(
-        &self,
-        robustness: Robustness,
-    ) -> Result<RobustIdentification, IdentificationError> {
+    pub fn identify_robustly(&self, robustness: Robustness) -> FitResult<RobustIdentification> {
         let found = self.held_and_robust(robustness, None)?;
         let has_both = found.held.len() > self.held.len() && !found.rejected.is_empty();
         let without = has_both.then(|| self.held_and_robust(robustness, Some(&found.rejected)));
@@ -88,15 +85,12 @@ impl<'a> Case<'a> {
     ///
     /// # Errors
     /// As [`identify`](Self::identify).
-    pub fn identify_holding(&self) -> Result<Identification, IdentificationError> {
+    pub fn identify_holding(&self) -> FitResult<Identification> {
         self.or_holding(self.identify())
     }
 
     /// What was identified, unless compliances are to stay nominal: then what is identified beside these.
-    pub(super) fn or_holding(
-        &self,
-        found: Result<Identification, IdentificationError>,
-    ) -> Result<Identification, IdentificationError> {
+    pub(super) fn or_holding(&self, found: FitResult<Identification>) -> FitResult<Identification> {
         self.holding(found, |found| found, |case| case.identify_near(None))
     }
 
@@ -105,7 +99,7 @@ impl<'a> Case<'a> {
         &self,
         robustness: Robustness,
         gross: Option<&[RejectedReading]>,
-    ) -> Result<RobustIdentification, IdentificationError> {
+    ) -> FitResult<RobustIdentification> {
         let found = self.robustly(robustness, gross);
         if !robustness.holds_nominal {
             return found;
@@ -120,10 +114,10 @@ impl<'a> Case<'a> {
     /// What was found, or what is `fit` with more and more compliances nominal, until none is to be.
     fn holding<Found>(
         &self,
-        mut found: Result<Found, IdentificationError>,
+        mut found: FitResult<Found>,
         of: fn(&mut Found) -> &mut Identification,
-        fit: impl Fn(&Case<'_>) -> Result<Found, IdentificationError>,
-    ) -> Result<Found, IdentificationError> {
+        fit: impl Fn(&Case<'_>) -> FitResult<Found>,
+    ) -> FitResult<Found> {
         let mut held = self.held.to_vec();
         let mut stays_nominal = Vec::new();
         loop {
@@ -167,7 +161,7 @@ impl<'a> Case<'a> {
         &self,
         robustness: Robustness,
         gross: Option<&[RejectedReading]>,
-    ) -> Result<RobustIdentification, IdentificationError> {
+    ) -> FitResult<RobustIdentification> {
         let known = Case {
             sigma: Sigma::Known(self.sigma.weight_m()),
             ..*self
@@ -253,7 +247,7 @@ impl<'a> Case<'a> {
         weighed: &[Measurement],
         rejected: &[RejectedReading],
         near: &[f64],
-    ) -> Result<SomeFitted<'a>, IdentificationError> {
+    ) -> FitResult<SomeFitted<'a>> {
         let of_kept = kept(weighed, rejected);
         let identification = self.with(&of_kept).identify_near(Some(near))?;
         self.looked_at_all(identification, weighed, rejected)
@@ -265,7 +259,7 @@ impl<'a> Case<'a> {
         identification: Identification,
         weighed: &[Measurement],
         rejected: &[RejectedReading],
-    ) -> Result<SomeFitted<'a>, IdentificationError> {
+    ) -> FitResult<SomeFitted<'a>> {
         let measurements = kept(weighed, rejected);
         let posterior = &identification.posterior;
         let all = self.with(weighed);

@@ -12,7 +12,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::numeric::factorisation::inverse_of;
+use crate::numeric::factorisation::{gram, inverse_of};
 
 /// So many orders of polynomials of each joint's angle tell how large errors are there.
 pub const SPREAD_ORDERS: usize = 6;
@@ -85,17 +85,11 @@ fn columns_at(angles: &[&[f64]], ranges: &[[f64; 2]]) -> DMatrix<f64> {
     columns
 }
 
-/// The products of columns with each other. Of many rows faster than `tr_mul`.
-fn products_of(columns: &DMatrix<f64>) -> DMatrix<f64> {
-    columns.transpose() * columns
-}
-
 fn logarithms(squares: &[f64]) -> DVector<f64> {
     DVector::from_column_slice(squares).map(|square| square.max(f64::MIN_POSITIVE).ln())
 }
 
 /// Variances of what is left, and of each joint's coefficients.
-#[derive(Clone)]
 struct SpreadVariances {
     rest: f64,
     joints: Vec<f64>,
@@ -132,7 +126,7 @@ impl SpreadVariances {
         columns: &DMatrix<f64>,
         wanted: &DVector<f64>,
     ) -> Option<(Self, DVector<f64>)> {
-        let (products, pull) = (products_of(columns), columns.tr_mul(wanted));
+        let (products, pull) = (gram(columns), columns.tr_mul(wanted));
         for _ in 0..ROUNDS {
             let (mean, covariance) = self.fit(&products, &pull)?;
             let left = (wanted - columns * &mean).norm_squared();
@@ -190,7 +184,7 @@ impl ErrorSpread {
             let (own, others): (Vec<usize>, Vec<usize>) =
                 (0..squares.len()).partition(|each| each % FOLDS == fold);
             let part = columns.select_rows(&others);
-            let products = products_of(&part);
+            let products = gram(&part);
             let squares: Vec<f64> = others.iter().map(|&each| squares[each]).collect();
             let mut found = mean.clone();
             for _ in 0..STEPS {

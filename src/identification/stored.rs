@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::agreement::{SaidEstimate, agree};
+use super::agreement::{agree, agree_of_estimate};
 use super::covariance::covariance_of;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::schema::read_results;
@@ -293,13 +293,13 @@ fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileE
             agree(path, (&key("_applied"), found), (&key(""), value))?;
             let errors = &stored.compliance_std_rad_per_nm;
             let intervals = &stored.compliance_ci95_rad_per_nm;
-            let said = SaidEstimate {
-                value: (&key(""), value),
-                variance: (&entry(index), rows[index][index]),
-                standard_error: (&key("_std"), errors.get(index).copied().flatten()),
-                interval95: (&key("_ci95"), intervals.get(index).copied().flatten()),
-            };
-            said.check(path)?;
+            agree_of_estimate(
+                path,
+                (&key(""), value),
+                (&entry(index), rows[index][index]),
+                (&key("_std"), errors.get(index).copied().flatten()),
+                (&key("_ci95"), intervals.get(index).copied().flatten()),
+            )?;
         }
         for column in (0..size).filter(|_| has_others) {
             let other = (&*at("covariance_of_all", index, column), all[index][column]);

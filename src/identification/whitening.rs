@@ -12,7 +12,7 @@ use crate::measurement::{Measurement, by_configuration};
 use crate::observation::{DeflectionPrecision, PlannedReadings};
 
 /// The factors L of the readings' covariances L L^T, block by block.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Whitening {
     /// The rows of readings that share something, and L.
     blocks: Vec<(Vec<usize>, DMatrix<f64>)>,

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
 use crate::identification::{
-    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, SaidEstimate, StoredOrigin,
+    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, StoredOrigin, agree_of_estimate,
     covariance_of, hold_impossible, nominal_instead, read_identified,
 };
 use crate::measurement::Origin;
@@ -341,13 +341,13 @@ fn check_agreement(path: &Path, message: &AbsoluteMessage) -> Result<(), FileErr
             continue;
         };
         let key = |name: &str| format!("unknowns[{index}].{name}");
-        let said = SaidEstimate {
-            value: (&key("value"), unknown.value),
-            variance: (&format!("covariance[{index}][{index}]"), variance),
-            standard_error: (&key("standard_error"), unknown.standard_error.map(f64::abs)),
-            interval95: (&key("interval95"), unknown.interval95),
-        };
-        said.check(path)?;
+        agree_of_estimate(
+            path,
+            (&key("value"), unknown.value),
+            (&format!("covariance[{index}][{index}]"), variance),
+            (&key("standard_error"), unknown.standard_error.map(f64::abs)),
+            (&key("interval95"), unknown.interval95),
+        )?;
     }
     Ok(())
 }

@@ -3,9 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::super::error::IdentificationError;
+use super::super::error::FitResult;
 use super::super::fit::{FitProblem, Haste, ParameterFit, ReadingProblem};
-use super::super::outliers;
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, ReadingResidual, RejectedReading, joint_space_blocks,
 };
@@ -39,9 +38,8 @@ impl AbsoluteCase<'_> {
 
     /// The same case without some of its readings, and without copies of others.
     pub(super) fn without(&self, rejected: &[RejectedReading]) -> Self {
-        let is_rejected = outliers::rejected_of(self.observations.len(), rejected);
-        let is_copy = self.copies.is_copy(self.observations.len());
-        self.part_of(|index| !is_rejected[index] && !is_copy[index])
+        let kept = self.copies.kept(self.observations.len(), rejected);
+        self.part_of(|index| kept.binary_search(&index).is_ok())
     }
 
     /// The same case with some of its readings alone, weighed as they are.
@@ -90,13 +88,31 @@ impl AbsoluteCase<'_> {
     /// How many different configurations were read.
     pub fn different(&self) -> usize {
         let q = |reading: usize| &self.observations[reading].setup.commanded_rad;
-        let is_alike = |one, other| q(one) == q(other);
-        together(
-            self.observations.len(),
+        let (pose, is_alike) = (
             |reading| (q(reading), None),
-            is_alike,
-        )
-        .len()
+            |one, other| q(one) == q(other),
+        );
+        together(self.observations.len(), pose, is_alike).len()
+    }
+
+    /// Which of the readings do not hang on directions (p x f, in typical sizes) that others leave open.
+    fn determined_by_others(
+        &self,
+        set: &ParameterSet,
+        values: &DVector<f64>,
+        hidden: &DMatrix<f64>,
+    ) -> FitResult<Vec<bool>> {
+        if hidden.ncols() == 0 {
+            return Ok(vec![true; self.observations.len()]);
+        }
+        let hidden = DMatrix::from_diagonal(&set.scales()) * hidden;
+        let model = ObservationModel::new(set, &self.arm, values.as_slice());
+        let told = of_each_prediction(&model, &self.observations, |place, predicted, rows| {
+            self.observations[place].whiten(predicted, rows);
+            let moved = &*rows * &hidden;
+            moved.column_iter().all(|moved| moved.norm() < MATTERS)
+        });
+        Ok(told?)
     }
 }
 
@@ -147,13 +163,12 @@ impl<'a> Blocks<'a> {
     }
 
     /// A fit without each of the blocks, from one to all.
-    pub fn without(&self, fit: &ParameterFit) -> Result<Vec<Without>, IdentificationError> {
+    pub fn without(&self, fit: &ParameterFit) -> FitResult<Vec<Without>> {
         let set = &fit.set;
         let values = DVector::from_column_slice(&fit.posterior.mean);
-        let equations: Result<Vec<_>, IdentificationError> = (self.parts.par_iter())
+        let equations = (self.parts.par_iter())
             .map(|part| part.fitted_readings(set).equations(&values))
-            .collect();
-        let equations = equations?;
+            .collect::<FitResult<Vec<_>>>()?;
         let all: DMatrix<f64> = equations.iter().map(|each| &each.information).sum();
         let gradient: DVector<f64> = equations.iter().map(|each| &each.gradient).sum();
         (0..self.parts.len())
@@ -176,7 +191,7 @@ impl<'a> Blocks<'a> {
         block: usize,
         own: &NormalEquations,
         others: NormalEquations,
-    ) -> Result<Without, IdentificationError> {
+    ) -> FitResult<Without> {
         let (part, set) = (&self.parts[block], &fit.set);
         let prior = relative_precision(set);
         // What the other blocks determine of what all determine, in typical sizes, and what they do not.
@@ -214,27 +229,5 @@ impl<'a> Blocks<'a> {
             is_told: part.determined_by_others(set, &values, &hidden)?,
             values,
         })
-    }
-}
-
-impl AbsoluteCase<'_> {
-    /// Which of the readings do not hang on directions (p x f, in typical sizes) that others leave open.
-    fn determined_by_others(
-        &self,
-        set: &ParameterSet,
-        values: &DVector<f64>,
-        hidden: &DMatrix<f64>,
-    ) -> Result<Vec<bool>, IdentificationError> {
-        if hidden.ncols() == 0 {
-            return Ok(vec![true; self.observations.len()]);
-        }
-        let hidden = DMatrix::from_diagonal(&set.scales()) * hidden;
-        let model = ObservationModel::new(set, &self.arm, values.as_slice());
-        let told = of_each_prediction(&model, &self.observations, |place, predicted, rows| {
-            self.observations[place].whiten(predicted, rows);
-            let moved = &*rows * &hidden;
-            moved.column_iter().all(|moved| moved.norm() < MATTERS)
-        });
-        Ok(told?)
     }
 }

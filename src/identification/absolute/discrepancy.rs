@@ -4,11 +4,11 @@
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::super::discrepancy::{WEIGHINGS, discrepancy_of};
-use super::super::error::IdentificationError;
+use super::super::error::FitResult;
 use super::super::fit::{FittedReadings, Haste, ParameterFit, fit_parameters};
 use super::case::whitener;
 use super::visits::LEAST_VISITS;
-use super::{AbsoluteCase, AbsoluteError, ReadingResidual};
+use super::{AbsoluteCase, AbsoluteResult, ReadingResidual};
 use crate::experiment::together;
 use crate::observation::{SharedErrors, SharingReadings};
 use crate::parameter::{ElasticArm, ParameterSet};
@@ -67,19 +67,12 @@ impl AbsoluteCase<'_> {
         }
         let setup = |place: usize| &self.observations[place].setup;
         let is_alike = |one, other| setup(one).station == setup(other).station;
-        together(
-            self.observations.len(),
-            |place| setup(place).pose(),
-            is_alike,
-        )
+        let pose = |place| setup(place).pose();
+        together(self.observations.len(), pose, is_alike)
     }
 
     /// A fit with the weights that the readings have, from values (p) that are near.
-    pub(super) fn fit_near(
-        &self,
-        set: &ParameterSet,
-        values: &[f64],
-    ) -> Result<ParameterFit, IdentificationError> {
+    pub(super) fn fit_near(&self, set: &ParameterSet, values: &[f64]) -> FitResult<ParameterFit> {
         let start = values.to_vec().into();
         self.fitted_readings(set).fit_from(&start, Haste::Near)
     }
@@ -99,7 +92,7 @@ impl AbsoluteCase<'_> {
         &mut self,
         set: &ParameterSet,
         other: Option<ParameterFit>,
-    ) -> Result<(ParameterFit, Option<[f64; 2]>), AbsoluteError> {
+    ) -> AbsoluteResult<(ParameterFit, Option<[f64; 2]>)> {
         let (mut found, mut values) = if let Some(fit) = other {
             (self.estimated_discrepancy(&fit)?, self.rebased(&fit))
         } else {
@@ -119,7 +112,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// The frames of stations and targets alone that suit the readings best, all else as it is.
-    fn fit_of_frames(&self) -> Result<ParameterFit, AbsoluteError> {
+    fn fit_of_frames(&self) -> AbsoluteResult<ParameterFit> {
         let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
         let frames = ParameterSet::new(&self.arm, kinds)?;
         Ok(fit_parameters(&self.arm, &frames, &self.observations)?)
@@ -129,17 +122,14 @@ impl AbsoluteCase<'_> {
     ///
     /// # Errors
     /// The readings do not determine frames.
-    pub fn in_best_frames(&self) -> Result<ElasticArm, AbsoluteError> {
+    pub fn in_best_frames(&self) -> AbsoluteResult<ElasticArm> {
         self.check_frames()?;
         Ok(self.fit_of_frames()?.belief)
     }
 
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and
     /// rotation (rad); and notes what of it readings of one visit do not share.
-    pub(super) fn estimated_discrepancy(
-        &mut self,
-        fit: &ParameterFit,
-    ) -> Result<[f64; 2], IdentificationError> {
+    pub(super) fn estimated_discrepancy(&mut self, fit: &ParameterFit) -> FitResult<[f64; 2]> {
         let left = self.left(&fit.belief)?;
         self.within = self.within_visits(&left, fit.spare());
         Ok(self.discrepancy_of(&left, fit))

@@ -125,6 +125,9 @@ pub enum AbsoluteError {
     Fit(#[from] IdentificationError),
 }
 
+/// What absolute readings give, if anything.
+pub type AbsoluteResult<T> = Result<T, AbsoluteError>;
+
 impl AbsoluteError {
     /// Its kind.
     pub fn code(&self) -> ErrorCode {

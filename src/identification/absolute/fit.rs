@@ -11,7 +11,7 @@ use super::super::frames::reach;
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
 use super::{
-    AbsoluteCase, AbsoluteError, CopiedReadings, JointError, LeftOut, ParameterGroup,
+    AbsoluteCase, AbsoluteResult, CopiedReadings, JointError, LeftOut, ParameterGroup,
     ReadingResidual, RejectedReading, Unexplained,
 };
 use crate::codes::{Condition, ConditionCode};
@@ -108,7 +108,7 @@ impl<'a> AbsoluteCase<'a> {
         &mut self,
         groups: &[ParameterGroup],
         weights: ReadingWeights,
-    ) -> Result<AbsoluteFit, AbsoluteError> {
+    ) -> AbsoluteResult<AbsoluteFit> {
         self.check_frames()?;
         let (set, left_out) = self.told_apart(groups, &[])?;
         let start = self.far_from_frames();
@@ -131,7 +131,7 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
         start: &[RejectedReading],
         are_given: bool,
-    ) -> Result<KeptFit<'a>, AbsoluteError> {
+    ) -> AbsoluteResult<KeptFit<'a>> {
         let mut set = free.clone();
         loop {
             let mut found = self.fit_without(start, &set, weights, None)?;
@@ -180,11 +180,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// All that is told of a fit to those readings that were kept.
-    fn told(
-        &mut self,
-        found: KeptFit<'a>,
-        left_out: Vec<LeftOut>,
-    ) -> Result<AbsoluteFit, AbsoluteError> {
+    fn told(&mut self, found: KeptFit<'a>, left_out: Vec<LeftOut>) -> AbsoluteResult<AbsoluteFit> {
         let (case, mut fit, discrepancy) = (found.case, found.fit, found.discrepancy);
         if let Some(model) = &found.discrepancy_model {
             fit.posterior.covariance.clone_from(&model.covariance);
@@ -225,7 +221,7 @@ impl<'a> AbsoluteCase<'a> {
         set: &ParameterSet,
         weights: ReadingWeights,
         near: Option<&ParameterFit>,
-    ) -> Result<KeptFit<'a>, AbsoluteError> {
+    ) -> AbsoluteResult<KeptFit<'a>> {
         let mut case = self.without(rejected);
         let readings = case.fitted_readings(set);
         let own = match weights {
@@ -364,11 +360,7 @@ impl AbsoluteFit {
 
     /// The readings that were fitted, by their places.
     pub fn kept(&self) -> Vec<usize> {
-        let is_rejected = outliers::rejected_of(self.left.len(), &self.rejected);
-        let is_copy = self.copies.is_copy(self.left.len());
-        (0..self.left.len())
-            .filter(|&place| !is_rejected[place] && !is_copy[place])
-            .collect()
+        self.copies.kept(self.left.len(), &self.rejected)
     }
 
     /// Those of one thing for each reading that belong to the readings that were fitted.

@@ -18,13 +18,13 @@ use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::super::estimate::two_sided_student;
+use super::super::fit::ParameterFit;
 use super::blocks::{Blocks, FEWEST_BLOCKS};
 use super::mixed::{MixedModel, known_alone};
 use super::unknowns::is_geometry;
-use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, joint_space_blocks};
+use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, AbsoluteResult, joint_space_blocks};
 use crate::codes::{Condition, ConditionCode};
-use crate::numeric::posterior::Posterior;
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, ParameterKind};
 use crate::quantities::units::shown_unit;
 use crate::text::wording::p_value;
 
@@ -37,9 +37,8 @@ const RESOLVED: f64 = 1e-4;
 
 /// What a series says of a robot.
 struct SeriesEstimates {
-    set: ParameterSet,
     /// What it says of the parameters, as readings were weighed,
-    posterior: Posterior,
+    fit: ParameterFit,
     /// and the values without each block of them,
     without: Vec<DVector<f64>>,
     /// Its readings with what their errors have in common, where there are enough to tell.
@@ -112,7 +111,7 @@ impl AbsoluteCase<'_> {
         fit: &AbsoluteFit,
         other: &mut Self,
         other_fit: &AbsoluteFit,
-    ) -> Result<Inconsistencies, AbsoluteError> {
+    ) -> AbsoluteResult<Inconsistencies> {
         let different = self.different().min(other.different());
         let needed = 2 * FEWEST_BLOCKS;
         if different < needed {
@@ -156,7 +155,7 @@ impl AbsoluteCase<'_> {
         &self,
         of_all: &AbsoluteFit,
         blocks: &Blocks<'_>,
-    ) -> Result<SeriesEstimates, AbsoluteError> {
+    ) -> AbsoluteResult<SeriesEstimates> {
         let fit = self.fit_near(&of_all.set, &of_all.posterior.mean)?;
         let without = blocks.without(&fit)?;
         let mixed = of_all.discrepancy.and_then(|discrepancy| {
@@ -164,8 +163,7 @@ impl AbsoluteCase<'_> {
             Some(mixed.with_waves(&self.commanded_turns()))
         });
         Ok(SeriesEstimates {
-            set: fit.set,
-            posterior: fit.posterior,
+            fit,
             without: without.into_iter().map(|each| each.values).collect(),
             mixed,
             reference: self.arm.clone(),
@@ -201,12 +199,12 @@ impl SeriesEstimates {
         let degrees = degrees as f64 - 1.0;
         let mut beside = Inconsistencies::default();
         for places in twins {
-            let parameter = &self.set.parameters()[places[0]];
+            let parameter = &self.fit.set.parameters()[places[0]];
             // Standard errors of a sum of both with their degrees of freedom, by blocks and by the model of both together.
             let yardsticks = |error: f64, factors: [f64; 2]| {
                 let sum = [
                     (places[0], factors[0]),
-                    (self.set.len() + places[1], factors[1]),
+                    (self.fit.set.len() + places[1], factors[1]),
                 ];
                 let together = together.as_ref().map(|parts| parts.of_sum(&sum));
                 [Some([error, degrees]), together].into_iter().flatten()
@@ -222,7 +220,7 @@ impl SeriesEstimates {
                 apart = apart.max(self.weighed(other, places));
             }
             let own = [0, 1].map(|side| both[side].error(places[side]));
-            let values = [0, 1].map(|side| both[side].posterior.mean[places[side]]);
+            let values = [0, 1].map(|side| both[side].fit.posterior.mean[places[side]]);
             let least = RESOLVED * own[0].hypot(own[1]);
             let difference = values[0] - values[1];
             let (mut largest, mut probability) = (0.0_f64, 0.0_f64);
@@ -265,32 +263,32 @@ impl SeriesEstimates {
 
     /// The robot's own parameters that it determines, with their places.
     fn determined(&self) -> impl Iterator<Item = (ParameterKind, usize)> {
-        let all = self.set.parameters().iter().enumerate();
+        let all = self.fit.set.parameters().iter().enumerate();
         let own = all.filter(|(_, parameter)| !parameter.kind.is_mounted());
-        own.filter(|(place, _)| self.posterior.standard_error(*place).is_some())
+        own.filter(|(place, _)| self.fit.posterior.standard_error(*place).is_some())
             .map(|(place, parameter)| (parameter.kind, place))
     }
 
     /// What leaving out each block changes of a parameter.
     fn changes(&self, place: usize) -> impl ExactSizeIterator<Item = f64> {
-        let value = self.posterior.mean[place];
+        let value = self.fit.posterior.mean[place];
         self.without.iter().map(move |values| values[place] - value)
     }
 
     /// The standard error of an estimate by leaving out blocks, and no less than what the weights say.
     fn error(&self, place: usize) -> f64 {
-        let own = self.posterior.covariance[(place, place)].sqrt();
+        let own = self.fit.posterior.covariance[(place, place)].sqrt();
         own.max(jackknife(self.changes(place)))
     }
 
     /// The standard error of a difference as readings were weighed, C1 + C2 - 2 C1 M C2: what both know before with precision M they owe to
     /// one prior, which moves the difference by C1 - C2 alone. Summed as squares, so that it is never negative.
     fn weighed(&self, other: &Self, [one, second]: [usize; 2]) -> f64 {
-        let [own, others] = [self, other].map(|series| &series.posterior.covariance);
+        let [own, others] = [self, other].map(|series| &series.fit.posterior.covariance);
         let mut of_readings = [own[(one, one)], others[(second, second)]];
         let mut of_priors = 0.0;
-        for (kind, place, precision) in known_alone(&self.set) {
-            let twin = known_alone(&other.set).find(|(each, ..)| *each == kind);
+        for (kind, place, precision) in known_alone(&self.fit.set) {
+            let twin = known_alone(&other.fit.set).find(|(each, ..)| *each == kind);
             if let Some((_, twin, _)) = twin {
                 let pulled = [own[(one, place)], others[(second, twin)]];
                 of_priors += precision * (pulled[0] - pulled[1]).powi(2);

@@ -11,17 +11,19 @@
 //! at like angles of one joint share its error, however far apart they are else: that is what makes neighbours alike, and
 //! intervals from independent errors too small.
 
-use nalgebra::{DMatrix, DVector, Matrix6};
-
+use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX};
 use statrs::distribution::FisherSnedecor;
 
+use super::super::FitResult;
 use super::super::discrepancy::six_rows;
 use super::super::spread::logarithm;
 use super::ReadingResidual;
-use super::residuals::LinearReading;
+use super::residuals::{LinearReading, with_joints};
 use crate::numeric::markov::{Between, MarkovProcess};
 use crate::numeric::quantile::exceeded_with;
 use crate::numeric::tolerance::{CHI_SQUARE_95, ends};
+use crate::observation::{ObservationModel, ReadingKind, Setup};
+use crate::parameter::{ElasticArm, ParameterSet};
 
 /// The square that 95 % of normal errors of three coordinates stay below, over their variance.
 pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
@@ -66,11 +68,6 @@ impl JointError {
             .sum()
     }
 
-    /// The logarithm of the factor by which squares of errors of positions (0) or rotations (1) are larger there.
-    pub(super) fn spread_at(&self, part: usize, commanded: f64) -> f64 {
-        logarithm(&self.spread[part], commanded, self.process.range())
-    }
-
     /// The command with which the joint stands there.
     pub fn command_for(&self, wanted: f64) -> f64 {
         let mut commanded = wanted;
@@ -107,6 +104,18 @@ pub struct DiscrepancyModel {
     /// predicted by a fit to the others: of positions and of rotations, where joints do not say that they are larger or smaller. Regions are
     /// larger by the root.
     pub scale: [f64; 2],
+}
+
+/// The error of a place that an identified arm predicts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaceError {
+    /// How the place (m) follows the parameters (3 x p).
+    pub rows: DMatrix<f64>,
+    /// The mean square (m^2) by what was identified: what returns to the place have on average.
+    pub identified_m2: f64,
+    /// The mean square (m^2) by what is new at a visit besides: the model discrepancy, and how well joints come back where that was
+    /// identified.
+    pub new_m2: f64,
 }
 
 /// One reading: what is left, what it depends on of all that is known, and what is new in it.
@@ -279,8 +288,10 @@ impl DiscrepancyModel {
     /// The same but for how large they are on the whole, at the angles of these joints.
     pub(super) fn relative_at(&self, part: usize, angles: impl Iterator<Item = f64>) -> f64 {
         let joints = self.joints.iter().zip(angles);
-        let logarithm: f64 = (joints.map(|(joint, angle)| joint.spread_at(part, angle))).sum();
-        logarithm.exp()
+        let each = |(joint, angle): (&JointError, f64)| {
+            logarithm(&joint.spread[part], angle, joint.process.range())
+        };
+        joints.map(each).sum::<f64>().exp()
     }
 
     /// A residual at commanded angles with its covariance, beside the regions of 95 %.
@@ -299,6 +310,46 @@ impl DiscrepancyModel {
             covariance: six_rows(covariance),
             is_within,
         }
+    }
+
+    /// Of a setup's target, in the frame of its station. `set` are those of the model's parameters that it depends on, at their `places`
+    /// among the model's, and counted from the arm itself.
+    ///
+    /// # Errors
+    /// The arm has no equilibrium there.
+    pub fn place_error(
+        &self,
+        arm: &ElasticArm,
+        set: &ParameterSet,
+        places: &[usize],
+        setup: &Setup,
+    ) -> FitResult<PlaceError> {
+        let joints: Vec<usize> = self.joints.iter().map(|each| each.joint).collect();
+        let (all, zeros) = with_joints(set, arm, &joints);
+        let mut by = Matrix6xX::zeros(all.len());
+        let mean = all.prior().mean.as_slice();
+        (ObservationModel::new(&all, arm, mean).predict(setup, ReadingKind::Position, &mut by))
+            .map_err(|error| (0, error))?;
+        let rows = LinearReading {
+            residual: DVector::zeros(3),
+            columns: by.view((0, 0), (3, set.len())).into_owned(),
+            joints: by.rows(0, 3).select_columns(&zeros),
+            own: DMatrix::zeros(3, 3),
+        };
+        let q = setup.commanded_rad.as_slice();
+        let local = self.local(&rows, places, q);
+        let known = self.by_what_is_known(&local);
+        // Without joints' errors the scale is of regions alone.
+        let scale = if joints.is_empty() {
+            1.0
+        } else {
+            self.scale_at(0, q)
+        };
+        Ok(PlaceError {
+            rows: rows.columns,
+            identified_m2: scale * known.trace(),
+            new_m2: scale * local.new.trace(),
+        })
     }
 }
 

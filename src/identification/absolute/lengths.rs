@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Translation3};
 
 use super::super::frames::MountedFrames;
-use super::{AbsoluteCase, AbsoluteError};
+use super::{AbsoluteCase, AbsoluteError, AbsoluteResult};
 use crate::measurement::AbsoluteReading;
 use crate::observation::LengthKind;
 use crate::task::station_named;
@@ -30,11 +30,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// Whether a reading is of the kind that the scenario has its station for.
-    pub(super) fn check_kind(
-        &self,
-        index: usize,
-        reading: &AbsoluteReading,
-    ) -> Result<(), AbsoluteError> {
+    pub(super) fn check_kind(&self, index: usize, reading: &AbsoluteReading) -> AbsoluteResult<()> {
         let name = reading.station.as_deref();
         let kind = reading.length.map(|read| read.kind);
         match (station_named(&self.belief.stations, name), kind) {

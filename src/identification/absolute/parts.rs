@@ -4,12 +4,12 @@ use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, Rotation3, Vector3, Vector
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::super::IdentificationError;
 use super::super::discrepancy::{discrepancy_covariance, three_rows};
+use super::super::{FitResult, IdentificationError};
 use super::mixed::VarianceComponents;
 use super::residuals::LinearReading;
 use super::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, DiscrepancyModel, ParameterGroup, ReadingWeights,
+    AbsoluteCase, AbsoluteFit, AbsoluteResult, DiscrepancyModel, ParameterGroup, ReadingWeights,
 };
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::markov::{ProcessPoint, SampledFunction};
@@ -70,10 +70,7 @@ impl<'a> AbsoluteCase<'a> {
     ///
     /// # Errors
     /// As [`fit`](Self::fit).
-    pub fn in_parts(
-        mut self,
-        groups: &[ParameterGroup],
-    ) -> Result<PartsOfReadings<'a>, AbsoluteError> {
+    pub fn in_parts(mut self, groups: &[ParameterGroup]) -> AbsoluteResult<PartsOfReadings<'a>> {
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
         let model = all.discrepancy_model.as_ref();
@@ -186,7 +183,7 @@ impl PartsOfReadings<'_> {
     ///
     /// # Errors
     /// The robot has no equilibrium there, or the numbers have no factorisation.
-    pub fn with_functions(&self) -> Result<CorrelatedList, IdentificationError> {
+    pub fn with_functions(&self) -> FitResult<CorrelatedList> {
         let (set, joints) = (self.set(), self.known.joints());
         let mean = &set.prior().mean;
         let rows = (self.case).rows_at(&self.case.arm, set, mean.as_slice(), &joints)?;

@@ -6,7 +6,7 @@ use super::super::discrepancy::discrepancy_covariance;
 use super::super::error::IdentificationError;
 use super::super::patterns::{BLOCKS, LookedAt, ReadingRows};
 use super::case::whitener;
-use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
+use super::{AbsoluteCase, AbsoluteFit, AbsoluteResult};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{Observation, ObservationModel, Reading, ReadingKind};
 use crate::parameter::ParameterKind;
@@ -22,7 +22,7 @@ impl AbsoluteCase<'_> {
         &self,
         fit: &AbsoluteFit,
         readings: &[AbsoluteReading],
-    ) -> Result<LookedAt, AbsoluteError> {
+    ) -> AbsoluteResult<LookedAt> {
         let joints = self.arm.chain.len();
         let kinds = (0..joints).flat_map(|joint| {
             let zero = ParameterKind::JointZero { joint };

@@ -3,8 +3,9 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::super::IdentificationError;
+use super::super::FitResult;
 use super::super::discrepancy::three_rows;
+use super::residuals::LinearReading;
 use super::{AbsoluteCase, DiscrepancyModel, ReadingPrognosis};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
@@ -49,7 +50,7 @@ impl AbsoluteCase<'_> {
         places: &[usize],
         discrepancy: &DiscrepancyModel,
         anew: &ParameterSet,
-    ) -> Result<Vec<ReadingPrognosis>, IdentificationError> {
+    ) -> FitResult<Vec<ReadingPrognosis>> {
         let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
         let readings = rows.iter().zip(&self.observations);
@@ -98,7 +99,7 @@ impl AbsoluteCase<'_> {
         places: &[usize],
         discrepancy: &DiscrepancyModel,
         anew: &ParameterSet,
-    ) -> Result<Option<f64>, IdentificationError> {
+    ) -> FitResult<Option<f64>> {
         if !self.is_sharing_known || !discrepancy.joints.is_empty() {
             return Ok(None);
         }
@@ -145,7 +146,7 @@ impl AbsoluteCase<'_> {
         places: &[usize],
         discrepancy: &DiscrepancyModel,
         station: usize,
-    ) -> Result<Option<MovedStation>, IdentificationError> {
+    ) -> FitResult<Option<MovedStation>> {
         let setups = self.observations.iter().map(|each| &each.setup);
         let own = setups.filter(|each| each.station == station);
         let own: Vec<&[f64]> = own.map(|each| each.commanded_rad.as_slice()).collect();
@@ -197,21 +198,13 @@ impl AbsoluteCase<'_> {
         let through = of_both.tr_mul(&(&discrepancy.covariance * solved));
         let of_frame = information.view((0, 0), (own, own)) - through.columns(0, own);
         let pull = gradient.rows(0, own) - through.column(own);
-        let size = of_frame.diagonal().map(|each| each.max(0.0).sqrt().recip());
-        let relative = DMatrix::from_fn(own, own, |row, column| {
-            of_frame[(row, column)] * size[row] * size[column]
-        });
-        let (Some(factor), Ok(distribution)) =
-            (Cholesky::new(relative), ChiSquared::new(own as f64))
-        else {
+        let (Some(factor), Ok(law)) = (Cholesky::new(of_frame), ChiSquared::new(own as f64)) else {
             return Ok(None);
         };
-        let change = (factor.solve(&pull.component_mul(&size))).component_mul(&size);
+        let change = factor.solve(&pull);
         let of_station = read.len().max(1) as f64;
-        let displaced = read
-            .iter()
-            .map(|frame| three_rows(&(&frame.columns * &change), 0).norm_squared());
-        let displaced: f64 = displaced.sum();
+        let moves = |frame: &LinearReading| three_rows(&(&frame.columns * &change), 0);
+        let displaced: f64 = (read.iter().map(|frame| moves(frame).norm_squared())).sum();
         let square = change.dot(&pull) / f64::max(discrepancy.scale[0], 1.0);
         let moved = |kind| base.index_of(kind).map_or(0.0, |place| change[place]);
         let [position_m, rotation_rad] =
@@ -219,7 +212,7 @@ impl AbsoluteCase<'_> {
         Ok(Some(MovedStation {
             position_m,
             rotation_rad,
-            probability: distribution.sf(square),
+            probability: law.sf(square),
             readings_m: (displaced / of_station).sqrt(),
             discrepancy_m: (average / of_station).sqrt(),
         }))

@@ -79,9 +79,6 @@ pub struct RepeatComponents {
     pub not_separated: Vec<String>,
 }
 
-/// Which joints have a variance in common.
-type ReturnClasses = Vec<Vec<usize>>;
-
 /// Contrasts of one covariance.
 struct Contrasts {
     /// The sum of their squares (m x m), and their number.
@@ -130,7 +127,8 @@ impl AbsoluteCase<'_> {
         if poses.is_empty() {
             return None;
         }
-        let (classes, variances, information) = components(&contrasts, joints.len(), within > 0)?;
+        let (classes, variances) = components(&contrasts, joints.len(), within > 0)?;
+        let (_, information) = improved(&contrasts, &classes, within > 0, &variances)?;
         let errors = Cholesky::new(information)?.inverse();
         let chain = &self.arm.chain.joints;
         let component = |level, joints: Vec<usize>, place: usize| {
@@ -255,12 +253,12 @@ fn about_mean(
     (mean, of)
 }
 
-/// Which joints have a variance in common; that of the readings, then those of these classes, and their expected information.
+/// Which joints have a variance in common; that of the readings, then those of these classes.
 fn components(
     contrasts: &[Contrasts],
     joints: usize,
     is_reading_estimated: bool,
-) -> Option<(ReturnClasses, Vec<f64>, DMatrix<f64>)> {
+) -> Option<(Vec<Vec<usize>>, Vec<f64>)> {
     let moved = |joint: usize| {
         let columns = contrasts.iter().map(|each| each.joints.column(joint));
         columns.map(|column| column.amax()).fold(0.0, f64::max)
@@ -271,19 +269,14 @@ fn components(
         .collect();
     let numbers = (contrasts.iter()).map(|each| each.count * each.own.nrows() as f64);
     let wanted = NUMBERS_PER_VARIANCE * (moving.len() + 1) as f64;
-    let mut classes: ReturnClasses = if numbers.sum::<f64>() < wanted {
+    let mut classes: Vec<Vec<usize>> = if numbers.sum::<f64>() < wanted {
         vec![moving]
     } else {
         moving.into_iter().map(|joint| vec![joint]).collect()
     };
     loop {
-        let model = ReturnModel {
-            contrasts,
-            classes: &classes,
-            is_reading_estimated,
-        };
-        let variances = model.likeliest()?;
-        let information = model.improved(&variances)?.1;
+        let variances = likeliest(contrasts, &classes, is_reading_estimated)?;
+        let (_, information) = improved(contrasts, &classes, is_reading_estimated, &variances)?;
         let inverse = Cholesky::new(information.clone()).map(|factor| factor.inverse());
         let is_inflated = |place: &usize| {
             let own = information[(*place, *place)];
@@ -301,7 +294,7 @@ fn components(
             .filter(|(one, other)| one != other);
         let worst = pairs.max_by(|one, other| alike(one).total_cmp(&alike(other)));
         let Some((one, other)) = worst else {
-            return Some((classes, variances, information));
+            return Some((classes, variances));
         };
         let joined = classes.remove(one.max(other) - 1);
         let class = &mut classes[one.min(other) - 1];
@@ -310,80 +303,76 @@ fn components(
     }
 }
 
-/// Contrasts with joints by their classes.
-struct ReturnModel<'a> {
-    contrasts: &'a [Contrasts],
-    classes: &'a [Vec<usize>],
+/// The likeliest variances: from half of what contrasts scatter on.
+fn likeliest(
+    contrasts: &[Contrasts],
+    classes: &[Vec<usize>],
     is_reading_estimated: bool,
+) -> Option<Vec<f64>> {
+    let (mut square, mut moved) = (0.0, 0.0);
+    for each in contrasts {
+        square += each.scatter.trace();
+        moved += each.count * each.joints.norm_squared();
+    }
+    let returns = 0.5 * square / f64::max(moved, f64::MIN_POSITIVE);
+    let mut variances = vec![returns; 1 + classes.len()];
+    variances[0] = 1.0;
+    for _ in 0..ROUNDS {
+        let (next, _) = improved(contrasts, classes, is_reading_estimated, &variances)?;
+        let change = next.iter().zip(&variances).map(|(next, before)| {
+            (next.sqrt() - before.sqrt()).abs() / before.sqrt().max(f64::MIN_POSITIVE)
+        });
+        let change = change.fold(0.0, f64::max);
+        variances = next;
+        if change < FOUND {
+            break;
+        }
+    }
+    Some(variances)
 }
 
-impl ReturnModel<'_> {
-    /// How each variance moves the covariance of a contrast.
-    fn parts(&self, of: &Contrasts) -> Vec<DMatrix<f64>> {
-        let returns = self.classes.iter().map(|class| {
-            let moved = of.joints.select_columns(class);
+/// Likelier variances, and the expected information of those that were given.
+fn improved(
+    contrasts: &[Contrasts],
+    classes: &[Vec<usize>],
+    is_reading_estimated: bool,
+    variances: &[f64],
+) -> Option<(Vec<f64>, DMatrix<f64>)> {
+    let count = variances.len();
+    let mut sums = vec![[0.0; 2]; count];
+    let mut information = DMatrix::zeros(count, count);
+    for each in contrasts {
+        // How each variance moves the covariance of a contrast.
+        let returns = classes.iter().map(|class| {
+            let moved = each.joints.select_columns(class);
             &moved * moved.transpose()
         });
-        iter::once(of.own.clone()).chain(returns).collect()
-    }
-
-    /// The likeliest variances: from half of what contrasts scatter on.
-    fn likeliest(&self) -> Option<Vec<f64>> {
-        let (mut square, mut moved) = (0.0, 0.0);
-        for each in self.contrasts {
-            square += each.scatter.trace();
-            moved += each.count * each.joints.norm_squared();
-        }
-        let returns = 0.5 * square / f64::max(moved, f64::MIN_POSITIVE);
-        let mut variances = vec![returns; 1 + self.classes.len()];
-        variances[0] = 1.0;
-        for _ in 0..ROUNDS {
-            let (next, _) = self.improved(&variances)?;
-            let change = next.iter().zip(&variances).map(|(next, before)| {
-                (next.sqrt() - before.sqrt()).abs() / before.sqrt().max(f64::MIN_POSITIVE)
-            });
-            let change = change.fold(0.0, f64::max);
-            variances = next;
-            if change < FOUND {
-                break;
+        let parts: Vec<DMatrix<f64>> = iter::once(each.own.clone()).chain(returns).collect();
+        let all = parts.iter().zip(variances);
+        let covariance: DMatrix<f64> = all.map(|(part, variance)| part * *variance).sum();
+        let weight = Cholesky::new(covariance)?.inverse();
+        let weighed: Vec<DMatrix<f64>> = parts.iter().map(|part| &weight * part).collect();
+        let scatter = &weight * &each.scatter;
+        for (row, one) in weighed.iter().enumerate() {
+            sums[row][0] += (one * &scatter).trace();
+            sums[row][1] += each.count * one.trace();
+            for (column, other) in weighed.iter().enumerate() {
+                information[(row, column)] += 0.5 * each.count * one.dot(&other.transpose());
             }
         }
-        Some(variances)
     }
-
-    /// Likelier variances, and the expected information of those that were given.
-    fn improved(&self, variances: &[f64]) -> Option<(Vec<f64>, DMatrix<f64>)> {
-        let count = variances.len();
-        let mut sums = vec![[0.0; 2]; count];
-        let mut information = DMatrix::zeros(count, count);
-        for each in self.contrasts {
-            let parts = self.parts(each);
-            let all = parts.iter().zip(variances);
-            let covariance: DMatrix<f64> = all.map(|(part, variance)| part * *variance).sum();
-            let weight = Cholesky::new(covariance)?.inverse();
-            let weighed: Vec<DMatrix<f64>> = parts.iter().map(|part| &weight * part).collect();
-            let scatter = &weight * &each.scatter;
-            for (row, one) in weighed.iter().enumerate() {
-                sums[row][0] += (one * &scatter).trace();
-                sums[row][1] += each.count * one.trace();
-                for (column, other) in weighed.iter().enumerate() {
-                    information[(row, column)] += 0.5 * each.count * one.dot(&other.transpose());
-                }
-            }
-        }
-        let improved = variances.iter().zip(&sums);
-        let improved = improved.map(|(variance, [square, expected])| {
-            variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
-        });
-        let mut improved: Vec<f64> = improved.collect();
-        if !self.is_reading_estimated {
-            improved[0] = 1.0;
-            information.row_mut(0).fill(0.0);
-            information.column_mut(0).fill(0.0);
-            information[(0, 0)] = 1.0;
-        }
-        Some((improved, information))
+    let improved = variances.iter().zip(&sums);
+    let improved = improved.map(|(variance, [square, expected])| {
+        variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
+    });
+    let mut improved: Vec<f64> = improved.collect();
+    if !is_reading_estimated {
+        improved[0] = 1.0;
+        information.row_mut(0).fill(0.0);
+        information.column_mut(0).fill(0.0);
+        information[(0, 0)] = 1.0;
     }
+    Some((improved, information))
 }
 
 /// The interval of 95 % of a standard deviation, by its square, the variance of that, and its degrees of freedom.

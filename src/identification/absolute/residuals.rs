@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::super::IdentificationError;
+use super::super::FitResult;
 use super::{AbsoluteCase, ReadingResidual};
 use crate::observation::{ObservationModel, Whitener, of_each_prediction};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
@@ -95,7 +95,7 @@ impl AbsoluteCase<'_> {
     ///
     /// # Errors
     /// It has no equilibrium for one of them.
-    pub fn left(&self, arm: &ElasticArm) -> Result<Vec<ReadingResidual>, IdentificationError> {
+    pub fn left(&self, arm: &ElasticArm) -> FitResult<Vec<ReadingResidual>> {
         let rows = self.rows_at(arm, &ParameterSet::empty(), &[], &[])?;
         let left = rows
             .iter()
@@ -120,7 +120,7 @@ impl AbsoluteCase<'_> {
         set: &ParameterSet,
         values: &[f64],
         joints: &[usize],
-    ) -> Result<Vec<LinearReading>, IdentificationError> {
+    ) -> FitResult<Vec<LinearReading>> {
         let (all, places) = with_joints(set, reference, joints);
         let mut all_values = all.prior().mean.clone();
         all_values.as_mut_slice()[..set.len()].copy_from_slice(values);

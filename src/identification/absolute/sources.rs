@@ -30,11 +30,8 @@ impl AbsoluteCase<'_> {
         let setup = |visit: usize| &self.observations[self.visits[visit][0]].setup;
         let are_kept = errors.iter().any(|each| each.configuration.ncols() > 0);
         let mut shared = SharedErrors { groups: Vec::new() };
-        for visits in together(
-            self.visits.len(),
-            |visit| setup(visit).pose(),
-            |_, _| are_kept,
-        ) {
+        let pose = |visit| setup(visit).pose();
+        for visits in together(self.visits.len(), pose, |_, _| are_kept) {
             if let [visit] = visits[..]
                 && let [place] = self.visits[visit][..]
             {

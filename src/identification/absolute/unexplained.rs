@@ -61,27 +61,19 @@ impl AbsoluteCase<'_> {
         let set = &fit.set;
         let (rows, mixed) = self.mixed_of(set, &fit.posterior, known.joints(), known.rest)?;
         let (model, degrees) = mixed.with_remainder(known)?;
-        let mut model = model.estimated(degrees);
-        let left = self.left_of(&rows, &model);
+        let model = model.estimated(degrees);
+        let count = set.len();
+        let covariance = model.covariance.view((0, 0), (count, count)).into_owned();
+        let degrees = (0..count).map(|index| told_degrees(set, &covariance, index, degrees));
+        let degrees = degrees.collect();
+        let mut told = self.told_by(model, &rows, &fit.posterior, &covariance, degrees);
         // From here on parameters count from where they are likeliest.
-        for (value, shift) in fit.posterior.mean.iter_mut().zip(&model.shift) {
+        for (value, shift) in fit.posterior.mean.iter_mut().zip(&told.model.shift) {
             *value += shift;
         }
         fit.belief = set.apply(&self.arm, &fit.posterior.mean);
-        model.shift.fill(0.0);
-        let count = set.len();
-        let covariance = model.covariance.view((0, 0), (count, count)).into_owned();
-        Some(Unexplained {
-            left,
-            visits: self.visits.len(),
-            effective_sample_size: self.effective_sample_size(&fit.posterior, &covariance),
-            predicted_by_others: [None; 2],
-            covariance: symmetric(&covariance),
-            degrees: (0..count)
-                .map(|index| told_degrees(set, &covariance, index, degrees))
-                .collect(),
-            model,
-        })
+        told.model.shift.fill(0.0);
+        Some(told)
     }
 
     /// The same with errors of these joints, however many readings there are; none where visits have several lengths, which share what is
@@ -115,34 +107,29 @@ impl AbsoluteCase<'_> {
         let (model, predicted_by_others) = mixed.fit(&mixed.visits_of(left_out, &others.ok()?))?;
         let turns = self.commanded_turns();
         let parts = mixed.with_waves(&turns).covariance_parts()?;
-        let covariance = parts.whole();
+        let degrees = (0..set.len()).map(|index| parts.of_sum(&[(index, 1.0)])[1]);
+        let (covariance, degrees) = (parts.whole(), degrees.collect());
         Some(Unexplained {
-            left: self.left_of(&rows, &model),
-            visits: self.visits.len(),
-            effective_sample_size: self.effective_sample_size(&fit.posterior, &covariance),
             predicted_by_others,
-            covariance: symmetric(&covariance),
-            degrees: (0..set.len())
-                .map(|index| parts.of_sum(&[(index, 1.0)])[1])
-                .collect(),
-            model,
+            ..self.told_by(model, &rows, &fit.posterior, &covariance, degrees)
         })
     }
 
-    /// What a model leaves of the readings, with what joints are off by.
-    fn left_of(&self, rows: &[LinearReading], model: &DiscrepancyModel) -> Vec<ReadingResidual> {
+    /// What a model of the readings tells, with the covariance of the parameters by it and its degrees of freedom. As many visits tell as much
+    /// of the parameters where readings are `independent` as their variances are smaller then, a geometric mean.
+    fn told_by(
+        &self,
+        model: DiscrepancyModel,
+        rows: &[LinearReading],
+        independent: &Posterior,
+        covariance: &DMatrix<f64>,
+        degrees: Vec<f64>,
+    ) -> Unexplained {
         let places: Vec<usize> = (0..model.shift.len()).collect();
-        let readings = rows.iter().zip(&self.observations);
-        let left = readings.map(|(rows, each)| {
+        let left = rows.iter().zip(&self.observations).map(|(rows, each)| {
             let local = model.local(rows, &places, each.setup.commanded_rad.as_slice());
             ReadingResidual::of_rows(&local.left)
         });
-        left.collect()
-    }
-
-    /// As many visits as tell as much of the parameters where readings are independent as all do with this covariance: by how much smaller the
-    /// parameters' variances are then, a geometric mean.
-    fn effective_sample_size(&self, independent: &Posterior, covariance: &DMatrix<f64>) -> f64 {
         let logarithms = (0..covariance.nrows())
             .filter(|&index| independent.standard_error(index).is_some())
             .map(|index| {
@@ -150,6 +137,14 @@ impl AbsoluteCase<'_> {
             });
         let logarithms: Vec<f64> = logarithms.filter(|each| each.is_finite()).collect();
         let ratio = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
-        self.visits.len() as f64 * ratio.exp().min(1.0)
+        Unexplained {
+            left: left.collect(),
+            model,
+            covariance: symmetric(covariance),
+            degrees,
+            visits: self.visits.len(),
+            effective_sample_size: self.visits.len() as f64 * ratio.exp().min(1.0),
+            predicted_by_others: [None; 2],
+        }
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, stack};
 
 use super::super::case::Case;
 use super::super::equations::PredictedRows;
-use super::super::error::IdentificationError;
+use super::super::error::FitResult;
 use super::super::whitening::Whitening;
 use super::gauss_newton::{FitPlace, FitProblem, gauss_newton};
 use crate::numeric::estimable::Estimable;
@@ -30,7 +30,7 @@ pub struct DeflectionFit {
 }
 
 /// What fits to the same plan begin with, whatever is read.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct FitStart {
     pub whitening: Whitening,
     /// What the measurements determine follows from their linear equations at the commanded angles, as it
@@ -41,11 +41,45 @@ pub struct FitStart {
     /// The prior's information in coordinates of what is determined, r x r.
     before: DMatrix<f64>,
     nominal: DVector<f64>,
-    /// Where a fit begins that does not begin near: at nominal values, through the static equilibrium as far as there is one.
-    at_nominal: PredictedRows,
+    /// Where a fit begins that does not begin near, but for what was read: at nominal values, through the static equilibrium as far as
+    /// there is one.
+    at_nominal: DeflectionRows,
     /// Their information's factor, where a step is found by it and it is not singular to rounding.
     factor: Option<Cholesky<f64, Dyn>>,
     torques: Vec<RestTorques>,
+}
+
+/// Whitened equations of the change from values of the unknowns: of the readings, and of what was known before below them.
+#[derive(Debug, Clone)]
+struct DeflectionRows {
+    /// (N + q) x p.
+    matrix: DMatrix<f64>,
+    /// What is left of each (N + q).
+    left: DVector<f64>,
+}
+
+impl DeflectionRows {
+    /// Of readings of nothing. `off` is what the values leave of what was known before, whose rows are `prior`.
+    fn new(
+        mut predicted: PredictedRows,
+        whitening: &Whitening,
+        prior: &DMatrix<f64>,
+        off: &DVector<f64>,
+    ) -> Self {
+        whitening.whiten(&mut predicted.derivatives);
+        whitening.whiten(&mut predicted.values);
+        Self {
+            matrix: stack![predicted.derivatives; *prior],
+            left: stack![-predicted.values; *off],
+        }
+    }
+
+    /// The same with what was read, whitened.
+    fn reading(mut self, read: &DVector<f64>) -> Self {
+        let mut left = self.left.rows_mut(0, read.len());
+        left += read;
+        self
+    }
 }
 
 impl FitStart {
@@ -54,65 +88,52 @@ impl FitStart {
         let whitening = source.whitening();
         let nominal = DVector::from_vec(source.belief.values());
         let prior = source.belief.uncertain.prior_rows().clone();
-        let mut at_nominal = source.predicted_linearly();
-        whitening.whiten(&mut at_nominal.derivatives);
-        let estimable = source.estimable(&stack![at_nominal.derivatives; prior]);
+        let off = DVector::zeros(prior.nrows());
+        let rows = |predicted| DeflectionRows::new(predicted, &whitening, &prior, &off);
+        let linear = rows(source.predicted_linearly());
+        let mut free = linear.matrix.clone();
+        for &place in source.held {
+            free.column_mut(place).fill(0.0);
+        }
         let mut torques = Vec::new();
         let at_rest = (source.method == Method::Nonlinear && !is_near)
             .then(|| source.predicted(nominal.as_slice(), &mut torques).ok());
-        if let Some(mut at_rest) = at_rest.flatten() {
-            whitening.whiten(&mut at_rest.derivatives);
-            at_nominal = at_rest;
-        }
-        whitening.whiten(&mut at_nominal.values);
-        let before = gram(&(&prior * estimable.basis_in_units()));
+        let estimable = Estimable::of_equations(&free, &source.belief.sizes());
         let mut start = Self {
             factor: None,
-            before,
-            whitening,
+            before: gram(&(&prior * estimable.basis_in_units())),
             estimable,
+            at_nominal: at_rest.flatten().map_or(linear, rows),
+            whitening,
             prior,
             nominal,
-            at_nominal,
             torques,
         };
         if !source.belief.uncertain.is_plain() || source.method == Method::Nonlinear {
-            start.factor = sound_factor(start.information(&start.at_nominal.derivatives));
+            start.factor = sound_factor(start.information(&start.at_nominal));
         }
         start
     }
 
-    /// The number of equations, what was known before among them.
-    pub fn equations(&self) -> usize {
-        self.at_nominal.values.len() + self.prior.nrows()
+    /// What was read, whitened.
+    fn read(&self, source: &Case<'_>) -> DVector<f64> {
+        let mut read = source.read();
+        self.whitening.whiten(&mut read);
+        read
     }
 
-    /// What whitened rows (N x p) and what was known before say of what is determined (r x r).
-    fn information(&self, matrix: &DMatrix<f64>) -> DMatrix<f64> {
-        let within = self.estimable.coordinates(matrix.transpose());
+    /// What equations say of what is determined (r x r).
+    fn information(&self, rows: &DeflectionRows) -> DMatrix<f64> {
+        let readings = rows.matrix.nrows() - self.prior.nrows();
+        let within = (self.estimable).coordinates(rows.matrix.rows(0, readings).transpose());
         let mut information = self.before.clone();
         information.gemm(1.0, &within, &within.transpose(), 1.0);
         information
     }
 
-    /// The equations at values of the unknowns, by whitened predictions there.
-    fn rows(
-        &self,
-        read: &DVector<f64>,
-        predicted: PredictedRows,
-        values: &DVector<f64>,
-    ) -> DeflectionRows {
-        DeflectionRows {
-            matrix: predicted.derivatives,
-            left: read - predicted.values,
-            before: &self.prior * (&self.nominal - values),
-        }
-    }
-
     /// The right-hand side of the normal equations (r).
     fn gradient(&self, rows: &DeflectionRows) -> DVector<f64> {
-        let of_all = rows.matrix.tr_mul(&rows.left) + self.prior.tr_mul(&rows.before);
-        self.estimable.coordinates(of_all)
+        (self.estimable).coordinates(rows.matrix.tr_mul(&rows.left))
     }
 
     /// What solves the equations (r): by their factor where there is one, else by the singular values of all rows.
@@ -129,8 +150,7 @@ impl FitStart {
     }
 
     fn solve(&self, rows: &DeflectionRows) -> LeastSquares {
-        let matrix = stack![rows.matrix; self.prior];
-        LeastSquares::solve(&matrix, &rows.residuals(), &self.estimable)
+        LeastSquares::solve(&rows.matrix, &rows.left, &self.estimable)
     }
 
     /// The end of a fit at values of the unknowns, with the last step, by a factor where there is one. Where only compliances are unknown,
@@ -138,46 +158,27 @@ impl FitStart {
     fn end(
         &self,
         source: &Case<'_>,
-        rows: &DeflectionRows,
-        mut values: DVector<f64>,
+        rows: DeflectionRows,
+        values: &DVector<f64>,
         factor: Option<&Cholesky<f64, Dyn>>,
         iterations: usize,
     ) -> DeflectionFit {
         let factor = factor.filter(|_| !source.belief.uncertain.is_plain());
         let last = factor.map_or_else(
-            || self.solve(rows),
+            || self.solve(&rows),
             |factor| LeastSquares {
-                solution: (self.estimable).in_units(factor.solve(&self.gradient(rows))),
+                solution: (self.estimable).in_units(factor.solve(&self.gradient(&rows))),
                 covariance: self.estimable.covariance(inverse_of(factor)),
                 condition: condition_of(factor),
             },
         );
-        let step = &last.solution;
-        values += step;
-        let moved = stack![&rows.matrix * step; &self.prior * step];
         DeflectionFit {
-            whitened_residuals: rows.residuals() - moved,
-            values: values.as_slice().to_vec(),
+            whitened_residuals: rows.left - rows.matrix * &last.solution,
+            values: (values + last.solution).as_slice().to_vec(),
             covariance: last.covariance,
             condition: last.condition,
             iterations,
         }
-    }
-}
-
-/// Whitened equations of the change from values of the unknowns.
-struct DeflectionRows {
-    /// Of the readings, N x p.
-    matrix: DMatrix<f64>,
-    /// What is left of these.
-    left: DVector<f64>,
-    /// How far the values are from what was known before.
-    before: DVector<f64>,
-}
-
-impl DeflectionRows {
-    fn residuals(&self) -> DVector<f64> {
-        stack![self.left; self.before]
     }
 }
 
@@ -197,18 +198,19 @@ impl FitProblem for DeflectionProblem<'_> {
     /// Where rotations are off by far more than noise, fits end where no part of a step lowers it.
     const SMALL: f64 = 1e-2;
 
-    fn at(&mut self, values: DVector<f64>) -> Result<FitPlace<Self::Kept>, IdentificationError> {
-        let mut predicted = (self.source).predicted(values.as_slice(), &mut self.torques)?;
-        self.start.whitening.whiten(&mut predicted.derivatives);
-        self.start.whitening.whiten(&mut predicted.values);
-        let rows = self.start.rows(&self.read, predicted, &values);
-        let information = self.start.information(&rows.matrix);
+    fn at(&mut self, values: DVector<f64>) -> FitResult<FitPlace<Self::Kept>> {
+        let start = self.start;
+        let predicted = (self.source).predicted(values.as_slice(), &mut self.torques)?;
+        let off = &start.prior * (&start.nominal - &values);
+        let rows = DeflectionRows::new(predicted, &start.whitening, &start.prior, &off);
+        let rows = rows.reading(&self.read);
+        let information = start.information(&rows);
         let factor = sound_factor(information.clone());
-        let gradient = self.start.gradient(&rows);
-        let step = self.start.step(&rows, &gradient, factor.as_ref());
+        let gradient = start.gradient(&rows);
+        let step = start.step(&rows, &gradient, factor.as_ref());
         Ok(FitPlace {
             values,
-            square: rows.left.norm_squared() + rows.before.norm_squared(),
+            square: rows.left.norm_squared(),
             information,
             gradient,
             step,
@@ -236,11 +238,8 @@ impl FitProblem for DeflectionProblem<'_> {
 
 /// The linear estimate. What is not determined stays nominal: the change from there is solved for.
 pub fn fit_linear(start: &FitStart, source: &Case<'_>) -> DeflectionFit {
-    let mut read = source.read();
-    start.whitening.whiten(&mut read);
-    let rows = start.rows(&read, start.at_nominal.clone(), &start.nominal);
-    let factor = start.factor.as_ref();
-    start.end(source, &rows, start.nominal.clone(), factor, 1)
+    let rows = start.at_nominal.clone().reading(&start.read(source));
+    start.end(source, rows, &start.nominal, start.factor.as_ref(), 1)
 }
 
 /// Gauss-Newton from values that are near, from one step from the nominal values, or from these where there is no equilibrium
@@ -249,15 +248,13 @@ pub fn fit_nonlinear(
     start: &FitStart,
     source: &Case<'_>,
     near: Option<&[f64]>,
-) -> Result<DeflectionFit, IdentificationError> {
-    let mut read = source.read();
-    start.whitening.whiten(&mut read);
-    let nominal = &start.nominal;
+) -> FitResult<DeflectionFit> {
+    let (read, nominal) = (start.read(source), &start.nominal);
     let first = if let Some(near) = near {
         let off = DVector::from_column_slice(near) - nominal;
         start.estimable.coordinates_of(&off)
     } else {
-        let rows = start.rows(&read, start.at_nominal.clone(), nominal);
+        let rows = start.at_nominal.clone().reading(&read);
         start.step(&rows, &start.gradient(&rows), start.factor.as_ref())
     };
     let mut problem = DeflectionProblem {
@@ -271,7 +268,7 @@ pub fn fit_nonlinear(
         (problem.at(first)).or_else(|error| problem.at(nominal.clone()).map_err(|_| error))?;
     let (found, iterations) = gauss_newton(&mut problem, first)?;
     let (rows, factor) = found.kept;
-    Ok(start.end(source, &rows, found.values, factor.as_ref(), iterations))
+    Ok(start.end(source, rows, &found.values, factor.as_ref(), iterations))
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::super::error::IdentificationError;
+use super::super::error::{FitResult, IdentificationError};
 
 /// A fit is found when the next step would change no unknown by more than this share of its typical size ...
 const NOTHING: f64 = 1e-10;
@@ -41,7 +41,7 @@ pub trait FitProblem {
     const SMALL: f64 = 0.0;
 
     /// The equations at values of the unknowns (p), with their solution.
-    fn at(&mut self, values: DVector<f64>) -> Result<FitPlace<Self::Kept>, IdentificationError>;
+    fn at(&mut self, values: DVector<f64>) -> FitResult<FitPlace<Self::Kept>>;
 
     /// A step in coordinates of what is determined (r) as a change of the unknowns (p), no longer than what the model can follow.
     fn change(&self, step: &DVector<f64>) -> DVector<f64>;
@@ -85,17 +85,12 @@ impl<Kept> FitPlace<Kept> {
     }
 }
 
-/// The last step was so many standard errors.
-pub const fn not_converged(step: f64) -> IdentificationError {
-    IdentificationError::NotConverged { step }
-}
-
 /// The place from which no step leads further, and the number of steps, with one to spare. Where there is no hope, it is where the fit
 /// begins.
 pub fn gauss_newton<Problem: FitProblem>(
     problem: &mut Problem,
     start: FitPlace<Problem::Kept>,
-) -> Result<(FitPlace<Problem::Kept>, usize), IdentificationError> {
+) -> FitResult<(FitPlace<Problem::Kept>, usize)> {
     let begun = start.values.clone();
     let mut now = start;
     let mut before: Option<FitPlace<Problem::Kept>> = None;
@@ -126,24 +121,25 @@ pub fn gauss_newton<Problem: FitProblem>(
         };
         before = Some(std::mem::replace(&mut now, next));
     }
-    Err(not_converged(now.length()))
+    let step = now.length();
+    Err(IdentificationError::NotConverged { step })
 }
 
 /// The next place by the linear model, after as much of the step as does not make the fit worse.
 fn halved_step<Problem: FitProblem>(
     problem: &mut Problem,
     now: &FitPlace<Problem::Kept>,
-) -> Result<FitPlace<Problem::Kept>, IdentificationError> {
+) -> FitResult<FitPlace<Problem::Kept>> {
     let (mut change, mut size) = (problem.change(&now.step), now.step.amax());
-    let is_short = now.length() <= SHORT;
-    let mut reason = not_converged(now.length());
+    let step = now.length();
+    let mut reason = IdentificationError::NotConverged { step };
     for _ in 0..=HALVINGS {
-        let may_rise = is_short || size < Problem::SMALL;
+        let may_rise = step <= SHORT || size < Problem::SMALL;
         reason = match problem.at(&now.values + &change) {
             Ok(found) if may_rise || found.square <= now.square * (1.0 + ROUNDING) => {
                 return Ok(found);
             }
-            Ok(_) => not_converged(now.length()),
+            Ok(_) => IdentificationError::NotConverged { step },
             Err(error) => error,
         };
         change *= 0.5;

@@ -8,7 +8,7 @@
 mod positions;
 mod robust;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// A metre of position counts as this much of rotation (rad) where starts are compared: a robot's half metre.
 const LENGTH_M: f64 = 0.5;
@@ -114,13 +114,6 @@ pub(super) fn nearest(matrix: &Matrix3<f64>) -> Rotation3<f64> {
     let mut signs = Vector3::repeat(1.0);
     signs[least] = (u.determinant() * v_t.determinant()).signum();
     Rotation3::from_matrix_unchecked(u * Matrix3::from_diagonal(&signs) * v_t)
-}
-
-fn isometry(rotation: &Rotation3<f64>, translation_m: Vector3<f64>) -> Isometry3<f64> {
-    Isometry3::from_parts(
-        Translation3::from(translation_m),
-        UnitQuaternion::from_rotation_matrix(rotation),
-    )
 }
 
 pub use robust::RobustFrames;

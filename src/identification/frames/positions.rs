@@ -8,7 +8,7 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, SymmetricEigen, Translation3, Vector3};
 
-use super::{LENGTH_M, MountedFrames, Sight, isometry, nearest};
+use super::{LENGTH_M, MountedFrames, Sight, nearest};
 
 /// Turns end when the sum of squares falls by less than this share.
 const SETTLED: f64 = 1e-9;
@@ -44,23 +44,19 @@ pub(super) fn solved(
         place_stations(each, sights);
     }
     starts.push(relaxed(sights, stations, tools));
-    for each in &mut starts {
-        settle(each, sights, tools);
+    for frames in &mut starts {
+        let mut cost = f64::INFINITY;
+        for _ in 0..MOST_TURNS {
+            translate(frames, sights, tools);
+            place_stations(frames, sights);
+            let now = frames.cost(sights);
+            if now >= cost * (1.0 - SETTLED) {
+                break;
+            }
+            cost = now;
+        }
     }
     starts
-}
-
-fn settle(frames: &mut MountedFrames, sights: &[Sight], tools: &[Isometry3<f64>]) {
-    let mut cost = f64::INFINITY;
-    for _ in 0..MOST_TURNS {
-        translate(frames, sights, tools);
-        place_stations(frames, sights);
-        let now = frames.cost(sights);
-        if now >= cost * (1.0 - SETTLED) {
-            break;
-        }
-        cost = now;
-    }
 }
 
 /// Where a target is in the robot's base and where it was read (m), and how much that counts.
@@ -86,7 +82,7 @@ fn place_stations(frames: &mut MountedFrames, sights: &[Sight]) {
         let products =
             (pairs.iter()).map(|pair| (pair.1 - seen) * (pair.0 - here).transpose() * pair.2);
         let rotation = nearest(&products.sum::<Matrix3<f64>>());
-        *base = isometry(&rotation, seen - rotation * here);
+        *base = Isometry3::from_parts((seen - rotation * here).into(), rotation.into());
     }
 }
 
@@ -177,7 +173,8 @@ fn relaxed(sights: &[Sight], stations: usize, tools: &[Isometry3<f64>]) -> Mount
     let instrument_from_base = (0..stations)
         .map(|station| {
             let turned = Matrix3::from_iterator(solved.rows(12 * station, 9).iter().copied());
-            isometry(&nearest(&turned.transpose()), Vector3::zeros())
+            let rotation = nearest(&turned.transpose()).into();
+            Isometry3::from_parts(Translation3::identity(), rotation)
         })
         .collect();
     MountedFrames {

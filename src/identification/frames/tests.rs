@@ -1,6 +1,6 @@
 //! Frames from readings without noise, whatever they are.
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Translation3};
 
 use super::*;
 use crate::parameter::ElasticArm;
@@ -21,7 +21,7 @@ fn sights(
             let q: DVector<f64> = numbers.configuration(&arm.chain);
             let state = arm.chain.at(&carrier).state(q.as_slice());
             let rotation = Rotation3::from_matrix_unchecked(state.tool_rotation);
-            let base_from_link = isometry(&rotation, state.tool_position);
+            let base_from_link = Isometry3::from_parts(state.tool_position.into(), rotation.into());
             let (station, target) = (
                 index % frames.instrument_from_base.len(),
                 (index / 2) % frames.link_from_tool.len(),

@@ -7,7 +7,7 @@ use nalgebra::{DVector, Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3}
 
 use super::super::frames::Sight;
 use crate::measurement::Measurement;
-use crate::robot::{Commands, Load, SerialChain};
+use crate::robot::{Commands, SerialChain};
 
 /// The standard gravity (m/s^2): one kilogram weighs 9.81 N.
 const GRAVITY: f64 = 9.81;
@@ -85,10 +85,8 @@ fn seen(change: impl Fn(&mut Sight) + Send + Sync + 'static) -> Correction {
 /// A joint by its column and its name.
 pub(super) fn named(chain: &SerialChain, joint: usize) -> String {
     let name = &chain.joints[joint].name;
-    match Commands::from(chain).column(joint) {
-        Some(column) => format!("{column} ({name})"),
-        None => name.clone(),
-    }
+    let column = Commands::from(chain).column(joint);
+    column.map_or_else(|| name.clone(), |column| format!("{column} ({name})"))
 }
 
 /// Errors of commanded angles by their kinds: joints that turn the other way, the smaller sets of them first and single ones of many
@@ -224,11 +222,8 @@ pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
     };
     let turned = deflection(|each, axes| turn(each, axes, 1.0));
     let loads = |each: &mut Measurement, axes: &Matrix3<f64>| {
-        let [force_n, torque_nm] = [each.load.force_n, each.load.torque_nm];
-        each.load = Load {
-            force_n: axes * force_n,
-            torque_nm: axes * torque_nm,
-        };
+        each.load.force_n = axes * each.load.force_n;
+        each.load.torque_nm = axes * each.load.torque_nm;
     };
     let load_units = [
         (GRAVITY, "in kg instead of N"),
@@ -296,19 +291,12 @@ fn turn(each: &mut Measurement, matrix: &Matrix3<f64>, parity: f64) {
 /// The ways to put three columns in another order and change their signs, but for those that change nothing or all signs.
 pub(super) fn right_angles() -> Vec<Matrix3<f64>> {
     let mut all = Vec::new();
-    for order in [
-        [0, 1, 2],
-        [0, 2, 1],
-        [1, 0, 2],
-        [1, 2, 0],
-        [2, 0, 1],
-        [2, 1, 0],
-    ] {
+    for (first, second) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
+        let order = [first, second, 3 - first - second];
         for bits in 0..8 {
             let sign = |row: usize| if bits >> row & 1 == 1 { -1.0 } else { 1.0 };
-            let is_it = |row: usize, column: usize| order[row] == column;
             all.push(Matrix3::from_fn(|row, column| {
-                if is_it(row, column) { sign(row) } else { 0.0 }
+                if order[row] == column { sign(row) } else { 0.0 }
             }));
         }
     }
@@ -390,11 +378,8 @@ pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
 pub(super) fn station_moved(reading: usize) -> InputError {
     let question = format!("was the instrument moved near reading {}", reading + 1);
     let remedy = "Give the readings from there on a station of their own";
-    InputError::new(
-        "station_moved",
-        (question, remedy),
-        Correction::StationMoved(reading),
-    )
+    let change = Correction::StationMoved(reading);
+    InputError::new("station_moved", (question, remedy), change)
 }
 
 /// How columns follow from those of the file.

@@ -160,15 +160,11 @@ pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
     for _ in 0..DEPTH {
         let as_it_is = ReadingEvidence::new(case, &read, &read);
         let best = best(case, &read, &as_it_is);
-        let Some(LikelyError {
-            error,
-            evidence,
-            gain,
-        }) = best.first()
-        else {
+        let Some(likeliest) = best.first() else {
             break;
         };
-        let [without, as_read] = [*evidence, as_it_is].map(ReadingEvidence::rms);
+        let (error, gain) = (&likeliest.error, likeliest.gain);
+        let [without, as_read] = [likeliest.evidence.rms, as_it_is.rms];
         // Of another unit residuals may be the smaller ones of what is the less probable.
         let why = if without < as_read {
             format!(
@@ -210,10 +206,8 @@ fn corrected(
         error.correct_commands(&mut each.configuration_rad);
         if let Correction::Deflection(change) = &error.change {
             let arm = case.belief.nominal.chain.at(&case.belief.calibration_tool);
-            change(
-                each,
-                &arm.state(each.configuration_rad.as_slice()).tool_rotation,
-            );
+            let axes = arm.state(each.configuration_rad.as_slice()).tool_rotation;
+            change(each, &axes);
         }
     }
     all

@@ -13,15 +13,14 @@ const TRUST: f64 = 0.5;
 const STEP: f64 = 0.05;
 
 /// What speaks for a reading of measurements.
-#[derive(Debug, Clone, Copy)]
 pub struct ReadingEvidence {
     /// Minus twice the logarithm of the probability density of the numbers in the file.
     pub value: f64,
     /// The weighted sum of squares that is left with the most probable compliances, those of the
     /// compliances about the nominal ones included.
     pub square: f64,
-    /// How many numbers were read.
-    pub numbers: usize,
+    /// The root of the weighted mean square.
+    pub rms: f64,
     /// The factor by which all compliances together differ from the nominal ones.
     pub scale: f64,
 }
@@ -61,14 +60,9 @@ impl ReadingEvidence {
         Self {
             value: least + map,
             square: square(1.0),
-            numbers,
+            rms: (square(1.0) / numbers.max(1) as f64).sqrt(),
             scale,
         }
-    }
-
-    /// The root of the weighted mean square.
-    pub fn rms(self) -> f64 {
-        (self.square / self.numbers.max(1) as f64).sqrt()
     }
 }
 

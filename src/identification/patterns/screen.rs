@@ -206,11 +206,8 @@ pub(super) fn judged(
     let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
     let effect_of = |groups: &[usize]| design_effect(groups, projected, &directions);
     let q = |reading: usize| &looked.readings[reading].angles;
-    let visits = numbered(
-        blocks.len(),
-        |each| (q(each), None),
-        |one, other| q(one) == q(other),
-    );
+    let (pose, is_alike) = (|each| (q(each), None), |one, other| q(one) == q(other));
+    let visits = numbered(blocks.len(), pose, is_alike);
     let by_visits = effect_of(&visits)?;
     let by_blocks = effect_of(&blocks).filter(|(effect, _)| *effect > 1.0);
     let tests = [Some(by_visits), by_blocks].into_iter().flatten();

@@ -42,13 +42,12 @@ impl MixedModel {
     /// A real joint's error is no process of one length: read densely it looks smoother than the few poses of a plan find it, and
     /// predictions from them are too good. Where poses are visited again, what is new at a pose is told from what is new at a visit.
     pub fn components(&self, turns: &[bool]) -> Option<VarianceComponents> {
-        let all = self;
-        let rows: usize = (all.visits.iter()).map(|visit| visit.residual.len()).sum();
-        let count = (all.visits.len().div_ceil(SPARSE)).max(rows.div_ceil(ROWS));
+        let rows: usize = (self.visits.iter()).map(|visit| visit.residual.len()).sum();
+        let count = (self.visits.len().div_ceil(SPARSE)).max(rows.div_ceil(ROWS));
         let parts: Vec<Self> = (0..count)
-            .map(|part| all.of_visits(|visit| visit % count == part))
+            .map(|part| self.of_visits(|visit| visit % count == part))
             .collect();
-        let found = Correlation::ALL.map(|each| all.likeliest_components(&parts, each));
+        let found = Correlation::ALL.map(|each| self.likeliest_components(&parts, each));
         // Of equally likely ones the first.
         let found = found.into_iter().flatten().rev();
         let (_, found) = found.max_by(|one, other| one.0.total_cmp(&other.0))?;

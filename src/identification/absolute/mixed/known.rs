@@ -41,13 +41,6 @@ impl VarianceComponents {
 }
 
 impl MixedModel {
-    fn angles(&self, place: usize) -> Vec<f64> {
-        let mut angles: Vec<f64> = self.visits.iter().map(|each| each.angles[place]).collect();
-        angles.sort_by(f64::total_cmp);
-        angles.dedup_by(|one, other| *one - *other < SAME_RAD);
-        angles
-    }
-
     /// What the readings say with these variance components; the model's joints are those that have functions. None where the numbers have
     /// no factorisation.
     pub fn with_known(&self, known: &VarianceComponents) -> Option<DiscrepancyModel> {
@@ -69,28 +62,30 @@ impl MixedModel {
             variances.of_poses = Some(first);
             places.extend([first, first + 1]);
         }
-        let own = self.own_variance();
-        let least: Vec<f64> = places.iter().map(|&place| variances.all[place]).collect();
-        for (&place, least) in places.iter().zip(&least) {
+        // The mean variance of the readings' own errors of positions (m^2).
+        let each = self.visits.iter().flat_map(|visit| {
+            let rows = visit.coordinates.iter().enumerate();
+            rows.filter(|(_, coordinate)| **coordinate < 3)
+                .map(|(row, _)| visit.own[(row, row)])
+        });
+        let (sum, count) = each.fold((0.0, 0), |(sum, count), own| (sum + own, count + 1));
+        let own = sum / f64::from(count.max(1));
+        let least = variances.clone();
+        for &place in &places {
             // Of rotations the readings' own errors are small numbers, too.
-            variances.all[place] = least.max(own);
+            variances.all[place] = least.all[place].max(own);
         }
-        let mut told = 0.0;
-        for _ in 0..REMAINDER_ROUNDS {
-            let solved = self.solved(&variances)?;
-            let (next, numbers) = self.improved(&variances, &solved)?;
-            let before = variances.clone();
-            for (&place, &least) in places.iter().zip(&least) {
-                variances.all[place] = next.all[place].max(least);
+        let limit = |next: &mut MixedVariances| {
+            let found = std::mem::replace(next, least.clone());
+            for &place in &places {
+                next.all[place] = found.all[place].max(least.all[place]);
             }
-            told = (places.iter().step_by(2))
-                .map(|&place| numbers[place])
-                .sum();
-            if variances.change_from(&before) < REMAINDER_FOUND {
-                break;
-            }
-        }
-        let solved = self.solved(&variances)?;
+        };
+        let (variances, solved, numbers) =
+            self.settled(variances, limit, REMAINDER_ROUNDS, REMAINDER_FOUND)?;
+        let told: f64 = (places.iter().step_by(2))
+            .map(|&place| numbers[place])
+            .sum();
         let found = variances.of_unread(0);
         let is_said = found <= 1.01 * said[0] && said[0] > LEAST;
         let degrees = if is_said {
@@ -101,20 +96,11 @@ impl MixedModel {
         Some((self.model(&variances, &solved), degrees))
     }
 
-    /// The mean variance of the readings' own errors of positions (m^2).
-    fn own_variance(&self) -> f64 {
-        let each = self.visits.iter().flat_map(|visit| {
-            let rows = visit.coordinates.iter().enumerate();
-            rows.filter(|(_, coordinate)| **coordinate < 3)
-                .map(|(row, _)| visit.own[(row, row)])
-        });
-        let (sum, count) = each.fold((0.0, 0), |(sum, count), own| (sum + own, count + 1));
-        sum / f64::from(count.max(1))
-    }
-
     fn known_variances(&self, known: &VarianceComponents) -> MixedVariances {
         let process = |(place, function): (usize, &JointFunction)| {
-            let angles = self.angles(place);
+            let mut angles: Vec<f64> = self.visits.iter().map(|each| each.angles[place]).collect();
+            angles.sort_by(f64::total_cmp);
+            angles.dedup_by(|one, other| *one - *other < SAME_RAD);
             MarkovProcess {
                 knots: if angles.len() <= EXACT {
                     angles

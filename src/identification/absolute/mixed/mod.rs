@@ -302,21 +302,35 @@ impl MixedModel {
             }
         };
         limit(&mut variances);
-        let mut solved = sample.solved(&variances)?;
-        for _ in 0..ROUNDS {
-            let (mut next, _) = sample.improved(&variances, &solved)?;
-            limit(&mut next);
-            let change = next.change_from(&variances);
-            variances = next;
-            solved = sample.solved(&variances)?;
-            if change < FOUND {
-                break;
-            }
-        }
+        let (variances, mut solved, _) = sample.settled(variances, limit, ROUNDS, FOUND)?;
         if some.is_some() {
             solved = self.solved(&variances)?;
         }
         Some((variances, solved))
+    }
+
+    /// Variances that are improved, each time within limits, so often or until their deviations change by less than this; with what the model
+    /// says then, and how many numbers told each.
+    fn settled(
+        &self,
+        mut variances: MixedVariances,
+        limit: impl Fn(&mut MixedVariances),
+        rounds: usize,
+        found: f64,
+    ) -> Option<(MixedVariances, MixedSolution, Vec<f64>)> {
+        let mut solved = self.solved(&variances)?;
+        let mut told = Vec::new();
+        for _ in 0..rounds {
+            let (mut next, numbers) = self.improved(&variances, &solved)?;
+            limit(&mut next);
+            let change = next.change_from(&variances);
+            (variances, told) = (next, numbers);
+            solved = self.solved(&variances)?;
+            if change < found {
+                break;
+            }
+        }
+        Some((variances, solved, told))
     }
 
     /// Half of what is unexplained in the joints.
@@ -388,17 +402,7 @@ impl MixedModel {
             let wave = 2 + self.joints.len() + (at - fixed) / (2 * HIDDEN_WAVES);
             information[(at, at)] += variances.all[wave].recip();
         }
-        // Units apart: parameters in typical sizes, joints in rad.
-        let sizes = information.diagonal().map(|each| each.sqrt().recip());
-        for (index, mut column) in information.column_iter_mut().enumerate() {
-            column.component_mul_assign(&sizes);
-            column *= sizes[index];
-        }
-        let mut covariance = inverse_of(&Cholesky::new(information)?);
-        for (index, mut column) in covariance.column_iter_mut().enumerate() {
-            column.component_mul_assign(&sizes);
-            column *= sizes[index];
-        }
+        let covariance = inverse_of(&Cholesky::new(information)?);
         Some(MixedSolution {
             mean: &covariance * gradient,
             covariance,

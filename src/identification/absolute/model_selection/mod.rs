@@ -11,14 +11,14 @@ mod recommendation;
 
 use rayon::prelude::*;
 
-use super::super::error::IdentificationError;
+use super::super::error::FitResult;
 use super::super::fit::{ParameterFit, fit_parameters};
 use super::super::nominal::{UNKNOWN, with_nominal};
 use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
 use super::fit::KeptFit;
 use super::{
-    AbsoluteCase, AbsoluteError, DistanceStatistics, ParameterGroup, ReadingResidual,
-    ReadingWeights, RejectedReading,
+    AbsoluteCase, AbsoluteError, AbsoluteResult, DistanceStatistics, ParameterGroup,
+    ReadingResidual, ReadingWeights, RejectedReading,
 };
 use crate::parameter::{ParameterKind, ParameterSet};
 pub use recommendation::Recommendation;
@@ -104,10 +104,7 @@ type Skipped = Vec<(ParameterGroup, String)>;
 
 impl AbsoluteCase<'_> {
     /// Fits models with more and more parameters, and compares them. The case is left with the frames of a fit.
-    pub fn model_selection(
-        &mut self,
-        weights: ReadingWeights,
-    ) -> Result<ModelSelection, AbsoluteError> {
+    pub fn model_selection(&mut self, weights: ReadingWeights) -> AbsoluteResult<ModelSelection> {
         self.check_frames()?;
         self.count_of_blocks()?;
         let start = self.far_from_frames();
@@ -164,7 +161,7 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    fn count_of_blocks(&self) -> Result<usize, AbsoluteError> {
+    fn count_of_blocks(&self) -> AbsoluteResult<usize> {
         let different = self.different();
         let needed = FEWEST_BLOCKS * IN_A_BLOCK;
         if different < needed {
@@ -179,10 +176,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// Fits all nested models, each from the one below, in the end all with the same weights; with the groups that make none.
-    fn climb(
-        &mut self,
-        weights: ReadingWeights,
-    ) -> Result<(Vec<NestedModelFit>, Skipped), AbsoluteError> {
+    fn climb(&mut self, weights: ReadingWeights) -> AbsoluteResult<(Vec<NestedModelFit>, Skipped)> {
         let (mut steps, mut skipped): (Vec<NestedModelFit>, _) = (Vec::new(), Vec::new());
         for added in ORDER {
             let groups = named(&steps, added);
@@ -227,11 +221,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// Weighs readings by what a fit leaves of them, where it is not by their own covariances alone.
-    fn weigh_by(
-        &mut self,
-        fit: &ParameterFit,
-        weights: ReadingWeights,
-    ) -> Result<(), IdentificationError> {
+    fn weigh_by(&mut self, fit: &ParameterFit, weights: ReadingWeights) -> FitResult<()> {
         if weights != ReadingWeights::Own {
             let discrepancy = self.estimated_discrepancy(fit)?;
             self.weigh(discrepancy);
@@ -240,10 +230,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// The same fit in which compliances stay nominal that it does not tell.
-    fn with_nominal_where_unknown(
-        &self,
-        mut fit: ParameterFit,
-    ) -> Result<ParameterFit, IdentificationError> {
+    fn with_nominal_where_unknown(&self, mut fit: ParameterFit) -> FitResult<ParameterFit> {
         while let Some(set) = with_nominal(&fit, &fit.posterior.covariance, UNKNOWN) {
             fit = self.fit_near(&set, &fit.posterior.mean)?;
         }

@@ -6,11 +6,8 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::super::error::IdentificationError;
-use super::gauss_newton::{
-    CONVERGED, FitPlace, FitProblem, NEARLY_LINEAR, gauss_newton, not_converged,
-};
-use crate::numeric::estimable::Estimable;
+use super::super::error::{FitResult, IdentificationError};
+use super::gauss_newton::{CONVERGED, FitPlace, FitProblem, NEARLY_LINEAR, gauss_newton};
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{
@@ -66,7 +63,7 @@ pub fn fit_parameters(
     nominal: &ElasticArm,
     set: &ParameterSet,
     observations: &[Observation],
-) -> Result<ParameterFit, IdentificationError> {
+) -> FitResult<ParameterFit> {
     let readings = FittedReadings {
         nominal,
         set,
@@ -103,21 +100,21 @@ pub enum Haste {
 
 impl FittedReadings<'_> {
     /// A fit that begins where the frames follow from the readings.
-    pub fn fit_from_frames(&self, haste: Haste) -> Result<ParameterFit, IdentificationError> {
+    pub fn fit_from_frames(&self, haste: Haste) -> FitResult<ParameterFit> {
         self.fit_from(&self.frames(), haste)
     }
 
     /// A fit that begins at values (p).
-    pub fn fit_from(
-        &self,
-        start: &DVector<f64>,
-        haste: Haste,
-    ) -> Result<ParameterFit, IdentificationError> {
+    pub fn fit_from(&self, start: &DVector<f64>, haste: Haste) -> FitResult<ParameterFit> {
         if self.observations.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
         let nominal_values = &self.set.prior().mean;
-        let (freedoms, estimable) = self.determined();
+        // What the observations and the set's prior determine.
+        let planned: Vec<_> = self.observations.iter().map(Observation::planned).collect();
+        let information = planned_information(self.set, self.nominal, nominal_values, &planned);
+        let freedoms = Freedoms::new(self.nominal, self.set, &information);
+        let estimable = freedoms.estimable(self.set);
         if estimable.rank() == 0 {
             return Err(IdentificationError::NothingObserved);
         }
@@ -131,7 +128,8 @@ impl FittedReadings<'_> {
         let scales = self.set.scales();
         let within = estimable.basis() * problem.coordinates(&(start - nominal_values));
         let start = nominal_values + within.component_mul(&scales);
-        let (found, iterations) = problem.solve(start)?;
+        let start = problem.at(start)?;
+        let (found, iterations) = gauss_newton(&mut problem, start)?;
         let units = estimable.basis_in_units();
         let (values, (equations, factor)) = (found.values, found.kept);
         let inverse = factor.inverse();
@@ -157,7 +155,7 @@ impl FittedReadings<'_> {
     }
 
     /// What the readings say at values (p), as they are weighed.
-    pub fn equations(&self, values: &DVector<f64>) -> Result<NormalEquations, IdentificationError> {
+    pub fn equations(&self, values: &DVector<f64>) -> FitResult<NormalEquations> {
         let (set, nominal, observations) = (self.set, self.nominal, self.observations);
         Ok(match self.shared {
             None => normal_equations(set, nominal, values, observations),
@@ -169,16 +167,6 @@ impl FittedReadings<'_> {
     pub fn rows(&self) -> usize {
         let readings = self.observations.iter();
         readings.map(|each| each.reading.kind().rows()).sum()
-    }
-
-    /// What the observations and the set's prior determine.
-    fn determined(&self) -> (Freedoms, Estimable) {
-        let (set, nominal) = (self.set, self.nominal);
-        let planned: Vec<_> = self.observations.iter().map(Observation::planned).collect();
-        let information = planned_information(set, nominal, &set.prior().mean, &planned);
-        let freedoms = Freedoms::new(nominal, set, &information);
-        let estimable = freedoms.estimable(self.set);
-        (freedoms, estimable)
     }
 
     /// The prior's mean (p) with frames of the base and of the tools, which may be anywhere, that fit best when all else is
@@ -225,27 +213,20 @@ pub struct ReadingProblem<'a> {
 }
 
 impl ReadingProblem<'_> {
-    /// The best values from near others (p), with what the readings say there and the number of steps.
-    pub fn solve(
-        &mut self,
-        start: DVector<f64>,
-    ) -> Result<(ReadingPlace, usize), IdentificationError> {
-        let start = self.at(start)?;
-        gauss_newton(self, start)
-    }
-
     /// The problem at values (p) by what the readings say there.
     pub fn solved(
         &self,
         values: DVector<f64>,
         equations: NormalEquations,
-    ) -> Result<ReadingPlace, IdentificationError> {
+    ) -> FitResult<ReadingPlace> {
         let set = self.readings.set;
         let off = (&values - &set.prior().mean).component_div(&set.scales());
         let pull = &self.prior * &off;
         let information = self.basis.tr_mul(&(&equations.information + &self.prior)) * self.basis;
         let gradient = self.basis.tr_mul(&(&equations.gradient - &pull));
-        let factor = Cholesky::new(information.clone()).ok_or(not_converged(f64::INFINITY))?;
+        let step = f64::INFINITY;
+        let factor =
+            Cholesky::new(information.clone()).ok_or(IdentificationError::NotConverged { step })?;
         Ok(FitPlace {
             values,
             square: equations.square + off.dot(&pull),
@@ -261,7 +242,7 @@ impl FitProblem for ReadingProblem<'_> {
     /// What the readings say, and the information's factor.
     type Kept = (NormalEquations, Cholesky<f64, Dyn>);
 
-    fn at(&mut self, values: DVector<f64>) -> Result<ReadingPlace, IdentificationError> {
+    fn at(&mut self, values: DVector<f64>) -> FitResult<ReadingPlace> {
         let equations = self.readings.equations(&values)?;
         self.solved(values, equations)
     }

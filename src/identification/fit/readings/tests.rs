@@ -141,7 +141,7 @@ fn fit_near(
     set: &ParameterSet,
     observations: &[Observation],
     start: &DVector<f64>,
-) -> Result<ParameterFit, IdentificationError> {
+) -> FitResult<ParameterFit> {
     readings(nominal, set, observations).fit_from(start, Haste::Near)
 }
 
@@ -149,7 +149,7 @@ fn fit_if_plausible(
     nominal: &ElasticArm,
     set: &ParameterSet,
     observations: &[Observation],
-) -> Result<ParameterFit, IdentificationError> {
+) -> FitResult<ParameterFit> {
     readings(nominal, set, observations).fit_from_frames(Haste::Plausibility)
 }
 
