@@ -309,5 +309,5 @@ fn describe(points: &[BudgetPoint]) -> String {
     let all = points
         .iter()
         .filter(|point| point.configurations == point.experiments);
-    table_of(&header, all.map(row))
+    aligned(&header, all.map(row))
 }

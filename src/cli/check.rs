@@ -2,7 +2,6 @@
 
 use std::ffi::OsStr;
 
-use crate::experiment::read_candidates;
 use crate::plan::absolute::AbsolutePlanning;
 use crate::plan::{Feasibility, read_plan, violated};
 use crate::record::messages::SchemaMessage;
@@ -33,13 +32,11 @@ pub struct Check {
 
 /// What a plan violates; one of absolute readings that cannot be taken is an error.
 fn violations(task: &Task, path: &Path) -> anyhow::Result<Vec<String>> {
-    let commands = task.belief.commands();
     if task.design.accuracy == AccuracyKind::Absolute {
-        let rows = read_candidates(path, commands)?;
-        AbsolutePlanning::of_plan(task, &[], &rows).map_err(|error| error.in_file(path))?;
+        AbsolutePlanning::of_file(task, &[], path)?;
         return Ok(Vec::new());
     }
-    let found = Feasibility::new(task).violations(&read_plan(path, commands)?);
+    let found = Feasibility::new(task).violations(&read_plan(path, task.belief.commands())?);
     Ok(found.iter().map(ToString::to_string).collect())
 }
 
@@ -79,17 +76,11 @@ impl Check {
             (true, Some(_)) => format!("{name} cannot be right\n"),
             (false, _) => format!("{}\n", violations.join("\n")),
         };
-        let told_apart = if self.parameters {
-            unknowns(&scenario.task, scenario.seed)
-        } else {
-            Vec::new()
-        };
-        let text = if self.parameters {
-            told_apart.iter().map(describe_unknowns).collect::<String>() + &verdict
-        } else if is_about_a_plan {
-            verdict
-        } else {
-            describe(&understanding) + &verdict
+        let told_apart = (self.parameters).then(|| unknowns(&scenario.task, scenario.seed));
+        let before = match &told_apart {
+            Some(told_apart) => told_apart.iter().map(describe_unknowns).collect(),
+            None if is_about_a_plan => String::new(),
+            None => describe(&understanding),
         };
         let violated = (!violations.is_empty()).then(|| violated(violations.len() as u64));
         let found = impossible.iter().map(|each| each.text.clone());
@@ -97,10 +88,10 @@ impl Check {
         let conditions = violated.into_iter().chain(impossible).collect();
         let json = json!({ "ok": problems.is_empty(), "problems": problems });
         let mut keys = [json, understanding_json(&understanding)];
-        if self.parameters {
+        if let Some(told_apart) = &told_apart {
             keys[0]["identifiable"] = told_apart.iter().map(unknowns_json).collect();
         }
-        let report = Report::new(Value::Null, text, conditions);
+        let report = Report::new(Value::Null, before + &verdict, conditions);
         Ok((self.common).report("check", &scenario, keys, report)?)
     }
 

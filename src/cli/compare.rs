@@ -104,7 +104,7 @@ fn describe(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> S
         )
     };
     let mut text = origin("base", base) + &origin("new ", new) + "\n";
-    text += &table_of(&COLUMNS, comparison.changes.iter().map(row));
+    text += &aligned(&COLUMNS, comparison.changes.iter().map(row));
     text += &format!("\n{}\n", verdict(comparison));
     for note in notes(base, new, comparison) {
         text += &format!("{note}\n");

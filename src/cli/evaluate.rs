@@ -1,6 +1,6 @@
 //! `evaluate`: the predicted accuracy of a plan.
 
-use crate::experiment::{Candidate, read_candidates};
+use crate::experiment::Candidate;
 use crate::plan::absolute::AbsolutePlanning;
 use crate::plan::search::Bound;
 use crate::plan::{Assessment, Criterion, read_plan};
@@ -99,9 +99,7 @@ impl Evaluate {
         scenario: &'a Scenario,
     ) -> anyhow::Result<(PlannedAccuracy<'a>, Report)> {
         let (args, task, file) = (&self.args, &scenario.task, &self.plan);
-        let rows = read_candidates(file, task.belief.commands())?;
-        let planning = AbsolutePlanning::of_plan(task, &args.readings.parameters, &rows);
-        let planning = planning.map_err(|error| error.in_file(file))?;
+        let planning = AbsolutePlanning::of_file(task, &args.readings.parameters, file)?;
         let mut bound = None;
         if let (Some(path), Some(candidates)) = (
             &args.readings.candidates,

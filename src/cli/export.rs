@@ -1,6 +1,5 @@
 //! `export`: the calibrated robot as a model's file.
 
-use crate::files::output::write_whole;
 use crate::workflow::export::{ExportedModel, export};
 
 use super::command_prelude::*;
@@ -32,9 +31,6 @@ impl Export {
         self.common.say("writing the robot as MJCF");
         let provenance = self.common.provenance(&scenario)?;
         let exported = export(&scenario, &robot, &provenance, &self.model_out)?;
-        write_whole(&self.model_out, exported.text.as_bytes())?;
-        let mut text = describe(&exported);
-        text += &format!("wrote {}\n", self.model_out.display());
         let keys = json!({
             "model_file": self.model_out,
             "parameters": robot.unknowns.iter().map(|each| &each.name).collect::<Vec<_>>(),
@@ -45,7 +41,8 @@ impl Export {
             "not_expressed": exported.not_expressed,
             "to_leave_out": exported.to_leave_out,
         });
-        let report = Report::new(Value::Null, text, conditions);
+        let mut report = Report::new(Value::Null, describe(&exported), conditions);
+        report.write(&self.model_out, &exported.text)?;
         Ok((self.common).report("export", &scenario, [keys], report)?)
     }
 }

@@ -1,6 +1,6 @@
 //! `import`: a foreign table becomes a measurement file.
 
-use crate::files::{output::write_whole, roles::Roles};
+use crate::files::roles::Roles;
 use crate::measurement::foreign::{ImportedTable, import};
 use crate::record::messages::SchemaMessage;
 
@@ -30,26 +30,22 @@ impl Import {
         let written = out.map(|path| ("--measurements-out", path));
         check_outputs(&mut roles, written.as_slice())?;
         let imported = import(&self.table, &self.mapping)?;
-        let mut text = describe(&self.table, &imported);
-        if let Some(path) = out {
-            write_whole(path, imported.text.as_bytes())?;
-            text += &format!("wrote {}\n", path.display());
-        }
         let ranges: Vec<_> = (imported.ranges.iter())
             .map(|(column, range)| json!({ "column": column, "range": range }))
             .collect();
-        Ok(Report::new(
-            json!({
-                "schema": SchemaMessage::new("import"),
-                "provenance": program(),
-                "measurements_file": out,
-                "rows": imported.rows,
-                "columns": ranges,
-                "unread": imported.unread,
-            }),
-            text,
-            Vec::new(),
-        ))
+        let json = json!({
+            "schema": SchemaMessage::new("import"),
+            "provenance": program(),
+            "measurements_file": out,
+            "rows": imported.rows,
+            "columns": ranges,
+            "unread": imported.unread,
+        });
+        let mut report = Report::new(json, describe(&self.table, &imported), Vec::new());
+        if let Some(path) = out {
+            report.write(path, &imported.text)?;
+        }
+        Ok(report)
     }
 }
 

@@ -1,6 +1,5 @@
 //! `lab`: a plan goes to the laboratory.
 
-use crate::experiment::read_candidates;
 use crate::files::make_folder;
 use crate::laboratory::{Campaign, CampaignError, Program, hang_or_apply, program};
 use crate::measurement::{
@@ -43,7 +42,7 @@ pub struct Lab {
 
 /// A plan as it is carried out, with what is taken along.
 struct LaboratoryWork {
-    plan: Plan,
+    measurements: u32,
     campaign: Campaign,
     sheet: String,
     /// The table to fill in.
@@ -88,7 +87,7 @@ impl Lab {
         let title = format!("elastocal: {name}, {}", self.plan.display());
         let gravity = &scenario.task.belief.nominal.chain.gravity_m_s2;
         let files = files(&program(&work.campaign, gravity, &title))?;
-        let text = describe(&work.plan, &work.campaign, gravity);
+        let text = describe(work.measurements, &work.campaign, gravity);
         let mut report = Report::new(Value::Null, text, work.conditions);
         report.save(&folder.join(RUN_SHEET), &work.sheet);
         for file in &files {
@@ -138,10 +137,10 @@ impl Lab {
         });
         let stills = Stills::of_plan(scenario, &plan);
         Ok(LaboratoryWork {
-            sheet: run_sheet(scenario, stills, &plan, &campaign, axes, has_program),
+            measurements: plan.measurements(),
+            sheet: run_sheet(scenario, stills, &campaign, axes, has_program),
             table: to_fill_in(scenario, &plan, &campaign),
             conditions: conditions.into_iter().collect(),
-            plan,
             campaign,
         })
     }
@@ -154,25 +153,18 @@ impl Lab {
         has_program: bool,
     ) -> anyhow::Result<LaboratoryWork> {
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
-        let rows = read_candidates(&self.plan, task.belief.commands())?;
-        let planning = AbsolutePlanning::of_plan(task, &[], &rows)
-            .map_err(|error| error.in_file(&self.plan))?;
+        let planning = AbsolutePlanning::of_file(task, &[], &self.plan)?;
         let whole = planning.whole();
         self.say_looking(whole.len(), "absolute reading");
         let campaign =
             Campaign::of_readings(task, laboratory, (&planning, &whole), self.keep_order)
                 .map_err(|error| self.wrong(&error))?;
-        let rows = planning.readings(&whole);
-        let experiments = rows.iter().map(|(row, repeats)| row.experiment(*repeats));
-        let plan = Plan {
-            experiments: experiments.collect(),
-        };
-        let stills = Stills::of_readings(scenario, &rows);
+        let stills = Stills::of_readings(scenario, &planning.readings(&whole));
         Ok(LaboratoryWork {
-            sheet: run_sheet(scenario, stills, &plan, &campaign, axes, has_program),
+            measurements: stills.plan.measurements(),
+            sheet: run_sheet(scenario, stills, &campaign, axes, has_program),
             table: readings_table(scenario, &planning, &campaign),
             conditions: Vec::new(),
-            plan,
             campaign,
         })
     }
@@ -258,7 +250,7 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
 }
 
 /// The stops for a person.
-fn describe(plan: &Plan, campaign: &Campaign, gravity_m_s2: &Vector3<f64>) -> String {
+fn describe(measurements: u32, campaign: &Campaign, gravity_m_s2: &Vector3<f64>) -> String {
     let is_absolute = campaign.stops.iter().any(|stop| !stop.targets.is_empty());
     let has_stations = campaign.stops.iter().any(|stop| stop.station.is_some());
     let rows = (campaign.stops.iter().enumerate()).map(|(index, stop)| {
@@ -298,16 +290,14 @@ fn describe(plan: &Plan, campaign: &Campaign, gravity_m_s2: &Vector3<f64>) -> St
     } else {
         "Moves were not looked at for collisions: the scenario names no region.collision_clearance_mm."
     };
-    let from = if has_stations {
-        format!(" from {}", counted(campaign.set_ups() as u64, "station"))
-    } else {
-        String::new()
-    };
+    let stations = counted(campaign.set_ups() as u64, "station");
+    let from = has_stations.then(|| format!(" from {stations}"));
     format!(
-        "{}\n{} in {}{from}, {} of load: {}. {looked}\n",
+        "{}\n{} in {}{}, {} of load: {}. {looked}\n",
         table(&header, rows),
-        counted(plan.measurements().into(), measurement),
+        counted(measurements.into(), measurement),
         counted(campaign.stops.len() as u64, "stop"),
+        from.unwrap_or_default(),
         counted(campaign.load_changes() as u64, "change"),
         duration(campaign.minutes),
     )

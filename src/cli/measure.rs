@@ -3,8 +3,6 @@
 use std::fmt::Display;
 
 use crate::calibration::{MeasuredRun, measure};
-use crate::experiment::read_candidates;
-use crate::files::output::write_whole;
 use crate::measurement::{absolute_table, deflection_table};
 use crate::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
 use crate::record::messages::{MeasurementMessage, TruthMessage};
@@ -58,8 +56,7 @@ impl Measure {
         };
         if let Some(path) = &self.measurements_out {
             let origin = scenario.origin().simulated(scenario.seed, run);
-            write_whole(path, (origin.comments() + &rows).as_bytes())?;
-            shown.text += &format!("wrote {}\n", path.display());
+            shown.write(path, &(origin.comments() + &rows))?;
         }
         let keys = [shown.json.take()];
         Ok((self.common).report("measure", &scenario, keys, shown)?)
@@ -150,10 +147,7 @@ impl Measure {
     /// A plan of absolute readings, each by itself.
     fn absolute(&self, scenario: &Scenario) -> anyhow::Result<VirtualMeasurements> {
         let (task, seed, run) = (&scenario.task, scenario.seed, self.run.unwrap_or(0));
-        let commands = task.belief.commands();
-        let rows = read_candidates(&self.plan, commands.clone())?;
-        let planning = AbsolutePlanning::of_plan(task, &[], &rows)
-            .map_err(|error| error.in_file(&self.plan))?;
+        let planning = AbsolutePlanning::of_file(task, &[], &self.plan)?;
         let readings = virtual_readings(
             task,
             &scenario.truth,
@@ -168,7 +162,7 @@ impl Measure {
         let count = counted(readings.len() as u64, "absolute reading");
         let text = format!("{count} of the virtual robot of run {run}\n")
             + &noted(beyond_stations(&task.belief, &readings).as_slice());
-        let rows = absolute_table(&commands, &readings);
+        let rows = absolute_table(&task.belief.commands(), &readings);
         Ok((Report::new(keys, text, Vec::new()), Some(run), rows))
     }
 }

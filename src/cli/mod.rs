@@ -284,6 +284,13 @@ impl Report {
         self.text += &self.written.noted(path, written);
     }
 
+    /// Writes the file that a command is for, and says so.
+    fn write(&mut self, path: &Path, text: &str) -> Result<(), FileError> {
+        write_whole(path, text.as_bytes())?;
+        self.text += &format!("wrote {}\n", path.display());
+        Ok(())
+    }
+
     /// Writes a file of text, notes what became of it, and says so if it is there.
     fn save(&mut self, path: &Path, text: &str) {
         self.noted(path, write_whole(path, text.as_bytes()));

@@ -18,7 +18,7 @@ use crate::study::verdict::Kept;
 use crate::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
 use crate::task::Task;
 use crate::understanding::implausible;
-use crate::view::report::{ABSOLUTE_ACCURACY, AbsolutePageRecord, PlanPage, absolute_page};
+use crate::view::report::{ABSOLUTE_ACCURACY, PlanPage, absolute_page};
 use crate::view::stills::Stills;
 use crate::workflow::study::try_plan;
 
@@ -181,18 +181,14 @@ impl PlanArgs {
         mut report: Report,
     ) -> anyhow::Result<Report> {
         if let (Some(path), PlannedAccuracy::Readings(_, _, record)) = (&self.report_out, planned) {
-            let page = absolute_page(&AbsolutePageRecord {
-                page: PlanPage {
-                    scenario,
-                    stills: &planned.stills(scenario).figures(),
-                    conditions: &report.conditions,
-                    provenance: &self.common.provenance(scenario)?,
-                    command: &command_line(),
-                },
-                plan: record,
-                trials,
-                run: None,
-            })?;
+            let page = PlanPage {
+                scenario,
+                stills: &planned.stills(scenario).figures(),
+                conditions: &report.conditions,
+                provenance: &self.common.provenance(scenario)?,
+                command: &command_line(),
+            };
+            let page = absolute_page(&page, record, trials, None)?;
             report.save(path, &page);
         }
         Ok(report)
@@ -261,9 +257,12 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
         number(message.rho0_mm, 5)
     );
     if let (Some(bound), Some(efficiency)) = (message.lower_bound_rho0_mm, message.efficiency) {
+        let basis = match message.drawn {
+            Some(_) => "which were sampled: evidence, no proof",
+            None => "proved by looking at all",
+        };
         text += &format!(
-            "; no plan of as many candidates is below {bound:.5} mm (efficiency {efficiency:.4}), {}",
-            bound_basis(message)
+            "; no plan of as many candidates is below {bound:.5} mm (efficiency {efficiency:.4}), {basis}"
         );
     }
     text.push('\n');
@@ -291,14 +290,6 @@ fn describe_readings(message: &AbsolutePlanMessage) -> String {
     });
     text += &format!("\n{}\n", table("unknown | standard error | unit", rows));
     text
-}
-
-/// What it rests on that no plan of as many candidates is better, in words that follow these.
-pub const fn bound_basis(message: &AbsolutePlanMessage) -> &'static str {
-    match message.drawn {
-        Some(_) => "which were sampled: evidence, no proof",
-        None => "proved by looking at all",
-    }
 }
 
 /// What a prediction leaves out, a line of each.
@@ -332,11 +323,6 @@ fn unkept(trials: &RobotTrials) -> Vec<Condition> {
         )));
     }
     conditions
-}
-
-/// The uncertainty budget of a plan, where it is more than the instrument's noise.
-pub fn budget(assessment: &Assessment) -> String {
-    uncertainty_budget::describe(assessment.uncertainty_budget.as_ref())
 }
 
 /// What no plan is better than, in words that follow the plan's own value.
@@ -404,7 +390,7 @@ fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
         text += &format!("95 % stay below {}\n", shown(quantile_m));
     }
     text += RELATIVE;
-    text += &budget(assessment);
+    text += &uncertainty_budget::describe(assessment.uncertainty_budget.as_ref());
     text += &describe_criterion(assessment);
     let names = scenario.task.belief.parameter_names().into_iter();
     let rows = (names.zip(&assessment.standard_errors))

@@ -118,5 +118,5 @@ fn describe(scenario: &Scenario, plans: &[&PlanRecord]) -> String {
             .chain(residuals)
             .collect()
     };
-    table_of(&header, plans.iter().map(row))
+    aligned(&header, plans.iter().map(row))
 }

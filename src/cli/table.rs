@@ -1,49 +1,12 @@
 //! Plain text tables.
 
 use crate::identification::DistanceStatistics;
-use crate::text::wording::{self, joined, shortened};
-
-/// Names of rows have at most so many characters.
-const LONGEST_NAME: usize = 40;
+use crate::text::wording::{self, joined};
+pub use crate::view::tables::aligned;
 
 /// A table whose header has the names of its columns between bars.
 pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    table_of(&header.split(" | ").collect::<Vec<_>>(), rows)
-}
-
-/// A table with aligned columns; the first, of names, is left-aligned, the others right-aligned.
-pub fn table_of(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    let mut rows: Vec<Vec<String>> = rows.into_iter().collect();
-    for name in rows.iter_mut().filter_map(|row| row.first_mut()) {
-        *name = shortened(name, LONGEST_NAME);
-    }
-    let width = |column: usize| {
-        rows.iter()
-            .map(|row| row[column].chars().count())
-            .chain([header[column].as_ref().chars().count()])
-            .max()
-            .unwrap_or(0)
-    };
-    let widths: Vec<usize> = (0..header.len()).map(width).collect();
-    let line = |cells: &mut dyn Iterator<Item = &str>| {
-        let cells: Vec<String> = cells
-            .zip(&widths)
-            .enumerate()
-            .map(|(index, (cell, &width))| {
-                if index == 0 {
-                    format!("{cell:<width$}")
-                } else {
-                    format!("{cell:>width$}")
-                }
-            })
-            .collect();
-        format!("  {}\n", cells.join("  ").trim_end())
-    };
-    let mut text = line(&mut header.iter().map(AsRef::as_ref));
-    for row in &rows {
-        text += &line(&mut row.iter().map(String::as_str));
-    }
-    text
+    aligned(&header.split(" | ").collect::<Vec<_>>(), rows)
 }
 
 /// The columns of [`distances`].

@@ -1,7 +1,6 @@
 //! Uncertainty budgets as tables, for all commands.
 
 use crate::plan::{BudgetSource, UncertaintyBudget};
-use crate::study::account::Contribution;
 use crate::text::wording::significant;
 
 use super::command_prelude::*;
@@ -53,19 +52,4 @@ pub fn describe(budget: Option<&UncertaintyBudget>) -> String {
         number(budget.coverage_factor, 3)
     );
     format!("\n{}{combined}{remarks}", table(header, rows))
-}
-
-/// The contributions to the errors of a simulated truth.
-pub fn contributions(sources: &[Contribution]) -> String {
-    let row = |each: &Contribution| {
-        let hidden = if each.hidden { " (hidden)" } else { "" };
-        let share = each.share_of(sources).map(|share| share * 100.0);
-        vec![
-            format!("{}{hidden}", each.source),
-            number(each.contribution_um, 3),
-            number(share, 1),
-        ]
-    };
-    let rows = sources.iter().map(row);
-    table("source | contribution [um] | share [%]", rows)
 }

@@ -196,15 +196,11 @@ fn describe(validation: &Predictions) -> String {
         }
         row
     });
-    let rotation = if has_rotation {
-        " | rotation, measured less predicted [urad]"
-    } else {
-        ""
-    };
+    let rotation = has_rotation.then_some(" | rotation, measured less predicted [urad]");
     let header = "measurement | measured less predicted [um] | predicted rms [um] | contribution of the robot [um]";
     format!(
         "{}\nPredicted and observed differences: p = {:.2}.\n",
-        table(&(header.to_owned() + rotation), rows),
+        table(&(header.to_owned() + rotation.unwrap_or_default()), rows),
         validation.probability()
     )
 }

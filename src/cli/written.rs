@@ -51,13 +51,10 @@ impl Written {
 
     /// Notes what became of a file, and says so if it is there.
     pub fn noted(&mut self, path: &Path, written: Result<(), FileError>) -> String {
-        let is_there = written.is_ok();
+        let there = written.as_ref().ok();
+        let said = there.map(|()| format!("wrote {}\n", path.display()));
         self.note(path, written);
-        if is_there {
-            format!("wrote {}\n", path.display())
-        } else {
-            String::new()
-        }
+        said.unwrap_or_default()
     }
 
     /// Writes a file of text, and notes what became of it.

@@ -10,6 +10,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::messages::ProvenanceMessage;
+use super::study::StudyPlanMessage;
 use crate::codes::ErrorCode;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::files::{output::write_whole, schema::check_version, typed::from_json};
@@ -176,6 +177,20 @@ impl Header {
     pub fn reference(&self) -> Option<&str> {
         let reference = self.plans.iter().find_map(|plan| plan.reference);
         reference.map(|index| &*self.plans[index].name)
+    }
+
+    /// Of the plans' runs, those of the smallest mean; not of the plan that others are compared with.
+    pub fn best<'a>(&self, plans: &'a [StudyPlanMessage]) -> Option<&'a StudyPlanMessage> {
+        let others = (plans.iter()).filter(|plan| Some(&*plan.name) != self.reference());
+        let with_mean = others.filter_map(|plan| Some((plan, plan.mean_mm?)));
+        let best = with_mean.min_by(|one, other| one.1.total_cmp(&other.1));
+        best.map(|(plan, _)| plan)
+    }
+
+    /// Whether plans are studied under several conditions.
+    pub fn is_swept(&self) -> bool {
+        let mut plans = self.plans.windows(2);
+        plans.any(|pair| pair[0].conditions != pair[1].conditions)
     }
 
     /// The number of blocks of shard `shard`, from 1.

@@ -32,6 +32,21 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     }
 }
 
+/// What a page says in the letters of a terminal.
+pub fn for_terminal(text: &str) -> String {
+    let letters = [
+        ("\u{3c1}\u{2080}", "rho0"),
+        ("\u{b5}", "u"),
+        ("\u{a0}", " "),
+        ("\u{2212}", "-"),
+        ("\u{2013}", "-"),
+        ("\u{201c}", "\""),
+        ("\u{201d}", "\""),
+    ];
+    let plain = |text: String, (own, plain): (&str, &str)| text.replace(own, plain);
+    letters.into_iter().fold(text.to_owned(), plain)
+}
+
 /// Text in Markdown that may come from files: nothing in it ends a cell, is a tag, or is marked up.
 pub fn markdown_text(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());

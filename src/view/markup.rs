@@ -55,15 +55,6 @@ pub fn page(title: &str, body: &str) -> String {
     )
 }
 
-/// The beginning of a page: its title, what it is about, and its cards (HTML).
-pub fn heading(title: &str, lead: &str, cards: &str) -> String {
-    format!(
-        "<header><h1>{}</h1>\n<p class=\"lead\">{}</p></header>\n<div class=\"cards\">\n{cards}</div>\n",
-        escaped(title),
-        escaped(lead)
-    )
-}
-
 /// A section with a title; `body` is HTML.
 pub fn section(id: &str, title: &str, body: &str) -> String {
     format!(
@@ -92,12 +83,7 @@ pub fn figure(svg: &str, caption: &str) -> String {
     )
 }
 
-/// A table whose header has the names of its columns between bars; the first column is text, the others are numbers.
-pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    table_of(&header.split(" | ").collect::<Vec<_>>(), rows)
-}
-
-/// The same with columns of any names.
+/// A table; the first column is text, the others are numbers.
 pub fn table_of(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let cells = |row: Vec<String>| row.iter().map(|text| cell(text)).collect();
     table_of_cells(header, rows.into_iter().map(cells))
@@ -123,18 +109,5 @@ pub fn table_of_cells(
     }
     format!(
         "<div class=\"wide\"><table>\n<thead><tr>{head}</tr>\n</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
-    )
-}
-
-/// A card of the overview: what it is about and the answer in a line, and what to know about it folded below. `tone` is
-/// `good`, `bad` (which is open) or nothing.
-pub fn card(tone: &str, title: &str, answer: &str, about: &str) -> String {
-    let open = if tone == "bad" { " open" } else { "" };
-    format!(
-        "<details class=\"card {}\"{open}><summary><h3>{}</h3><strong>{}</strong></summary><p>{}</p></details>\n",
-        escaped(tone),
-        escaped(title),
-        escaped(answer),
-        escaped(about)
     )
 }

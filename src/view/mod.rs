@@ -6,10 +6,11 @@
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
 //! - [`run_sheet`]: the sheet to take along into the laboratory.
 //! - [`plots`]: plots that are files of their own, made of `charts`, as the figures of pages are.
-//! - [`report`]: pages to look at, on [`markup`].
-//! - `tables`: what pages and texts of recordings list.
+//! - [`report`]: pages to look at, on [`markup`]; a [`card`] is what their overviews and terminals show.
+//! - [`tables`]: what pages, terminals and texts of recordings list.
 //! - [`mesh`]: the model's shapes as triangles.
 
+pub mod card;
 mod charts;
 pub mod markup;
 pub mod mcap_file;
@@ -21,4 +22,4 @@ pub mod rerun_file;
 pub mod run_sheet;
 pub mod stills;
 pub mod study_recording;
-mod tables;
+pub mod tables;

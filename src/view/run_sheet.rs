@@ -37,11 +37,11 @@ const FIELDS: [&str; 10] = [
 pub fn run_sheet(
     scenario: &Scenario,
     stills: Stills<'_>,
-    plan: &Plan,
     campaign: &Campaign,
     axes: &[&str],
     has_program: bool,
 ) -> String {
+    let overview = overview(scenario, &stills.plan, campaign, has_program);
     let pictures = stills.pictures();
     let places = places(&scenario.task.belief.commands(), campaign);
     let title = format!("{}: run sheet", scenario.name);
@@ -54,7 +54,7 @@ pub fn run_sheet(
     let body = format!(
         "<style>\n{STYLE}</style>\n<h1>{}</h1>\n{}<div class=\"fields\">\n{}</div>\n{}{}{}{}",
         escaped(&title),
-        overview(scenario, plan, campaign, has_program),
+        overview,
         fields.collect::<String>(),
         section(
             "before",
@@ -429,14 +429,10 @@ fn of_stop(
     // What each line is: of absolute readings each its own, of deflections the readings of all experiments here.
     let lines: Vec<[String; 2]> = if stop.targets.is_empty() {
         let lines = 1..=stop.readings.clamp(1, LINES);
-        let all = |line: u32| {
-            if line == 1 {
-                experiments.join(", ")
-            } else {
-                String::new()
-            }
-        };
-        lines.map(|line| [all(line), line.to_string()]).collect()
+        let all = |line: u32| (line == 1).then(|| experiments.join(", "));
+        lines
+            .map(|line| [all(line).unwrap_or_default(), line.to_string()])
+            .collect()
     } else {
         let targets = stop.targets.iter().map(|target| escaped(target));
         experiments

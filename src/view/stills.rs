@@ -38,7 +38,8 @@ const GREEN: &str = "#08693f";
 /// The robot in each configuration of a plan.
 pub struct Stills<'a> {
     scenario: &'a Scenario,
-    plan: Plan,
+    /// The plan.
+    pub plan: Plan,
     /// Of a plan of absolute readings: what is read in each experiment, and from where.
     rows: Vec<&'a Candidate>,
     scenery: Scenery,

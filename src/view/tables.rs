@@ -1,12 +1,53 @@
-//! Tables of records, for pages and for the texts of recordings alike.
+//! Tables of records, for pages, terminals and the texts of recordings alike.
 
+use crate::calibration::rms_m;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::ReadingsRunMessage;
-use crate::record::messages::CalibrationMessage;
+use crate::record::messages::{CalibrationMessage, TestPoseMessage};
 use crate::record::study::StudyPlanMessage;
-use crate::text::markdown_text;
-use crate::text::wording::{dash, inverse_interval, joined, number};
+use crate::study::account::Contribution;
+use crate::text::wording::{dash, inverse_interval, joined, number, percent, shortened};
+use crate::text::{for_terminal, markdown_text};
 use crate::view::markup::{micro_sign, table_of};
+use crate::workflow::run::TriedPlan;
+
+/// Names of rows have at most so many characters.
+const LONGEST_NAME: usize = 40;
+
+/// A table with aligned columns; the first, of names, is left-aligned, the others right-aligned.
+pub fn aligned(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let mut rows: Vec<Vec<String>> = rows.into_iter().collect();
+    for name in rows.iter_mut().filter_map(|row| row.first_mut()) {
+        *name = shortened(name, LONGEST_NAME);
+    }
+    let width = |column: usize| {
+        rows.iter()
+            .map(|row| row[column].chars().count())
+            .chain([header[column].as_ref().chars().count()])
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let cells: Vec<String> = cells
+            .zip(&widths)
+            .enumerate()
+            .map(|(index, (cell, &width))| {
+                if index == 0 {
+                    format!("{cell:<width$}")
+                } else {
+                    format!("{cell:>width$}")
+                }
+            })
+            .collect();
+        format!("  {}\n", cells.join("  ").trim_end())
+    };
+    let mut text = line(&mut header.iter().map(AsRef::as_ref));
+    for row in &rows {
+        text += &line(&mut row.iter().map(String::as_str));
+    }
+    text
+}
 
 /// A table; the first column is text, the others are numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,14 +73,31 @@ impl RecordTable {
         table_of(&self.header, self.rows.iter().cloned())
     }
 
-    /// Of a text, in Markdown: the first so many columns.
-    pub fn markdown(&self, columns: usize) -> String {
+    /// Of a terminal.
+    pub fn plain(&self) -> String {
+        let row = |row: &Vec<String>| {
+            let (name, cells) = row.split_first().unzip();
+            let cells = cells.unwrap_or(&[]).iter().map(|cell| for_terminal(cell));
+            name.cloned().into_iter().chain(cells).collect()
+        };
+        let header: Vec<String> = self.header.iter().map(|name| for_terminal(name)).collect();
+        aligned(&header, self.rows.iter().map(row))
+    }
+
+    /// Its first so many columns.
+    pub fn first(mut self, columns: usize) -> Self {
+        let all = self.rows.iter_mut().chain([&mut self.header]);
+        all.for_each(|row| row.truncate(columns));
+        self
+    }
+
+    /// Of a text, in Markdown.
+    pub fn markdown(&self) -> String {
         let line = |cells: &[String]| {
-            let cells = cells.iter().take(columns).map(|cell| markdown_text(cell));
+            let cells = cells.iter().map(|cell| markdown_text(cell));
             format!("| {} |\n", joined(cells, " | "))
         };
-        let columns = self.header.len().min(columns);
-        let sides = "--:|".repeat(columns.saturating_sub(1));
+        let sides = "--:|".repeat(self.header.len().saturating_sub(1));
         let rows: String = self.rows.iter().map(|row| line(row)).collect();
         line(&self.header) + "|:--|" + &sides + "\n" + &rows
     }
@@ -62,6 +120,58 @@ pub fn compliances(calibration: &CalibrationMessage, unit: &str) -> RecordTable 
     let unit = micro_sign(unit);
     let header = format!("joint | compliance [{unit}] | 95 % interval | simulated truth");
     RecordTable::new(&header, rows)
+}
+
+/// What is achieved at each test pose: predicted, observed, and under a name without what was identified.
+pub fn test_poses(poses: &[TestPoseMessage], without: &str) -> RecordTable {
+    let rows = poses.iter().map(|pose| {
+        let distances_mm = [
+            pose.rho0_mm,
+            Some(pose.residual_mm),
+            Some(pose.uncompensated_mm),
+        ];
+        let micro = |value_mm: Option<f64>| number(value_mm.map(|value_mm| value_mm * 1e3), 2);
+        let name = [pose.name.clone()].into_iter();
+        name.chain(distances_mm.map(micro)).collect()
+    });
+    let header = format!(
+        "test pose | predicted rms [\u{b5}m] | observed in this run [\u{b5}m] | {without} [\u{b5}m]"
+    );
+    RecordTable::new(&header, rows)
+}
+
+/// Every plan's prediction and what came of it.
+pub fn tried(plans: &[TriedPlan]) -> RecordTable {
+    let rows = plans.iter().map(|plan| {
+        let assessment = &plan.assessment;
+        let [_, residual_m] = rms_m(&plan.calibration.poses);
+        vec![
+            plan.record.name.clone(),
+            assessment.experiments.to_string(),
+            number(assessment.rho0_m.map(|value| value * 1e6), 2),
+            percent(assessment.efficiency(), 1),
+            number(Some(residual_m * 1e6), 2),
+            assessment.violations.len().to_string(),
+        ]
+    });
+    let header = "plan | measurements | predicted rms \u{3c1}\u{2080} [\u{b5}m] | efficiency | observed in this run [\u{b5}m] | violations";
+    RecordTable::new(header, rows)
+}
+
+/// The contributions to the errors of a simulated truth, the largest above.
+pub fn contributions(parts: &[Contribution]) -> RecordTable {
+    let mut sorted: Vec<&Contribution> = parts.iter().collect();
+    let size = |part: &Contribution| part.contribution_um.unwrap_or(0.0);
+    sorted.sort_by(|one, other| size(other).total_cmp(&size(one)));
+    let rows = sorted.into_iter().map(|part| {
+        let hidden = if part.hidden { " (hidden)" } else { "" };
+        vec![
+            format!("{}{hidden}", part.source),
+            number(part.contribution_um, 3),
+            percent(part.share_of(parts), 1),
+        ]
+    });
+    RecordTable::new("source | contribution [\u{b5}m] | share of variance", rows)
 }
 
 /// What was identified from absolute readings, frames left out, beside the simulated truth of the run.
@@ -91,26 +201,51 @@ pub fn unknowns(run: &ReadingsRunMessage) -> RecordTable {
     )
 }
 
-/// What the runs of each plan of a study say.
-pub fn study<'a>(plans: impl IntoIterator<Item = &'a StudyPlanMessage>) -> RecordTable {
+/// A condition that a sweep can vary: what it is called, and its value as text.
+pub type Swept = (&'static str, fn(&StudyPlanMessage) -> String);
+
+const SWEPT: [Swept; 3] = [
+    ("measurements", |runs| runs.experiments.to_string()),
+    ("load scale", |runs| runs.load_scale.to_string()),
+    ("sigma [mm]", |runs| format!("{:.4}", runs.sigma_mm)),
+];
+
+/// The conditions that vary between the plans of a study.
+pub fn swept(plans: &[&StudyPlanMessage]) -> Vec<Swept> {
+    let varies = |(_, value): &Swept| plans.iter().any(|runs| value(runs) != value(plans[0]));
+    SWEPT.into_iter().filter(varies).collect()
+}
+
+/// What the runs of each plan of a study say, with a column for each condition that varies; and how much better than random plans they are,
+/// if that is wanted.
+pub fn study(plans: &[&StudyPlanMessage], with_random: bool) -> RecordTable {
+    let swept = swept(plans);
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
     let interval = |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to {:.3}", low * 1e3, high * 1e3);
-    let rows = plans.into_iter().map(|runs| {
-        vec![
-            runs.name.clone(),
+    let rows = plans.iter().map(|runs| {
+        let mut row = vec![runs.name.clone()];
+        row.extend(swept.iter().map(|(_, value)| value(runs)));
+        row.extend([
             micro(runs.mean_mm),
-            runs.mean_ci95_mm.map_or_else(String::new, interval),
+            runs.mean_ci95_mm.map_or_else(dash, interval),
             micro(runs.rms_mm),
             micro(runs.predicted_rms_mm),
+            number(runs.z, 1),
             micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
-            number(runs.mean_ratio_to_random.map(f64::recip), 2),
-            (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
+            number(runs.nees, 3),
             runs.failed.to_string(),
-        ]
+        ]);
+        if with_random {
+            let ratio = runs.mean_ratio_to_random.map(f64::recip);
+            let interval = runs.mean_ratio_to_random_ci95.map(inverse_interval);
+            row.extend([number(ratio, 2), interval.unwrap_or_default()]);
+        }
+        row
     });
-    RecordTable::new(
-        "plan | mean [\u{b5}m] | 95 % interval [\u{b5}m] | rms [\u{b5}m] | rms expected of these runs [\u{b5}m] | \
-         95 % of runs below [\u{b5}m] | mean of random over it | 95 % interval | failed runs",
-        rows,
-    )
+    let random = ["", " | mean of random over it | 95 % interval"][usize::from(with_random)];
+    let header = format!(
+        "plan{} | mean [\u{b5}m] | 95 % interval [\u{b5}m] | rms [\u{b5}m] | expected rms [\u{b5}m] | z | 95 % below [\u{b5}m] | NEES | failed{random}",
+        joined(swept.iter().map(|(name, _)| format!(" | {name}")), "")
+    );
+    RecordTable::new(&header, rows)
 }

@@ -60,9 +60,9 @@ pub const RUN: u64 = 0;
 pub struct TriedPlan {
     /// What it predicted.
     pub assessment: Assessment,
-    /// Its name, and what came of it,
-    pub calibration: (String, Calibration),
-    /// as a record.
+    /// What came of it,
+    pub calibration: Calibration,
+    /// as a record under the plan's name.
     pub record: CalibrationMessage,
     /// Whether it was drawn at random.
     pub is_random: bool,
@@ -140,14 +140,11 @@ pub fn run(
         .and_then(|((_, plan), rho0_m)| repeats_needed(task, plan, rho0_m));
     // The study draws random plans of its own.
     let fixed: Vec<(String, Plan)> = (tried.iter().filter(|each| !each.is_random))
-        .map(|each| {
-            let (name, made) = &each.calibration;
-            (name.clone(), made.plan.clone())
-        })
+        .map(|each| (each.record.name.clone(), each.calibration.plan.clone()))
         .collect();
     let beside = (approximate, bound);
     let evidence = gather(scenario, beside, &fixed, Watch::quiet(stop))?;
-    let main = &tried[0].calibration.1;
+    let main = &tried[0].calibration;
     let mut conditions = main.identification.conditions();
     conditions.extend(pose_conditions(&task.belief, &main.poses));
     conditions.extend(loads_outside);
@@ -201,7 +198,7 @@ fn calibrate_all(
             Ok(Ok(calibration)) => tried.push(TriedPlan {
                 assessment: assessment(&calibration.plan),
                 record: CalibrationMessage::new(&commands, &name, &calibration),
-                calibration: (name, calibration),
+                calibration,
                 is_random: index == known,
             }),
             Ok(Err(error)) if tried.is_empty() => return Err(error),

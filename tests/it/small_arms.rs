@@ -1,6 +1,7 @@
 //! Arms of four joints where one term decides: what makes up for a passive joint, laws of joints in absolute readings, sources that a
 //! search leaves out, several test poses; and campaigns on one virtual robot.
 
+use elastocal::text::{for_terminal, wording::micrometres};
 use serde_json::Value;
 
 use crate::support::{Workplace, number};
@@ -122,9 +123,10 @@ fn several_test_poses_are_one_rms() {
     let poses = json["plans"][0]["test_poses"].as_array().expect("a list");
     assert_eq!(poses.len(), 2);
     let square = |pose: &Value| number(&pose["weight"]) * number(&pose["residual_mm"]).powi(2);
-    let rms_um = poses.iter().map(square).sum::<f64>().sqrt() * 1e3;
+    let rms_mm = poses.iter().map(square).sum::<f64>().sqrt();
     let said = place.run("run arm.toml --no-proof --quiet").stdout;
-    let words = format!("the residual error after compensation is {rms_um:.1} um in this run");
+    let rms = for_terminal(&micrometres(Some(rms_mm)));
+    let words = format!("Observed in this run: {rms}.");
     assert!(said.contains(&words), "{words}: {said}");
 }
 

@@ -452,7 +452,11 @@ fn the_command_prints_and_writes_its_results() {
         (&"robot".into(), &20.into())
     );
     let text = workplace.run("study s.toml").ends_with(0).stdout;
-    assert!(text.contains("with a random plan of as many measurements it is"));
+    let words = "Against a random plan: ";
+    assert!(
+        text.contains(words) && text.contains(" times as accurate. 95 % interval: "),
+        "{text}"
+    );
 }
 
 /// All conditions of a sweep with all; a plan takes part where it fits, and the part under given

@@ -224,7 +224,7 @@ fn describe(poses: &[TestPoseMessage], unit: &str, is_simulated: bool) -> String
         row.push(numbers(pose.q_commanded_deg.iter().copied(), 5));
         row
     };
-    table_of(&header, poses.iter().map(row))
+    aligned(&header, poses.iter().map(row))
 }
 
 /// The angles to command as CSV: a row for each test pose, with the task's load and the predicted rms distance.

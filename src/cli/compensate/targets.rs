@@ -3,7 +3,6 @@
 use crate::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
-use crate::files::output::write_whole;
 use crate::identification::JointError;
 use crate::mujoco::frame;
 use crate::parameter::ElasticArm;
@@ -145,10 +144,6 @@ impl Compensate {
             text += "Commands correct the joints' transmission error, backlash and nonlinear stiffness, approached with all joints turning \
                      positively.\n";
         }
-        if let Some(path) = &self.angles_out {
-            write_whole(path, csv.as_bytes())?;
-            text += &format!("wrote {}\n", path.display());
-        }
         let keys = json!({
             "tool": name,
             "tool_is_identified": robot.found_tools[tool],
@@ -156,7 +151,10 @@ impl Compensate {
             "corrects_joint_errors": robot.with_joint_errors.is_some(),
             "targets": list,
         });
-        let report = Report::new(Value::Null, text, conditions);
+        let mut report = Report::new(Value::Null, text, conditions);
+        if let Some(path) = &self.angles_out {
+            report.write(path, &csv)?;
+        }
         Ok((self.common).report("compensate", scenario, [keys], report)?)
     }
 

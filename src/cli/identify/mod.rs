@@ -3,7 +3,6 @@
 pub mod absolute;
 pub mod deflections;
 
-use crate::files::output::write_whole;
 use crate::identification::{ParameterGroup, patterns::Patterns};
 use crate::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
 use crate::task::Method;
@@ -83,8 +82,7 @@ impl Identify {
         }
         if let Some(path) = &self.identified_out {
             let text = serde_json::to_string_pretty(&report.json)? + "\n";
-            write_whole(path, text.as_bytes())?;
-            report.text += &format!("wrote {}\n", path.display());
+            report.write(path, &text)?;
         }
         Ok(report)
     }

@@ -3,12 +3,12 @@
 use crate::record::study::{StudyPlanMessage, study_csv};
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
-use crate::text::wording::inverse_interval;
-use crate::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, study_page};
+use crate::view::card::Card;
+use crate::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, best_cards, study_page};
+use crate::view::tables;
 use crate::workflow::study::{Timing, plan_messages, study_json};
 
 use crate::cli::command_prelude::*;
-use crate::cli::uncertainty_budget::contributions;
 use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::{Written, record_text};
 
@@ -95,9 +95,7 @@ impl Results {
 
     /// The page to look at; none for a sweep, where no plan is best under all conditions.
     fn page(&self) -> anyhow::Result<Option<String>> {
-        let plans = &self.header.plans;
-        let first = &plans[0];
-        if (plans.iter()).any(|plan| plan.conditions != first.conditions) {
+        if self.header.is_swept() {
             return Ok(None);
         }
         let page = study_page(&StudyPageRecord {
@@ -146,49 +144,9 @@ fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
     })
 }
 
-/// The table for a person, with a column for each condition that varies.
+/// The table for a person.
 pub fn describe(messages: &[StudyPlanMessage]) -> String {
-    let micro = |value: Option<f64>| in_um(value.map(|value| value * 1e-3), 3);
-    let swept = swept(messages);
-    let row = |message: &StudyPlanMessage| {
-        let interval = or_dash(message.mean_ci95_mm, |[low, high]| {
-            format!("{:.3} to {:.3}", low * 1e3, high * 1e3)
-        });
-        let mut row = vec![message.name.clone()];
-        row.extend(swept.iter().map(|(_, value)| value(message)));
-        row.extend([
-            micro(message.mean_mm),
-            interval,
-            micro(message.rms_mm),
-            micro(message.predicted_rms_mm),
-            number(message.z, 1),
-            micro(message.quantiles_mm.map(|quantiles| quantiles[2])),
-            number(message.nees, 3),
-            message.failed.to_string(),
-        ]);
-        row
-    };
-    let swept = joined(swept.iter().map(|(name, _)| format!(" | {name}")), "");
-    let header = format!(
-        "plan{swept} | mean [um] | 95 % interval [um] | rms [um] | expected rms [um] | z | 95 % below [um] | NEES | failed"
-    );
-    table(&header, messages.iter().map(row))
-}
-
-/// A condition that a sweep can vary: what it is called, and its value as text.
-type Swept = (&'static str, fn(&StudyPlanMessage) -> String);
-
-const SWEPT: [Swept; 3] = [
-    ("measurements", |message| message.experiments.to_string()),
-    ("load scale", |message| message.load_scale.to_string()),
-    ("sigma [mm]", |message| format!("{:.4}", message.sigma_mm)),
-];
-
-/// The conditions that vary.
-fn swept(messages: &[StudyPlanMessage]) -> Vec<Swept> {
-    let varies =
-        |(_, value): &Swept| (messages.iter()).any(|each| value(each) != value(&messages[0]));
-    SWEPT.into_iter().filter(varies).collect()
+    tables::study(&messages.iter().collect::<Vec<_>>(), false).plain()
 }
 
 /// What each plan predicted, what its errors are made of, and whether the prediction holds.
@@ -197,7 +155,7 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
         AccuracyKind::Absolute => format!("{ABSOLUTE_ACCURACY}\n"),
         AccuracyKind::Relative => String::new(),
     };
-    let swept = swept(messages);
+    let swept = tables::swept(&messages.iter().collect::<Vec<_>>());
     for message in messages {
         let conditions = swept.iter();
         let conditions = conditions.map(|(name, value)| format!(", {name} {}", value(message)));
@@ -222,7 +180,7 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
             };
         }
         if !message.contributions.is_empty() {
-            text += &contributions(&message.contributions);
+            text += &tables::contributions(&message.contributions).plain();
         }
         text.push('\n');
     }
@@ -231,29 +189,7 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
 
 /// What it comes to under one set of conditions: the best plan against a random one.
 fn sentence(messages: &[StudyPlanMessage], header: &Header) -> String {
-    let reference = header.plans.iter().find_map(|plan| plan.reference);
-    let plans = || messages.iter().enumerate();
-    let best = plans()
-        .filter(|(index, _)| Some(*index) != reference)
-        .filter_map(|(_, message)| Some((message, message.mean_mm?)))
-        .min_by(|one, other| one.1.total_cmp(&other.1));
-    let is_swept = (header.plans.iter()).any(|plan| plan.conditions != header.plans[0].conditions);
-    let (Some((best, mean_mm)), false) = (best, is_swept) else {
-        return String::new();
-    };
-    let mut text = format!(
-        "After calibration with the plan {:?}, the mean residual error after compensation is {:.2} um",
-        best.name,
-        mean_mm * 1e3
-    );
-    let random = reference.and_then(|index| messages[index].mean_mm);
-    if let (Some(random), Some(interval)) = (random, best.mean_ratio_to_random_ci95) {
-        text += &format!(
-            "; with a random plan of as many measurements it is {:.2} um, {:.2} times as much ({})",
-            random * 1e3,
-            random / mean_mm,
-            inverse_interval(interval)
-        );
-    }
-    text + ".\n"
+    let best = header.best(messages).filter(|_| !header.is_swept());
+    let cards = best.map_or_else(Vec::new, best_cards);
+    cards.iter().map(Card::plain).collect()
 }

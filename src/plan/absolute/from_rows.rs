@@ -1,10 +1,13 @@
 //! What may be planned: rows of a file of candidates, the readings of one plan, and what else is measured already.
 
+use std::path::Path;
+
 use super::joint_functions::RobotFunctions;
 use super::readable::{check_stations, from_stations, possible, reading_of};
 use super::together::Neighbours;
 use super::{AbsolutePlanError, AbsolutePlanning, place_rows, setup_of};
-use crate::experiment::{Candidate, together};
+use crate::experiment::{Candidate, read_candidates, together};
+use crate::files::FileError;
 use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{PlannedReading, ReadingKind};
@@ -116,6 +119,19 @@ impl<'a> AbsolutePlanning<'a> {
         }
         self.measured = measured;
         self
+    }
+
+    /// The same of the plan of a file.
+    ///
+    /// # Errors
+    /// It is none of the task, or cannot be read.
+    pub fn of_file(
+        task: &'a Task,
+        groups: &[ParameterGroup],
+        path: &Path,
+    ) -> Result<Self, FileError> {
+        let rows = read_candidates(path, task.belief.commands())?;
+        Self::of_plan(task, groups, &rows).map_err(|error| error.in_file(path))
     }
 
     /// The same of the readings of one plan, each of which says from which of several stations it is, and is possible.

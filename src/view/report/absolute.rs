@@ -1,37 +1,21 @@
 //! The page of a plan of absolute readings: what is predicted, of what it is made, what to read, and what virtual robots make of it.
 
+use super::cards::{conditions_card, readings_cards, verdict_card};
 use super::distances::{distances_figure, distances_table, lines};
 use super::overview::next_steps;
 use super::test_poses::test_poses;
-use super::{
-    PlanPage, bound_card, checks_card, each_once, plan_row, plan_table, provenance, random_card,
-    sources, verdict_card,
-};
-use crate::calibration::rms_m;
+use super::{PlanPage, plan_row, plan_table, provenance, sources};
 use crate::observation::LengthKind;
-use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
 use crate::text::wording::{counted, dash, micrometres, naming, percent};
+use crate::view::card::{Card, heading};
 use crate::view::charts::PlotError;
-use crate::view::markup::{card, heading, micro_sign, page, paragraph, paragraphs, section, table};
-use crate::view::tables;
+use crate::view::markup::{micro_sign, page, paragraph, paragraphs, section};
+use crate::view::tables::{self, RecordTable};
 use crate::workflow::run::{AbsoluteRun, RUN};
-
-/// What the page of a plan of absolute readings is made of.
-#[derive(Debug, Clone, Copy)]
-pub struct AbsolutePageRecord<'a> {
-    /// What every page has.
-    pub page: PlanPage<'a>,
-    /// The predicted accuracy of the plan.
-    pub plan: &'a AbsolutePlanMessage,
-    /// What virtual robots made of it, where some were drawn.
-    pub trials: Option<&'a RobotTrials>,
-    /// What came of one run, where it was carried out.
-    pub run: Option<&'a AbsoluteRun<'a>>,
-}
 
 /// A smaller discrepancy (mm) is not said.
 const LEAST_MM: f64 = 5e-6;
@@ -39,117 +23,57 @@ const LEAST_MM: f64 = 5e-6;
 /// Which accuracy a page of absolute readings is about.
 pub const ABSOLUTE_ACCURACY: &str = "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.";
 
-/// The page of a plan of absolute readings as HTML.
-pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError> {
-    let (plan, scenario) = (shown.plan, shown.page.scenario);
+/// The page of a plan of absolute readings as HTML; with what virtual robots made of it, where some were drawn, and of its run, where it was
+/// carried out.
+pub fn absolute_page(
+    shown: &PlanPage<'_>,
+    plan: &AbsolutePlanMessage,
+    trials: Option<&RobotTrials>,
+    run: Option<&AbsoluteRun<'_>>,
+) -> Result<String, PlotError> {
+    let scenario = shown.scenario;
     let name = &scenario.name;
-    let [title, tab] = match shown.run {
+    let [title, tab] = match run {
         Some(_) => ["Calibration for absolute accuracy", "calibration report"],
         None => ["Plan of absolute readings", "plan of absolute readings"],
     };
     let title = format!("{title}: {name}");
-    let mut body = heading(&title, &scenario.description, &cards(shown));
-    if let Some(trials) = shown.trials {
+    let mut cards = readings_cards(plan, run);
+    if let Some(trials) = trials {
+        let is_kept = trials.prediction == Kept::Holds;
+        let verdict = trials.runs.verdict.as_deref().unwrap_or_default();
+        cards.push(verdict_card(is_kept, verdict, trials.outcome()));
+    }
+    if !plan.assumed_exact.is_empty() {
+        let about = plan.assumed_exact.join("; ") + ".";
+        let answer = "not all is in the prediction";
+        cards.push(Card::new("bad", "Assumed exact", answer, about));
+    }
+    cards.extend(conditions_card(shown.conditions));
+    let mut body = heading(&title, &scenario.description, cards);
+    if let Some(trials) = trials {
         body += &section("trials", "Do virtual robots keep it?", &of_trials(trials)?);
     }
     let about = "Contributions are what the instrument's noise and each error source leave, rms, to first order; squares add up. \
                  Frames, and what else nothing is known of before, are found from readings: they are in the contributions of what \
                  disturbs these.";
     body += &sources::budget_section(plan.uncertainty_budget.as_ref(), about);
-    if plan.test_poses.len() > 1 || shown.run.is_some() {
+    if plan.test_poses.len() > 1 || run.is_some() {
         let predicted_mm: Vec<_> = plan.test_poses.iter().map(|pose| pose.rho0_mm).collect();
-        let observed = (shown.run).map(|run| (&*run.record.test_poses, "of the nominal robot"));
+        let observed = run.map(|run| (&*run.record.test_poses, "of the nominal robot"));
         let poses = &scenario.task.test_poses;
         body += &test_poses(poses, &predicted_mm, plan.rho0_mm, observed)?;
     }
-    body += &shown.run.map_or_else(String::new, identified);
+    body += &run.map_or_else(String::new, identified);
     body += &next_steps(&scenario.path, None);
-    body += &section("readings", "What to read", &readings(shown));
+    body += &section(
+        "readings",
+        "What to read",
+        &readings(shown, plan, run.is_some()),
+    );
     body += &section("unknowns", "What is found", &unknowns(plan));
-    body += &provenance(shown.page.provenance, shown.page.command);
+    body += &provenance(shown.provenance, shown.command);
     Ok(page(&format!("{name}: {tab}"), &body))
-}
-
-fn cards(shown: &AbsolutePageRecord<'_>) -> String {
-    let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &best_card(shown.plan);
-    cards += &(shown.run).map_or_else(String::new, |run| run_cards(shown.plan, run));
-    if let Some(trials) = shown.trials {
-        let is_kept = trials.prediction == Kept::Holds;
-        let verdict = trials.runs.verdict.as_deref().unwrap_or_default();
-        cards += &verdict_card(is_kept, verdict, &trials.outcome());
-    }
-    if !shown.plan.assumed_exact.is_empty() {
-        let about = shown.plan.assumed_exact.join("; ") + ".";
-        cards += &card(
-            "bad",
-            "Assumed exact",
-            "not all is in the prediction",
-            &about,
-        );
-    }
-    cards + &checks_card(shown.page.conditions, ("", ""))
-}
-
-fn plan_card(plan: &AbsolutePlanMessage) -> String {
-    let rows = || plan.plan.iter();
-    let configurations = each_once(rows().map(|row| &row.q_deg)).len();
-    let loaded = rows().filter(|row| row.wrench.is_some()).count();
-    let targets = each_once(rows().filter_map(|row| row.target.as_ref()));
-    let stations = each_once(rows().filter_map(|row| row.station.as_ref()));
-    let about = format!(
-        "{loaded} of {} under a load.{}{}",
-        counted(plan.plan.len() as u64, "row"),
-        naming(targets, " Reflectors: {}."),
-        naming(stations, " Stations: {}.")
-    );
-    let answer = format!(
-        "{} in {}",
-        counted(plan.experiments.into(), "reading"),
-        counted(configurations as u64, "configuration")
-    );
-    card("", "Plan", &answer, &about)
-}
-
-fn accuracy_card(plan: &AbsolutePlanMessage) -> String {
-    let frame = plan.frame.as_ref().map_or_else(
-        || "the instrument's frame".to_owned(),
-        |station| format!("the frame of station \u{201c}{station}\u{201d}"),
-    );
-    let mut about = format!(
-        "\u{3c1}\u{2080}, the rms distance of the loaded tool from where it should be in {frame}: an absolute accuracy. Frames, \
-         geometry and elasticity count as far as they are unknown; in a relative one, as in the paper, only what the load bends."
-    );
-    if let Some(quantile) = plan.quantile95_mm {
-        about += &format!(" 95 % stay below {}.", micrometres(Some(quantile)));
-    }
-    if plan.task_force_mm > 0.0 {
-        about += &format!(
-            " Of it, {} are the task's uncertain force, whatever is read.",
-            micrometres(Some(plan.task_force_mm))
-        );
-    }
-    let counts = UncertaintyBudget::in_words(plan.uncertainty_budget.as_ref(), "reading");
-    about += &format!(" It is predicted {counts}.");
-    let answer = micrometres(plan.rho0_mm) + " rms";
-    card("", "Absolute accuracy", &answer, &about)
-}
-
-fn best_card(plan: &AbsolutePlanMessage) -> String {
-    let (Some(bound), Some(efficiency)) = (plan.lower_bound_rho0_mm, plan.efficiency) else {
-        let about = "Without candidates, nothing is said about better plans: give --candidates.";
-        return card("", "Is it the best?", "no bound", about);
-    };
-    let possible = counted(plan.candidates.possible as u64, "possible candidate");
-    let basis = match &plan.drawn {
-        Some(drawn) => format!(
-            "Looked at were {possible}, at {} drawn at random and others near those that were chosen: evidence, no proof, for \
-             the region has more.",
-            counted(drawn.configurations.into(), "configuration")
-        ),
-        None => format!("Proved by looking at all {possible}, of which it speaks alone."),
-    };
-    let tone = if plan.drawn.is_some() { "" } else { "good" };
-    bound_card(tone, bound, efficiency, "candidates", &basis)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
@@ -178,18 +102,14 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
 }
 
 /// The stills, and the plan as a table.
-fn readings(shown: &AbsolutePageRecord<'_>) -> String {
-    let own = &shown.page.scenario.task.belief.calibration_tool.name;
+fn readings(shown: &PlanPage<'_>, plan: &AbsolutePlanMessage, is_run: bool) -> String {
+    let own = &shown.scenario.task.belief.calibration_tool.name;
     let is_read = |kind: &LengthKind| {
-        let mut lengths = shown
-            .plan
-            .plan
-            .iter()
-            .filter_map(|reading| reading.length.0);
+        let mut lengths = plan.plan.iter().filter_map(|reading| reading.length.0);
         lengths.any(|length| length.kind == *kind)
     };
     let kinds: Vec<LengthKind> = LengthKind::ALL.into_iter().filter(is_read).collect();
-    let rows = (shown.plan.plan.iter().enumerate()).map(|(index, reading)| {
+    let rows = (plan.plan.iter().enumerate()).map(|(index, reading)| {
         let mut row = plan_row(index, &reading.q_deg, reading.wrench.as_ref());
         row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
         row.push(reading.station.clone().unwrap_or_else(dash));
@@ -202,8 +122,12 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
     });
     let columns = kinds.iter().map(|kind| format!(" | {} [mm]", kind.name()));
     let own = "row | reflector | station | times".to_owned() + &columns.collect::<String>();
-    let same = shown.run.map_or("--plan-out writes", |_| "plan.csv has");
-    plan_table(&shown.page, same, &own, rows)
+    let same = if is_run {
+        "plan.csv has"
+    } else {
+        "--plan-out writes"
+    };
+    plan_table(shown, same, &own, rows)
 }
 
 /// All unknowns, with how well each is known afterwards.
@@ -225,35 +149,16 @@ fn unknowns(plan: &AbsolutePlanMessage) -> String {
         ]
     });
     let count = counted(rows.len() as u64, "unknown");
-    let numbers = table("unknown | standard error | unit | what it is", rows);
+    let header = "unknown | standard error | unit | what it is";
+    let numbers = RecordTable::new(header, rows).html();
+    let has_logarithms = plan.unknowns.iter().any(|each| each.unit == "1");
+    let logarithms = has_logarithms.then_some(" Of a logarithm the unit is 1.");
     paragraph(&format!(
         "{count}: the frames of stations and reflectors, which every such plan finds, and what else is unknown of the robot.{}",
-        if plan.unknowns.iter().any(|each| each.unit == "1") {
-            " Of a logarithm the unit is 1."
-        } else {
-            ""
-        }
+        logarithms.unwrap_or_default()
     )) + &format!(
         "<details><summary>How well each is known afterwards</summary>\n{numbers}</details>\n"
     )
-}
-
-/// What was observed beside what was predicted, and random plans.
-fn run_cards(plan: &AbsolutePlanMessage, run: &AbsoluteRun<'_>) -> String {
-    let [before, after] = rms_m(&run.poses).map(|value| micrometres(Some(value * 1e3)));
-    let about = format!(
-        "Residual error in run {} on the virtual robot: the distance of the loaded tool from where the identified robot predicts it, \
-         rms over the test poses; predicted {} rms. Of the nominal robot, in the frames that suit the same readings best: {before}.",
-        RUN,
-        micrometres(plan.rho0_mm)
-    );
-    let observed = card("", "Observed in this run", &after, &about);
-    let of = format!(
-        " of {} of the same candidates",
-        counted(plan.experiments.into(), "reading")
-    );
-    let own_m = plan.rho0_mm.map(|value| value * 1e-3);
-    observed + &random_card(run.random_rho0_m, own_m, &of, "")
 }
 
 /// What was identified, beside the simulated truth.

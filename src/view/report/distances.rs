@@ -161,7 +161,8 @@ fn hill(rows: &Rows<'_>, row: usize, line: &Line<'_>, highest: f64) -> [Series; 
 
 /// The numbers below the figure.
 pub fn distances_table(lines: &[Line<'_>]) -> String {
-    tables::study(lines.iter().map(|line| line.runs)).html()
+    let plans: Vec<_> = lines.iter().map(|line| line.runs).collect();
+    tables::study(&plans, true).html()
 }
 
 /// The middle of each bin (logarithm of um) and the share of the runs for each unit of the

@@ -7,6 +7,7 @@
 //! The numbers are those of the JSON records.
 
 mod absolute;
+mod cards;
 mod distances;
 mod figures;
 mod overview;
@@ -14,28 +15,27 @@ mod sources;
 mod study;
 mod test_poses;
 
-use super::charts::PlotError;
-use super::markup::{
-    card, cell, escaped, figure, page, paragraph, section, table, table_of_cells, unbroken,
-};
-use super::tables;
-use crate::calibration::rms_m;
+use super::card::heading;
+pub use super::charts::PlotError;
+use super::markup::{cell, escaped, figure, page, paragraph, section, table_of_cells, unbroken};
+use super::tables::{self, RecordTable};
 use crate::codes::Condition;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
 use crate::task::{Belief, Instrument};
-use crate::text::wording::{counted, dash, joined, listed, micrometres, naming, number, percent};
-use crate::workflow::run::{RANDOM_PLANS, RunOutcome, TriedPlan};
+use crate::text::wording::{dash, joined, listed, micrometres, naming, number, percent};
+use crate::workflow::run::RunOutcome;
 use distances::{distances_figure, distances_table, lines};
 use figures::{
     RelativeEstimate, accuracy_figure, compliances_figure, criteria_names, residuals_figure,
 };
 use test_poses::test_poses;
 
-pub use absolute::{ABSOLUTE_ACCURACY, AbsolutePageRecord, absolute_page};
-pub use study::{StudyPageRecord, study_page};
+pub use absolute::{ABSOLUTE_ACCURACY, absolute_page};
+pub use cards::{readings_cards, run_cards};
+pub use study::{StudyPageRecord, best_cards, study_page};
 
 /// What a page about a plan has, whatever is measured.
 #[derive(Debug, Clone, Copy)]
@@ -63,7 +63,10 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
         return Ok(page("elastocal", ""));
     };
     let (calibration, assessment) = (&own.record, &own.assessment);
-    let mut body = overview::overview(shown, outcome, own);
+    let cards = run_cards(scenario, outcome, own).into_iter();
+    let cards = cards.chain([overview::checks_card(shown, outcome)]);
+    let title = format!("Calibration plan: {}", scenario.name);
+    let mut body = heading(&title, &scenario.description, cards);
     body += &distances(evidence)?;
     body += &sources::budget_section(assessment.uncertainty_budget.as_ref(), CONTRIBUTIONS);
     let poses = &calibration.test_poses;
@@ -80,7 +83,11 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
         section("compliances", "Compliances", &found),
         section("residuals", "Standardised residuals", &left),
     ]);
-    body += &section("plans", "The plans in this run", &plans(&outcome.tried));
+    body += &section(
+        "plans",
+        "The plans in this run",
+        &tables::tried(&outcome.tried).html(),
+    );
     let caption = format!(
         "The bound holds for every plan of as many measurements. Crosses: this plan of {}, measured again as a whole; what its \
          repeats share they do not average. The searches for other numbers were short; the command budget looks closer.",
@@ -231,7 +238,9 @@ fn plan_table(
         "Red: the load, which acts at the calibration tool; forces are in the world frame, z up. Green: {}. {same} the same numbers.",
         green(&scenario.task.belief.instrument)
     );
-    format!("<div class=\"stills\">{stills}</div>\n") + &paragraph(&about) + &table(&header, rows)
+    format!("<div class=\"stills\">{stills}</div>\n")
+        + &paragraph(&about)
+        + &RecordTable::new(&header, rows).html()
 }
 
 /// A row of it: number, angles and load, where there is one.
@@ -303,68 +312,6 @@ fn residuals(
         number(identification.consistency, 3)
     );
     Ok(figure(&residuals_figure(&standardised)?, &caption) + &paragraph(&seen))
-}
-
-/// Every plan's prediction and what came of it.
-fn plans(tried: &[TriedPlan]) -> String {
-    let row = |plan: &TriedPlan| {
-        let (calibration, assessment) = (&plan.record, &plan.assessment);
-        let [_, residual_m] = rms_m(&plan.calibration.1.poses);
-        vec![
-            calibration.name.clone(),
-            assessment.experiments.to_string(),
-            number(assessment.rho0_m.map(|value| value * 1e6), 2),
-            percent(assessment.efficiency(), 1),
-            number(Some(residual_m * 1e6), 2),
-            assessment.violations.len().to_string(),
-        ]
-    };
-    let rows = tried.iter().map(row);
-    let header = "plan | measurements | predicted rms \u{3c1}\u{2080} [\u{b5}m] | efficiency | observed in this run [\u{b5}m] | violations";
-    table(header, rows)
-}
-
-/// A card that says by how much a plan of as many could be better, and on what the bound (mm) rests.
-fn bound_card(tone: &str, bound_mm: f64, efficiency: f64, noun: &str, basis: &str) -> String {
-    let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
-    let about = format!(
-        "No plan of as many {noun} can be below {}: efficiency {}. {basis}",
-        micrometres(Some(bound_mm)),
-        percent(Some(efficiency), 1)
-    );
-    let answer = format!("at most {better} can be gained");
-    card(tone, "Is it the best?", &answer, &about)
-}
-
-/// A card of what became of a prediction.
-fn verdict_card(is_kept: bool, verdict: &str, about: &str) -> String {
-    let tone = if is_kept { "good" } else { "bad" };
-    card(tone, "Does the prediction hold?", verdict, about)
-}
-
-/// A card of what must be looked at; where there is nothing, an answer with what holds, if anything is said of that.
-fn checks_card(conditions: &[Condition], (answer, holds): (&str, &str)) -> String {
-    match (conditions.len(), answer) {
-        (0, "") => String::new(),
-        (0, _) => card("good", "Checks", answer, holds),
-        (count, _) => {
-            let count = counted(count as u64, "condition") + " to look at";
-            card("bad", "Checks", &count, &(joined(conditions, "; ") + "."))
-        }
-    }
-}
-
-/// A card of what random plans predict (m) in the median, beside the plan's own; nothing where there are none.
-fn random_card(median_m: Option<f64>, own_m: Option<f64>, of: &str, repeats: &str) -> String {
-    let Some((median_m, own_m)) = median_m.zip(own_m) else {
-        return String::new();
-    };
-    let about = format!(
-        "Median predicted accuracy of {RANDOM_PLANS} random plans{of}: {}.{repeats}",
-        micrometres(Some(median_m * 1e3))
-    );
-    let answer = format!("{} times as accurate", number(Some(median_m / own_m), 1));
-    card("", "Against a random plan", &answer, &about)
 }
 
 /// Where a page comes from.

@@ -1,31 +1,22 @@
-//! What a run's report answers first: which plan, how accurate, proved by what; and what to do.
+//! What to do next, and what holds of a run.
 
 use std::path::Path;
 
-use super::{PlanPage, bound_card, checks_card, random_card};
-use crate::plan::search::{BoundKind, RepeatsNeeded};
-use crate::plan::{Assessment, UncertaintyBudget};
+use super::PlanPage;
+use super::cards::{conditions_card, length};
+use crate::plan::Assessment;
 use crate::record::evidence::EvidenceMessage;
-use crate::scenario::Scenario;
-use crate::text::wording::{counted, micrometres, naming, shell_path};
-use crate::view::markup::{card, escaped, heading, paragraph, section};
-use crate::workflow::run::{RunOutcome, TriedPlan};
-
-/// Searches of which at least this share agree count as agreeing.
-const MANY: f64 = 0.05;
-
-/// A length (m), for a person.
-fn length(value_m: Option<f64>) -> String {
-    micrometres(value_m.map(|value_m| value_m * 1e3))
-}
+use crate::text::wording::{naming, shell_path};
+use crate::view::card::Card;
+use crate::view::markup::{escaped, paragraph, section};
+use crate::workflow::run::RunOutcome;
 
 /// What holds where there is nothing to look at.
 const ALL_HOLD: &str = "On the virtual robot: every compliance that was asked for is determined, the residuals fit the instrument, and \
                         the plan keeps all bounds of the scenario.";
 
-/// Title and cards.
-pub fn overview(shown: &PlanPage<'_>, outcome: &RunOutcome, own: &TriedPlan) -> String {
-    let (scenario, assessment) = (shown.scenario, &own.assessment);
+/// A card of what must be looked at, or that all holds.
+pub fn checks_card(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Card {
     let violating = (outcome.tried.iter().skip(1))
         .filter(|plan| plan.assessment.violated().is_some())
         .map(|plan| &plan.record.name);
@@ -37,109 +28,8 @@ pub fn overview(shown: &PlanPage<'_>, outcome: &RunOutcome, own: &TriedPlan) -> 
         "" => "all hold",
         _ => "all hold for this plan",
     };
-    let (median_m, own_m) = (outcome.random_rho0_m, assessment.rho0_m);
-    let repeats = repeats(outcome.random_repeats);
-    let holds = format!("{ALL_HOLD}{of_others}");
-    let cards = [
-        plan_card(scenario, own),
-        accuracy_card(own),
-        proof_card(&outcome.evidence, assessment),
-        random_card(median_m, own_m, "", &repeats),
-        checks_card(shown.conditions, (answer, &holds)),
-    ];
-    let title = format!("Calibration plan: {}", scenario.name);
-    heading(&title, &scenario.description, &cards.concat())
-}
-
-fn plan_card(scenario: &Scenario, own: &TriedPlan) -> String {
-    let measurements = counted(own.assessment.experiments.into(), "measurement");
-    let configurations = counted(own.record.plan.len() as u64, "configuration");
-    let parameters = scenario.task.belief.parameter_names();
-    let about = naming(parameters, "Identifies the compliance of {}.");
-    card(
-        "",
-        "Plan",
-        &format!("{measurements} in {configurations}"),
-        &about,
-    )
-}
-
-fn accuracy_card(own: &TriedPlan) -> String {
-    let (assessment, poses) = (&own.assessment, &*own.record.test_poses);
-    let largest = poses.iter().map(|pose| pose.uncompensated_mm);
-    let bent = micrometres(largest.max_by(f64::total_cmp));
-    let uncompensated = match poses {
-        [pose] => format!("at \u{201c}{}\u{201d} it bends by {bent}", pose.name),
-        _ => format!("it bends by up to {bent}"),
-    };
-    let about = format!(
-        "\u{3c1}\u{2080}, the rms distance between the loaded tool and its place, predicted {}{}: a relative accuracy, of what the load bends. Uncompensated, {}.",
-        UncertaintyBudget::in_words(assessment.uncertainty_budget.as_ref(), "measurement"),
-        (assessment.quantile95_m).map_or_else(String::new, |value_m| format!(
-            "; 95 % stay below {}",
-            length(Some(value_m))
-        )),
-        uncompensated
-    );
-    let answer = length(assessment.rho0_m) + " rms";
-    card("", "Accuracy after compensation", &answer, &about)
-}
-
-fn proof_card(evidence: &EvidenceMessage, assessment: &Assessment) -> String {
-    let (searches, agreeing) = (evidence.bound_searches, evidence.bound_searches_agreeing);
-    let (Some(bound), Some(efficiency)) = (assessment.bound_m(), assessment.efficiency()) else {
-        let reason = assessment.no_bound().map(|reason| format!(": {reason}"));
-        let reason = reason.unwrap_or_default();
-        let about = format!("Nothing is known about better plans{reason}.");
-        return card("bad", "Is it the best?", "no bound", &about);
-    };
-    let found = assessment.bound();
-    let proved = found.filter(|bound| bound.kind == BoundKind::Proved);
-    let proved = proved.and_then(|bound| bound.proof.as_ref());
-    let basis = match proved {
-        Some(proof) => format!(
-            "That is proved, by branch and bound over {} boxes of configurations.",
-            proof.boxes
-        ),
-        None => format!(
-            "The bound rests on {searches} local searches for a more telling experiment; {agreeing} ended in the same \
-             best one: strong evidence. {}",
-            proved_of_it(assessment)
-        ),
-    };
-    let tone = if proved.is_some() || agreeing as f64 >= MANY * searches as f64 {
-        "good"
-    } else {
-        ""
-    };
-    bound_card(tone, bound * 1e3, efficiency, "measurements", &basis)
-}
-
-/// What a proof says that does not reach the bound, and what it takes for certain.
-fn proved_of_it(assessment: &Assessment) -> String {
-    let Some(proof) = assessment.bound().and_then(|bound| bound.proof.as_ref()) else {
-        return "There is no proof.".to_owned();
-    };
-    let certain = naming(&proof.left_out, ", with {} assumed exact");
-    format!(
-        "Proved, by branch and bound over {} boxes of configurations: none can be below {}{certain}.",
-        proof.boxes,
-        length(Some(proof.best)),
-    )
-}
-
-/// How often a random plan is to be repeated for the accuracy of the designed one.
-fn repeats(needed: Option<RepeatsNeeded>) -> String {
-    match needed {
-        Some(RepeatsNeeded::Times(times)) => {
-            format!(" That plan gets as far if it is measured {times} times as a whole.")
-        }
-        Some(RepeatsNeeded::Never(limit_m)) => format!(
-            " No number of repeats of that plan gets as far: {} remain however often it is measured.",
-            length(Some(limit_m))
-        ),
-        None => String::new(),
-    }
+    let holds = || Card::new("good", "Checks", answer, ALL_HOLD.to_owned() + &of_others);
+    conditions_card(shown.conditions).unwrap_or_else(holds)
 }
 
 /// What to do with a plan of a scenario in the laboratory, and how to get a better one.

@@ -1,14 +1,16 @@
 //! The page of a Monte Carlo study.
 
 use super::absolute::ABSOLUTE_ACCURACY;
+use super::cards::{conditions_card, verdict_card};
 use super::distances::{distances_figure, distances_table, lines, means_figure, shares_figure};
-use super::{DISTANCES, checks_card, provenance, sources, verdict_card};
+use super::{DISTANCES, provenance, sources};
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
 use crate::task::AccuracyKind;
-use crate::text::wording::{counted, micrometres, number};
+use crate::text::wording::{counted, inverse_interval, micrometres, number};
+use crate::view::card::{Card, heading};
 use crate::view::charts::PlotError;
-use crate::view::markup::{card, heading, page, section};
+use crate::view::markup::{page, section};
 
 /// What the page of a study is made of.
 #[derive(Debug, Clone, Copy)]
@@ -23,22 +25,10 @@ pub struct StudyPageRecord<'a> {
     pub command: &'a str,
 }
 
-/// The smallest mean is what a page of several plans is about.
-fn best<'a>(
-    plans: &'a [StudyPlanMessage],
-    reference: Option<&str>,
-) -> Option<&'a StudyPlanMessage> {
-    let others = (plans.iter()).filter(|plan| Some(plan.name.as_str()) != reference);
-    let with_mean = others.filter_map(|plan| Some((plan, plan.mean_mm?)));
-    let best = with_mean.min_by(|one, other| one.1.total_cmp(&other.1));
-    best.map(|(plan, _)| plan)
-}
-
 /// The page of a study as HTML.
 pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
     let (header, plans) = (study.header, &study.header.plans);
     let reference = header.reference();
-    let is_absolute = header.accuracy() == AccuracyKind::Absolute;
     let lines = lines(study.plans, |_, runs| Some(&*runs.name) == reference);
     let caption = format!(
         "{} runs of each plan {}, {} each, all with the same noise. Each area is the distribution of the residual error; the vertical line is the mean.",
@@ -50,8 +40,7 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
         )
     );
     let title = format!("Plans compared: {}", header.provenance.scenario);
-    let cards = accuracy_card(is_absolute) + &cards(study);
-    let mut body = heading(&title, &caption, &cards);
+    let mut body = heading(&title, &caption, cards(study));
     let distances = means_figure(&lines)?
         + &distances_figure(&lines, &caption)?
         + &shares_figure(&lines)?
@@ -64,38 +53,41 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
 }
 
 /// Which accuracy the study is about.
-fn accuracy_card(is_absolute: bool) -> String {
-    let (answer, about) = if is_absolute {
-        ("absolute", ABSOLUTE_ACCURACY)
-    } else {
-        (
-            "relative",
-            "Of the deflection by the task load, as in the paper, whatever the pose without it.",
-        )
+fn accuracy_card(accuracy: AccuracyKind) -> Card {
+    let about = match accuracy {
+        AccuracyKind::Absolute => ABSOLUTE_ACCURACY,
+        AccuracyKind::Relative => {
+            "Of the deflection by the task load, as in the paper, whatever the pose without it."
+        }
     };
-    card("", "Accuracy", answer, about)
+    Card::new("", "Accuracy", accuracy.name(), about)
+}
+
+/// The plan of the smallest mean, and how much better than a random one it is.
+pub fn best_cards(best: &StudyPlanMessage) -> Vec<Card> {
+    let interval = best.mean_ci95_mm.map_or_else(String::new, |ends| {
+        let [low, high] = ends.map(|end| micrometres(Some(end)));
+        format!("95 % interval of the mean: {low} to {high}.")
+    });
+    let answer = format!("{}: {}", best.name, micrometres(best.mean_mm));
+    let smallest = Card::new("", "Smallest mean distance", answer, interval);
+    let ratio = (best.mean_ratio_to_random).zip(best.mean_ratio_to_random_ci95);
+    let random = ratio.map(|(ratio, interval)| {
+        let answer = format!("{} times as accurate", number(Some(ratio.recip()), 2));
+        let about = format!("95 % interval: {}.", inverse_interval(interval));
+        Card::new("", "Against a random plan", answer, about)
+    });
+    [smallest].into_iter().chain(random).collect()
 }
 
 /// The best plan, how much better than random it is, and whether the prediction holds.
-fn cards(study: &StudyPageRecord<'_>) -> String {
-    let mut cards = String::new();
-    if let Some(best) = best(study.plans, study.header.reference()) {
-        let interval = best.mean_ci95_mm.map_or_else(String::new, |ends| {
-            let [low, high] = ends.map(|end| micrometres(Some(end)));
-            format!("95 % interval of the mean: {low} to {high}.")
-        });
-        let answer = format!("{}: {}", best.name, micrometres(best.mean_mm));
-        cards += &card("", "Smallest mean distance", &answer, &interval);
-        if let (Some(ratio), Some([low, high])) =
-            (best.mean_ratio_to_random, best.mean_ratio_to_random_ci95)
-        {
-            let answer = format!("{} times as accurate", number(Some(ratio.recip()), 2));
-            let about = format!("95 % interval: {:.2} to {:.2}.", high.recip(), low.recip());
-            cards += &card("", "Against a random plan", &answer, &about);
-        }
+fn cards(study: &StudyPageRecord<'_>) -> Vec<Card> {
+    let mut cards = vec![accuracy_card(study.header.accuracy())];
+    if let Some(best) = study.header.best(study.plans) {
+        cards.extend(best_cards(best));
         if let Some(verdict) = &best.verdict {
             let about = "Observed of the best plan beside what is predicted, with all error sources of the scenario.";
-            cards += &verdict_card(verdict.starts_with("holds"), verdict, about);
+            cards.push(verdict_card(verdict.starts_with("holds"), verdict, about));
         }
     }
     let z = (study.plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
@@ -104,6 +96,7 @@ fn cards(study: &StudyPageRecord<'_>) -> String {
                  among a few plans it rarely exceeds 3.";
     let tone = if largest < 4.0 { "good" } else { "bad" };
     let answer = format!("off by {largest:.1} sigma at most");
-    cards += &card(tone, "Prediction", &answer, about);
-    cards + &checks_card(study.conditions, ("", ""))
+    cards.push(Card::new(tone, "Prediction", answer, about));
+    cards.extend(conditions_card(study.conditions));
+    cards
 }

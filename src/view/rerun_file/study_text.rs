@@ -6,9 +6,8 @@ use super::text::{heading, origin};
 use crate::study::account::Contribution;
 use crate::task::AccuracyKind;
 use crate::text::markdown_text;
-use crate::text::wording::{number, percent};
 use crate::view::study_recording::{Snapshot, StudyRecording};
-use crate::view::tables::{self, RecordTable};
+use crate::view::tables;
 
 /// What is shown, and where it comes from.
 pub(super) fn about(study: &StudyRecording) -> String {
@@ -45,11 +44,12 @@ pub(super) fn about(study: &StudyRecording) -> String {
 /// What the runs so far say.
 pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
     let failed: u64 = snapshot.plans.iter().map(|plan| plan.failed).sum();
+    let plans: Vec<_> = snapshot.plans.iter().collect();
     let mut text = format!(
         "**{} of {} runs**\n\n{}",
         snapshot.runs,
         study.header.trials,
-        tables::study(&snapshot.plans).markdown(5)
+        tables::study(&plans, false).first(5).markdown()
     );
     for plan in &snapshot.plans {
         if let Some(outcome) = plan.outcome() {
@@ -64,38 +64,13 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
 
 /// Where each plan's errors come from, where the scenario lists what is uncertain.
 pub(super) fn sources(snapshot: &Snapshot) -> Option<String> {
+    let is_some = |part: &Contribution| part.contribution_um > Some(0.0);
     let plans = snapshot.plans.iter();
-    let listed = plans.filter_map(|plan| {
-        let name = markdown_text(&plan.name);
-        Some(format!(
-            "#### {name}\n\n{}\n",
-            contributions(&plan.contributions)?
-        ))
+    let plans = plans.filter(|plan| plan.contributions.iter().any(is_some));
+    let listed = plans.map(|plan| {
+        let table = tables::contributions(&plan.contributions).markdown();
+        format!("#### {}\n\n{table}\n", markdown_text(&plan.name))
     });
     let text: String = listed.collect();
     (!text.is_empty()).then_some(text)
-}
-
-/// A plan's error sources, the largest above.
-fn contributions(parts: &[Contribution]) -> Option<String> {
-    let all = parts;
-    let mut parts: Vec<&Contribution> = all.iter().collect();
-    let size = |part: &Contribution| part.contribution_um.unwrap_or(0.0);
-    parts.sort_by(|one, other| size(other).total_cmp(&size(one)));
-    if parts.first().is_none_or(|part| size(part) <= 0.0) {
-        return None;
-    }
-    let rows = parts.into_iter().map(|part| {
-        let hidden = if part.hidden { " (hidden)" } else { "" };
-        vec![
-            format!("{}{hidden}", part.source),
-            number(part.contribution_um, 2),
-            percent(part.share_of(all), 1),
-        ]
-    });
-    let table = RecordTable::new(
-        "error source | contribution, rms [\u{b5}m] | share of variance",
-        rows,
-    );
-    Some(table.markdown(3))
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::record::messages::{ProvenanceMessage, TestPoseMessage};
+use crate::record::messages::ProvenanceMessage;
 use crate::text::markdown_text;
 use crate::text::wording::{listed, micrometres, number};
 use crate::view::recording::{PlanRecord, RecordedCalibration, Recording, Step, StepKind};
@@ -58,7 +58,8 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
 /// A table of vectors, and of what a gauge or a ballbar reads under a name, if it does.
 fn vectors(along: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let columns = if along.is_empty() { 5 } else { 6 };
-    RecordTable::new(&format!("| x | y | z | length | {along}"), rows).markdown(columns)
+    let table = RecordTable::new(&format!("| x | y | z | length | {along}"), rows);
+    table.first(columns).markdown()
 }
 
 /// A vector as far as it is known, and what of it is along the direction.
@@ -74,33 +75,21 @@ fn row(name: &str, vector: Option<[f64; 3]>, along: Option<f64>) -> Vec<String> 
 
 /// What a calibration identified, and what that achieves.
 pub(super) fn results(calibration: &RecordedCalibration) -> String {
-    let table = match &calibration.record {
-        PlanRecord::Deflections(record) => {
-            tables::compliances(record, &calibration.compliance_unit)
-        }
-        PlanRecord::Readings(record) => tables::unknowns(record),
+    let record = &calibration.record;
+    let (table, without) = match record {
+        PlanRecord::Deflections(record) => (
+            tables::compliances(record, &calibration.compliance_unit),
+            "uncompensated",
+        ),
+        PlanRecord::Readings(record) => (tables::unknowns(record), "of the nominal robot"),
     };
-    let poses = calibration.record.test_poses().iter().map(|pose| {
-        let uncompensated = micrometres(Some(pose.uncompensated_mm));
-        [vec![pose.name.clone(), uncompensated], achieved(pose)].concat()
-    });
-    let poses = RecordTable::new(
-        "test pose | not compensated | compensated | predicted rms",
-        poses,
-    );
+    let poses = tables::test_poses(record.test_poses(), without);
     format!(
         "#### {}\n\n{}\n#### Test poses\n\n{}",
-        markdown_text(calibration.record.name()),
-        table.markdown(usize::MAX),
-        poses.markdown(usize::MAX)
+        markdown_text(record.name()),
+        table.markdown(),
+        poses.markdown()
     )
-}
-
-/// What is achieved at a test pose, and its predicted rms, which there is where all that it needs is identified.
-fn achieved(pose: &TestPoseMessage) -> Vec<String> {
-    [Some(pose.residual_mm), pose.rho0_mm]
-        .map(micrometres)
-        .into()
 }
 
 /// All calibrations side by side, and where the recording comes from.
@@ -108,9 +97,13 @@ pub(super) fn overview(recording: &Recording) -> String {
     let rows = recording.calibrations.iter().flat_map(|calibration| {
         let record = &calibration.record;
         record.test_poses().iter().map(|pose| {
-            let (plan, measured) = (record.name().to_owned(), record.measured().to_string());
-            let first = vec![plan, measured, pose.name.clone()];
-            [first, achieved(pose)].concat()
+            vec![
+                record.name().to_owned(),
+                record.measured().to_string(),
+                pose.name.clone(),
+                micrometres(Some(pose.residual_mm)),
+                micrometres(pose.rho0_mm),
+            ]
         })
     });
     let table = RecordTable::new(
@@ -120,7 +113,7 @@ pub(super) fn overview(recording: &Recording) -> String {
     format!(
         "{}{}\n{}",
         heading(&recording.provenance, &recording.description),
-        table.markdown(usize::MAX),
+        table.markdown(),
         origin(&recording.provenance)
     )
 }

@@ -1,0 +1,252 @@
+//! What is answered first of a plan and of a run: which plan, how accurate, proved by what, what was observed, and against random plans.
+
+use super::each_once;
+use crate::calibration::{CompensatedPose, rms_m};
+use crate::codes::Condition;
+use crate::plan::search::{BoundKind, RepeatsNeeded};
+use crate::plan::{Assessment, UncertaintyBudget};
+use crate::record::absolute_plan::AbsolutePlanMessage;
+use crate::record::evidence::EvidenceMessage;
+use crate::scenario::Scenario;
+use crate::text::wording::{counted, joined, micrometres, naming, number, percent};
+use crate::view::card::Card;
+use crate::workflow::run::{AbsoluteRun, RANDOM_PLANS, RUN, RunOutcome, TriedPlan};
+
+/// Searches of which at least this share agree count as agreeing.
+const MANY: f64 = 0.05;
+
+/// A length (m), for a person.
+pub(super) fn length(value_m: Option<f64>) -> String {
+    micrometres(value_m.map(|value_m| value_m * 1e3))
+}
+
+/// Of a run of deflections.
+pub fn run_cards(scenario: &Scenario, outcome: &RunOutcome, own: &TriedPlan) -> Vec<Card> {
+    let assessment = &own.assessment;
+    let measurements = counted(assessment.experiments.into(), "measurement");
+    let configurations = counted(own.record.plan.len() as u64, "configuration");
+    let parameters = scenario.task.belief.parameter_names();
+    let place = "the distance of the loaded tool from its place";
+    let cards = [
+        Card::new(
+            "",
+            "Plan",
+            format!("{measurements} in {configurations}"),
+            naming(parameters, "Identifies the compliance of {}."),
+        ),
+        accuracy_card(own),
+        observed_card(&own.calibration.poses, assessment.rho0_m, place, ""),
+        proof_card(&outcome.evidence, assessment),
+    ];
+    let (median_m, repeats) = (outcome.random_rho0_m, repeats(outcome.random_repeats));
+    let random = random_card(median_m, assessment.rho0_m, "", &repeats);
+    cards.into_iter().chain(random).collect()
+}
+
+/// Of a plan of absolute readings, and of its run, where there was one.
+pub fn readings_cards(plan: &AbsolutePlanMessage, run: Option<&AbsoluteRun<'_>>) -> Vec<Card> {
+    let rows = || plan.plan.iter();
+    let configurations = each_once(rows().map(|row| &row.q_deg)).len();
+    let loaded = rows().filter(|row| row.wrench.is_some()).count();
+    let targets = each_once(rows().filter_map(|row| row.target.as_ref()));
+    let stations = each_once(rows().filter_map(|row| row.station.as_ref()));
+    let readings = counted(plan.experiments.into(), "reading");
+    let about = format!(
+        "{loaded} of {} under a load.{}{}",
+        counted(plan.plan.len() as u64, "row"),
+        naming(targets, " Reflectors: {}."),
+        naming(stations, " Stations: {}.")
+    );
+    let configurations = counted(configurations as u64, "configuration");
+    let answer = format!("{readings} in {configurations}");
+    let mut cards = vec![
+        Card::new("", "Plan", answer, about),
+        absolute_accuracy_card(plan),
+        best_card(plan),
+    ];
+    if let Some(run) = run {
+        let rho0_m = plan.rho0_mm.map(|value| value * 1e-3);
+        let [before_m, _] = rms_m(&run.poses);
+        let nominal = format!(
+            " Of the nominal robot, in the frames that suit the same readings best: {}.",
+            length(Some(before_m))
+        );
+        let place = "the distance of the loaded tool from where the identified robot predicts it";
+        cards.push(observed_card(&run.poses, rho0_m, place, &nominal));
+        let of = format!(" of {readings} of the same candidates");
+        cards.extend(random_card(run.random_rho0_m, rho0_m, &of, ""));
+    }
+    cards
+}
+
+fn accuracy_card(own: &TriedPlan) -> Card {
+    let (assessment, poses) = (&own.assessment, &*own.record.test_poses);
+    let largest = poses.iter().map(|pose| pose.uncompensated_mm);
+    let bent = micrometres(largest.max_by(f64::total_cmp));
+    let uncompensated = match poses {
+        [pose] => format!("at \u{201c}{}\u{201d} it bends by {bent}", pose.name),
+        _ => format!("it bends by up to {bent}"),
+    };
+    let quantile = assessment.quantile95_m;
+    let below = quantile.map(|value_m| format!("; 95 % stay below {}", length(Some(value_m))));
+    let about = format!(
+        "\u{3c1}\u{2080}, the rms distance between the loaded tool and its place, predicted {}{}: a relative accuracy, of what the load bends. Uncompensated, {uncompensated}.",
+        UncertaintyBudget::in_words(assessment.uncertainty_budget.as_ref(), "measurement"),
+        below.unwrap_or_default(),
+    );
+    let answer = length(assessment.rho0_m) + " rms";
+    Card::new("", "Accuracy after compensation", answer, about)
+}
+
+fn absolute_accuracy_card(plan: &AbsolutePlanMessage) -> Card {
+    let frame = plan.frame.as_ref().map_or_else(
+        || "the instrument's frame".to_owned(),
+        |station| format!("the frame of station \u{201c}{station}\u{201d}"),
+    );
+    let mut about = format!(
+        "\u{3c1}\u{2080}, the rms distance of the loaded tool from where it should be in {frame}: an absolute accuracy. Frames, \
+         geometry and elasticity count as far as they are unknown; in a relative one, as in the paper, only what the load bends."
+    );
+    if let Some(quantile) = plan.quantile95_mm {
+        about += &format!(" 95 % stay below {}.", micrometres(Some(quantile)));
+    }
+    if plan.task_force_mm > 0.0 {
+        about += &format!(
+            " Of it, {} are the task's uncertain force, whatever is read.",
+            micrometres(Some(plan.task_force_mm))
+        );
+    }
+    let counts = UncertaintyBudget::in_words(plan.uncertainty_budget.as_ref(), "reading");
+    about += &format!(" It is predicted {counts}.");
+    let answer = micrometres(plan.rho0_mm) + " rms";
+    Card::new("", "Absolute accuracy", answer, about)
+}
+
+/// What was observed, beside what is predicted (m).
+fn observed_card(
+    poses: &[CompensatedPose],
+    rho0_m: Option<f64>,
+    what: &str,
+    besides: &str,
+) -> Card {
+    let [_, after_m] = rms_m(poses);
+    let about = format!(
+        "Residual error in run {RUN} on the virtual robot: {what}, rms over the test poses; predicted {} rms.{besides}",
+        length(rho0_m)
+    );
+    Card::new("", "Observed in this run", length(Some(after_m)), about)
+}
+
+fn proof_card(evidence: &EvidenceMessage, assessment: &Assessment) -> Card {
+    let (searches, agreeing) = (evidence.bound_searches, evidence.bound_searches_agreeing);
+    let (Some(bound), Some(efficiency)) = (assessment.bound_m(), assessment.efficiency()) else {
+        let reason = assessment.no_bound().map(|reason| format!(": {reason}"));
+        let reason = reason.unwrap_or_default();
+        let about = format!("Nothing is known about better plans{reason}.");
+        return Card::new("bad", BEST, "no bound", about);
+    };
+    let found = assessment.bound();
+    let proved = found.filter(|bound| bound.kind == BoundKind::Proved);
+    let proved = proved.and_then(|bound| bound.proof.as_ref());
+    let basis = match proved {
+        Some(proof) => format!(
+            "That is proved, by branch and bound over {} boxes of configurations.",
+            proof.boxes
+        ),
+        None => format!(
+            "The bound rests on {searches} local searches for a more telling experiment; {agreeing} ended in the same \
+             best one: strong evidence. {}",
+            proved_of_it(assessment)
+        ),
+    };
+    let is_sure = proved.is_some() || agreeing as f64 >= MANY * searches as f64;
+    bound_card(is_sure, bound * 1e3, efficiency, "measurements", &basis)
+}
+
+/// What a proof says that does not reach the bound, and what it takes for certain.
+fn proved_of_it(assessment: &Assessment) -> String {
+    let Some(proof) = assessment.bound().and_then(|bound| bound.proof.as_ref()) else {
+        return "There is no proof.".to_owned();
+    };
+    let certain = naming(&proof.left_out, ", with {} assumed exact");
+    format!(
+        "Proved, by branch and bound over {} boxes of configurations: none can be below {}{certain}.",
+        proof.boxes,
+        length(Some(proof.best)),
+    )
+}
+
+fn best_card(plan: &AbsolutePlanMessage) -> Card {
+    let (Some(bound), Some(efficiency)) = (plan.lower_bound_rho0_mm, plan.efficiency) else {
+        let about = "Without candidates, nothing is said about better plans: give --candidates.";
+        return Card::new("", BEST, "no bound", about);
+    };
+    let possible = counted(plan.candidates.possible as u64, "possible candidate");
+    let basis = match &plan.drawn {
+        Some(drawn) => format!(
+            "Looked at were {possible}, at {} drawn at random and others near those that were chosen: evidence, no proof, for \
+             the region has more.",
+            counted(drawn.configurations.into(), "configuration")
+        ),
+        None => format!("Proved by looking at all {possible}, of which it speaks alone."),
+    };
+    bound_card(
+        plan.drawn.is_none(),
+        bound,
+        efficiency,
+        "candidates",
+        &basis,
+    )
+}
+
+const BEST: &str = "Is it the best?";
+
+/// A card that says by how much a plan of as many could be better, and on what the bound (mm) rests.
+fn bound_card(is_sure: bool, bound_mm: f64, efficiency: f64, noun: &str, basis: &str) -> Card {
+    let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
+    let about = format!(
+        "No plan of as many {noun} can be below {}: efficiency {}. {basis}",
+        micrometres(Some(bound_mm)),
+        percent(Some(efficiency), 1)
+    );
+    let tone = if is_sure { "good" } else { "" };
+    Card::new(tone, BEST, format!("at most {better} can be gained"), about)
+}
+
+/// A card of what random plans predict (m) in the median, beside the plan's own; nothing where there are none.
+fn random_card(median_m: Option<f64>, own_m: Option<f64>, of: &str, repeats: &str) -> Option<Card> {
+    let (median_m, own_m) = median_m.zip(own_m)?;
+    let about = format!(
+        "Median predicted accuracy of {RANDOM_PLANS} random plans{of}: {}.{repeats}",
+        length(Some(median_m))
+    );
+    let answer = format!("{} times as accurate", number(Some(median_m / own_m), 1));
+    Some(Card::new("", "Against a random plan", answer, about))
+}
+
+/// How often a random plan is to be repeated for the accuracy of the designed one.
+fn repeats(needed: Option<RepeatsNeeded>) -> String {
+    match needed {
+        Some(RepeatsNeeded::Times(times)) => {
+            format!(" That plan gets as far if it is measured {times} times as a whole.")
+        }
+        Some(RepeatsNeeded::Never(limit_m)) => format!(
+            " No number of repeats of that plan gets as far: {} remain however often it is measured.",
+            length(Some(limit_m))
+        ),
+        None => String::new(),
+    }
+}
+
+/// A card of what became of a prediction.
+pub(super) fn verdict_card(is_kept: bool, verdict: &str, about: impl Into<String>) -> Card {
+    let tone = if is_kept { "good" } else { "bad" };
+    Card::new(tone, "Does the prediction hold?", verdict, about)
+}
+
+/// A card of what must be looked at, if something must.
+pub(super) fn conditions_card(conditions: &[Condition]) -> Option<Card> {
+    let count = counted(conditions.len() as u64, "condition") + " to look at";
+    let about = joined(conditions, "; ") + ".";
+    (!conditions.is_empty()).then(|| Card::new("bad", "Checks", count, about))
+}
