@@ -173,20 +173,24 @@ impl<'a> Case<'a> {
                 let fitted = known.fitted(self.measurements, gross, near)?;
                 (of_all, fitted)
             }
-            (None, Ok(of_all)) => {
-                let near = &of_all.posterior.mean;
-                let fitted = match self.sigma {
-                    Sigma::Known(_) => {
-                        known.looked_at_all(of_all.clone(), self.measurements, &[])?
-                    }
-                    Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], near)?,
-                };
-                let others = (!robustness.keeps_all)
-                    .then(|| known.without(&fitted, fitted.over.suspects()?));
-                (of_all, others.flatten().unwrap_or(fitted))
+            (None, of_all) => {
+                let begun = of_all.and_then(|of_all| {
+                    let near = &of_all.posterior.mean;
+                    let fitted = match self.sigma {
+                        Sigma::Known(_) => {
+                            known.looked_at_all(of_all.clone(), self.measurements, &[])?
+                        }
+                        Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], near)?,
+                    };
+                    let others = (!robustness.keeps_all)
+                        .then(|| known.without(&fitted, fitted.over.suspects()?));
+                    Ok((of_all, others.flatten().unwrap_or(fitted)))
+                });
+                match begun {
+                    Err(error) if !robustness.keeps_all => known.begun_linearly().ok_or(error)?,
+                    begun => begun?,
+                }
             }
-            (None, Err(error)) if robustness.keeps_all => return Err(error),
-            (None, Err(error)) => known.begun_linearly().ok_or(error)?,
         };
         let mut weighed = self.measurements.to_vec();
         let rejected = fitted.over.rejected.clone();

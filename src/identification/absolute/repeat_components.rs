@@ -34,8 +34,8 @@ const NUMBERS_PER_VARIANCE: f64 = 4.0;
 const SHOWN: f64 = 1e-3;
 /// A variance that is known so many times worse beside the others than by itself is not told from them.
 const INFLATED: f64 = 100.0;
-/// With fewer effective degrees of freedom no variance is known to be above zero.
-const FEWEST_DEGREES: f64 = 1.0;
+/// 95 % of normal numbers lie within so many standard deviations.
+const WITHIN_95: f64 = 1.96;
 
 /// A variance component of repeats: how joints return whose variances cannot be told apart, one alone where they can, or readings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -130,6 +130,7 @@ impl AbsoluteCase<'_> {
         let (classes, variances) = components(&contrasts, joints.len(), within > 0)?;
         let (_, information) = improved(&contrasts, &classes, within > 0, &variances)?;
         let errors = Cholesky::new(information)?.inverse();
+        let alone = degrees_alone(&contrasts, &classes);
         let chain = &self.arm.chain.joints;
         let component = |level, joints: Vec<usize>, place: usize| {
             let (unit, factor) = match level {
@@ -140,7 +141,7 @@ impl AbsoluteCase<'_> {
             let own = joints.iter().map(|&joint| chain[joint].name.clone());
             let variance = variances[place];
             let degrees_of_freedom = 2.0 * variance * variance / errors[(place, place)];
-            let interval95 = interval95(variance, errors[(place, place)], degrees_of_freedom);
+            let interval95 = interval95(variance, errors[(place, place)], alone[place]);
             RepeatComponent {
                 level,
                 names: own.collect(),
@@ -375,14 +376,35 @@ fn improved(
     Some((improved, information))
 }
 
-/// The interval of 95 % of a standard deviation, by its square, the variance of that, and its degrees of freedom.
-fn interval95(variance: f64, spread: f64, degrees: f64) -> [f64; 2] {
-    if degrees < FEWEST_DEGREES {
-        return [0.0, (variance + 1.96 * spread.sqrt()).sqrt()];
-    }
-    let end = |share: f64| {
-        let law = ChiSquared::new(degrees).map(|law| variance * degrees / law.inverse_cdf(share));
-        law.map_or(f64::INFINITY, f64::sqrt)
+/// The degrees of freedom of each variance if there were no other: of the readings', then of these classes.
+fn degrees_alone(contrasts: &[Contrasts], classes: &[Vec<usize>]) -> Vec<f64> {
+    let of_readings = |each: &Contrasts| each.count * each.own.nrows() as f64;
+    let of_class = |class: &Vec<usize>, each: &Contrasts| {
+        let moved = class
+            .iter()
+            .filter(|&&joint| each.joints.column(joint).amax() > 0.0);
+        each.count * moved.count().min(each.own.nrows()) as f64
     };
-    [0.975, 0.025].map(end)
+    let classes = classes
+        .iter()
+        .map(|class| contrasts.iter().map(|each| of_class(class, each)).sum());
+    iter::once(contrasts.iter().map(of_readings).sum())
+        .chain(classes)
+        .collect()
+}
+
+/// The interval of 95 % of a standard deviation, by its square v, the variance of that, and the degrees of freedom that v would have if there
+/// were nothing else: chi-square then, and normal in what else it is told from (modified large samples, Graybill and Wang 1980).
+fn interval95(variance: f64, spread: f64, alone: f64) -> [f64; 2] {
+    let beside = WITHIN_95.powi(2) * (spread - 2.0 * variance * variance / alone).max(0.0);
+    let law = ChiSquared::new(alone);
+    let own = |share: f64| {
+        let factor = (law.as_ref()).map_or(f64::INFINITY, |law| alone / law.inverse_cdf(share));
+        variance * (factor - 1.0)
+    };
+    let [below, above] = [0.975, 0.025].map(|share| (own(share).powi(2) + beside).sqrt());
+    [
+        (variance - below).max(0.0).sqrt(),
+        (variance + above).sqrt(),
+    ]
 }
