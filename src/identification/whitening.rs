@@ -94,6 +94,7 @@ impl Case<'_> {
         let rows = |place: usize| rows_of(measured(place));
         let size = (0..members.len()).map(rows).sum();
         let mut covariance = DMatrix::zeros(size, size);
+        let share_along = self.belief.uncertain.share_along();
         let mut at = 0;
         for place in 0..members.len() {
             let mut beside = 0;
@@ -103,7 +104,8 @@ impl Case<'_> {
                 if let Some(model) = &mut model {
                     if place == other {
                         model.read_along(own.direction.as_ref());
-                        block += model.covariance_of_all(&own.load);
+                        let share = own.direction.map_or(1.0, |_| share_along);
+                        block += model.covariance_of_all(&own.load) * (share * share);
                     } else {
                         block *= model.unloaded().shared_part();
                         block += model.covariance_shared(&own.load, &another.load);

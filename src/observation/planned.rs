@@ -169,7 +169,9 @@ impl<'a> PlannedReadings<'a> {
 
     /// Readings are from now on those along a direction (unit vector, world frame), or without one of all coordinates, where such are read.
     pub fn read_along(&mut self, direction: Option<&Vector3<f64>>) {
-        let shown = ShownRows::of(&self.precision, direction);
+        let share = ReadingSource::share_along(self.sources);
+        let direction = direction.map(|direction| direction * share);
+        let shown = ShownRows::of(&self.precision, direction.as_ref());
         if (self.shown, self.is_along) != (shown, direction.is_some()) {
             self.forget();
             (self.shown, self.is_along) = (shown, direction.is_some());

@@ -232,8 +232,15 @@ pub(super) fn for_each_effect(
                 })
                 .sum();
             tell_axes(by_itself(&-moved.cross_matrix()), *deviation);
+            // Its cosine is off by t^2 of what moves along it, too.
+            tell(column_of(&(moved * deviation.powi(2))));
         }
     }
+}
+
+/// A displacement (m) without a rotation.
+fn column_of(moved: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(moved.x, moved.y, moved.z, 0.0, 0.0, 0.0)
 }
 
 /// How a target follows the axes of a vector, which each joint's torque follows in this way: by the joint's columns of the Jacobian.

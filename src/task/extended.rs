@@ -236,6 +236,11 @@ impl Extended {
         self.unloaded
     }
 
+    /// Of what moves along a gauge's direction the share that is shown on average.
+    pub fn share_along(&self) -> f64 {
+        ReadingSource::share_along(&self.sources)
+    }
+
     /// The same vector where only the instrument's noise is believed in, with what is known of the compliances before:
     /// what is to be found stays.
     ///
