@@ -39,6 +39,7 @@ fn a_displacement_is_one_row_of_a_deflection() {
     let precision = belief.instrument.precision();
     let all_three = DeflectionPrecision {
         along_sigma_m: None,
+        along_step_m: 0.0,
         reads_all: true,
         ..precision
     };
