@@ -50,7 +50,7 @@ impl Case<'_> {
         let mut state = KinematicState::new(chain.len());
         let all: Vec<usize> = (0..chain.len()).collect();
         let known = DVector::from_column_slice(compliance);
-        let mut predicted = PredictedRows::new(self.rows(), belief.parameters.len());
+        let mut predicted = PredictedRows::new(self, belief.parameters.len());
         for each in self.measurements {
             arm.update(each.configuration_rad.as_slice(), &mut state);
             let [moved, turned] = state.brace_under(compliance, &each.load);
@@ -84,7 +84,7 @@ impl Case<'_> {
         let chain = &belief.nominal.chain;
         let mut arm = chain.at(&belief.calibration_tool);
         let mut solver = EquilibriumSolver::new(chain.len());
-        let mut predicted = PredictedRows::new(self.rows(), belief.parameters.len());
+        let mut predicted = PredictedRows::new(self, belief.parameters.len());
         for (index, (each, torques)) in self.measurements.iter().zip(torques).enumerate() {
             let commanded = each.configuration_rad.as_slice();
             let mut rest = |load: &Load, near: &mut Vec<f64>| {
@@ -121,7 +121,7 @@ impl Case<'_> {
         let extended = &self.belief.uncertain;
         let mut model = ObservationModel::new(extended.set(), extended.arm(), values);
         let mut derivatives = Matrix6xX::zeros(values.len());
-        let mut predicted = PredictedRows::new(self.rows(), values.len());
+        let mut predicted = PredictedRows::new(self, values.len());
         for (index, each) in self.measurements.iter().enumerate() {
             let (setup, kind) = setup_of(each);
             model.read_along(each.direction.is_some());
@@ -187,15 +187,19 @@ pub(super) struct PredictedRows {
     pub derivatives: DMatrix<f64>,
     pub values: DVector<f64>,
     row: usize,
+    /// What is shown on average of what moves along a gauge's direction.
+    share_along: f64,
 }
 
 impl PredictedRows {
-    /// Room for so many.
-    pub fn new(rows: usize, columns: usize) -> Self {
+    /// Room for the measurements of a case.
+    fn new(of: &Case<'_>, columns: usize) -> Self {
+        let rows = of.rows();
         Self {
             derivatives: DMatrix::zeros(rows, columns),
             values: DVector::zeros(rows),
             row: 0,
+            share_along: of.belief.uncertain.share_along(),
         }
     }
 
@@ -208,6 +212,7 @@ impl PredictedRows {
         turned: impl FnOnce() -> Vector3<f64>,
     ) {
         if let Some(direction) = &of.direction {
+            let direction = &(direction * self.share_along);
             let along = derivatives[0].tr_mul(direction).transpose();
             self.derivatives.set_row(self.row, &along);
             self.values[self.row] = direction.dot(&moved);

@@ -8,8 +8,12 @@ use nalgebra::{
 use super::case::Case;
 use super::discrepancy::six_rows;
 use super::equations::rows_of;
-use crate::measurement::{Measurement, by_configuration};
+use crate::measurement::{Measurement, by_configuration, by_experiment};
+use crate::numeric::quantisation::{rounding_variance, shared_rounding};
 use crate::observation::{DeflectionPrecision, PlannedReadings};
+
+/// Repeats differ by this share of a variance at least, where it is said to be less than that of rounding.
+const LEAST_SPREAD: f64 = 1e-6;
 
 /// The factors L of the readings' covariances L L^T, block by block.
 #[derive(Debug)]
@@ -73,8 +77,12 @@ impl Case<'_> {
 
     /// Measurements that share something, together, else each alone.
     fn sharing(&self) -> Vec<Vec<usize>> {
-        if self.belief.is_shared_by_configuration() {
+        let uncertain = &self.belief.uncertain;
+        if uncertain.is_shared_by_configuration() {
             return by_configuration(self.measurements);
+        }
+        if uncertain.along_step_m() > 0.0 {
+            return by_experiment(self.measurements);
         }
         let all = 0..self.measurements.len();
         all.map(|index| vec![index]).collect()
@@ -94,6 +102,7 @@ impl Case<'_> {
         let rows = |place: usize| rows_of(measured(place));
         let size = (0..members.len()).map(rows).sum();
         let mut covariance = DMatrix::zeros(size, size);
+        let share_along = self.belief.uncertain.share_along();
         let mut at = 0;
         for place in 0..members.len() {
             let mut beside = 0;
@@ -103,7 +112,8 @@ impl Case<'_> {
                 if let Some(model) = &mut model {
                     if place == other {
                         model.read_along(own.direction.as_ref());
-                        block += model.covariance_of_all(&own.load);
+                        let share = own.direction.map_or(1.0, |_| share_along);
+                        block += model.covariance_of_all(&own.load) * (share * share);
                     } else {
                         block *= model.unloaded().shared_part();
                         block += model.covariance_shared(&own.load, &another.load);
@@ -116,7 +126,26 @@ impl Case<'_> {
             }
             at += rows(place);
         }
+        self.round_alike(members, &mut covariance);
         covariance
+    }
+
+    /// Adds what repeats of a displacement share of rounding, each with its row, to their covariance: by what is on its diagonal besides.
+    fn round_alike(&self, members: &[usize], covariance: &mut DMatrix<f64>) {
+        let step_m = self.belief.uncertain.along_step_m();
+        let is_along = |&place: &usize| self.measurements[place].direction.is_some();
+        if step_m <= 0.0 || !members.iter().all(is_along) {
+            return;
+        }
+        let all = covariance.diagonal();
+        for (row, column) in (0..all.len()).flat_map(|row| (0..row).map(move |other| (row, other)))
+        {
+            let spread = f64::midpoint(all[row], all[column]) - rounding_variance(step_m);
+            let most = (1.0 - LEAST_SPREAD) * all[row].min(all[column]);
+            let shared = shared_rounding(step_m, spread).min(most);
+            covariance[(row, column)] += shared;
+            covariance[(column, row)] += shared;
+        }
     }
 
     /// The readings of these measurements as planning sees them: of rotations, too, where some are measured. The
@@ -132,6 +161,7 @@ impl Case<'_> {
             rotation_sigma_rad: has_rotations.then_some(1.0),
             unloaded: extended.unloaded(),
             along_sigma_m: None,
+            along_step_m: 0.0,
             reads_all: true,
         };
         Some(extended.readings_of_all(precision))

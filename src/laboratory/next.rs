@@ -89,7 +89,7 @@ impl Remaining {
         let carried_out = measured_plan(measurements);
         left.design.mandatory = not_measured(&task.design.mandatory, &carried_out);
         let has_own_sigma = measurements.iter().any(|each| each.sigma_m.is_some());
-        let is_shared = identified.is_shared_by_configuration();
+        let is_shared = identified.uncertain.is_shared_by_repeats();
         let together = (is_shared && !has_own_sigma).then(|| (identified.clone(), carried_out));
         let is_possible = |each: &Experiment| {
             let near =

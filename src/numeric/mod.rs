@@ -9,6 +9,7 @@
 //!   (eqs. 11 to 13, 20).
 //! - [`quantile`]: what is exceeded with a probability.
 //! - [`tolerance`]: the length that a share of errors stays below, and medians.
+//! - [`quantisation`]: what errors of rounding to steps have in common.
 //! - [`markov`]: processes along a coordinate that forget, of two kinds.
 
 pub mod correlated;
@@ -18,5 +19,6 @@ pub mod least_squares;
 pub mod markov;
 pub mod posterior;
 pub mod quantile;
+pub mod quantisation;
 pub mod random;
 pub mod tolerance;

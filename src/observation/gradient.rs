@@ -373,7 +373,8 @@ impl<'a> DeflectionGradient<'a> {
                     .map(|(joint, k)| joint.position * (k * joint.torque(load)))
                     .sum();
                 let b = moved * of_covariance.trace() - of_covariance * moved;
-                let b = b * (2.0 * deviation * deviation);
+                let square = deviation * deviation;
+                let b = (b + of_covariance * moved * square) * (2.0 * square);
                 let joints = self.joints.iter_mut().zip(self.compliance);
                 joints
                     .map(|(joint, &k)| adjoint_of_deflection(joint, k, load, &b))

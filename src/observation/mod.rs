@@ -43,6 +43,6 @@ pub use reading::{
     DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,
     Whitener,
 };
-pub use reading_errors::{ReadingErrors, turned_columns, turned_covariance};
+pub use reading_errors::{ReadingErrors, SharedRounding, turned_columns, turned_covariance};
 pub use shared::{SharedErrors, SharingReadings, planned_information_of_groups, shared_equations};
 pub use visits::{ConfigurationEquations, SharingReading, Together, Visits, visits_of};

@@ -1,5 +1,6 @@
 //! Readings that are planned: the one way in which planning, predictions and studies see them.
 
+mod rounding;
 mod together;
 
 use std::borrow::Cow;
@@ -29,6 +30,7 @@ pub const NOTHING_READ: DeflectionPrecision = DeflectionPrecision {
     rotation_sigma_rad: None,
     unloaded: Unloaded::Own,
     along_sigma_m: None,
+    along_step_m: 0.0,
     reads_all: true,
 };
 
@@ -169,7 +171,9 @@ impl<'a> PlannedReadings<'a> {
 
     /// Readings are from now on those along a direction (unit vector, world frame), or without one of all coordinates, where such are read.
     pub fn read_along(&mut self, direction: Option<&Vector3<f64>>) {
-        let shown = ShownRows::of(&self.precision, direction);
+        let share = ReadingSource::share_along(self.sources);
+        let direction = direction.map(|direction| direction * share);
+        let shown = ShownRows::of(&self.precision, direction.as_ref());
         if (self.shown, self.is_along) != (shown, direction.is_some()) {
             self.forget();
             (self.shown, self.is_along) = (shown, direction.is_some());
@@ -346,8 +350,7 @@ impl<'a> PlannedReadings<'a> {
 
     /// The same of the rows that a reading has.
     fn own_whitener(&self, load: &Load) -> Matrix6<f64> {
-        let times = counted_times(self.unloaded().shared_part(), self.repeats);
-        let noise = self.precision.covariance() * times;
+        let noise = self.precision.covariance() * self.noise_times(load);
         let alone = |variance: f64| {
             if variance > 0.0 {
                 variance.sqrt().recip()
@@ -396,10 +399,11 @@ impl<'a> PlannedReadings<'a> {
         let part = self.precision.unloaded.shared_part();
         let noise = self.precision.covariance();
         let noise = together(&mut |row, column| {
-            let repeats = f64::from(experiments[row].1);
+            let (load, repeats) = &experiments[row];
+            self.set_repeats(*repeats);
             noise
                 * if row == column {
-                    counted_times(part, repeats)
+                    self.noise_times(load)
                 } else {
                     part
                 }
@@ -490,10 +494,11 @@ impl<'a> PlannedReadings<'a> {
             self.observe(load, &mut Matrix3xX::zeros(factor.ncols()));
         }
         let (unloaded, repeats) = (self.unloaded(), self.repeats);
-        let is_along = self.is_along;
+        let (is_along, of_noise) = (self.is_along, self.slope_of_noise(load));
         let times = |source: &ReadingSource| {
             let is_counted = f64::from(u8::from(source.is_of_deflection(is_along)));
-            is_counted * counted_times(source.shared_part(unloaded), repeats)
+            let times = counted_times(source.shared_part(unloaded), repeats);
+            is_counted * (times + of_noise)
         };
         let PlannedRows::Any(_, Some(closed)) = &mut self.rows else {
             return None;

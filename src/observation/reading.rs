@@ -99,6 +99,8 @@ pub struct DeflectionPrecision {
     pub unloaded: Unloaded,
     /// The standard deviation of a displacement along a direction (m), where readings may have that row alone.
     pub along_sigma_m: Option<f64>,
+    /// The step (m) to which such are rounded, where repeats share errors of that; else nothing.
+    pub along_step_m: f64,
     /// Whether readings without a direction show all coordinates; else they tell nothing.
     pub reads_all: bool,
 }

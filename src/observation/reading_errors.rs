@@ -26,6 +26,17 @@ pub struct ReadingErrors {
     pub configuration: Matrix6xX<f64>,
 }
 
+/// What repeats of a length share of its rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SharedRounding {
+    /// Its variance (m^2); nothing where they share none.
+    pub variance_m2: f64,
+    /// Which of the effects of its configuration it is, among those of all its lengths that have such;
+    pub column: usize,
+    /// how many these are.
+    pub columns: usize,
+}
+
 impl ReadingErrors {
     /// None.
     pub fn none() -> Self {
@@ -102,6 +113,26 @@ impl ReadingErrors {
             visit: turned_columns(&self.visit, by),
             configuration: turned_columns(&self.configuration, by),
         }
+    }
+
+    /// In how much (m^2) repeats of a length differ, without its own noise.
+    pub fn spread_of_repeats(&self) -> f64 {
+        self.reading[(0, 0)] + self.visit.row(0).norm_squared()
+    }
+
+    /// The same of a length whose instrument's noise, rounding among it, is counted apart: what repeats share of rounding is no longer new
+    /// in each of them but its configuration's.
+    pub fn rounded(mut self, rounding: &SharedRounding) -> Self {
+        let known = self.configuration.ncols();
+        let mut columns = self
+            .configuration
+            .resize_horizontally(known + rounding.columns, 0.0);
+        if rounding.variance_m2 > 0.0 {
+            self.reading[(0, 0)] -= rounding.variance_m2;
+            columns[(0, known + rounding.column)] = rounding.variance_m2.sqrt();
+        }
+        self.configuration = columns;
+        self
     }
 
     /// The same where no other reading shares any: all is new in it.
@@ -232,8 +263,15 @@ pub(super) fn for_each_effect(
                 })
                 .sum();
             tell_axes(by_itself(&-moved.cross_matrix()), *deviation);
+            // Its cosine is off by t^2 of what moves along it, too.
+            tell(column_of(&(moved * deviation.powi(2))));
         }
     }
+}
+
+/// A displacement (m) without a rotation.
+fn column_of(moved: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(moved.x, moved.y, moved.z, 0.0, 0.0, 0.0)
 }
 
 /// How a target follows the axes of a vector, which each joint's torque follows in this way: by the joint's columns of the Jacobian.

@@ -216,6 +216,16 @@ impl RangeNoise {
 }
 
 impl ReadingSource {
+    /// Of what moves along a gauge's direction the share that is shown on average where these sources err: a gauge that is turned by
+    /// small angles of a standard deviation t about the two axes across it shows the mean of their cosine, exp(-t^2).
+    pub fn share_along(sources: &[Self]) -> f64 {
+        let squares = sources.iter().map(|source| match source {
+            Self::GaugeDirection(deviation) => deviation * deviation,
+            _ => 0.0,
+        });
+        (-squares.sum::<f64>()).exp()
+    }
+
     /// How many normal numbers a reading takes for it.
     pub const fn numbers(&self) -> usize {
         match self {

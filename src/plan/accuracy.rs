@@ -1,5 +1,7 @@
 //! The Fisher information of a plan, and the accuracy that follows from it.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, Matrix3xX};
 
 use super::{Experiment, Plan};
@@ -119,6 +121,16 @@ impl<'a> ExperimentModel<'a> {
         }
         rows
     }
+}
+
+/// A plan whose experiments that are alike are one, with repeats, where these share errors of rounding.
+pub fn as_repeats<'p>(plan: &'p Plan, uncertain: Option<&Extended>) -> Cow<'p, Plan> {
+    if uncertain.is_none_or(|each| each.along_step_m() <= 0.0) {
+        return Cow::Borrowed(plan);
+    }
+    let mut plan = plan.clone();
+    plan.put_repeats_together();
+    Cow::Owned(plan)
 }
 
 /// The experiments of a plan by configuration, where deflections of one configuration share something; else each by itself. Those that

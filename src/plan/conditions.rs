@@ -2,14 +2,14 @@
 
 use nalgebra::DMatrix;
 
-use super::{Plan, posterior, rho0_m};
+use super::{Experiment, Plan, posterior, rho0_m};
 use crate::codes::{Condition, ConditionCode};
 use crate::compensation::test_pose_matrix;
 use crate::identification::UNKNOWN_COMPLIANCE;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, ParameterSet};
 use crate::robot::Approach;
-use crate::task::Task;
+use crate::task::{Belief, Task};
 use crate::text::wording::in_um;
 
 /// Configurations that differ by less than this in every joint (rad, m) hardly have discrepancies of their own.
@@ -67,13 +67,29 @@ pub fn less_than_nominal(
     })
 }
 
-/// Whether the accuracy rests on discrepancies of neighbouring configurations being independent.
+/// Whether the accuracy rests on discrepancies of neighbouring configurations being independent, or on the rounding of displacements that
+/// hardly differ.
 fn near(task: &Task, plan: &Plan, own_m: f64) -> Option<Condition> {
-    if !task.belief.uncertain.has_discrepancies() {
+    let (uncertain, all) = (&task.belief.uncertain, &plan.experiments);
+    let (have_discrepancies, step_m) = (uncertain.has_discrepancies(), uncertain.along_step_m());
+    let [errors, error] = if have_discrepancies {
+        ["model discrepancies", "discrepancy"]
+    } else if step_m > 0.0 {
+        ["rounding errors", "rounding error"]
+    } else {
         return None;
-    }
-    let all = &plan.experiments;
+    };
+    let shown_m = all.iter().map(|each| displacement_m(&task.belief, each));
+    let shown_m: Vec<f64> = shown_m.collect();
+    let are_alike = |one: usize, other: usize| {
+        let hung = |place: usize| (all[place].load, all[place].direction);
+        let apart_m = (shown_m[one] - shown_m[other]).abs();
+        have_discrepancies || hung(one) == hung(other) && apart_m < 0.5 * step_m
+    };
     let is_near = |one: usize, other: usize| {
+        if !are_alike(one, other) {
+            return false;
+        }
         let [one, other] = [one, other].map(|place| &all[place]);
         let apart = (&one.configuration_rad - &other.configuration_rad).amax();
         apart < NEAR && Approach::is_same(one.approach.as_ref(), other.approach.as_ref())
@@ -105,12 +121,30 @@ fn near(task: &Task, plan: &Plan, own_m: f64) -> Option<Condition> {
     };
     pairs.truncate(NAMED);
     Some(ConditionCode::NearConfigurations.with(format!(
-        "experiments {}{more} are within 5 deg in all joints, with independent model discrepancies: rho0 = {} um, \
-         and {} um with one discrepancy for each group",
+        "experiments {}{more} are within 5 deg in all joints, with independent {}: rho0 = {} um, and {} um with one {} for \
+         each group",
         pairs.join(", "),
+        errors,
         in_um(own_m, 3),
-        in_um(as_one_m, 3)
+        in_um(as_one_m, 3),
+        error
     )))
+}
+
+/// What the nominal robot moves along a gauge's direction in an experiment (m), to first order; endless where a gauge does not read.
+fn displacement_m(belief: &Belief, experiment: &Experiment) -> f64 {
+    let Some(direction) = &experiment.direction else {
+        return f64::INFINITY;
+    };
+    let q = experiment.configuration_rad.as_slice();
+    let state = (belief.nominal.chain.at(&belief.calibration_tool)).state(q);
+    let joints = belief.nominal.compliance_rad_per_nm.iter().enumerate();
+    joints
+        .map(|(joint, k)| {
+            let along = direction.dot(&state.position_column(joint));
+            along * k * state.load_torque(joint, &experiment.load)
+        })
+        .sum()
 }
 
 /// Whether so much is left that there is nothing to gain.

@@ -14,7 +14,9 @@
 use nalgebra::DMatrix;
 
 use super::uncertainty_budget::{Squares, UncertaintyBudget, common};
-use super::{ExperimentModel, Plan, hung, quantile95_m, sharing_groups, stand_at, task_rows};
+use super::{
+    ExperimentModel, Plan, as_repeats, hung, quantile95_m, sharing_groups, stand_at, task_rows,
+};
 use crate::numeric::posterior::Posterior;
 use crate::task::Task;
 use crate::text::wording::significant;
@@ -41,6 +43,7 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     let (mut noise, mut readings) = (0.0, Vec::new());
     readings.resize(extended.sources().count(), 0.0);
     let experiments = ExperimentModel::new(belief);
+    let plan = &*as_repeats(plan, experiments.uncertain);
     let rows = experiments.rows();
     let mut model = experiments.readings();
     let is_shared = belief.is_shared_by_configuration();

@@ -17,7 +17,7 @@ mod turns;
 mod uncertainty_budget;
 
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
-pub use accuracy::{ExperimentModel, hung, sharing_groups, stand_at};
+pub use accuracy::{ExperimentModel, as_repeats, hung, sharing_groups, stand_at};
 pub use assessment::{Assessment, FurtherError, violated};
 pub use conditions::less_than_nominal;
 pub use criterion::{Criterion, CriterionFunction, no_wider_than_high};

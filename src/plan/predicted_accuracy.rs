@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{ExperimentModel, Plan};
+use super::{ExperimentModel, Plan, as_repeats};
 use crate::compensation::{predicted_error, test_pose_rows, weighted_rows};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::least_squares::LeastSquares;
@@ -13,6 +13,7 @@ use crate::task::{Belief, Task};
 /// What is known of the unknowns after the plan, whatever is read.
 pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
     let model = ExperimentModel::new(belief);
+    let plan = &*as_repeats(plan, model.uncertain);
     // A plan without experiments tells as much as one that tells nothing.
     let rows = model.rows();
     let before = belief.uncertain.prior_rows();

@@ -19,7 +19,8 @@ use super::{EntryKind, StudiedReadings, summary::Measured, verdict::Kept};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{
-    EARLIER, ExperimentModel, NOISE, Plan, posterior, quantile95_m, sharing_groups, task_rows,
+    EARLIER, ExperimentModel, NOISE, Plan, as_repeats, posterior, quantile95_m, sharing_groups,
+    task_rows,
 };
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -161,6 +162,7 @@ impl Account {
         let gain = &rows * &posterior.covariance;
         let deviations = Deviations::new(belief, truth);
         let model = ExperimentModel::new(belief);
+        let plan = &*as_repeats(plan, model.uncertain);
         let mut planned = model.readings();
         let sigma_m = belief.instrument.sigma_m;
 

@@ -34,7 +34,7 @@ use super::tally::{Batch, Failure};
 use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::random::normal::LANES;
-use crate::plan::{Experiment, ExperimentModel, Plan, sharing_groups};
+use crate::plan::{Experiment, ExperimentModel, Plan, as_repeats, sharing_groups};
 use crate::task::Task;
 use crate::testbed::Truth;
 
@@ -93,6 +93,7 @@ impl<'a> LinearModel<'a> {
     /// # Errors
     /// The plan does not determine what the test poses need.
     pub fn plan(&self, plan: &Plan) -> Result<PlanModel, Failure> {
+        let plan = &*as_repeats(plan, self.experiments.uncertain);
         let groups = sharing_groups(plan, self.deviations.is_shared_by_configuration());
         let observed = self.observed(&groups);
         let counted = self.counted(&observed, &groups);

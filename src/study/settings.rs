@@ -90,7 +90,10 @@ impl Conditions {
     /// The task under these conditions.
     pub fn of(&self, task: &Task) -> Task {
         let mut task = task.clone();
-        task.belief.instrument.sigma_m = self.sigma_m;
+        let belief = &mut task.belief;
+        belief.instrument.sigma_m = self.sigma_m;
+        let along_step_m = belief.instrument.along_step_m();
+        belief.uncertain = belief.uncertain.clone().shown_in_steps(along_step_m);
         task.loads = task.loads.scaled(self.load_scale);
         for experiment in &mut task.design.mandatory.experiments {
             experiment.load = experiment.load.scaled(self.load_scale);

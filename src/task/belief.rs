@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Extended, Gauge, PriorCampaign, Station, station_named};
+use crate::numeric::quantisation::shared_rounding;
 use crate::observation::{BareArm, DeflectionPrecision, LengthKind};
 use crate::parameter::{ElasticArm, ErrorDistribution, ParameterError, Prior, Unloaded};
 use crate::robot::{Commands, ReadsAlong, Robot, Tool};
@@ -38,6 +39,7 @@ impl Instrument {
             rotation_sigma_rad: self.rotation_sigma_rad,
             unloaded: self.unloaded,
             along_sigma_m: self.gauge.map(|_| self.along_sigma_m()),
+            along_step_m: self.along_step_m(),
             reads_all: self.reads_along() != ReadsAlong::Always,
         }
     }
@@ -111,6 +113,17 @@ impl Instrument {
     pub fn along_noise_m(&self) -> f64 {
         let rounding_m2 = self.gauge.map_or(0.0, |gauge| gauge.rounding_m2());
         before_rounding(self.along_sigma_m(), rounding_m2)
+    }
+
+    /// The step (m) of what it shows of a displacement, where that is so coarse beside its noise that repeats, alike in all else, share
+    /// errors of rounding; else nothing.
+    pub fn along_step_m(&self) -> f64 {
+        let step_m = self.gauge.map_or(0.0, |gauge| gauge.resolution_m);
+        if shared_rounding(step_m, self.along_noise_m().powi(2)) > 0.0 {
+            step_m
+        } else {
+            0.0
+        }
     }
 
     /// The same of the difference of two lengths.

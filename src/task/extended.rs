@@ -44,6 +44,8 @@ pub struct Extended {
     distributions: BTreeMap<String, ErrorDistribution>,
     /// Which reading without the load deflections rest on.
     unloaded: Unloaded,
+    /// The step (m) of displacements whose repeats share errors of rounding; nothing where none do.
+    along_step_m: f64,
 }
 
 /// Unknowns as the uncertainties list them.
@@ -222,6 +224,7 @@ impl Extended {
                 .map(|each| (each.name.clone(), each.distribution))
                 .collect(),
             unloaded: Unloaded::Own,
+            along_step_m: 0.0,
         })
     }
 
@@ -231,9 +234,30 @@ impl Extended {
         self
     }
 
+    /// The same where displacements are shown in steps (m) so coarse that repeats share errors of rounding; nothing where they are not.
+    pub const fn shown_in_steps(mut self, along_step_m: f64) -> Self {
+        self.along_step_m = along_step_m;
+        self
+    }
+
+    /// The step (m) of displacements whose repeats share errors of rounding; nothing where none do.
+    pub const fn along_step_m(&self) -> f64 {
+        self.along_step_m
+    }
+
+    /// Whether repeats of an experiment share something that they do not average.
+    pub fn is_shared_by_repeats(&self) -> bool {
+        self.along_step_m > 0.0 || self.is_shared_by_configuration()
+    }
+
     /// Which reading without the load deflections rest on.
     pub const fn unloaded(&self) -> Unloaded {
         self.unloaded
+    }
+
+    /// Of what moves along a gauge's direction the share that is shown on average.
+    pub fn share_along(&self) -> f64 {
+        ReadingSource::share_along(&self.sources)
     }
 
     /// The same vector where only the instrument's noise is believed in, with what is known of the compliances before:
@@ -248,12 +272,15 @@ impl Extended {
     ) -> Result<Self, ParameterError> {
         let (arm, further) = (self.arm.clone(), &self.further);
         let noise_only = Self::new(arm, identified, further, prior, None, &[])?;
-        Ok(noise_only.resting_on(self.unloaded))
+        Ok((noise_only.resting_on(self.unloaded)).shown_in_steps(self.along_step_m))
     }
 
     /// Whether compliances alone are unknown, and only the noise of each deflection is uncertain, so that closed forms hold.
     pub const fn is_plain(&self) -> bool {
-        self.further.is_empty() && self.is_certain() && matches!(self.unloaded, Unloaded::Own)
+        self.further.is_empty()
+            && self.is_certain()
+            && matches!(self.unloaded, Unloaded::Own)
+            && self.along_step_m <= 0.0
     }
 
     /// The arm at values of the unknowns (p).

@@ -62,6 +62,8 @@ impl Belief {
         if let Some(gauge) = &self.instrument.gauge {
             belief.text("displacements along a direction are read");
             belief.numbers(gauge.beside_m);
+            // Finer ones are part of the noise alone.
+            belief.numbers(Some(extended.along_step_m()).filter(|step_m| *step_m > 0.0));
         }
         for (kind, shows) in self.instrument.lengths() {
             belief.text(&format!("{}s from stations are read", kind.name()));

@@ -2,6 +2,8 @@
 
 use nalgebra::Vector3;
 
+use crate::numeric::quantisation::rounding_variance;
+
 /// What an instrument for one length shows: a dial gauge, which is set to zero without the load, a ballbar, a wire encoder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gauge {
@@ -19,7 +21,7 @@ pub struct Gauge {
 impl Gauge {
     /// The variance of rounding to the step (m^2), which is uniform.
     pub fn rounding_m2(&self) -> f64 {
-        self.resolution_m.powi(2) / 12.0
+        rounding_variance(self.resolution_m)
     }
 
     /// What it shows of a length (m).

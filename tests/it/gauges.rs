@@ -1,6 +1,7 @@
 //! Displacements along a direction, as a dial gauge reads them: plans and fits of them, on the virtual robot.
 
 use elastocal::calibration::{calibrate, measure};
+use elastocal::identification::Case;
 use elastocal::measurement::read_measurements;
 use elastocal::observation::DeflectionPrecision;
 use elastocal::plan::search::{Problem, random_plan};
@@ -38,6 +39,7 @@ fn a_displacement_is_one_row_of_a_deflection() {
     let precision = belief.instrument.precision();
     let all_three = DeflectionPrecision {
         along_sigma_m: None,
+        along_step_m: 0.0,
         reads_all: true,
         ..precision
     };
@@ -54,9 +56,11 @@ fn a_displacement_is_one_row_of_a_deflection() {
         whole.move_to(q);
         let mut jacobian = Matrix6xX::zeros(size);
         whole.derivatives(&each.load, &mut jacobian);
-        let row = jacobian.fixed_rows::<3>(0).tr_mul(&direction);
+        // What is shown on average of what moves along it.
+        let shown = direction * extended.share_along();
+        let row = jacobian.fixed_rows::<3>(0).tr_mul(&shown);
         let covariance = whole.covariance_of_all(&each.load);
-        let spread = direction.dot(&(covariance.fixed_view::<3, 3>(0, 0) * direction));
+        let spread = shown.dot(&(covariance.fixed_view::<3, 3>(0, 0) * shown));
         let expected = &row * row.transpose() / (precision.sigma_m.powi(2) + spread);
         let told = |readings: &elastocal::observation::PlannedReadings<'_>| {
             let mut matrix = Matrix3xX::zeros(size);
@@ -694,5 +698,63 @@ fn a_gross_error_is_named_whichever_instrument_reads() {
         }
         println!("{unnamed} of {count} unnamed");
         assert!(unnamed <= count / 2, "{unnamed} of {count}");
+    }
+}
+
+/// A gauge that is set to some degrees shows less than what moves along it: on average as much less as is predicted, and as widely spread,
+/// along what moves and aslant. Virtual robots turn it.
+#[test]
+fn a_gauge_that_points_aslant_shows_less() {
+    const REPEATS: u32 = 1000;
+    let text = scenario_text(GAUGE);
+    let (head, _) = text
+        .split_once("# What this laboratory")
+        .expect("a comment");
+    let more =
+        "[[uncertainty]]\nkind = \"gauge_direction\"\nstd_mrad = 80\n[design]\nexperiments = 9\n";
+    let scenario = loaded(&format!("{head}{more}"));
+    let belief = &scenario.task.belief;
+    let mut robots = TrueRobots::new(belief, &scenario.truth).expect("the sites exist");
+    let mut read = |direction: Option<Vector3<f64>>, repeats: u32| {
+        let mut plan = six(&scenario);
+        plan.experiments.truncate(1);
+        (plan.experiments[0].direction, plan.experiments[0].repeats) = (direction, repeats);
+        let normals = robots
+            .become_run_of(&scenario.truth, repeats as usize, 7, 0)
+            .expect("a run");
+        robots
+            .measure_noise_free(&plan, &belief.instrument, &normals, 0)
+            .expect("at rest")
+    };
+    let moved = read(None, 1)[0].deflection_m;
+    let along = moved.normalize();
+    let across = along.cross(&Vector3::new(0.3, -0.5, 0.8)).normalize();
+    // The nominal robot, which these are.
+    let known = elastocal::plan::posterior(belief, &six(&scenario));
+    for aslant in [0.0, 0.6] {
+        let direction = (along + across * aslant).normalize();
+        let measurements = read(Some(direction), REPEATS);
+        let predictions = Case::as_believed(belief, &measurements).predictions(&known);
+        let each = predictions.expect("predictions").each;
+        let along = |each: &elastocal::identification::Predicted| {
+            let variance_m2 = direction.dot(&(each.reading_m2 * direction));
+            [direction.dot(&each.difference_m), variance_m2]
+        };
+        let predicted: Vec<[f64; 2]> = each.iter().map(along).collect();
+        let count = f64::from(REPEATS);
+        let mean = predicted.iter().map(|each| each[0]).sum::<f64>() / count;
+        let squares = predicted.iter().map(|each| (each[0] - mean).powi(2));
+        let spread = squares.sum::<f64>() / count;
+        let noise_m2 = belief.instrument.along_sigma_m().powi(2);
+        let expected = predicted[0][1] - noise_m2;
+        assert!(
+            mean.abs() < 4.0 * (spread / count).sqrt(),
+            "{aslant}: {mean} {spread}"
+        );
+        // The square of two normal numbers has a kurtosis of 9.
+        assert!(
+            (spread / expected - 1.0).abs() < 4.0 * (8.0 / count).sqrt(),
+            "{aslant}: {spread} {expected}"
+        );
     }
 }

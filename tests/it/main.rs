@@ -18,6 +18,7 @@
 //! - `identifiability`: what measurements cannot tell is named.
 //! - `determined`: every command names the same compliances as not determined.
 //! - `compensation_trust`: what `compensate` makes of files that it should not trust.
+//! - `coarse_steps`: repeats that share errors of rounding, and what predictions, fits and bounds make of it.
 //! - `codes`: conditions and errors have codes that are explained; `explain`, `--allow`.
 //! - `command_line`: the commands, seen from outside the process.
 //! - `calibrated_robots`: a robot from absolute readings as a model, and compensated with.
@@ -135,6 +136,7 @@ mod calibrated_robots;
 mod candidates;
 mod certificates;
 mod chains;
+mod coarse_steps;
 mod codes;
 mod command_line;
 mod compensation_trust;

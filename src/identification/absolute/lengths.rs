@@ -1,12 +1,19 @@
 //! Lengths among absolute readings: from stations that do not show all coordinates.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Isometry3, Translation3};
 
 use super::super::frames::MountedFrames;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteResult};
+use crate::experiment::numbered;
 use crate::measurement::AbsoluteReading;
-use crate::observation::LengthKind;
+use crate::numeric::quantisation::{rounding_variance, shared_rounding};
+use crate::observation::{LengthKind, ReadingErrors, SharedRounding};
 use crate::task::station_named;
+
+/// Repeats differ by this share of a variance at least.
+const LEAST_SPREAD: f64 = 1e-6;
 
 impl AbsoluteCase<'_> {
     /// Where a station is begun with: where the robot's own world is; one that lengths are read from where the planner's model has it,
@@ -52,6 +59,45 @@ impl AbsoluteCase<'_> {
     pub fn length_from(&self, station: usize) -> Option<LengthKind> {
         let name = self.stations[station].as_deref();
         station_named(&self.belief.stations, name)?.reads
+    }
+
+    /// What repeats of each reading share of its rounding, by its errors besides the instrument's noise: those of one target, under one
+    /// load, from one station and in one configuration.
+    pub fn shared_rounding(&self, errors: &[ReadingErrors]) -> Vec<SharedRounding> {
+        let mut all = vec![SharedRounding::default(); self.observations.len()];
+        let each = self.observations.iter().zip(&self.covariances).zip(errors);
+        for (shared, ((read, covariance), errors)) in all.iter_mut().zip(each) {
+            let kind = read.reading.kind().length();
+            let shows = kind.and_then(|kind| self.belief.instrument.shows_length(kind));
+            let step_m = shows.map_or(0.0, |shows| shows.resolution_m);
+            let own = covariance[(0, 0)];
+            let spread = own - rounding_variance(step_m) + errors.spread_of_repeats();
+            // A file may say that it is less than rounding makes it.
+            shared.variance_m2 = shared_rounding(step_m, spread).min((1.0 - LEAST_SPREAD) * own);
+        }
+        if all.iter().all(|each| each.variance_m2 <= 0.0) {
+            return all;
+        }
+        let setup = |place: usize| &self.observations[place].setup;
+        let of = |place: usize| (setup(place).load, setup(place).target, setup(place).station);
+        let pose = |place: usize| setup(place).pose();
+        let configurations = numbered(all.len(), pose, |_, _| true);
+        let alike = numbered(all.len(), pose, |one, other| of(one) == of(other));
+        let mut rounded: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (place, each) in all.iter_mut().enumerate() {
+            let here = rounded.entry(configurations[place]).or_default();
+            if each.variance_m2 > 0.0 {
+                let known = here.iter().position(|known| *known == alike[place]);
+                each.column = known.unwrap_or(here.len());
+                if known.is_none() {
+                    here.push(alike[place]);
+                }
+            }
+        }
+        for (each, configuration) in all.iter_mut().zip(&configurations) {
+            each.columns = rounded[configuration].len();
+        }
+        all
     }
 
     pub(super) fn is_length(&self, place: usize) -> bool {

@@ -23,10 +23,19 @@ impl AbsoluteCase<'_> {
     pub fn counting_sources(mut self) -> Self {
         let uncertain = &self.belief.uncertain;
         let are_functions = !self.reads_lengths() && !uncertain.joint_functions().is_empty();
-        if self.is_sharing_known || are_functions || uncertain.sources().next().is_none() {
+        if self.is_sharing_known || are_functions {
             return self;
         }
         let mut errors = self.listed_errors();
+        let rounding = self.shared_rounding(&errors);
+        let is_any = rounding.iter().any(|each| each.columns > 0);
+        if !is_any && uncertain.sources().next().is_none() {
+            return self;
+        }
+        if is_any {
+            let both = errors.into_iter().zip(&rounding);
+            errors = both.map(|(own, each)| own.rounded(each)).collect();
+        }
         let setup = |visit: usize| &self.observations[self.visits[visit][0]].setup;
         let are_kept = errors.iter().any(|each| each.configuration.ncols() > 0);
         let mut shared = SharedErrors { groups: Vec::new() };

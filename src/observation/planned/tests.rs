@@ -19,6 +19,7 @@ pub(in crate::observation) const DEFLECTIONS: DeflectionPrecision = DeflectionPr
     rotation_sigma_rad: None,
     unloaded: Unloaded::Own,
     along_sigma_m: None,
+    along_step_m: 0.0,
     reads_all: true,
 };
 pub(in crate::observation) const ROTATIONS: DeflectionPrecision = DeflectionPrecision {
@@ -26,6 +27,7 @@ pub(in crate::observation) const ROTATIONS: DeflectionPrecision = DeflectionPrec
     rotation_sigma_rad: Some(2e-5),
     unloaded: Unloaded::Own,
     along_sigma_m: None,
+    along_step_m: 0.0,
     reads_all: true,
 };
 

@@ -137,9 +137,12 @@ impl AbsolutePlanning<'_> {
     ) -> Option<UncertaintyBudget> {
         let rho0_m = prediction.rho0_m()?;
         let weighed = self.weighed(plan, prediction);
-        let noise = weighed.left_by(|place| ReadingErrors {
-            reading: self.case.covariances[place],
-            ..ReadingErrors::none()
+        let noise = weighed.left_by(|place| {
+            let noise = ReadingErrors {
+                reading: self.case.covariances[place],
+                ..ReadingErrors::none()
+            };
+            noise.rounded(&self.rounding[place])
         });
         let belief = self.case.belief;
         let extended = &belief.uncertain;

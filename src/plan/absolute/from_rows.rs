@@ -10,7 +10,7 @@ use crate::experiment::{Candidate, read_candidates, together};
 use crate::files::FileError;
 use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup};
 use crate::measurement::AbsoluteReading;
-use crate::observation::{PlannedReading, ReadingKind};
+use crate::observation::{PlannedReading, ReadingErrors, ReadingKind};
 use crate::parameter::{ReadingSource, relative_precision};
 use crate::plan::search::CandidatePlan;
 use crate::robot::Load;
@@ -72,9 +72,12 @@ impl<'a> AbsolutePlanning<'a> {
             .iter()
             .map(|each| each.load.unwrap_or(Load::NONE));
         let read: Vec<(usize, Load)> = loads.enumerate().collect();
-        let errors = (read.iter())
+        let errors: Vec<ReadingErrors> = (read.iter())
             .map(|(place, load)| case.disturbed(*place, load, new.iter().copied()))
             .collect();
+        let rounding = case.shared_rounding(&errors);
+        let errors = errors.into_iter().zip(&rounding);
+        let errors = errors.map(|(own, each)| own.rounded(each)).collect();
         let machining = &task.belief.machining_tool;
         let known = (case.targets.iter()).position(|target| *target == machining.name);
         let target = known.unwrap_or_else(|| {
@@ -104,6 +107,7 @@ impl<'a> AbsolutePlanning<'a> {
             case,
             set,
             errors,
+            rounding,
             measured: CandidatePlan::new(),
         };
         Ok(planning.knowing((offered..).zip(times).collect()))

@@ -38,7 +38,8 @@ use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{
-    PlannedReadings, ReadingErrors, ReadingKind, Setup, planned_positions, turning_load_rows,
+    PlannedReadings, ReadingErrors, ReadingKind, Setup, SharedRounding, planned_positions,
+    turning_load_rows,
 };
 use crate::parameter::{ParameterKind, ParameterSet, SourceLevel};
 use crate::quantities::limits::MOST_EXPERIMENTS;
@@ -81,6 +82,8 @@ pub struct AbsolutePlanning<'a> {
     functions: RobotFunctions,
     /// all other errors of a reading of each candidate besides the instrument's noise,
     errors: Vec<ReadingErrors>,
+    /// of which so much is the instrument's,
+    rounding: Vec<SharedRounding>,
     /// and with which they are shared.
     neighbours: Neighbours,
     /// The machining tool, by its place among the arm's.

@@ -221,7 +221,7 @@ impl Candidates {
         let each: Vec<DMatrix<f64>> = (all.par_iter())
             .map(|experiment| problem.told(experiment, 1))
             .collect();
-        let is_shared = problem.is_shared_by_configuration();
+        let is_shared = problem.is_shared_by_repeats();
         let configurations = numbered(all.len(), |place| all[place].pose(), |_, _| true);
         let told = |measured: &[(usize, u32)]| match *measured {
             [(only, times)] => problem.told(&all[only], times),

@@ -14,8 +14,8 @@ use crate::experiment::Loads;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::{
-    Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, bounds_of, hung,
-    sharing_groups, stand_at, task_rows, widened,
+    Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, as_repeats, bounds_of,
+    hung, sharing_groups, stand_at, task_rows, widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
 
@@ -356,6 +356,11 @@ impl<'a> Problem<'a> {
             .is_some_and(Extended::is_shared_by_configuration)
     }
 
+    /// Whether repeats of an experiment share something that they do not average.
+    pub(super) fn is_shared_by_repeats(&self) -> bool {
+        self.extended.is_some_and(Extended::is_shared_by_repeats)
+    }
+
     /// Whether bounds of the region depend on the load. Otherwise the largest force is best: information grows
     /// with the square of its size, and the criterion is the better for more of every information.
     pub(super) fn is_force_bounded(&self) -> bool {
@@ -450,6 +455,7 @@ impl<'a> Problem<'a> {
 
     /// The scaled information matrix of a plan, with what is known before it.
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
+        let plan = &*as_repeats(plan, self.extended);
         let mut evaluator = self.evaluator();
         let mut matrix = evaluator.matrix();
         let mut information = self.prior.clone();

@@ -85,7 +85,12 @@ impl Checker<'_> {
         let (joints, prior) = (&belief.parameters, belief.prior.as_ref());
         let campaign = belief.prior_campaign.as_ref();
         let extended = Extended::new(belief.arm(), joints, further, prior, campaign, &known);
-        let extended = extended.map(|each| each.resting_on(belief.instrument.unloaded));
+        let instrument = &belief.instrument;
+        let read = |each: Extended| {
+            let resting = each.resting_on(instrument.unloaded);
+            resting.shown_in_steps(instrument.along_step_m())
+        };
+        let extended = extended.map(read);
         extended.map_err(|error| {
             let hint = matches!(error, ParameterError::Twice(_))
                 .then_some("two uncertainties are about the same: leave one out, or hide it");
