@@ -3,7 +3,7 @@
 use crate::calibration::{Calibration, CompensatedPose, rms_m};
 use crate::files::make_folder;
 use crate::identification::ReadingWeights;
-use crate::measurement::{absolute_table, deflection_table};
+use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
 use crate::plan::search::{Bound, RepeatsNeeded, Watch};
 use crate::plan::{UncertaintyBudget, take_nearest_turns};
 use crate::record::absolute_plan::AbsolutePlanMessage;
@@ -78,7 +78,9 @@ impl Run {
         let [plan, measurements, results] = FILES.map(|name| folder.join(name));
         let written = &mut report.written;
         written.note(&plan, looped.planned.write(&scenario.task, &plan));
-        let origin = scenario.origin().simulated(scenario.seed, Some(RUN));
+        let origin = scenario
+            .origin()
+            .simulated(SimulatedRun::first(scenario.seed, Some(RUN)));
         written.save(&measurements, &(origin.comments() + &looped.measurements));
         let record = record_text(&mut report.json, &report.conditions)?;
         written.save(&results, &record);

@@ -51,7 +51,8 @@ impl Identify {
                 file.display(),
                 "--against takes another series of the robot",
             );
-            refuse_same(other, others == readings, &same.to_string(), hint)?;
+            let is_same = others == readings && !identified.case.may_repeat();
+            refuse_same(other, is_same, &same.to_string(), hint)?;
             let between = [file, other].map(|path| format!("in {}", path.display()));
             (identified.compare(belief, &others, (groups, weights), between))
                 .map_err(|error| error.in_file(other))?;
