@@ -696,3 +696,51 @@ fn a_gross_error_is_named_whichever_instrument_reads() {
         assert!(unnamed <= count / 2, "{unnamed} of {count}");
     }
 }
+
+/// What is wrong with a gauge's table is named as with a tracker's: signs, units of displacements and of loads.
+#[test]
+fn input_errors_of_displacements_are_named() {
+    let place = Workplace::new();
+    place.write("gauge.toml", scenario_text(GAUGE));
+    let plan = crate::support::project("scenarios/plans/kr270_gauge_m9.csv");
+    place.json(&format!(
+        "measure gauge.toml --plan {} --run 3 --measurements-out right.csv",
+        plan.display()
+    ));
+    let right = place.read("right.csv");
+    let identified = |column: &str, factor: f64| {
+        let mut lines = right.lines().filter(|line| !line.starts_with('#'));
+        let header = lines.next().expect("a header");
+        let index = header.split(',').position(|name| name == column);
+        let index = index.expect("a column");
+        let mut text = format!("{header}\n");
+        for line in lines {
+            let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+            let value: f64 = fields[index].parse().expect("a number");
+            fields[index] = (value * factor).to_string();
+            text += &format!("{}\n", fields.join(","));
+        }
+        place.write("wrong.csv", text);
+        let outcome = place.run("identify gauge.toml --measurements wrong.csv");
+        outcome.stdout + &outcome.stderr
+    };
+    let honest = identified("displacement_mm", 1.0);
+    assert!(!honest.contains("likely input error"), "{honest}");
+    for (column, factor, words) in [
+        ("displacement_mm", -1.0, "are all signs reversed"),
+        (
+            "displacement_mm",
+            1e3,
+            "are the displacements in um instead of mm? Multiply displacement_mm by 0.001",
+        ),
+        (
+            "displacement_mm",
+            1e-3,
+            "are the displacements in m instead of mm? Multiply displacement_mm by 1000",
+        ),
+        ("fz_n", 9.81_f64.recip(), "are the loads in kg instead of N"),
+    ] {
+        let said = identified(column, factor);
+        assert!(said.contains(words), "{column} {factor}: {said}");
+    }
+}

@@ -24,7 +24,7 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use super::super::copies::{CopiedReadings, ReadBits, may_repeat};
 use super::super::frames::nearest;
 use super::super::{Case, Identification};
-use super::catalogue::{self, Correction, InputError, right_angles};
+use super::catalogue::{self, Correction, InputError, MeasuredRows, right_angles};
 use super::evidence::{ReadingEvidence, most_probable};
 use super::{LikelyInputError, unknown_approaches};
 use crate::codes::{Condition, ConditionCode};
@@ -159,12 +159,9 @@ pub fn suspected_input_errors(
 }
 
 /// The input errors that explain the measurements decisively better than reading them as they are, one
-/// on top of the other, whether the measurements are suspicious or not; none of displacements along a direction.
+/// on top of the other, whether the measurements are suspicious or not.
 pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
     let mut found = Vec::new();
-    if (case.measurements.iter()).any(|each| each.direction.is_some()) {
-        return found;
-    }
     // What is known before is wider here.
     let Ok(belief) = (case.belief).of_compliances(case.belief.parameters.clone(), None) else {
         return found;
@@ -293,7 +290,8 @@ fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -
 fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError, f64)> {
     let chain = &case.belief.nominal.chain;
     let [reversed, _, units, swapped, _] = catalogue::of_commands(chain);
-    let kinds = (catalogue::of_deflections().into_iter()).chain([units, swapped]);
+    let rows = MeasuredRows::of(measurements);
+    let kinds = (catalogue::of_deflections(rows).into_iter()).chain([units, swapped]);
     let price = |count: usize| 2.0 * (count as f64).ln();
     let mut all: Vec<(InputError, f64)> = Vec::new();
     for errors in kinds {
@@ -309,7 +307,9 @@ fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError,
         let price = price(sizes[error.reversed.len()] * chain.len());
         (error, price)
     }));
-    all.extend(rotation(case, measurements));
+    if rows == MeasuredRows::Deflections {
+        all.extend(rotation(case, measurements));
+    }
     all
 }
 
