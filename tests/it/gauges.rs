@@ -279,9 +279,34 @@ fn the_laboratory_sets_a_gauge_for_each_measurement() {
         assert!(pair[0]["wrench"].is_null() && pair[1]["wrench"].is_array());
         assert_eq!(numbers(&pair[0]["direction"]).len(), 3);
     }
+    // What the gauge meets is what the virtual robot has there without noise.
+    place.run("measure gauge.toml --plan plan.csv --noise-free --measurements-out free.csv");
+    let free = read_measurements(&place.path("free.csv"), &scenario.task.belief).expect("read");
+    for stop in stops {
+        let experiment = number(&stop["experiments"][0]) as usize - 1;
+        let expected_mm = plan.experiments[experiment]
+            .direction
+            .expect("one")
+            .dot(&free[experiment].deflection_m)
+            * 1e3;
+        let found_mm = number(&stop["displacement_mm"]);
+        assert!(
+            (found_mm - expected_mm).abs() < 2e-3,
+            "{found_mm} {expected_mm}"
+        );
+        assert!(
+            numbers(&stop["target_mm"])
+                .iter()
+                .any(|mm| mm.abs() > 500.0)
+        );
+    }
+    let text = place.run("lab gauge.toml --plan plan.csv").stdout;
+    assert!(text.contains("gauge near [mm]") && text.contains("should show [mm]"));
     let table = place.read("out/gauge/lab/measurements.csv");
     assert!(table.contains("direction_z,displacement_mm"));
     let sheet = place.read("out/gauge/lab/run_sheet.html");
+    assert_eq!(sheet.matches("The target is near ").count(), 6);
+    assert_eq!(sheet.matches("<small>near ").count(), 6);
     assert_eq!(sheet.matches("set the gauge along").count(), 6);
     assert!(
         sheet.contains(" and 6 moves."),
