@@ -769,3 +769,33 @@ fn input_errors_of_displacements_are_named() {
         assert!(said.contains(words), "{column} {factor}: {said}");
     }
 }
+
+/// A gauge beside a tracker has its error as a certificate has it, too.
+#[test]
+fn a_gauge_beside_a_tracker_may_have_a_certificate() {
+    let place = Workplace::new();
+    let text = beside(&scenario_text(GAUGE));
+    let certificate = "mpe_um = 10\ncoverage_factor = 2\ndirections";
+    place.write("gauge.toml", &text);
+    place.write(
+        "certificate.toml",
+        text.replacen("sigma_mm = 0.005\ndirections", certificate, 1),
+    );
+    place.write(
+        "none.toml",
+        text.replacen("sigma_mm = 0.005\ndirections", "directions", 1),
+    );
+    let scenario = loaded(&text);
+    let commands = scenario.task.belief.commands();
+    elastocal::plan::write_plan(&place.path("plan.csv"), commands, &of_both(&scenario))
+        .expect("written");
+    let [plain, certified] = ["gauge", "certificate"].map(|name| {
+        let evaluate = format!("evaluate {name}.toml --plan plan.csv --no-proof --json --quiet");
+        number(&place.run(&evaluate).json()["rho0_mm"])
+    });
+    assert!(
+        (plain / certified - 1.0).abs() < 1e-12,
+        "{plain} {certified}"
+    );
+    (place.run("check none.toml").ends_with(1)).says("instrument.gauge.sigma_mm");
+}
