@@ -194,7 +194,8 @@ impl Run {
         })?;
         let sheet = stills.sheet();
         let record = &outcome.record;
-        let text = absolute::describe(&record.identification) + &of_readings(plan, &outcome);
+        let text = absolute::describe(&record.identification, &scenario.task.belief.instrument)
+            + &of_readings(plan, &outcome);
         let json = outcome.json(scenario, &provenance, plan, groups)?;
         Ok(Looped {
             measurements: absolute_table(&task.belief.commands(), &record.readings),

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::command_prelude::*;
 use super::identified::{IdentifiedCompliances, read_identified, read_stored, refuse_same, trust};
-use super::table::{DISTANCES, distances};
+use super::table::{DISTANCES, distances, residual_name};
 use super::tolerance::{ToleranceArgs, report_judged};
 
 #[derive(Debug, Args)]
@@ -129,7 +129,8 @@ impl Validate {
         let differences = left.zip(validation.readings_m2.iter().copied()).collect();
         let with_joints: Vec<_> = validation.prognoses.iter().map(|each| each.left).collect();
         let keys = readings_record(&validation, &with_joints);
-        let text = describe_readings(&validation, &with_joints);
+        let name = residual_name(&belief.instrument);
+        let text = describe_readings(&validation, &with_joints, &name);
         let report = Report::new(keys, text, conditions);
         Ok((report, differences, validation.may_repeat))
     }
@@ -255,10 +256,14 @@ fn readings_record(validation: &AbsoluteValidation, with_joints: &[ReadingResidu
     })
 }
 
-fn describe_readings(validation: &AbsoluteValidation, with_joints: &[ReadingResidual]) -> String {
+fn describe_readings(
+    validation: &AbsoluteValidation,
+    with_joints: &[ReadingResidual],
+    distance: &str,
+) -> String {
     let mut rows = Vec::new();
     let mut add = |name: &str, left: &[ReadingResidual]| {
-        for (what, lengths) in ["distance [mm]", "angle [mrad]"]
+        for (what, lengths) in [distance, "angle [mrad]"]
             .into_iter()
             .zip(DistanceStatistics::in_mm_and_mrad(left))
         {

@@ -359,6 +359,11 @@ fn what_no_gauge_can_do_is_refused() {
         "design.accuracy",
         "positions",
     );
+    refused(
+        ["resolution_mm = 0.001", "resolution_mm = 20"],
+        "instrument.resolution_mm",
+        "instrument.range_mm is 10",
+    );
     let discrepancy = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.01\n[design]";
     refused(
         ["[design]", discrepancy],

@@ -191,3 +191,18 @@ fn honest_repeats_to_a_step_are_no_copies() {
         );
     }
 }
+
+/// The table of a validation names what was read.
+#[test]
+fn a_validation_speaks_of_heights() {
+    let place = workplace();
+    place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
+    place.json("identify s.toml --measurements read.csv --identified-out robot.json");
+    place.json("measure s.toml --plan plan.csv --series 1 --measurements-out other.csv");
+    let validate = "validate s.toml --identified robot.json --measurements other.csv";
+    let text = place.run(validate).stdout;
+    assert!(
+        text.contains("identified: height [mm]") && !text.contains("distance [mm]"),
+        "{text}"
+    );
+}

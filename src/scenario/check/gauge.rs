@@ -86,6 +86,17 @@ impl Checker<'_> {
             ["range_mm", "resolution_mm"].map(|name| format!("{key}.{name}"));
         let range_mm = self.optional(&range_key, range_mm, &SIZE)?;
         let step_mm = self.optional(&step_key, resolution_mm, &RESOLUTION)?;
+        if let (Some(range_mm), Some(step_mm)) = (range_mm, step_mm)
+            && step_mm > range_mm
+        {
+            let problem = format!(
+                "found {step_mm}, and {range_key} is {range_mm}: it would show nothing but zero"
+            );
+            let wrong = self.wrong(&step_key, problem);
+            return Err(
+                wrong.hint("the step is that of the last digit, the range how far the gauge goes")
+            );
+        }
         Ok(Gauge {
             beside_m: None,
             range_m: range_mm.map(|mm| mm * 1e-3),
