@@ -87,7 +87,7 @@ impl CopiedReadings {
                     .iter()
                     .copied()
                     .find(|first| first.setup == copy.setup);
-                let first = same.unwrap_or(&equal[0]);
+                let first = same.unwrap_or(equal[0]);
                 let (apart_m, found) = if same.is_some() {
                     (Vector3::zeros(), &mut rows)
                 } else {
