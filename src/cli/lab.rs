@@ -253,6 +253,7 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
 fn describe(measurements: u32, campaign: &Campaign, gravity_m_s2: &Vector3<f64>) -> String {
     let is_absolute = campaign.stops.iter().any(|stop| !stop.targets.is_empty());
     let has_stations = campaign.stops.iter().any(|stop| stop.station.is_some());
+    let has_gauge = campaign.stops.iter().any(|stop| stop.at_gauge.is_some());
     let rows = (campaign.stops.iter().enumerate()).map(|(index, stop)| {
         let experiments: Vec<String> = (stop.experiments.iter())
             .map(|index| (index + 1).to_string())
@@ -274,6 +275,10 @@ fn describe(measurements: u32, campaign: &Campaign, gravity_m_s2: &Vector3<f64>)
             stop.readings.to_string()
         });
         row.extend([stop.side.to_string(), stop.way.via.len().to_string()]);
+        if has_gauge {
+            row.push(or_dash(stop.at_gauge, |at| at.near()));
+            row.push(or_dash(stop.at_gauge, |at| at.shows()));
+        }
         row
     });
     let (experiment, reads, measurement) = if is_absolute {
@@ -282,8 +287,13 @@ fn describe(measurements: u32, campaign: &Campaign, gravity_m_s2: &Vector3<f64>)
         ("experiment", "readings", "measurement")
     };
     let station = if has_stations { "station | " } else { "" };
+    let gauge = if has_gauge {
+        " | gauge near [mm] | should show [mm]"
+    } else {
+        ""
+    };
     let header = format!(
-        "stop | {station}{experiment} | load | {reads} | approached with | over safe poses"
+        "stop | {station}{experiment} | load | {reads} | approached with | over safe poses{gauge}"
     );
     let looked = if campaign.is_checked {
         "Every move keeps the clearance."

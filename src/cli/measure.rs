@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use crate::calibration::{MeasuredRun, measure};
-use crate::measurement::{absolute_table, deflection_table};
+use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
 use crate::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
 use crate::record::messages::{MeasurementMessage, TruthMessage};
 use crate::robot::ReadsAlong;
@@ -55,7 +55,11 @@ impl Measure {
             AccuracyKind::Relative => self.deflections(&scenario)?,
         };
         if let Some(path) = &self.measurements_out {
-            let origin = scenario.origin().simulated(scenario.seed, run);
+            let origin = scenario.origin().simulated(SimulatedRun {
+                campaign: self.campaign,
+                series: self.series,
+                ..SimulatedRun::first(scenario.seed, run)
+            });
             shown.write(path, &(origin.comments() + &rows))?;
         }
         let keys = [shown.json.take()];

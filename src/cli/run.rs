@@ -2,7 +2,7 @@
 
 use crate::files::make_folder;
 use crate::identification::ReadingWeights;
-use crate::measurement::{absolute_table, deflection_table};
+use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
 use crate::plan::search::{Bound, Watch};
 use crate::plan::take_nearest_turns;
 use crate::record::absolute_plan::AbsolutePlanMessage;
@@ -90,7 +90,9 @@ impl Run {
         let [plan, measurements, results] = FILES.map(|name| folder.join(name));
         let written = &mut report.written;
         written.note(&plan, looped.planned.write(&scenario.task, &plan));
-        let origin = scenario.origin().simulated(scenario.seed, Some(RUN));
+        let origin = scenario
+            .origin()
+            .simulated(SimulatedRun::first(scenario.seed, Some(RUN)));
         written.save(&measurements, &(origin.comments() + &looped.measurements));
         let record = record_text(&mut report.json, &report.conditions)?;
         written.save(&results, &record);
@@ -180,7 +182,8 @@ impl Run {
         let mut conditions = planned.conditions(scenario);
         conditions.extend(outcome.conditions(scenario));
         let record = &outcome.record;
-        let text = absolute::describe(&record.identification) + &of_readings(plan, &outcome);
+        let text = absolute::describe(&record.identification, &scenario.task.belief.instrument)
+            + &of_readings(plan, &outcome);
         let json = outcome.json(scenario, &provenance, plan, groups)?;
         Ok(Looped {
             measurements: absolute_table(&task.belief.commands(), &record.readings),

@@ -1,6 +1,8 @@
 //! Plain text tables.
 
 use crate::identification::DistanceStatistics;
+use crate::observation::LengthKind;
+use crate::task::Instrument;
 use crate::text::wording::{self, joined};
 pub use crate::view::tables::aligned;
 
@@ -22,6 +24,12 @@ pub fn distances(name: &str, each: &DistanceStatistics) -> Vec<String> {
 /// What is shown of something, or a dash where there is nothing.
 pub fn or_dash<T>(of: Option<T>, shown: impl FnOnce(T) -> String) -> String {
     of.map_or_else(|| "-".to_owned(), shown)
+}
+
+/// What readings are off by, with its unit: of lengths of one kind in their word.
+pub fn residual_name(instrument: &Instrument) -> String {
+    let length = instrument.length_alone();
+    format!("{} [mm]", length.map_or("distance", LengthKind::name))
 }
 
 /// A length (m) in micrometres with the given decimals, or a dash where there is none.

@@ -1,7 +1,8 @@
 //! `validate`: whether the robot errs as its identification predicts.
 
+use crate::identification::input_errors::measurements_may_repeat;
 use crate::identification::{
-    DistanceStatistics, Predicted, Predictions, ReadingResidual, is_identified_from,
+    Case, DistanceStatistics, Predicted, Predictions, ReadingResidual, is_identified_from,
     with_discrepancy,
 };
 use crate::laboratory::validation::{validate, validation_plan};
@@ -16,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::command_prelude::*;
 use super::identified::{IdentifiedCompliances, read_identified, read_stored, refuse_same, trust};
-use super::table::{DISTANCES, distances};
+use super::table::{DISTANCES, distances, residual_name};
 use super::tolerance::{ToleranceArgs, report_judged};
 
 #[derive(Debug, Args)]
@@ -42,15 +43,15 @@ pub struct Validate {
 }
 
 /// What measurements show of a prediction: the command's keys, text and conditions; measured less predicted (m), and the covariance of
-/// each reading alone (m^2).
-type Validated = (Report, Vec<(Vector3<f64>, Matrix3<f64>)>);
+/// each reading alone (m^2); whether they are so coarse that chance may repeat them.
+type Validated = (Report, Vec<(Vector3<f64>, Matrix3<f64>)>, bool);
 
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let path = &*self.identified;
         let (scenario, robot, _) = read_stored(&self.common, "validate", path)?;
         self.common.check_files(&scenario, None)?;
-        let (mut shown, differences) = match (&robot, &self.measurements) {
+        let (mut shown, differences, may_repeat) = match (&robot, &self.measurements) {
             (Some(robot), Some(file)) => self.of_absolute(&scenario, robot, file)?,
             (Some(robot), None) => {
                 trust(path, &scenario, Some(&robot.identified_with))?;
@@ -67,7 +68,12 @@ impl Validate {
         if let Some(file) = &self.measurements {
             let as_what = format!("{} was identified from", path.display());
             let hint = "give measurements that were not fitted";
-            refuse_same(file, is_identified_from(path, file)?, &as_what, hint)?;
+            let is_same = is_identified_from(path, file)?;
+            refuse_same(file, is_same && !may_repeat, &as_what, hint)?;
+            if is_same {
+                let problem = "The same readings were fitted, to the last digit; of so coarse a step others may be the same by chance.";
+                shown.text += &format!("{problem}\n");
+            }
         }
         let keys = [shown.json.take()];
         let mut report = (self.common).report("validate", &scenario, keys, shown)?;
@@ -96,7 +102,7 @@ impl Validate {
         if let Some(path) = &self.plan_out {
             report.noted(path, write_plan(path, commands, &plan));
         }
-        Ok((report, Vec::new()))
+        Ok((report, Vec::new(), false))
     }
 
     /// Holds other readings beside a robot that was identified.
@@ -123,8 +129,10 @@ impl Validate {
         let differences = left.zip(validation.readings_m2.iter().copied()).collect();
         let with_joints: Vec<_> = validation.prognoses.iter().map(|each| each.left).collect();
         let keys = readings_record(&validation, &with_joints);
-        let text = describe_readings(&validation, &with_joints);
-        Ok((Report::new(keys, text, conditions), differences))
+        let name = residual_name(&belief.instrument);
+        let text = describe_readings(&validation, &with_joints, &name);
+        let report = Report::new(keys, text, conditions);
+        Ok((report, differences, validation.may_repeat))
     }
 }
 
@@ -150,7 +158,8 @@ fn of_deflections(
     conditions.extend(prediction_failed(validation.probability()));
     let differences = (bare.iter()).map(|each| (each.difference_m, each.reading_m2));
     let report = Report::new(record(&validation), describe(&validation), conditions);
-    Ok((report, differences.collect()))
+    let may_repeat = measurements_may_repeat(&Case::as_believed(belief, &measured));
+    Ok((report, differences.collect(), may_repeat))
 }
 
 /// The predicted standard deviation of a difference's length, and what of it the robot makes (m).
@@ -243,10 +252,14 @@ fn readings_record(validation: &AbsoluteValidation, with_joints: &[ReadingResidu
     })
 }
 
-fn describe_readings(validation: &AbsoluteValidation, with_joints: &[ReadingResidual]) -> String {
+fn describe_readings(
+    validation: &AbsoluteValidation,
+    with_joints: &[ReadingResidual],
+    distance: &str,
+) -> String {
     let mut rows = Vec::new();
     let mut add = |name: &str, left: &[ReadingResidual]| {
-        for (what, lengths) in ["distance [mm]", "angle [mrad]"]
+        for (what, lengths) in [distance, "angle [mrad]"]
             .into_iter()
             .zip(DistanceStatistics::in_mm_and_mrad(left))
         {

@@ -36,6 +36,8 @@ pub struct StoredIdentification {
     pub all: Option<Posterior>,
     /// The conditions with which it was made, besides what is not determined.
     pub conditions: Vec<Condition>,
+    /// The standard deviations that error sources gave what else was uncertain; in the units of `all`.
+    pub listed: Vec<Option<f64>>,
     /// The names of the error sources with which it was made; some files do not say.
     pub error_sources: Option<Vec<String>>,
     /// What the model leaves unexplained, of positions (m) and rotations (rad); nothing where the measurements did not show any.
@@ -49,6 +51,7 @@ pub struct StoredIdentification {
 #[derive(Deserialize)]
 struct StoredUncertain {
     name: String,
+    prior_std: Option<f64>,
     value: Option<f64>,
     std: Option<f64>,
 }
@@ -168,6 +171,7 @@ impl StoredIdentification {
         Ok(Self {
             posterior,
             all,
+            listed: stored.uncertain.iter().map(|each| each.prior_std).collect(),
             joints,
             error_sources: stored.error_sources,
             discrepancy,

@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 use nalgebra::DVector;
 use thiserror::Error;
 
-use super::groups::{Group, Stop, groups_of_loads, groups_of_visits, stand_alike};
+use super::groups::{AtGauge, Group, Stop, groups_of_loads, groups_of_visits, stand_alike};
 use super::order::shortest;
 use super::side::{Side, wanted_side};
 use super::ways::{Way, Ways, apart};
@@ -102,7 +102,11 @@ impl Campaign {
             groups.extend(planner.in_place(&in_place, keep_order));
             groups
         };
-        Self::in_groups(task, laboratory, plan, groups, keep_order)
+        let mut campaign = Self::in_groups(task, laboratory, plan, groups, keep_order)?;
+        for stop in &mut campaign.stops {
+            stop.at_gauge = AtGauge::of(&task.belief, &plan.experiments[stop.experiments[0]]);
+        }
+        Ok(campaign)
     }
 
     /// Plans the work of a plan of absolute readings, as [`new`](Self::new) does: candidates by their places, and how often each is

@@ -8,7 +8,8 @@ use crate::experiment::{Experiment, Plan};
 use crate::observation::ReadLength;
 use crate::parameter::Unloaded;
 use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
-use crate::robot::Load;
+use crate::robot::{EquilibriumSolver, Load};
+use crate::task::Belief;
 
 /// One place where the robot stands and is measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +26,8 @@ pub struct Stop {
     pub is_in_place: bool,
     /// The direction that a gauge reads along, which is set here where nothing hangs yet.
     pub direction: Option<Vector3<f64>>,
+    /// What it meets there, by the nominal robot; none without one, or where the robot does not rest.
+    pub at_gauge: Option<AtGauge>,
     /// Where the instrument stands, where absolute readings say it.
     pub station: Option<String>,
     /// Whether it is set up there just before.
@@ -41,6 +44,45 @@ pub struct Stop {
     pub approach: Option<DVector<f64>>,
     /// The way there from the stop before, or from the first safe pose.
     pub way: Way,
+}
+
+/// What a gauge meets, by the nominal robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AtGauge {
+    /// Where the target is without the load (m, world frame).
+    pub target_m: Vector3<f64>,
+    /// The displacement along its direction by the load (m).
+    pub displacement_m: f64,
+}
+
+impl AtGauge {
+    pub(super) fn of(belief: &Belief, each: &Experiment) -> Option<Self> {
+        let nominal = &belief.nominal;
+        let mut arm = nominal.chain.at(&belief.calibration_tool);
+        let mut solver = EquilibriumSolver::new(nominal.chain.len());
+        let compliance = &nominal.compliance_rad_per_nm;
+        let mut place = |load: &Load| {
+            let q = each.configuration_rad.as_slice();
+            solver.solve(&mut arm, compliance, q, load).ok()?;
+            Some(solver.state().tool_position)
+        };
+        let target_m = place(&Load::NONE)?;
+        Some(Self {
+            target_m,
+            displacement_m: each.direction?.dot(&(place(&each.load)? - target_m)),
+        })
+    }
+
+    /// Where the target is (mm), in words.
+    pub fn near(&self) -> String {
+        let [x, y, z] = (self.target_m * 1e3).into();
+        format!("({x:.0}, {y:.0}, {z:.0})")
+    }
+
+    /// The displacement (mm), in words.
+    pub fn shows(&self) -> String {
+        format!("{:+.2}", self.displacement_m * 1e3)
+    }
 }
 
 impl Stop {
@@ -77,6 +119,7 @@ impl Group {
             load: self.load,
             changes_load: self.load.is_some() && last.is_none_or(|last| last.load != self.load),
             direction: plan.experiments[experiments[0]].direction,
+            at_gauge: None,
             station: self.station.clone(),
             changes_station: self.station.is_some()
                 && last.is_none_or(|last| last.station != self.station),

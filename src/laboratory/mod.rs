@@ -27,7 +27,7 @@ mod ways;
 pub use campaign::{Campaign, CampaignError};
 pub use clearance::PathJudge;
 pub use dialect::{Dialect, DialectError};
-pub use groups::Stop;
+pub use groups::{AtGauge, Stop};
 pub use program::{
     Program, ProgramFile, ProgramStep, change_load, hang_or_apply, hung_kg, program, set_gauge,
     set_up, take_off,

@@ -51,6 +51,29 @@ pub struct SimulatedRun {
     pub seed: u64,
     /// The run; `None` for the robot of which nothing is sampled.
     pub run: Option<u64>,
+    /// The campaign,
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub campaign: u64,
+    /// and the series of readings in it.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub series: u64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+const fn is_first(number: &u64) -> bool {
+    *number == 0
+}
+
+impl SimulatedRun {
+    /// Its first readings.
+    pub const fn first(seed: u64, run: Option<u64>) -> Self {
+        Self {
+            seed,
+            run,
+            campaign: 0,
+            series: 0,
+        }
+    }
 }
 
 impl Origin {
@@ -81,9 +104,9 @@ impl Origin {
     }
 
     /// The same of a virtual robot.
-    pub fn simulated(self, seed: u64, run: Option<u64>) -> Self {
+    pub fn simulated(self, run: SimulatedRun) -> Self {
         Self {
-            simulated: Some(SimulatedRun { seed, run }),
+            simulated: Some(run),
             ..self
         }
     }

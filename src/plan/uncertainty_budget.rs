@@ -15,6 +15,7 @@ use crate::csv::word_field;
 use crate::parameter::{ParameterKind, ReadingSource, SourceLevel, TransmissionError};
 use crate::quantities::units::shown_unit;
 use crate::task::{Belief, Extended};
+use crate::text::wording::significant;
 
 /// What the instrument's own noise is called.
 pub const NOISE: &str = "noise";
@@ -294,8 +295,47 @@ pub(crate) fn common(each: impl IntoIterator<Item = Input>) -> Option<Input> {
 fn kept(belief: &Belief) -> Option<String> {
     let kept = belief.uncertain.kept().iter();
     let names: Vec<&str> = kept.map(|(name, _)| name.as_str()).collect();
-    (!names.is_empty())
-        .then(|| format!("includes {}: one value in both campaigns", names.join(", ")))
+    let others = other_sizes(belief);
+    let others = if others.is_empty() {
+        String::new()
+    } else {
+        let others = others.join(", ");
+        format!(
+            ", and what the earlier one had of it counts, not the size that is listed here ({others})"
+        )
+    };
+    (!names.is_empty()).then(|| {
+        let names = names.join(", ");
+        format!("includes {names}: one value in both campaigns{others}")
+    })
+}
+
+/// The first parameter of each error source that the earlier campaign listed with another standard deviation, in words.
+fn other_sizes(belief: &Belief) -> Vec<String> {
+    let Some(campaign) = &belief.prior_campaign else {
+        return Vec::new();
+    };
+    let parameters = belief.uncertain.set().parameters();
+    let other = |&place: &usize| {
+        let parameter = &parameters[place];
+        let found = campaign
+            .names
+            .iter()
+            .position(|name| *name == parameter.name)?;
+        let (there, here) = (campaign.listed[found]?, parameter.prior_deviation?);
+        let (factor, unit) = shown_unit(parameter.unit());
+        let [there, here] = [there, here].map(|value| significant(value * factor, 3));
+        let unit = if unit == "1" {
+            String::new()
+        } else {
+            format!(" {unit}")
+        };
+        (there != here)
+            .then(|| format!("{}: {there}{unit} there, {here}{unit} here", parameter.name))
+    };
+    let kept = belief.uncertain.kept().iter();
+    kept.filter_map(|(_, places)| places.iter().find_map(other))
+        .collect()
 }
 
 /// What a source of such parameters does not move.

@@ -29,6 +29,10 @@ pub fn campaign_json(commands: &Commands, costs: &Costs, campaign: &Campaign) ->
         if let Some(direction) = stop.direction {
             record["direction"] = json!(<[f64; 3]>::from(direction));
         }
+        if let Some(at_gauge) = stop.at_gauge {
+            record["target_mm"] = json!(<[f64; 3]>::from(at_gauge.target_m * 1e3));
+            record["displacement_mm"] = json!(at_gauge.displacement_m * 1e3);
+        }
         record
     };
     json!({

@@ -99,7 +99,10 @@ pub(super) struct LengthTable {
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GaugeTable {
-    pub sigma_mm: f64,
+    pub sigma_mm: Option<f64>,
+    pub mpe_um: Option<f64>,
+    pub distribution: Option<ErrorDistribution>,
+    pub coverage_factor: Option<f64>,
     pub directions: Vec<Vec<f64>>,
     pub range_mm: Option<f64>,
     pub resolution_mm: Option<f64>,

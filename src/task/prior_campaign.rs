@@ -17,6 +17,8 @@ pub struct PriorCampaign {
     pub sources: Vec<String>,
     /// The parameters that it found besides compliances (o), by name,
     pub names: Vec<String>,
+    /// the standard deviations that its error sources gave them,
+    pub listed: Vec<Option<f64>>,
     /// their values, in their units,
     pub values: DVector<f64>,
     /// their covariance with the compliances that are to be found (p x o),

@@ -18,6 +18,8 @@ use crate::text::wording::{counted, duration, number, significant};
 const STYLE: &str = include_str!("run_sheet.css");
 /// More readings than this at one stop are written into the file.
 const LINES: u32 = 8;
+/// The column of what a gauge shows.
+const DISPLACEMENT: &str = "displacement [mm]";
 /// What is written down once.
 const FIELDS: [&str; 10] = [
     "date",
@@ -104,7 +106,7 @@ fn columns(task: &Task) -> Vec<String> {
     if is_absolute && instrument.rotation_sigma_rad.is_some() {
         columns.extend(["qw", "qx", "qy", "qz"]);
     }
-    columns.extend(instrument.gauge.map(|_| "displacement [mm]"));
+    columns.extend(instrument.gauge.map(|_| DISPLACEMENT));
     let mut columns: Vec<String> = columns.into_iter().map(str::to_owned).collect();
     columns.extend(instrument.lengths().map(|(kind, _)| length_column(kind)));
     columns
@@ -423,7 +425,15 @@ fn of_stop(
         over += &line(&format!("over {}", angles(commands, via)));
     }
     if let (Some(direction), None) = (&stop.direction, &stop.load) {
-        let words = format!("At the stop, {}.", set_gauge(direction));
+        let near = stop.at_gauge.map_or_else(String::new, |at_gauge| {
+            format!(
+                " The target is near {} mm (world frame), and under the load the gauge should show about {} mm: one that moves in one \
+                 sense alone needs that much room.",
+                at_gauge.near(),
+                at_gauge.shows()
+            )
+        });
+        let words = format!("At the stop, {}.{near}", set_gauge(direction));
         over += &line(&with_unbroken_vectors(&words));
     }
     // What each line is: of absolute readings each its own, of deflections the readings of all experiments here.
@@ -448,8 +458,10 @@ fn of_stop(
         }
         let blank = |column: &String| {
             let own = nominal.filter(|length| length_column(length.kind) == *column);
-            let near =
-                own.map(|length| format!("<small>near {:.2}</small>", length.length_m * 1e3));
+            let near = own.map(|length| format!("{:.2}", length.length_m * 1e3));
+            let at_gauge = stop.at_gauge.filter(|_| column == DISPLACEMENT);
+            let near = near.or(at_gauge.map(|at_gauge| at_gauge.shows()));
+            let near = near.map(|near| format!("<small>near {near}</small>"));
             format!("<td class=\"fill\">{}</td>", near.unwrap_or_default())
         };
         read.iter().map(blank).collect::<String>()

@@ -227,7 +227,7 @@ impl RunOutcome {
         } = &self.tried[0];
         let first = json!({
             "gate": scenario.gate,
-            "simulated": SimulatedRun { seed: scenario.seed, run: Some(RUN) },
+            "simulated": SimulatedRun::first(scenario.seed, Some(RUN)),
             "plan": main.plan,
             "elapsed_s": elapsed_s,
             "measurements": main.measurements,

@@ -29,6 +29,8 @@ pub struct AbsoluteValidation {
     pub prognoses: Vec<ReadingPrognosis>,
     /// The probability of differences as large, where all errors are counted: of lengths.
     pub probability: Option<f64>,
+    /// Whether the readings are so coarse that chance may repeat them.
+    pub may_repeat: bool,
     /// What is read: positions or lengths, and orientations.
     pub names: [String; 2],
     /// Beside the nominal robot in frames that suit these readings best; none where these readings do not tell frames.
@@ -197,6 +199,7 @@ pub fn validate_absolute(
         own
     });
     let readings_m2 = readings_m2.collect();
+    let may_repeat = case.may_repeat();
     let mut nominal = case.arm.clone();
     case.arm = stored.apply(path, &case.arm)?;
     let is_turned = readings.iter().any(|each| each.rotation.is_some());
@@ -256,6 +259,7 @@ pub fn validate_absolute(
         left,
         readings_m2,
         probability,
+        may_repeat,
         names: [
             match case.lengths_in_words() {
                 Some(lengths) if case.positions().is_empty() => lengths,

@@ -437,3 +437,26 @@ fn lengths_beyond_the_range_are_noted() {
         );
     }
 }
+
+/// Other readings may be those that were fitted where they are coarse, and not where they have digits.
+#[test]
+fn a_validation_by_the_same_readings_is_refused_where_chance_would_not_repeat_them() {
+    let place = workplace();
+    let validate = "validate s.toml --identified robot.json --measurements read.csv";
+    let identify = |resolution: &str| {
+        let text = scenario_text(BALLBAR).replace("resolution_mm = 0.001", resolution);
+        place.write("s.toml", text);
+        place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
+        place.run("identify s.toml --measurements read.csv --identified-out robot.json");
+        place.run(validate)
+    };
+    (identify("resolution_mm = 0.001").ends_with(1)).says("E0302");
+    let coarse = identify("resolution_mm = 0.5");
+    assert!(!coarse.stderr.contains("E0302"), "{coarse:?}");
+    assert!(
+        coarse.stdout.contains("may be the same by chance"),
+        "{coarse:?}"
+    );
+    place.json("measure s.toml --plan plan.csv --series 1 --measurements-out other.csv");
+    assert!(place.read("other.csv").contains("\"series\":1}"));
+}

@@ -283,9 +283,34 @@ fn the_laboratory_sets_a_gauge_for_each_measurement() {
         assert!(pair[0]["wrench"].is_null() && pair[1]["wrench"].is_array());
         assert_eq!(numbers(&pair[0]["direction"]).len(), 3);
     }
+    // What the gauge meets is what the virtual robot has there without noise.
+    place.run("measure gauge.toml --plan plan.csv --noise-free --measurements-out free.csv");
+    let free = read_measurements(&place.path("free.csv"), &scenario.task.belief).expect("read");
+    for stop in stops {
+        let experiment = number(&stop["experiments"][0]) as usize - 1;
+        let expected_mm = plan.experiments[experiment]
+            .direction
+            .expect("one")
+            .dot(&free[experiment].deflection_m)
+            * 1e3;
+        let found_mm = number(&stop["displacement_mm"]);
+        assert!(
+            (found_mm - expected_mm).abs() < 2e-3,
+            "{found_mm} {expected_mm}"
+        );
+        assert!(
+            numbers(&stop["target_mm"])
+                .iter()
+                .any(|mm| mm.abs() > 500.0)
+        );
+    }
+    let text = place.run("lab gauge.toml --plan plan.csv").stdout;
+    assert!(text.contains("gauge near [mm]") && text.contains("should show [mm]"));
     let table = place.read("out/gauge/lab/measurements.csv");
     assert!(table.contains("direction_z,displacement_mm"));
     let sheet = place.read("out/gauge/lab/run_sheet.html");
+    assert_eq!(sheet.matches("The target is near ").count(), 6);
+    assert_eq!(sheet.matches("<small>near ").count(), 6);
     assert_eq!(sheet.matches("set the gauge along").count(), 6);
     assert!(
         sheet.contains(" and 6 moves."),
@@ -337,6 +362,11 @@ fn what_no_gauge_can_do_is_refused() {
         ["[design]", "[design]\naccuracy = \"absolute\""],
         "design.accuracy",
         "positions",
+    );
+    refused(
+        ["resolution_mm = 0.001", "resolution_mm = 20"],
+        "instrument.resolution_mm",
+        "instrument.range_mm is 10",
     );
     let discrepancy = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.01\n[design]";
     refused(
@@ -757,4 +787,82 @@ fn a_gauge_that_points_aslant_shows_less() {
             "{aslant}: {spread} {expected}"
         );
     }
+}
+
+/// What is wrong with a gauge's table is named as with a tracker's: signs, units of displacements and of loads.
+#[test]
+fn input_errors_of_displacements_are_named() {
+    let place = Workplace::new();
+    place.write("gauge.toml", scenario_text(GAUGE));
+    let plan = crate::support::project("scenarios/plans/kr270_gauge_m9.csv");
+    place.json(&format!(
+        "measure gauge.toml --plan {} --run 3 --measurements-out right.csv",
+        plan.display()
+    ));
+    let right = place.read("right.csv");
+    let identified = |column: &str, factor: f64| {
+        let mut lines = right.lines().filter(|line| !line.starts_with('#'));
+        let header = lines.next().expect("a header");
+        let index = header.split(',').position(|name| name == column);
+        let index = index.expect("a column");
+        let mut text = format!("{header}\n");
+        for line in lines {
+            let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+            let value: f64 = fields[index].parse().expect("a number");
+            fields[index] = (value * factor).to_string();
+            text += &format!("{}\n", fields.join(","));
+        }
+        place.write("wrong.csv", text);
+        let outcome = place.run("identify gauge.toml --measurements wrong.csv");
+        outcome.stdout + &outcome.stderr
+    };
+    let honest = identified("displacement_mm", 1.0);
+    assert!(!honest.contains("likely input error"), "{honest}");
+    for (column, factor, words) in [
+        ("displacement_mm", -1.0, "are all signs reversed"),
+        (
+            "displacement_mm",
+            1e3,
+            "are the displacements in um instead of mm? Multiply displacement_mm by 0.001",
+        ),
+        (
+            "displacement_mm",
+            1e-3,
+            "are the displacements in m instead of mm? Multiply displacement_mm by 1000",
+        ),
+        ("fz_n", 9.81_f64.recip(), "are the loads in kg instead of N"),
+    ] {
+        let said = identified(column, factor);
+        assert!(said.contains(words), "{column} {factor}: {said}");
+    }
+}
+
+/// A gauge beside a tracker has its error as a certificate has it, too.
+#[test]
+fn a_gauge_beside_a_tracker_may_have_a_certificate() {
+    let place = Workplace::new();
+    let text = beside(&scenario_text(GAUGE));
+    let certificate = "mpe_um = 10\ncoverage_factor = 2\ndirections";
+    place.write("gauge.toml", &text);
+    place.write(
+        "certificate.toml",
+        text.replacen("sigma_mm = 0.005\ndirections", certificate, 1),
+    );
+    place.write(
+        "none.toml",
+        text.replacen("sigma_mm = 0.005\ndirections", "directions", 1),
+    );
+    let scenario = loaded(&text);
+    let commands = scenario.task.belief.commands();
+    elastocal::plan::write_plan(&place.path("plan.csv"), commands, &of_both(&scenario))
+        .expect("written");
+    let [plain, certified] = ["gauge", "certificate"].map(|name| {
+        let evaluate = format!("evaluate {name}.toml --plan plan.csv --no-proof --json --quiet");
+        number(&place.run(&evaluate).json()["rho0_mm"])
+    });
+    assert!(
+        (plain / certified - 1.0).abs() < 1e-12,
+        "{plain} {certified}"
+    );
+    (place.run("check none.toml").ends_with(1)).says("instrument.gauge.sigma_mm");
 }

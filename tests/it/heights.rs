@@ -168,3 +168,41 @@ fn heights_stand_beside_a_tracker() {
     let said = place.run("check range.toml").ends_with(1);
     said.says("reads along a line of sight");
 }
+
+/// Readings of a table with a step of two thirds of their noise: repeats are equal by chance, whatever their number, and none is left out.
+#[test]
+fn honest_repeats_to_a_step_are_no_copies() {
+    let place = workplace();
+    let coarse = scenario_text(HEIGHTS)
+        .replace("sigma_mm = 0.004", "sigma_mm = 0.0144")
+        .replace("resolution_mm = 0.001", "resolution_mm = 0.01");
+    place.write("s.toml", coarse);
+    let twice = place.read("plan.csv").replace(",1,spindle,", ",2,spindle,");
+    place.write("plan.csv", twice);
+    for run in 0..6 {
+        place.json(&format!(
+            "measure s.toml --plan plan.csv --run {run} --measurements-out read.csv"
+        ));
+        let json = (place.run("identify s.toml --measurements read.csv --json --quiet")).json();
+        let conditions = json["conditions"].to_string();
+        assert!(
+            !conditions.contains("C0208") && !conditions.contains("C0209"),
+            "{run}: {conditions}"
+        );
+    }
+}
+
+/// The table of a validation names what was read.
+#[test]
+fn a_validation_speaks_of_heights() {
+    let place = workplace();
+    place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
+    place.json("identify s.toml --measurements read.csv --identified-out robot.json");
+    place.json("measure s.toml --plan plan.csv --series 1 --measurements-out other.csv");
+    let validate = "validate s.toml --identified robot.json --measurements other.csv";
+    let text = place.run(validate).stdout;
+    assert!(
+        text.contains("identified: height [mm]") && !text.contains("distance [mm]"),
+        "{text}"
+    );
+}

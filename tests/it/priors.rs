@@ -381,6 +381,11 @@ fn a_source_of_several_campaigns_is_one_unknown() {
         assert!(text.contains(remark), "{text}");
     }
     let scenario = place.read("second.toml");
+    let other = scenario.replace("std_relative = 0.01", "std_relative = 0.03");
+    place.write("other.toml", other);
+    let text = place.run(&evaluate("other")).stdout;
+    let remark = "not the size that is listed here (load.scale: 0.01 there, 0.03 here)";
+    assert!(text.contains(remark), "{text}");
     let replaced = scenario.replace(
         "std_relative = 0.01",
         "std_relative = 0.01\nreplaced = true",

@@ -84,6 +84,7 @@ impl Compensate {
         if let Some(SimulatedRun {
             seed,
             run: Some(run),
+            ..
         }) = simulated
         {
             robots.become_run_of(&scenario.truth, 0, seed, run)?;

@@ -8,6 +8,7 @@ use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedM
 use crate::record::model_selection::model_selection_json;
 use crate::record::uncertainties::uncertainty_tables;
 use crate::robot::Load;
+use crate::task::Instrument;
 use crate::view::plots::model_selection_plot;
 use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
 
@@ -16,7 +17,7 @@ use crate::cli::command_prelude::*;
 use crate::cli::identified::refuse_same;
 use crate::cli::residuals;
 use crate::cli::study::results::noted;
-use crate::cli::table::{DISTANCES, distances, numbers};
+use crate::cli::table::{DISTANCES, distances, numbers, residual_name};
 
 impl Identify {
     /// A robot.
@@ -51,7 +52,8 @@ impl Identify {
                 file.display(),
                 "--against takes another series of the robot",
             );
-            refuse_same(other, others == readings, &same.to_string(), hint)?;
+            let is_same = others == readings && !identified.case.may_repeat();
+            refuse_same(other, is_same, &same.to_string(), hint)?;
             let between = [file, other].map(|path| format!("in {}", path.display()));
             (identified.compare(belief, &others, (groups, weights), between))
                 .map_err(|error| error.in_file(other))?;
@@ -71,7 +73,8 @@ impl Identify {
         } else {
             self.draw_patterns(scenario, &identified.patterns, &mut report)?;
         }
-        report.text += &describe(&AbsoluteMessage::new(&identified.case, &identified.fit));
+        let message = AbsoluteMessage::new(&identified.case, &identified.fit);
+        report.text += &describe(&message, &belief.instrument);
         if let Some(path) = &self.uncertainties_out {
             report.noted(path, write_uncertainties(path, file, &identified));
         }
@@ -132,7 +135,7 @@ fn compared(beside: &Inconsistencies) -> String {
 }
 
 /// What was identified, for a person.
-pub fn describe(message: &AbsoluteMessage) -> String {
+pub fn describe(message: &AbsoluteMessage, instrument: &Instrument) -> String {
     let mut text = format!(
         "{} unknowns from {} ({} numbers)\n\n",
         message.unknowns.len(),
@@ -161,7 +164,7 @@ pub fn describe(message: &AbsoluteMessage) -> String {
     }
     let redundant = message.left_out.iter().map(|each| &each.name);
     text += &naming(redundant, "\n  Redundant, not fitted: {}\n");
-    let mut rows = vec![distances("distance [mm]", &message.distance_mm)];
+    let mut rows = vec![distances(&residual_name(instrument), &message.distance_mm)];
     rows.extend((message.angle_mrad.as_ref()).map(|angles| distances("angle [mrad]", angles)));
     text += &format!("\n{}", table(DISTANCES, rows));
     if message.consistency.is_none() && message.numbers <= message.unknowns.len() {

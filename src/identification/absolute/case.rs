@@ -3,18 +3,19 @@
 use std::iter;
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Matrix6xX, Rotation3, Vector3, Vector6};
 
-use super::super::copies::{CopiedReadings, ReadBits};
+use super::super::copies::{CopiedReadings, ReadBits, may_repeat};
 use super::super::frames::{MountedFrames, RobustFrames, Sight, evenly, groups, median_or_zero};
 use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
 use super::visits::visits;
 use crate::measurement::AbsoluteReading;
 use crate::observation::{
-    BareArm, LengthKind, Observation, Reading, ReadingErrors, Setup, SharedErrors, Whitener,
+    BareArm, LengthKind, Observation, ObservationModel, Reading, ReadingErrors, Setup,
+    SharedErrors, Whitener,
 };
-use crate::parameter::{ElasticArm, ReadingSource};
+use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
 use crate::robot::{KinematicState, Kinematics, Load, SerialChain, Tool};
 use crate::task::{Belief, station_named};
 
@@ -307,15 +308,39 @@ impl<'a> AbsoluteCase<'a> {
 
     fn copied(&self) -> CopiedReadings {
         let mut copies = CopiedReadings::default();
-        for kind in iter::once(None).chain(LengthKind::ALL.map(Some)) {
-            let mut own = self.read_bits();
-            own.retain(|each| self.observations[each.place].reading.kind().length() == kind);
-            let shows = kind.and_then(|kind| self.belief.instrument.shows_length(kind));
-            let more = CopiedReadings::of(&own, shows.map_or(0.0, |shows| shows.resolution_m));
+        let mut nominal = ObservationModel::of(ParameterSet::empty(), &self.arm, &[]);
+        let mut ignored = Matrix6xX::zeros(0);
+        for (own, coordinates, resolution_m) in self.bits_by_kind() {
+            let more = CopiedReadings::of(&own, coordinates, resolution_m, |place| {
+                let Observation { setup, reading, .. } = &self.observations[place];
+                let kind = reading.kind();
+                (nominal.predict_as_planned(None, setup, kind, &mut ignored)).position_m
+            });
             copies.rows.extend(more.rows);
             copies.readings.extend(more.readings);
         }
         copies
+    }
+
+    /// Whether other readings of the same may be these again to the last digit by chance.
+    pub fn may_repeat(&self) -> bool {
+        may_repeat(self.bits_by_kind())
+    }
+
+    /// The readings of positions, and of each kind of lengths, to the bit, with their number of coordinates and their resolution (m).
+    fn bits_by_kind(&self) -> impl Iterator<Item = (Vec<ReadBits>, usize, f64)> {
+        let kinds = iter::once(None).chain(LengthKind::ALL.map(Some));
+        kinds.map(|kind| {
+            let mut own = self.read_bits();
+            own.retain(|each| self.observations[each.place].reading.kind().length() == kind);
+            let shows = kind.and_then(|kind| self.belief.instrument.shows_length(kind));
+            let coordinates = if kind.is_some() { 1 } else { 3 };
+            (
+                own,
+                coordinates,
+                shows.map_or(0.0, |shows| shows.resolution_m),
+            )
+        })
     }
 
     /// What was read, and where, to the bit.
@@ -323,14 +348,17 @@ impl<'a> AbsoluteCase<'a> {
         (self.observations.iter().zip(&self.covariances).enumerate())
             .map(|(place, (each, covariance))| {
                 let setup = &each.setup;
-                let mut more = vec![setup.station as f64, setup.target as f64];
-                more.extend(rotation_of(&each.reading).iter().flatten());
                 let wrench = setup.load.wrench();
                 let of_setup = setup.commanded_rad.iter().chain(wrench.iter());
                 ReadBits {
                     place,
                     setup: of_setup.map(|value| value.to_bits()).collect(),
-                    more,
+                    of: [setup.station, setup.target],
+                    more: rotation_of(&each.reading)
+                        .iter()
+                        .flatten()
+                        .copied()
+                        .collect(),
                     position_m: each.position_m(),
                     sigma_m: Vector3::from_fn(|axis, _| covariance[(axis, axis)].sqrt()),
                 }

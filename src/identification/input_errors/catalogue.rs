@@ -194,12 +194,85 @@ fn units(chain: &SerialChain) -> Vec<InputError> {
     all
 }
 
-/// Errors of deflections and loads by their kinds: signs, units of loads and of deflections, the tool's frame, and frames of right angles.
-pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
-    let signs = "are all signs reversed, loaded and unloaded swapped or the loads' sign";
-    let right = "Deflections are loaded minus unloaded; a weight has a negative fz_n where z points up: \
-                 change the sign of dx_mm, dy_mm, dz_mm, or of the loads";
-    let reversed = |each: &mut Measurement, _: &_| turn(each, &-Matrix3::identity(), 1.0);
+/// What a table of measurements has: deflections of three coordinates, displacements along a direction, or both.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum MeasuredRows {
+    Deflections,
+    Displacements,
+    Both,
+}
+
+impl MeasuredRows {
+    pub fn of(measurements: &[Measurement]) -> Self {
+        let along = |each: &Measurement| each.direction.is_some();
+        if measurements.iter().all(along) {
+            Self::Displacements
+        } else if measurements.iter().any(along) {
+            Self::Both
+        } else {
+            Self::Deflections
+        }
+    }
+
+    /// Those that may be wrong together: all, or where there are both those of one instrument.
+    const fn parts(self) -> &'static [Self] {
+        match self {
+            Self::Both => &[Self::Both, Self::Deflections, Self::Displacements],
+            Self::Deflections => &[Self::Deflections],
+            Self::Displacements => &[Self::Displacements],
+        }
+    }
+
+    const fn has(self, each: &Measurement) -> bool {
+        match self {
+            Self::Both => true,
+            Self::Deflections => each.direction.is_none(),
+            Self::Displacements => each.direction.is_some(),
+        }
+    }
+
+    const fn noun(self) -> &'static str {
+        match self {
+            Self::Both => "deflections and displacements",
+            Self::Deflections => "deflections",
+            Self::Displacements => "displacements",
+        }
+    }
+
+    const fn columns(self) -> &'static str {
+        match self {
+            Self::Both => "dx_mm, dy_mm, dz_mm, displacement_mm",
+            Self::Deflections => "dx_mm, dy_mm, dz_mm",
+            Self::Displacements => "displacement_mm",
+        }
+    }
+}
+
+/// Errors of deflections and loads by their kinds: signs, units of loads and of deflections, the tool's frame, and frames of right angles,
+/// which are those of three coordinates.
+pub(super) fn of_deflections(rows: MeasuredRows) -> [Vec<InputError>; 5] {
+    let signs = |part: MeasuredRows| {
+        let question = if part == rows {
+            "are all signs reversed, loaded and unloaded swapped or the loads' sign".to_owned()
+        } else {
+            format!("are the signs of all {} reversed", part.noun())
+        };
+        let along = match part {
+            MeasuredRows::Deflections => "",
+            _ => ", displacements positive along their direction",
+        };
+        let right = format!(
+            "Deflections are loaded minus unloaded{along}; a weight has a negative fz_n where z points up: change the sign of {}, or of \
+             the loads",
+            part.columns()
+        );
+        let reversed = move |each: &mut Measurement, _: &_| {
+            if part.has(each) {
+                turn(each, &-Matrix3::identity(), 1.0);
+            }
+        };
+        InputError::new("signs_reversed", (question, right), deflection(reversed))
+    };
     let load_unit = |(factor, what): (f64, &str)| {
         let shown = (factor * 1e3).round() / 1e3;
         let question = format!("are the loads {what}");
@@ -207,12 +280,14 @@ pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
         let change = move |each: &mut Measurement, _: &_| each.load = each.load.scaled(factor);
         InputError::new("load_unit", (question, remedy), deflection(change))
     };
-    let unit = |(factor, unit): (f64, &str)| {
-        let question = format!("are the deflections in {unit} instead of mm");
-        let remedy = format!("Multiply dx_mm, dy_mm, dz_mm by {factor}");
+    let unit = |part: MeasuredRows, (factor, unit): (f64, &str)| {
+        let question = format!("are the {} in {unit} instead of mm", part.noun());
+        let remedy = format!("Multiply {} by {factor}", part.columns());
         let change = move |each: &mut Measurement, _: &_| {
-            each.deflection_m *= factor;
-            each.sigma_m = each.sigma_m.map(|sigma| sigma * factor);
+            if part.has(each) {
+                each.deflection_m *= factor;
+                each.sigma_m = each.sigma_m.map(|sigma| sigma * factor);
+            }
         };
         InputError::new("deflection_unit", (question, remedy), deflection(change))
     };
@@ -231,16 +306,25 @@ pub(super) fn of_deflections() -> [Vec<InputError>; 5] {
         (1000.0, "in kN instead of N"),
         (0.001, "1000 times too large, in mN or g"),
     ];
-    let signs = InputError::new("signs_reversed", (signs, right), deflection(reversed));
+    let parts = rows.parts().iter();
+    let units = [(1000.0, "m"), (0.001, "um")];
+    let mut in_tool = vec![in_tool_frame(
+        "loads",
+        "loads_in_tool_frame",
+        deflection(loads),
+    )];
+    let mut frames = Vec::new();
+    if rows == MeasuredRows::Deflections {
+        let own = in_tool_frame("deflections", "deflections_in_tool_frame", turned);
+        in_tool.insert(0, own);
+        frames.extend(right_angles().into_iter().map(in_frame));
+    }
     [
-        vec![signs],
+        parts.clone().map(|&part| signs(part)).collect(),
         load_units.map(load_unit).into(),
-        [(1000.0, "m"), (0.001, "um")].map(unit).into(),
-        vec![
-            in_tool_frame("deflections", "deflections_in_tool_frame", turned),
-            in_tool_frame("loads", "loads_in_tool_frame", deflection(loads)),
-        ],
-        right_angles().into_iter().map(in_frame).collect(),
+        (parts.flat_map(|&part| units.map(|each| unit(part, each)))).collect(),
+        in_tool,
+        frames,
     ]
 }
 

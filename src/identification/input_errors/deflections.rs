@@ -21,10 +21,10 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DVector, Matrix3, Vector3};
 
-use super::super::copies::{CopiedReadings, ReadBits};
+use super::super::copies::{CopiedReadings, ReadBits, may_repeat};
 use super::super::frames::nearest;
 use super::super::{Case, Identification};
-use super::catalogue::{self, Correction, InputError, right_angles};
+use super::catalogue::{self, Correction, InputError, MeasuredRows, right_angles};
 use super::evidence::{ReadingEvidence, most_probable};
 use super::{LikelyInputError, unknown_approaches};
 use crate::codes::{Condition, ConditionCode};
@@ -95,21 +95,42 @@ fn outside_limits(case: &Case<'_>) -> Option<Condition> {
 
 /// Loaded measurements with the same deflection in every digit. Displacements along a direction are often alike by chance.
 fn copied(case: &Case<'_>) -> CopiedReadings {
+    let nominal = DVector::from_column_slice(&case.belief.nominal.compliance_rad_per_nm);
+    CopiedReadings::of(&bits(case, false), 3, 0.0, |place| {
+        deflection(case, &case.measurements[place], &nominal)
+    })
+}
+
+/// Whether other measurements of the same may be these again to the last digit by chance.
+pub fn measurements_may_repeat(case: &Case<'_>) -> bool {
+    let gauge = case.belief.instrument.gauge;
+    let step_m = gauge.map_or(0.0, |gauge| gauge.resolution_m);
+    may_repeat([(bits(case, false), 3, 0.0), (bits(case, true), 1, step_m)])
+}
+
+/// Loaded measurements to the bit: displacements along a direction as one coordinate, or those of three.
+fn bits(case: &Case<'_>, is_along: bool) -> Vec<ReadBits> {
+    let of_kind = |each: &Measurement| each.direction.is_some() == is_along;
     let loaded = case.measurements.iter().enumerate();
-    let loaded = loaded.filter(|(_, each)| each.load != Load::NONE && each.direction.is_none());
+    let loaded = loaded.filter(|(_, each)| each.load != Load::NONE && of_kind(each));
     let bits = loaded.map(|(place, each)| {
         let wrench = each.load.wrench();
         let setup = each.configuration_rad.iter().chain(wrench.iter());
-        let unknown = Vector3::repeat(case.sigma.weight_m());
+        let along = |direction: Vector3<f64>| Vector3::ith(0, direction.dot(&each.deflection_m));
+        let unknown_m = match each.direction {
+            Some(_) => case.belief.instrument.along_sigma_m(),
+            None => case.sigma.weight_m(),
+        };
         ReadBits {
             place,
             setup: setup.map(|value| value.to_bits()).collect(),
+            of: [0; 2],
             more: Vec::new(),
-            position_m: each.deflection_m,
-            sigma_m: each.sigma_m.unwrap_or(unknown),
+            position_m: each.direction.map_or(each.deflection_m, along),
+            sigma_m: (each.sigma_m).unwrap_or_else(|| Vector3::repeat(unknown_m)),
         }
     });
-    CopiedReadings::of(&bits.collect::<Vec<_>>(), 0.0)
+    bits.collect()
 }
 
 /// The likely input errors where an identification (`None` if it failed) is suspicious: residuals are too large or too small, or a
@@ -138,12 +159,9 @@ pub fn suspected_input_errors(
 }
 
 /// The input errors that explain the measurements decisively better than reading them as they are, one
-/// on top of the other, whether the measurements are suspicious or not; none of displacements along a direction.
+/// on top of the other, whether the measurements are suspicious or not.
 pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
     let mut found = Vec::new();
-    if (case.measurements.iter()).any(|each| each.direction.is_some()) {
-        return found;
-    }
     // What is known before is wider here.
     let Ok(belief) = (case.belief).of_compliances(case.belief.parameters.clone(), None) else {
         return found;
@@ -266,7 +284,8 @@ fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -
 fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError, f64)> {
     let chain = &case.belief.nominal.chain;
     let [reversed, _, units, swapped, _] = catalogue::of_commands(chain);
-    let kinds = (catalogue::of_deflections().into_iter()).chain([units, swapped]);
+    let rows = MeasuredRows::of(measurements);
+    let kinds = (catalogue::of_deflections(rows).into_iter()).chain([units, swapped]);
     let price = |count: usize| 2.0 * (count as f64).ln();
     let mut all: Vec<(InputError, f64)> = Vec::new();
     for errors in kinds {
@@ -282,7 +301,9 @@ fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError,
         let price = price(sizes[error.reversed.len()] * chain.len());
         (error, price)
     }));
-    all.extend(rotation(case, measurements));
+    if rows == MeasuredRows::Deflections {
+        all.extend(rotation(case, measurements));
+    }
     all
 }
 
@@ -327,18 +348,24 @@ fn nearest_rotation(
     file: &[Measurement],
     read: &[Measurement],
 ) -> Option<Matrix3<f64>> {
-    let all: Vec<usize> = (0..case.belief.nominal.chain.len()).collect();
     let compliance = DVector::from_vec(most_probable(case, read)?);
-    let arm = case.belief.nominal.chain.at(&case.belief.calibration_tool);
     let mut correlation = Matrix3::zeros();
     for each in file {
-        let mut state = arm.state(each.configuration_rad.as_slice());
-        let [left, _] = state.brace_under(compliance.as_slice(), &each.load);
-        let predicted = ObservationMatrix::new(&state, &each.load, &all).position * &compliance;
-        let predicted = Vector3::new(predicted[0], predicted[1], predicted[2]) + left;
+        let predicted = deflection(case, each, &compliance);
         let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.norm());
         correlation += predicted * each.deflection_m.transpose() / (sigma * sigma);
     }
     let values = correlation.singular_values();
     (values[1] >= FLAT * values[0]).then(|| nearest(&correlation).into_inner())
+}
+
+/// The deflection of a measurement by the compliances of all joints (m), to first order.
+fn deflection(case: &Case<'_>, each: &Measurement, compliance: &DVector<f64>) -> Vector3<f64> {
+    let chain = &case.belief.nominal.chain;
+    let all: Vec<usize> = (0..chain.len()).collect();
+    let arm = chain.at(&case.belief.calibration_tool);
+    let mut state = arm.state(each.configuration_rad.as_slice());
+    let [left, _] = state.brace_under(compliance.as_slice(), &each.load);
+    let predicted = ObservationMatrix::new(&state, &each.load, &all).position * compliance;
+    Vector3::new(predicted[0], predicted[1], predicted[2]) + left
 }

@@ -94,10 +94,13 @@ pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Ve
 
 fn log_sigma(case: &Case<'_>, measurements: &[Measurement]) -> f64 {
     let default = Vector3::repeat(case.sigma.weight_m());
-    let logarithms = |sigma: Vector3<f64>| sigma.map(f64::ln).sum();
+    let logarithms = |sigma: Vector3<f64>| sigma.map(f64::ln);
     let of = |each: &Measurement| {
-        let rotation = each.rotation.map_or(0.0, |each| logarithms(each.sigma_rad));
-        logarithms(each.sigma_m.unwrap_or(default)) + rotation
+        let rotation = each.rotation.map(|each| logarithms(each.sigma_rad).sum());
+        let own = logarithms(each.sigma_m.unwrap_or(default));
+        // Along a direction it is one number.
+        let own = each.direction.map_or_else(|| own.sum(), |_| own.x);
+        own + rotation.unwrap_or(0.0)
     };
     measurements.iter().map(of).sum()
 }
@@ -106,10 +109,11 @@ fn log_sigma(case: &Case<'_>, measurements: &[Measurement]) -> f64 {
 fn log_stretch(file: &[Measurement], read: &[Measurement]) -> f64 {
     let lengths = |each: &Measurement| {
         let turn = each.rotation.map_or(0.0, |each| each.vector_rad.norm());
-        [each.deflection_m.norm(), turn]
+        let numbers = each.direction.map_or(3.0, |_| 1.0);
+        [(each.deflection_m.norm(), numbers), (turn, 3.0)]
     };
     let both = (file.iter().flat_map(lengths)).zip(read.iter().flat_map(lengths));
-    let both = both.filter(|(before, after)| *before > 0.0 && *after > 0.0);
-    both.map(|(before, after)| 3.0 * (after / before).ln())
+    let both = both.filter(|((before, _), (after, _))| *before > 0.0 && *after > 0.0);
+    both.map(|((before, numbers), (after, _))| numbers * (after / before).ln())
         .sum()
 }

@@ -15,7 +15,9 @@ use crate::robot::Approach;
 use crate::task::Extended;
 use crate::text::wording::counted;
 
-pub use deflections::{conditions_of_table, likely_input_errors, suspected_input_errors};
+pub use deflections::{
+    conditions_of_table, likely_input_errors, measurements_may_repeat, suspected_input_errors,
+};
 
 /// An input error with what speaks for it.
 #[derive(Debug, Clone, PartialEq, Serialize)]

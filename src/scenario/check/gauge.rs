@@ -5,11 +5,12 @@ use nalgebra::Vector3;
 use toml::Table;
 
 use super::Checker;
+use super::certificate::NOISE;
 use crate::files::FileError;
 use crate::observation::LengthKind;
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
-use crate::quantities::plausible::{DEVIATION, RESOLUTION, SIZE};
+use crate::quantities::plausible::{RESOLUTION, SIZE};
 use crate::robot::ReadsAlong;
 use crate::scenario::file::{File, UncertaintyKind, UncertaintyTable};
 use crate::scenario::instrument_file::{InstrumentReads, InstrumentTable};
@@ -64,22 +65,44 @@ impl Checker<'_> {
             None => ("instrument", table.range_mm, table.resolution_mm),
             Some(gauge) => ("instrument.gauge", gauge.range_mm, gauge.resolution_mm),
         };
-        let size = |name: &str, value, kind| {
-            let size = self.optional(&format!("{key}.{name}"), value, kind)?;
-            Ok::<_, FileError>(size.map(|mm| mm * 1e-3))
-        };
-        let mut gauge = Gauge {
-            beside_m: None,
-            range_m: size("range_mm", range_mm, &SIZE)?,
-            resolution_m: size("resolution_mm", resolution_mm, &RESOLUTION)?.unwrap_or(0.0),
-            drift_share: 1.0,
-        };
+        let mut gauge = self.shows(key, range_mm, resolution_mm)?;
         if let Some(beside) = &table.gauge {
-            let sigma_mm = self.number("instrument.gauge.sigma_mm", beside.sigma_mm, &DEVIATION)?;
-            let sigma_m = 1e-3 * sigma_mm * table.sigma_of.deflection_factor();
+            let given = Table::try_from(beside).unwrap_or_default();
+            let sigma_m = self.sigma_m(key, &given, &NOISE[..1])?;
+            let sigma_m = sigma_m * table.sigma_of.deflection_factor();
             gauge.beside_m = Some(sigma_m.hypot(gauge.rounding_m2().sqrt()));
         }
         Ok(Some(gauge))
+    }
+
+    /// What a gauge shows, by its table's range and resolution (mm).
+    pub(super) fn shows(
+        &self,
+        key: &str,
+        range_mm: Option<f64>,
+        resolution_mm: Option<f64>,
+    ) -> Result<Gauge, FileError> {
+        let [range_key, step_key] =
+            ["range_mm", "resolution_mm"].map(|name| format!("{key}.{name}"));
+        let range_mm = self.optional(&range_key, range_mm, &SIZE)?;
+        let step_mm = self.optional(&step_key, resolution_mm, &RESOLUTION)?;
+        if let (Some(range_mm), Some(step_mm)) = (range_mm, step_mm)
+            && step_mm > range_mm
+        {
+            let problem = format!(
+                "found {step_mm}, and {range_key} is {range_mm}: it would show nothing but zero"
+            );
+            let wrong = self.wrong(&step_key, problem);
+            return Err(
+                wrong.hint("the step is that of the last digit, the range how far the gauge goes")
+            );
+        }
+        Ok(Gauge {
+            beside_m: None,
+            range_m: range_mm.map(|mm| mm * 1e-3),
+            resolution_m: step_mm.unwrap_or(0.0) * 1e-3,
+            drift_share: 1.0,
+        })
     }
 
     /// Refuses what there is not where a gauge reads, and what lengths need and have not.

@@ -5,11 +5,10 @@ use std::f64::consts::SQRT_2;
 use toml::Table;
 
 use super::Checker;
-use super::certificate::NOISE;
+use super::certificate::{NOISE, Size};
 use crate::files::FileError;
 use crate::mujoco::Model;
 use crate::observation::LengthKind;
-use crate::quantities::plausible::SIZE;
 use crate::scenario::file::File;
 use crate::task::{Gauge, Instrument};
 
@@ -18,11 +17,7 @@ impl Checker<'_> {
         let table = &file.instrument;
         let given = Table::try_from(table).unwrap_or_default();
         let gauge = self.gauge(file, &given)?;
-        self.certificate_is_used("instrument", &given, &NOISE)?;
-        let [sigma, rotation] = &NOISE;
-        let sigma_m = self
-            .deviation("instrument", &given, sigma)?
-            .ok_or_else(|| self.without_sigma("instrument"))?;
+        let sigma_m = self.sigma_m("instrument", &given, &NOISE)?;
         let key = "instrument.tracker_site";
         let site = |name: &str| (model.site(name)).map_err(|error| self.named_file(key, error));
         let tracker_site = table.tracker_site.as_deref().map(site).transpose()?;
@@ -31,7 +26,7 @@ impl Checker<'_> {
             return Err(self.wrong(key, "is missing, and region.line_of_sight needs it"));
         }
         let factor = table.sigma_of.deflection_factor();
-        let rotation_sigma_rad = self.deviation("instrument", &given, rotation)?;
+        let rotation_sigma_rad = self.deviation("instrument", &given, &NOISE[1])?;
         let length = LengthKind::named(table.reads.into());
         let mut by_length = [None; LengthKind::ALL.len()];
         for (kind, shows) in LengthKind::ALL.into_iter().zip(&mut by_length) {
@@ -58,24 +53,25 @@ impl Checker<'_> {
         };
         let key = &format!("instrument.{}", kind.name());
         let given = Table::try_from(table).unwrap_or_default();
-        self.certificate_is_used(key, &given, &NOISE[..1])?;
-        let sigma_m = self
-            .deviation(key, &given, &NOISE[0])?
-            .ok_or_else(|| self.without_sigma(key))?;
-        let step = self.optional(&format!("{key}.resolution_mm"), table.resolution_mm, &SIZE)?;
-        let mut shows = Gauge {
-            beside_m: None,
-            range_m: None,
-            resolution_m: step.unwrap_or(0.0) * 1e-3,
-            drift_share: 1.0,
-        };
+        let sigma_m = self.sigma_m(key, &given, &NOISE[..1])?;
+        let mut shows = self.shows(key, None, table.resolution_mm)?;
         // As of two readings.
         shows.beside_m = Some(SQRT_2 * sigma_m.hypot(shows.rounding_m2().sqrt()));
         Ok(Some(shows))
     }
 
-    fn without_sigma(&self, table: &str) -> FileError {
-        let wrong = self.wrong(&format!("{table}.sigma_mm"), "is missing");
-        wrong.hint("give sigma_mm, or mpe_um as a certificate has it")
+    /// The standard deviation of an instrument's noise (m) that its table gives, by itself or as a certificate has it; of which that may
+    /// have these.
+    pub(super) fn sigma_m(
+        &self,
+        key: &str,
+        given: &Table,
+        sizes: &[Size],
+    ) -> Result<f64, FileError> {
+        self.certificate_is_used(key, given, sizes)?;
+        self.deviation(key, given, &NOISE[0])?.ok_or_else(|| {
+            let wrong = self.wrong(&format!("{key}.sigma_mm"), "is missing");
+            wrong.hint("give sigma_mm, or mpe_um as a certificate has it")
+        })
     }
 }

@@ -105,13 +105,10 @@ impl Checker<'_> {
         let (found, sources) = (stored.all, stored.error_sources.unwrap_or_default());
         Ok(Before {
             known: spread.ncols(),
-            campaign: Some(campaign_of(
-                sources,
-                found,
-                &places,
-                count,
-                stored.degrees_of_freedom,
-            )),
+            campaign: Some(PriorCampaign {
+                listed: stored.listed,
+                ..campaign_of(sources, found, &places, count, stored.degrees_of_freedom)
+            }),
             prior: Some(prior),
             doubts,
         })
@@ -215,6 +212,7 @@ fn campaign_of(
         covariance: all
             .view((own, own), (names.len(), names.len()))
             .into_owned(),
+        listed: vec![None; names.len()],
         names,
         values: DVector::from_vec(values),
         degrees_of_freedom,
