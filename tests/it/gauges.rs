@@ -287,7 +287,8 @@ fn the_laboratory_sets_a_gauge_for_each_measurement() {
     place.run("measure gauge.toml --plan plan.csv --noise-free --measurements-out free.csv");
     let free = read_measurements(&place.path("free.csv"), &scenario.task.belief).expect("read");
     for stop in stops {
-        let experiment = number(&stop["experiments"][0]) as usize - 1;
+        let first = stop["experiments"][0].as_u64().expect("a number");
+        let experiment = usize::try_from(first).expect("a number") - 1;
         let expected_mm = plan.experiments[experiment]
             .direction
             .expect("one")
