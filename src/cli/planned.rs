@@ -28,6 +28,7 @@ use super::plan_args::PlanArgs;
 use super::progress::bar;
 use super::proof::leaving_out;
 use super::static_compliance::add_static_compliance;
+use super::study::results::noted;
 use super::uncertainty_budget;
 use super::views::command_line;
 
@@ -77,8 +78,14 @@ impl<'a> PlannedAccuracy<'a> {
 
     fn describe(&self, scenario: &Scenario) -> String {
         match self {
-            Self::Deflections(_, assessment) => describe(scenario, assessment),
-            Self::Readings(_, _, record) => describe_readings(record),
+            Self::Deflections(_, assessment) => {
+                describe(scenario, assessment) + &noted(assessment.less_than_nominal.as_slice())
+            }
+            Self::Readings(studied, prediction, record) => {
+                let set = studied.planning.set();
+                let less = less_than_nominal(set, &set.prior().precision, &prediction.posterior);
+                describe_readings(record) + &noted(less.as_slice())
+            }
         }
     }
 
@@ -93,15 +100,12 @@ impl<'a> PlannedAccuracy<'a> {
             undetermined_by_plan(&format!("{place} {}", names.join(", ")))
         });
         let compliances = undetermined_compliances(studied, prediction);
-        let set = studied.planning.set();
-        let less = less_than_nominal(set, &set.prior().precision, &prediction.posterior);
         let unplaced = studied.planning.unplaced_stations(&studied.plan);
         let unplaced = unplaced.iter().map(|words| undetermined_by_plan(words));
         (left.into_iter())
             .chain(unplaced)
             .chain(below_bound(record.efficiency, compliances.is_empty()))
             .chain(compliances)
-            .chain(less)
             .collect()
     }
 

@@ -52,7 +52,6 @@ codes! {
         OneSidedApproach = "C0109",
         NoProgram = "C0110",
         BelowBound = "C0111",
-        LessThanNominal = "C0112",
         Unidentifiable = "C0201",
         ImpossibleCompliance = "C0202",
         NegativeCompliance = "C0203",

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 
-use super::conditions::conditions;
+use super::conditions::{conditions, less_than_nominal};
 use super::search::{Bound, NoBound, PlanBound, Problem};
 use super::{
     Criterion, Feasibility, Plan, UncertaintyBudget, Violation, posterior, quantile95_m, rho0_m,
@@ -42,6 +42,8 @@ pub struct Assessment {
     pub violations: Vec<Violation>,
     /// What is to be known before the accuracy is relied on, by name.
     pub conditions: Vec<Condition>,
+    /// Which compliances identification keeps nominal, in a sentence, see [`less_than_nominal`](super::less_than_nominal).
+    pub less_than_nominal: Option<String>,
 }
 
 /// How well a plan determines something that is to be found besides compliances.
@@ -83,7 +85,12 @@ impl Assessment {
         Self {
             experiments,
             uncertainty_budget: UncertaintyBudget::of_deflections(task, plan, &posterior),
-            conditions: conditions(task, plan, &posterior, rho0_m),
+            conditions: conditions(task, plan, rho0_m),
+            less_than_nominal: less_than_nominal(
+                task.belief.uncertain.set(),
+                &task.belief.precision(),
+                &posterior,
+            ),
             quantile95_m: quantile95_m(task, &posterior),
             rho0_m,
             standard_errors: (0..task.belief.parameters.len())

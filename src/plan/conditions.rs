@@ -20,38 +20,27 @@ const NO_GAIN: f64 = 0.5;
 const NAMED: usize = 4;
 
 /// The conditions that do not hold for a plan with this predicted accuracy (m).
-pub(super) fn conditions(
-    task: &Task,
-    plan: &Plan,
-    known: &Posterior,
-    rho0_m: Option<f64>,
-) -> Vec<Condition> {
+pub(super) fn conditions(task: &Task, plan: &Plan, rho0_m: Option<f64>) -> Vec<Condition> {
     let Some(rho0_m) = rho0_m else {
         return Vec::new();
     };
-    let belief = &task.belief;
     (near(task, plan, rho0_m).into_iter())
         .chain(no_gain(task, rho0_m))
-        .chain(less_than_nominal(
-            belief.uncertain.set(),
-            &belief.precision(),
-            known,
-        ))
         .collect()
 }
 
-/// The compliances of which a plan tells less than their nominal values do, which fits keep then, while `rho_0` counts estimates; by a
-/// prior's precision (p x p) and what is known after the plan.
+/// The compliances of which a plan tells less than their nominal values do, which identification keeps then while `rho_0` counts estimates; by
+/// a prior's precision (p x p) and what is known after the plan.
 pub fn less_than_nominal(
     set: &ParameterSet,
     precision: &DMatrix<f64>,
-    posterior: &Posterior,
-) -> Option<Condition> {
+    known: &Posterior,
+) -> Option<String> {
     let (mut names, mut shares) = (Vec::new(), Vec::new());
     for (place, each) in set.parameters().iter().enumerate() {
         let is_free = matches!(each.kind, ParameterKind::JointCompliance { .. })
             && precision[(place, place)] <= 0.0;
-        let error = is_free.then(|| posterior.standard_error(place)).flatten();
+        let error = is_free.then(|| known.standard_error(place)).flatten();
         let share = error.map_or(0.0, |error| error / each.scale);
         if share > UNKNOWN_COMPLIANCE {
             names.push(each.name.as_str());
@@ -59,11 +48,11 @@ pub fn less_than_nominal(
         }
     }
     (!names.is_empty()).then(|| {
-        ConditionCode::LessThanNominal.with(format!(
+        format!(
             "identification keeps {} nominal: predicted standard errors of {} nominal values",
             names.join(", "),
             shares.join(", ")
-        ))
+        )
     })
 }
 

@@ -266,21 +266,18 @@ fn only_a_virtual_robots_distances_are_shown() {
 #[test]
 fn compliances_less_certain_than_nominal_are_named() {
     let place = Workplace::new();
-    let text = scenario_text("planar_3r");
-    place.write("s.toml", &text);
-    let json = |command: &str| {
-        place
-            .run(&format!("{command} --noise-only --no-proof --json --quiet"))
-            .json()
-    };
-    let fine = json("plan s.toml --plan-out p.csv");
-    let named = |json: &serde_json::Value| json["conditions"].to_string().contains("C0112");
-    assert!(!named(&fine), "{fine}");
-    let sigma = text
-        .lines()
-        .find(|line| line.starts_with("sigma_mm"))
-        .expect("a sigma");
-    place.write("n.toml", text.replace(sigma, "sigma_mm = 20"));
-    let noisy = json("evaluate n.toml --plan p.csv");
-    assert!(named(&noisy), "{noisy}");
+    place.write("s.toml", scenario_text("ur10"));
+    let plan = project("tests/golden/plans/ur10.csv");
+    let evaluate = format!("evaluate s.toml --no-proof --plan {}", plan.display());
+    let told = place.run(&evaluate).ends_with(0).stdout;
+    let note =
+        "note: identification keeps wrist_3.compliance nominal: predicted standard errors of 3.0";
+    assert!(told.contains(note), "{told}");
+    place.write(
+        "p.toml",
+        scenario_text("ur10").replace("sigma_mm = 0.02", "sigma_mm = 0.002"),
+    );
+    let precise = evaluate.replace("s.toml", "p.toml");
+    let told = place.run(&precise).stdout;
+    assert!(!told.contains("identification keeps"), "{told}");
 }
