@@ -10,5 +10,5 @@ pub(super) use crate::text::wording::{counted, joined, naming};
 pub(super) use clap::Args;
 pub(super) use serde_json::{Value, json};
 
-pub(super) use super::table::{aligned, in_um, number, or_dash, table};
+pub(super) use super::table::{aligned, in_um, noted, number, or_dash, table};
 pub(super) use super::{Common, Report, named_by_file, without_effect};

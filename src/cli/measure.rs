@@ -13,7 +13,6 @@ use crate::testbed::{TrueRobots, VirtualRobot};
 use crate::workflow::ranges::{beyond_gauge, beyond_stations};
 
 use super::command_prelude::*;
-use super::study::results::noted;
 
 #[derive(Debug, Args)]
 #[command(mut_args(without_effect(&["threads", "out"])))]

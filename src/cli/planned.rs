@@ -28,7 +28,6 @@ use super::plan_args::PlanArgs;
 use super::progress::bar;
 use super::proof::leaving_out;
 use super::static_compliance::add_static_compliance;
-use super::study::results::noted;
 use super::uncertainty_budget;
 use super::views::command_line;
 

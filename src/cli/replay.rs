@@ -12,7 +12,6 @@ use super::command_prelude::*;
 use super::interruption::proceed;
 use super::plan_args::ReadingsArgs;
 use super::results;
-use super::study::results::noted;
 use super::views::{carried_out, write_recording};
 use super::written::record_text;
 

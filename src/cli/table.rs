@@ -47,3 +47,8 @@ pub fn numbers(values: impl IntoIterator<Item = f64>, decimals: usize) -> String
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     or_dash(value, |value| format!("{value:.decimals$}"))
 }
+
+/// What holds, and is worth knowing, a line each.
+pub fn noted(notes: &[String]) -> String {
+    joined(notes.iter().map(|note| format!("note: {note}\n")), "")
+}

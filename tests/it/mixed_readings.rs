@@ -174,7 +174,7 @@ fn plans_choose_among_both() {
     let lengths: Vec<f64> = (rows.iter())
         .filter_map(|row| row["distance_mm"].as_f64())
         .collect();
-    assert!(lengths.iter().all(|mm| (298.0..=302.0).contains(mm)));
+    assert!(lengths.iter().all(|mm| (290.0..=310.0).contains(mm)));
     assert!(lengths.len() > 2 && lengths.len() < rows.len(), "{planned}");
     for row in rows {
         assert_eq!(row["distance_mm"].is_null(), row["station"] == "tracker");
@@ -563,7 +563,7 @@ fn scenarios_that_do_not_fit_are_refused() {
         "position_mm",
         "missing",
     );
-    refused(["range_max_mm = 302\n", ""], "range_max_mm", "is missing");
+    refused(["range_max_mm = 310\n", ""], "range_max_mm", "is missing");
     let position = "reads = \"distance\"\nrange_min_mm";
     let text = scenario_text("ur10_tracker_ballbar").replace(position, "range_min_mm");
     let place = Workplace::new();

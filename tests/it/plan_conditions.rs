@@ -150,7 +150,7 @@ fn loads_in_other_units_or_of_the_wrong_sign_are_named() {
             "force_n = [0, 0, 2500]",
             "2500",
             "C0502",
-            "load: the force points upwards",
+            "load: the force points against gravity",
         ),
         (
             "force_n = [0, 0, -2500]",

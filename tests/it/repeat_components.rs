@@ -150,7 +150,10 @@ std_mrad = 0.03
     let truth_mrad = 0.03 / std::f64::consts::SQRT_2;
     let place = Workplace::new();
     let text = absolute_scenario_text("ur10").replace("sigma_mm = 0.02", "sigma_mm = 0.01");
-    place.write("s.toml", text + LISTED);
+    // Anywhere: the arm alone is looked at.
+    let (head, region) = text.split_once("[region]").expect("a region");
+    let (_, tail) = region.split_once("[design]").expect("a design");
+    place.write("s.toml", format!("{head}[design]{tail}{LISTED}"));
     let mut random = generator(57, 0);
     let mut plan = String::from("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,repeats\n");
     for _ in 0..8 {

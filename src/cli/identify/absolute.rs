@@ -16,7 +16,6 @@ use super::Identify;
 use crate::cli::command_prelude::*;
 use crate::cli::identified::refuse_same;
 use crate::cli::residuals;
-use crate::cli::study::results::noted;
 use crate::cli::table::{DISTANCES, distances, numbers, residual_name};
 
 impl Identify {

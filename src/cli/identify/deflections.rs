@@ -11,7 +11,6 @@ use crate::workflow::identify::{NotIdentified, identify_measurements};
 use super::Identify;
 use crate::cli::command_prelude::*;
 use crate::cli::residuals;
-use crate::cli::study::results::noted;
 
 impl Identify {
     /// Compliances.

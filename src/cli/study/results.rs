@@ -125,11 +125,6 @@ pub fn write(folder: &Path, results: &Results, written: &mut Written) -> anyhow:
     Ok(())
 }
 
-/// What holds, and is worth knowing, a line each.
-pub fn noted(notes: &[String]) -> String {
-    joined(notes.iter().map(|note| format!("note: {note}\n")), "")
-}
-
 /// Failed runs with their reasons.
 fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
     let reasons = (message.failures.iter()).map(|(reason, count)| format!("{count}: {reason}"));

@@ -196,13 +196,13 @@ fn units(chain: &SerialChain) -> Vec<InputError> {
 
 /// What a table of measurements has: deflections of three coordinates, displacements along a direction, or both.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum MeasuredRows {
+pub(super) enum RowKinds {
     Deflections,
     Displacements,
     Both,
 }
 
-impl MeasuredRows {
+impl RowKinds {
     pub fn of(measurements: &[Measurement]) -> Self {
         let along = |each: &Measurement| each.direction.is_some();
         if measurements.iter().all(along) {
@@ -250,15 +250,15 @@ impl MeasuredRows {
 
 /// Errors of deflections and loads by their kinds: signs, units of loads and of deflections, the tool's frame, and frames of right angles,
 /// which are those of three coordinates.
-pub(super) fn of_deflections(rows: MeasuredRows) -> [Vec<InputError>; 5] {
-    let signs = |part: MeasuredRows| {
+pub(super) fn of_deflections(rows: RowKinds) -> [Vec<InputError>; 5] {
+    let signs = |part: RowKinds| {
         let question = if part == rows {
             "are all signs reversed, loaded and unloaded swapped or the loads' sign".to_owned()
         } else {
             format!("are the signs of all {} reversed", part.noun())
         };
         let along = match part {
-            MeasuredRows::Deflections => "",
+            RowKinds::Deflections => "",
             _ => ", displacements positive along their direction",
         };
         let right = format!(
@@ -280,7 +280,7 @@ pub(super) fn of_deflections(rows: MeasuredRows) -> [Vec<InputError>; 5] {
         let change = move |each: &mut Measurement, _: &_| each.load = each.load.scaled(factor);
         InputError::new("load_unit", (question, remedy), deflection(change))
     };
-    let unit = |part: MeasuredRows, (factor, unit): (f64, &str)| {
+    let unit = |part: RowKinds, (factor, unit): (f64, &str)| {
         let question = format!("are the {} in {unit} instead of mm", part.noun());
         let remedy = format!("Multiply {} by {factor}", part.columns());
         let change = move |each: &mut Measurement, _: &_| {
@@ -314,7 +314,7 @@ pub(super) fn of_deflections(rows: MeasuredRows) -> [Vec<InputError>; 5] {
         deflection(loads),
     )];
     let mut frames = Vec::new();
-    if rows == MeasuredRows::Deflections {
+    if rows == RowKinds::Deflections {
         let own = in_tool_frame("deflections", "deflections_in_tool_frame", turned);
         in_tool.insert(0, own);
         frames.extend(right_angles().into_iter().map(in_frame));

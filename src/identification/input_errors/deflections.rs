@@ -24,7 +24,7 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use super::super::copies::{CopiedReadings, ReadBits, may_repeat};
 use super::super::frames::nearest;
 use super::super::{Case, Identification};
-use super::catalogue::{self, Correction, InputError, MeasuredRows, right_angles};
+use super::catalogue::{self, Correction, InputError, RowKinds, right_angles};
 use super::evidence::{ReadingEvidence, most_probable};
 use super::{LikelyInputError, unknown_approaches};
 use crate::codes::{Condition, ConditionCode};
@@ -284,7 +284,7 @@ fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -
 fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError, f64)> {
     let chain = &case.belief.nominal.chain;
     let [reversed, _, units, swapped, _] = catalogue::of_commands(chain);
-    let rows = MeasuredRows::of(measurements);
+    let rows = RowKinds::of(measurements);
     let kinds = (catalogue::of_deflections(rows).into_iter()).chain([units, swapped]);
     let price = |count: usize| 2.0 * (count as f64).ln();
     let mut all: Vec<(InputError, f64)> = Vec::new();
@@ -301,7 +301,7 @@ fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError,
         let price = price(sizes[error.reversed.len()] * chain.len());
         (error, price)
     }));
-    if rows == MeasuredRows::Deflections {
+    if rows == RowKinds::Deflections {
         all.extend(rotation(case, measurements));
     }
     all
