@@ -62,8 +62,6 @@ fn step_size(parameter: &Parameter, belief: &ElasticArm) -> f64 {
     match parameter.unit() {
         // To first order in compliance it is a small angle, too.
         _ if matches!(parameter.kind, ParameterKind::JointBacklash { .. }) => 1e-5,
-        // Springs may hold a joint with many times the torque at which it stiffens by it.
-        _ if matches!(parameter.kind, ParameterKind::JointStiffening { .. }) => 1e-2,
         "rad/(N m)" | "m/N" | "N/m" => parameter.kind.typical_size(belief, false),
         _ => 0.1,
     }

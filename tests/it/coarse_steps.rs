@@ -55,8 +55,12 @@ fn predictions_of_repeats_hold_on_virtual_robots() {
         let head = head.replace("experiments = 9", "experiments = 48");
         place.write("s.toml", format!("{head}{study}"));
         let commands = scenario.task.belief.commands();
-        elastocal::plan::write_plan(&place.path("plan.csv"), commands, &nine(&scenario, 6))
-            .expect("written");
+        // Experiments that have nothing to do with each other are rounded independently.
+        let mut plan = random_plan(&scenario.task, 8, 5, 0).expect("a plan");
+        for each in &mut plan.experiments {
+            each.repeats = 6;
+        }
+        elastocal::plan::write_plan(&place.path("plan.csv"), commands, &plan).expect("written");
         let found = place.json("study s.toml")["plans"][0].clone();
         assert_holds(&found, &format!("sigma {sigma_mm}"));
         assert!(number(&found["coverage95"]) > 0.93, "{found}");
@@ -223,6 +227,7 @@ fn predictions_of_repeated_heights_hold_on_virtual_robots() {
         let one = planned.standard_error(place).expect("determined");
         let other = fit.posterior.standard_error(own).expect("determined");
         let name = &parameter.name;
-        assert!((one / other - 1.0).abs() < 0.1, "{name}: {one} {other}");
+        // The robot that was read is softer or stiffer than the nominal one by some 10 %.
+        assert!((one / other - 1.0).abs() < 0.15, "{name}: {one} {other}");
     }
 }

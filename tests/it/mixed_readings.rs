@@ -169,7 +169,7 @@ fn predictions_hold_of_an_arm_on_a_rail() {
 #[test]
 fn plans_choose_among_both() {
     let place = workplace();
-    let planned = place.json("plan s.toml --draw 12 --experiments 20 --plan-out drawn.csv");
+    let planned = place.json("plan s.toml --draw 12 --experiments 24 --plan-out drawn.csv");
     let rows = planned["plan"].as_array().expect("a list");
     let lengths: Vec<f64> = (rows.iter())
         .filter_map(|row| row["distance_mm"].as_f64())

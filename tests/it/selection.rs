@@ -106,10 +106,12 @@ fn function_tables(correlation: &str) -> String {
 }
 
 /// With joint error functions in the planner's model every fit has them: choices that are planned with them are better than those planned
-/// for independent errors, and what is predicted is observed, on simulated robots and on the readings themselves.
+/// for independent errors, and what is predicted is observed, on simulated robots and on the readings themselves. Of one robot and 14 poses
+/// some 13 unknowns err by as many normal numbers, which is 0.7 of the square of what remains, and three joints that matter by 3 x 17.5: a root
+/// mean square is 1 to 0.14 (3 standard deviations). Which of equally good choices is found hangs on rounding.
 #[test]
 fn joint_error_functions_are_planned_with() {
-    are_planned_with(Correlation::Exponential, "exponential", 0.7..1.35);
+    are_planned_with(Correlation::Exponential, "exponential", 0.58..1.42);
 }
 
 /// The same of smooth ones, of which one robot has fewer that are independent: of three joints that matter 3 x 11.5, of which a root mean square

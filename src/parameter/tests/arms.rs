@@ -198,6 +198,10 @@ pub(crate) fn random_elastic(numbers: &mut Numbers, joints: usize) -> ElasticArm
             });
         }
     }
+    // Springs hold far more than links weigh.
+    for law in &mut belief.stiffening {
+        law.at = law.at.map(|at_nm| 30.0 * at_nm);
+    }
     for index in 0..2 {
         let mut place = |joints: usize| Place {
             joints,
