@@ -9,11 +9,8 @@ use super::case::Case;
 use super::discrepancy::six_rows;
 use super::equations::rows_of;
 use crate::measurement::{Measurement, by_configuration, by_experiment};
-use crate::numeric::quantisation::{rounding_variance, shared_rounding};
+use crate::numeric::quantisation::shared_by_repeats;
 use crate::observation::{DeflectionPrecision, PlannedReadings};
-
-/// Repeats differ by this share of a variance at least, where it is said to be less than that of rounding.
-const LEAST_SPREAD: f64 = 1e-6;
 
 /// The factors L of the readings' covariances L L^T, block by block.
 #[derive(Debug)]
@@ -140,9 +137,8 @@ impl Case<'_> {
         let all = covariance.diagonal();
         for (row, column) in (0..all.len()).flat_map(|row| (0..row).map(move |other| (row, other)))
         {
-            let spread = f64::midpoint(all[row], all[column]) - rounding_variance(step_m);
-            let most = (1.0 - LEAST_SPREAD) * all[row].min(all[column]);
-            let shared = shared_rounding(step_m, spread).min(most);
+            let variance = f64::midpoint(all[row], all[column]);
+            let shared = shared_by_repeats(step_m, variance, all[row].min(all[column]));
             covariance[(row, column)] += shared;
             covariance[(column, row)] += shared;
         }

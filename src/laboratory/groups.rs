@@ -57,19 +57,13 @@ pub struct AtGauge {
 
 impl AtGauge {
     pub(super) fn of(belief: &Belief, each: &Experiment) -> Option<Self> {
-        let nominal = &belief.nominal;
-        let mut arm = nominal.chain.at(&belief.calibration_tool);
-        let mut solver = EquilibriumSolver::new(nominal.chain.len());
-        let compliance = &nominal.compliance_rad_per_nm;
-        let mut place = |load: &Load| {
-            let q = each.configuration_rad.as_slice();
-            solver.solve(&mut arm, compliance, q, load).ok()?;
-            Some(solver.state().tool_position)
-        };
-        let target_m = place(&Load::NONE)?;
+        let direction = each.direction?;
+        let mut solver = EquilibriumSolver::new(belief.nominal.chain.len());
+        let q = each.configuration_rad.as_slice();
+        let [target_m, loaded_m] = belief.nominal_rests_m(&mut solver, q, &each.load)?;
         Some(Self {
             target_m,
-            displacement_m: each.direction?.dot(&(place(&each.load)? - target_m)),
+            displacement_m: direction.dot(&(loaded_m - target_m)),
         })
     }
 

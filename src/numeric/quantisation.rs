@@ -17,6 +17,8 @@ use std::f64::consts::PI;
 const CLOSED: f64 = 0.1;
 /// More terms are nothing there.
 const TERMS: i32 = 12;
+/// Numbers differ by this share of a variance at least.
+const LEAST_SPREAD: f64 = 1e-6;
 /// Less of the variance than this is no covariance.
 const NOTHING: f64 = 1e-9;
 
@@ -36,6 +38,12 @@ pub fn shared_rounding(step: f64, spread_squared: f64) -> f64 {
     Some(shared.sum())
         .filter(|shared| *shared > NOTHING * rounding_variance(step))
         .unwrap_or(0.0)
+}
+
+/// The same of numbers that differ by a variance, rounding among it; less than all of the smaller one's own variance, which may be said to be
+/// below that of rounding.
+pub fn shared_by_repeats(step: f64, variance: f64, own: f64) -> f64 {
+    shared_rounding(step, variance - rounding_variance(step)).min((1.0 - LEAST_SPREAD) * own)
 }
 
 /// The derivative of v by s^2, where it is not endless.

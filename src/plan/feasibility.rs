@@ -246,13 +246,8 @@ impl<'a> Feasibility<'a> {
             return Some(Violation::in_words(DIRECTION, words));
         }
         let (direction, range_m) = (direction?, gauge.range_m?);
-        let mut arm = belief.nominal.chain.at(&belief.calibration_tool);
-        let mut place = |load: &Load| {
-            let compliance = &belief.nominal.compliance_rad_per_nm;
-            self.solver.solve(&mut arm, compliance, q, load).ok()?;
-            Some(self.solver.state().tool_position)
-        };
-        let moved_m = direction.dot(&(place(load)? - place(&Load::NONE)?)).abs();
+        let [unloaded_m, loaded_m] = belief.nominal_rests_m(&mut self.solver, q, load)?;
+        let moved_m = direction.dot(&(loaded_m - unloaded_m)).abs();
         let sizes = [moved_m, range_m].map(|size| size * 1e3);
         (moved_m > range_m + ROUNDING)
             .then(|| Violation::of_size(DISPLACEMENT.to_owned(), sizes, "mm"))
@@ -406,10 +401,7 @@ fn out_of_reach(
     let length = |kind: LengthKind| kind.row(&(reflector - station.position_m)).0;
     let range = station.reads.map_or_else(|| ray.norm(), length);
     let name = &station.name;
-    let [least, most] = station.range_m;
-    let missed = (least.filter(|least| range < least - ROUNDING))
-        .or_else(|| most.filter(|most| range > most + ROUNDING));
-    let missed = missed.map(|bound| {
+    let missed = station.missed(range, ROUNDING).map(|bound| {
         let what = format!("range from station {name:?}");
         Violation::of_size(what, [range, bound].map(|m| m * 1e3), "mm")
     });

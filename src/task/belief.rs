@@ -1,7 +1,7 @@
 //! The planner's model: what planning and identification assume.
 
 use clap::ValueEnum;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use super::{Extended, Gauge, PriorCampaign, Station, station_named};
 use crate::numeric::quantisation::shared_rounding;
 use crate::observation::{BareArm, DeflectionPrecision, LengthKind};
 use crate::parameter::{ElasticArm, ErrorDistribution, ParameterError, Prior, Unloaded};
-use crate::robot::{Commands, ReadsAlong, Robot, Tool};
+use crate::robot::{Commands, EquilibriumSolver, Load, ReadsAlong, Robot, Tool};
 
 /// How deflections are measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -195,6 +195,23 @@ impl Belief {
     pub fn length_from(&self, station: Option<&str>) -> Option<(LengthKind, Gauge)> {
         let kind = station_named(&self.stations, station)?.reads?;
         Some((kind, self.instrument.shows_length(kind)?))
+    }
+
+    /// Where the nominal robot has the calibration tool at rest at commanded angles, without a load and under one (m, world frame); none
+    /// where it does not rest.
+    pub fn nominal_rests_m(
+        &self,
+        solver: &mut EquilibriumSolver,
+        q: &[f64],
+        load: &Load,
+    ) -> Option<[Vector3<f64>; 2]> {
+        let mut arm = self.nominal.chain.at(&self.calibration_tool);
+        let mut place = |load: &Load| {
+            let compliance = &self.nominal.compliance_rad_per_nm;
+            solver.solve(&mut arm, compliance, q, load).ok()?;
+            Some(solver.state().tool_position)
+        };
+        Some([place(&Load::NONE)?, place(load)?])
     }
 
     /// Whether what errs by a tracker's range counts there: not where lengths are read beside one.

@@ -25,6 +25,13 @@ pub struct Station {
 }
 
 impl Station {
+    /// The end of its range that a length (m) misses by more than some room (m).
+    pub fn missed(&self, length_m: f64, room_m: f64) -> Option<f64> {
+        let [least, most] = self.range_m;
+        (least.filter(|least| length_m < least - room_m))
+            .or_else(|| most.filter(|most| length_m > most + room_m))
+    }
+
     /// From where (m) it reads a target at a place (m).
     pub fn sees_from(&self, target_m: &Vector3<f64>) -> Vector3<f64> {
         let begin = |length: LengthKind| length.begins_at(self.position_m, target_m);

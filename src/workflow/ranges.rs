@@ -24,12 +24,10 @@ pub fn beyond_gauge(gauge: Option<Gauge>, measurements: &[Measurement]) -> Optio
 pub fn beyond_stations(belief: &Belief, readings: &[AbsoluteReading]) -> Option<String> {
     let is_beyond = |each: &AbsoluteReading| {
         let station = station_named(&belief.stations, each.station.as_deref());
-        let Some((length, station)) = each.length.zip(station) else {
-            return false;
-        };
-        let [least, most] = station.range_m;
-        least.is_some_and(|least| length.length_m < least * (1.0 - ROUNDING))
-            || most.is_some_and(|most| length.length_m > most * (1.0 + ROUNDING))
+        (each.length.zip(station)).is_some_and(|(read, station)| {
+            let room_m = ROUNDING * read.length_m;
+            station.missed(read.length_m, room_m).is_some()
+        })
     };
     let beyond = numbers(readings.iter().map(is_beyond))?;
     Some(format!(

@@ -8,12 +8,9 @@ use super::super::frames::MountedFrames;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteResult};
 use crate::experiment::numbered;
 use crate::measurement::AbsoluteReading;
-use crate::numeric::quantisation::{rounding_variance, shared_rounding};
+use crate::numeric::quantisation::shared_by_repeats;
 use crate::observation::{LengthKind, ReadingErrors, SharedRounding};
 use crate::task::station_named;
-
-/// Repeats differ by this share of a variance at least.
-const LEAST_SPREAD: f64 = 1e-6;
 
 impl AbsoluteCase<'_> {
     /// Where a station is begun with: where the robot's own world is; one that lengths are read from where the planner's model has it,
@@ -71,9 +68,8 @@ impl AbsoluteCase<'_> {
             let shows = kind.and_then(|kind| self.belief.instrument.shows_length(kind));
             let step_m = shows.map_or(0.0, |shows| shows.resolution_m);
             let own = covariance[(0, 0)];
-            let spread = own - rounding_variance(step_m) + errors.spread_of_repeats();
-            // A file may say that it is less than rounding makes it.
-            shared.variance_m2 = shared_rounding(step_m, spread).min((1.0 - LEAST_SPREAD) * own);
+            let variance = own + errors.spread_of_repeats();
+            shared.variance_m2 = shared_by_repeats(step_m, variance, own);
         }
         if all.iter().all(|each| each.variance_m2 <= 0.0) {
             return all;
