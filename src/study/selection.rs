@@ -25,8 +25,9 @@ use crate::text::wording::counted;
 
 /// Searches for one choice, before it is searched for from the others, too.
 const SEARCHES: usize = 4;
-/// Searches for the choice with joint error functions: by greed, and from a random one.
-const SEARCHES_WITH_FUNCTIONS: usize = 2;
+/// Searches for the choice with joint error functions, by greed and from random ones: so many readings are placed in all of them, in at
+/// least two. Few readings are placed in more searches, whose ends differ more.
+const PLACED_WITH_FUNCTIONS: usize = 160;
 
 /// What stands for nothing known, as a share of what a reading tells on average of what it tells most of.
 const FAINT: f64 = 1e-8;
@@ -390,14 +391,9 @@ impl Chooser<'_> {
         size: u32,
         stop: &AtomicBool,
     ) -> Result<Chosen, String> {
-        let found = best_choice(
-            list,
-            size as usize,
-            SEARCHES_WITH_FUNCTIONS,
-            &[],
-            self.wanted.seed,
-            stop,
-        );
+        let size = size as usize;
+        let searches = (PLACED_WITH_FUNCTIONS / size.max(1)).max(2);
+        let found = best_choice(list, size, searches, &[], self.wanted.seed, stop);
         let found = found.ok_or("the readings determine nothing")?;
         Ok(self.judged(&found.chosen))
     }

@@ -10,32 +10,22 @@ impl PlannedReadings<'_> {
     pub(super) fn noise_times(&self, load: &Load) -> f64 {
         let step = self.coarse_step();
         let part = if step > 0.0 && self.repeats > 1.0 {
-            self.shared_share(step, load)
+            shared_rounding(step, self.spread_of_repeats(load)) / self.precision.sigma_m.powi(2)
         } else {
             self.unloaded().shared_part()
         };
         counted_times(part, self.repeats)
     }
 
-    /// The share of the instrument's noise that repeats have in common, with such a step. Most readings have none.
-    #[cold]
-    fn shared_share(&self, step: f64, load: &Load) -> f64 {
-        shared_rounding(step, self.spread_of_repeats(load)) / self.precision.sigma_m.powi(2)
-    }
-
     /// By how much that follows the variance of a source.
     pub(super) fn slope_of_noise(&self, load: &Load) -> f64 {
         let step = self.coarse_step();
         if step > 0.0 && self.repeats > 1.0 {
-            (self.repeats - 1.0) * self.shared_slope(step, load)
+            let slope = shared_rounding_slope(step, self.spread_of_repeats(load));
+            (self.repeats - 1.0) * slope
         } else {
             0.0
         }
-    }
-
-    #[cold]
-    fn shared_slope(&self, step: f64, load: &Load) -> f64 {
-        shared_rounding_slope(step, self.spread_of_repeats(load))
     }
 
     /// The step of what is read along a direction, in the units of its row, where repeats share errors of rounding; else nothing.
