@@ -8,9 +8,9 @@ use std::path::Path;
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
+use super::absolute::LeftOut;
 use super::agreement::agree_of_estimate;
 use super::covariance::covariance_of;
-use super::absolute::LeftOut;
 use super::stored::{StoredIdentification, read_identified};
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
@@ -77,8 +77,9 @@ impl StoredIdentification {
     /// What is wrong with the file, with its key.
     pub fn before(path: &Path, robot: &Robot) -> Result<Self, FileError> {
         match read_identified::<ReadingsFile>(path, true)? {
-            Some(file) => (file.known(path, robot))
-                .map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile)),
+            Some(file) => {
+                (file.known(path, robot)).map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))
+            }
             None => Self::read(path, robot),
         }
     }
@@ -112,7 +113,8 @@ impl ReadingsFile {
             joint(&place).is_none() && kinds[place].is_some_and(is_kept) && is_determined(place)
         }));
         // A logarithm is of the ratio to what is nominal.
-        let is_logarithm = |place: usize| kinds[place].is_some_and(|kind| kind.is_logarithmic(false));
+        let is_logarithm =
+            |place: usize| kinds[place].is_some_and(|kind| kind.is_logarithmic(false));
         let value = |place: usize| match (&unknowns[place], is_logarithm(place)) {
             (unknown, true) => (unknown.value / unknown.nominal).ln(),
             (unknown, false) => unknown.value,
@@ -124,7 +126,10 @@ impl ReadingsFile {
         let mean: Vec<f64> = places.iter().map(|&place| value(place)).collect();
         if let Some(place) = mean.iter().position(|value| !value.is_finite()) {
             let (key, found) = (places[place], unknowns[places[place]].value);
-            return Err(wrong(format!("unknowns[{key}].value"), format!("found {found}")));
+            return Err(wrong(
+                format!("unknowns[{key}].value"),
+                format!("found {found}"),
+            ));
         }
         let covariance = DMatrix::from_fn(places.len(), places.len(), |row, column| {
             let (row, column) = (places[row], places[column]);
@@ -149,7 +154,10 @@ impl ReadingsFile {
             names: names(&places).collect(),
             mean,
             covariance,
-            estimable: Estimable::with_hidden(&vec![1.0; places.len()], DMatrix::zeros(places.len(), 0)),
+            estimable: Estimable::with_hidden(
+                &vec![1.0; places.len()],
+                DMatrix::zeros(places.len(), 0),
+            ),
         };
         let others = places.len() - own;
         let left_out = self.left_out(path, &places, &factor)?;
@@ -184,11 +192,7 @@ impl ReadingsFile {
     }
 
     /// What the unknowns are; none of frames.
-    fn kinds(
-        &self,
-        path: &Path,
-        robot: &Robot,
-    ) -> Result<Vec<Option<ParameterKind>>, FileError> {
+    fn kinds(&self, path: &Path, robot: &Robot) -> Result<Vec<Option<ParameterKind>>, FileError> {
         let compliance = robot.compliance_rad_per_nm.clone();
         let arm = ElasticArm::new(robot.chain.clone(), compliance, Vec::new());
         let listed = ParameterKind::of_robot(&arm);
@@ -224,7 +228,9 @@ impl ReadingsFile {
                     let (found, count) = (shift.len(), self.unknowns.len());
                     let problem = format!("found {found} numbers; there are {count} unknowns");
                     let wrong = FileError::new(path, problem).at(format!("{key}[{index}].shift"));
-                    return Err(wrong.hint("identify again: files of earlier versions do not say it"));
+                    return Err(
+                        wrong.hint("identify again: files of earlier versions do not say it")
+                    );
                 }
                 let change = |&place: &usize| {
                     let change = shift[place] * factor(place);

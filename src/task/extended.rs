@@ -164,9 +164,8 @@ impl ListedUnknowns {
         }
         for (name, _) in &campaign.left_out {
             let kind = ParameterKind::named(name, &all, arm);
-            let is_it = |(own, _): &(ParameterKind, _)| {
-                Some(*own) == kind && !self.replaced.contains(own)
-            };
+            let is_it =
+                |(own, _): &(ParameterKind, _)| Some(*own) == kind && !self.replaced.contains(own);
             places.extend(self.unknowns.iter().position(is_it));
         }
         let is_kept = |place: &usize| self.kept.iter().any(|each| each.1.contains(place));
