@@ -115,13 +115,21 @@ impl ReadingsFile {
         // A logarithm is of the ratio to what is nominal.
         let is_logarithm =
             |place: usize| kinds[place].is_some_and(|kind| kind.is_logarithmic(false));
-        let value = |place: usize| match (&unknowns[place], is_logarithm(place)) {
-            (unknown, true) => (unknown.value / unknown.nominal).ln(),
-            (unknown, false) => unknown.value,
+        let value = |place: usize| {
+            let UnknownMessage { value, nominal, .. } = unknowns[place];
+            if is_logarithm(place) {
+                (value / nominal).ln()
+            } else {
+                value
+            }
         };
-        let factor = |place: usize| match is_logarithm(place) {
-            true => unknowns[place].value.recip(),
-            false => 1.0,
+        let factor = |place: usize| {
+            let value = unknowns[place].value;
+            if is_logarithm(place) {
+                value.recip()
+            } else {
+                1.0
+            }
         };
         let mean: Vec<f64> = places.iter().map(|&place| value(place)).collect();
         if let Some(place) = mean.iter().position(|value| !value.is_finite()) {

@@ -146,7 +146,10 @@ impl ListedUnknowns {
         let mut places = Vec::new();
         for (found, name) in campaign.names.iter().enumerate() {
             let kind = ParameterKind::named(name, &all, arm);
-            let Some(kind) = kind.filter(|kind| !self.replaced.contains(kind)) else {
+            let is_same = |kind: &ParameterKind| {
+                kind.is_kept_between_campaigns() && !self.replaced.contains(kind)
+            };
+            let Some(kind) = kind.filter(is_same) else {
                 continue;
             };
             let known = self.unknowns.iter().position(|each| each.0 == kind);

@@ -99,13 +99,21 @@ fn with_prior(text: &str, prior: Option<&str>) -> String {
     let Some(file) = prior else {
         return text.to_owned();
     };
-    text.replacen("\nparameters = ", &format!("\nprior = \"{file}\"\nparameters = "), 1)
+    text.replacen(
+        "\nparameters = ",
+        &format!("\nprior = \"{file}\"\nparameters = "),
+        1,
+    )
 }
 
 /// A plan that reads some of the poses, or hangs the load there, where nothing names a target.
 fn plan(poses: &[[f64; 6]], target: Option<[&str; 2]>) -> String {
     let mut text = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n".to_owned();
-    text += if target.is_some() { ",target,station\n" } else { "\n" };
+    text += if target.is_some() {
+        ",target,station\n"
+    } else {
+        "\n"
+    };
     for (index, pose) in poses.iter().enumerate() {
         let is_loaded = target.is_none() || index % 3 != 2;
         let angles = pose.map(|angle| angle.to_string()).join(",");
@@ -192,7 +200,10 @@ fn two_campaigns_are_one_fit() {
         for (name, (value, error)) in &one {
             let (expected, known) = other[name];
             // To first order.
-            assert!((error / known - 1.0).abs() < 0.02, "{name}: {error} {known}");
+            assert!(
+                (error / known - 1.0).abs() < 0.02,
+                "{name}: {error} {known}"
+            );
             let off = (value - expected) / known;
             assert!(off.abs() < 0.1, "{name}: {off} standard errors");
         }
