@@ -147,10 +147,12 @@ impl ReadingsFile {
             .filter(|&index| !is_determined(places[index]))
             .collect();
         let typical = robot.typical_rad_per_nm(&joints);
-        let names = |places: &[usize]| places.iter().map(|&place| unknowns[place].name.clone());
+        let names: Vec<String> = (places.iter())
+            .map(|&place| unknowns[place].name.clone())
+            .collect();
         let own = joints.len();
         let posterior = Posterior {
-            names: names(&places[..own]).collect(),
+            names: names[..own].to_vec(),
             mean: mean[..own].to_vec(),
             covariance: covariance.view((0, 0), (own, own)).into_owned(),
             estimable: Estimable::with_hidden(
@@ -159,7 +161,7 @@ impl ReadingsFile {
             ),
         };
         let all = Posterior {
-            names: names(&places).collect(),
+            names,
             mean,
             covariance,
             estimable: Estimable::with_hidden(
