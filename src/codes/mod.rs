@@ -68,6 +68,7 @@ codes! {
         GeometryBeyondTolerance = "C0214",
         MassFarFromPrior = "C0215",
         UnknownApproach = "C0216",
+        SameJointErrors = "C0217",
         PredictionFailed = "C0301",
         Coverage = "C0302",
         StationMoved = "C0303",

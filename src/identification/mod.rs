@@ -25,6 +25,7 @@ mod residuals;
 mod robust;
 mod spread;
 mod stored;
+mod stored_readings;
 mod tails;
 mod whitening;
 
@@ -35,7 +36,6 @@ pub use absolute::{
     PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
     RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents,
 };
-pub use agreement::agree_of_estimate;
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;
 pub(crate) use conditions::{Told, left_out};
@@ -56,3 +56,4 @@ pub use robust::{RobustIdentification, Robustness};
 pub use spread::{MOST_SPREAD, SPREAD_ORDERS};
 pub use stored::{StoredIdentification, hold_impossible, is_identified_from, nominal_instead};
 pub(crate) use stored::{StoredOrigin, read_identified};
+pub use stored_readings::{UnknownMessage, check_unknowns};

@@ -38,6 +38,10 @@ pub struct StoredIdentification {
     pub conditions: Vec<Condition>,
     /// The standard deviations that error sources gave what else was uncertain; in the units of `all`.
     pub listed: Vec<Option<f64>>,
+    /// Which of it was determined.
+    pub determined: Vec<bool>,
+    /// What was left nominal, and by how much what was found changes for one unit of it, by names of parameters.
+    pub left_out: Vec<(String, Vec<(String, f64)>)>,
     /// The names of the error sources with which it was made; some files do not say.
     pub error_sources: Option<Vec<String>>,
     /// What the model leaves unexplained, of positions (m) and rotations (rad); nothing where the measurements did not show any.
@@ -138,28 +142,11 @@ impl StoredIdentification {
     }
 
     fn read_for(path: &Path, robot: &Robot) -> Result<Self, FileError> {
-        let mut stored: IdentificationFile = of_deflections(path)?;
+        let stored: IdentificationFile = of_deflections(path)?;
         let joints = joints_of(path, &stored.parameters, robot)?;
-        let mut posterior = posterior(path, &stored)?;
-        let mut all = posterior_of_all(path, &stored, &posterior)?;
+        let posterior = posterior(path, &stored)?;
+        let all = posterior_of_all(path, &stored, &posterior)?;
         check_agreement(path, &stored)?;
-        let known = all.as_ref().unwrap_or(&posterior);
-        let mut values = known.mean.clone();
-        let held = hold_impossible(
-            &mut values,
-            &known.covariance,
-            |place| robot.compliance_rad_per_nm[joints[place]],
-            |place| place < joints.len() && posterior.standard_error(place).is_some(),
-        );
-        for (place, value) in held {
-            let unit = robot.chain.joints[joints[place]].drive.compliance_unit();
-            let name = &stored.parameters[place];
-            stored.conditions.push(nominal_instead(name, value, unit));
-        }
-        posterior.mean.copy_from_slice(&values[..joints.len()]);
-        if let Some(all) = &mut all {
-            all.mean = values;
-        }
         let discrepancy = [
             size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
             size(path, "discrepancy_mrad", stored.discrepancy_mrad)? * 1e-3,
@@ -172,17 +159,44 @@ impl StoredIdentification {
             posterior,
             all,
             listed: stored.uncertain.iter().map(|each| each.prior_std).collect(),
+            determined: (stored.uncertain.iter().map(|each| each.std.is_some())).collect(),
+            left_out: Vec::new(),
             joints,
             error_sources: stored.error_sources,
             discrepancy,
             degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
-            // Whether a test pose needs what is not determined is asked there.
-            conditions: (stored.conditions.into_iter())
-                .filter(|condition| condition.code.is_of_identification())
-                .filter(|condition| condition.code != ConditionCode::Unidentifiable)
-                .collect(),
+            conditions: stored.conditions,
             identified_with: stored.identified_with,
-        })
+        }
+        .possible(robot))
+    }
+
+    /// The same with nominal compliances in place of those that no joint has, and without conditions that are not of the identification.
+    pub(super) fn possible(mut self, robot: &Robot) -> Self {
+        let known = self.all.as_ref().unwrap_or(&self.posterior);
+        let mut values = known.mean.clone();
+        let joints = &self.joints;
+        let held = hold_impossible(
+            &mut values,
+            &known.covariance,
+            |place| robot.compliance_rad_per_nm[joints[place]],
+            |place| place < joints.len() && self.posterior.standard_error(place).is_some(),
+        );
+        for (place, value) in held {
+            let joint = &robot.chain.joints[joints[place]];
+            let unit = joint.drive.compliance_unit();
+            (self.conditions).push(nominal_instead(&joint.name, value, unit));
+        }
+        (self.posterior.mean).copy_from_slice(&values[..joints.len()]);
+        if let Some(all) = &mut self.all {
+            all.mean = values;
+        }
+        // Whether a test pose needs what is not determined is asked there.
+        self.conditions.retain(|condition| {
+            let is_own = condition.code.is_of_identification();
+            is_own && condition.code != ConditionCode::Unidentifiable
+        });
+        self
     }
 }
 

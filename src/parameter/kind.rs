@@ -343,6 +343,15 @@ impl ParameterKind {
         matches!(self.level(), SourceLevel::Instrument | SourceLevel::Robot)
     }
 
+    /// Whether it is the robot's, whatever a scenario says of its joints' laws.
+    pub fn is_of_any_robot(self) -> bool {
+        let is_law = matches!(
+            self,
+            Self::JointBacklash { .. } | Self::JointStiffening { .. }
+        );
+        self.level() == SourceLevel::Robot && !is_law
+    }
+
     /// What it does not move, where its name might be read otherwise.
     pub const fn remark(self) -> Option<&'static str> {
         match self {
@@ -407,6 +416,18 @@ impl ParameterKind {
             kinds.extend(Axis::ALL.map(|axis| Self::PayloadCentre { axis }));
         }
         kinds.extend([Self::LoadScale, Self::LoadOffset]);
+        kinds
+    }
+
+    /// All that may be unknown about a robot, masses of links among it.
+    pub fn of_robot(arm: &ElasticArm) -> Vec<Self> {
+        let mut kinds = Self::all_of(arm);
+        for link in 0..arm.chain.len() {
+            kinds.push(Self::JointBacklash { joint: link });
+            kinds.push(Self::JointStiffening { joint: link });
+            kinds.push(Self::LinkMass { link });
+            kinds.extend(Axis::ALL.map(|axis| Self::LinkCentre { link, axis }));
+        }
         kinds
     }
 

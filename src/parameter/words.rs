@@ -27,6 +27,8 @@ pub struct Freedom {
     pub redundant: usize,
     /// The others that are in it, as indices.
     pub others: Vec<usize>,
+    /// By how much all change (p), in their units, for one unit of that; of what stays nominal nothing.
+    pub direction: DVector<f64>,
     /// One sentence.
     pub sentence: String,
 }
@@ -65,6 +67,7 @@ pub(super) fn stays_nominal(belief: &ElasticArm, set: &ParameterSet) -> Vec<Free
         stays_nominal: true,
         redundant,
         others: Vec::new(),
+        direction: DVector::zeros(set.len()),
         sentence: format!(
             "{} would be negative or uncertain by more than its nominal value: it stays nominal",
             set.parameters()[redundant].kind.words(belief)
@@ -204,6 +207,7 @@ fn describe(
         stays_nominal: false,
         redundant: pivot,
         others,
+        direction,
         sentence,
     }
 }

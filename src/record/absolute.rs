@@ -8,30 +8,11 @@ use super::messages::rows_of;
 use crate::codes::Condition;
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, DistanceStatistics, LeftOut, RejectedReading, Unexplained,
+    UnknownMessage,
 };
 use crate::numeric::markov::Correlation;
 use crate::numeric::tolerance::ends;
 use crate::parameter::ParameterKind;
-
-/// A parameter that was fitted.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct UnknownMessage {
-    /// Its name, such as `elbow.zero`, `link_3.x` or `base.rz`.
-    pub name: String,
-    /// What it is, in words.
-    pub what: String,
-    /// The unit of its value.
-    pub unit: String,
-    /// Its nominal value; displacements and rotations of frames count from the nominal frame, those of base and targets from
-    /// the frames that are listed.
-    pub nominal: f64,
-    /// Its value.
-    pub value: f64,
-    /// Its standard error; null where it is not determined.
-    pub standard_error: Option<f64>,
-    /// Its interval of 95 %.
-    pub interval95: Option<[f64; 2]>,
-}
 
 /// Where a station or a target is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -69,6 +50,9 @@ pub struct AbsoluteMessage {
     pub targets: Vec<MountedFrameMessage>,
     /// What was left out as redundant.
     pub left_out: Vec<LeftOut>,
+    /// The compliances that stay nominal, since the readings hardly show them.
+    #[serde(default)]
+    pub stays_nominal: Vec<LeftOut>,
     /// What the readings do not determine, in sentences.
     pub undetermined: Vec<String>,
     /// Distances from the predicted positions (mm).
@@ -190,7 +174,13 @@ impl AbsoluteMessage {
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
         let kept = fit.of_kept(&fit.left);
         let [distances, angles] = DistanceStatistics::in_mm_and_mrad(&kept);
-        let covariance = scaled(&fit.posterior.covariance, &factors(fit));
+        let factors = factors(fit);
+        let covariance = scaled(&fit.posterior.covariance, &factors);
+        let mut stays_nominal = fit.stays_nominal.clone();
+        for each in &mut stays_nominal {
+            let shift = each.shift.iter_mut().zip(&factors);
+            shift.for_each(|(shift, factor)| *shift *= factor);
+        }
         Self {
             readings: fit.left.len(),
             numbers: fit.rows,
@@ -201,7 +191,10 @@ impl AbsoluteMessage {
             stations: stations(case, fit),
             targets: targets(case, fit),
             left_out: fit.left_out.clone(),
-            undetermined: [&*fit.undetermined, &*fit.stays_nominal].concat(),
+            stays_nominal: stays_nominal.clone(),
+            undetermined: (fit.undetermined.iter().cloned())
+                .chain(stays_nominal.into_iter().map(|each| each.sentence))
+                .collect(),
             distance_mm: distances.unwrap_or_default(),
             angle_mrad: angles,
             discrepancy_mm: fit.discrepancy.map(|[position_m, _]| position_m * 1e3),

@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::{Extended, Gauge, PriorCampaign, Station, station_named};
 use crate::numeric::quantisation::shared_rounding;
 use crate::observation::{BareArm, DeflectionPrecision, LengthKind};
-use crate::parameter::{ElasticArm, ErrorDistribution, ParameterError, Prior, Unloaded};
+use crate::parameter::{
+    ElasticArm, ErrorDistribution, ParameterError, ParameterSet, Prior, Unloaded,
+};
 use crate::robot::{Commands, EquilibriumSolver, Load, ReadsAlong, Robot, Tool};
 
 /// How deflections are measured.
@@ -357,6 +359,24 @@ impl Belief {
     /// The precision of what is known of the unknowns before any measurement (p x p), in their units.
     pub fn precision(&self) -> DMatrix<f64> {
         self.known().precision.clone()
+    }
+
+    /// A set of which the first parameters are of the belief's vector, with what is known of them, and others are not: those that the earlier
+    /// campaign left nominal go with what it found.
+    pub fn beside_left_out(&self, set: ParameterSet, own: usize) -> ParameterSet {
+        let Some(campaign) = &self.prior_campaign else {
+            return set;
+        };
+        let (all, extended) = (set.parameters(), self.uncertain.set());
+        let places = all[..own].iter().map(|each| extended.index_of(each.kind));
+        let places: Vec<usize> = places.flatten().collect();
+        let earlier = self.uncertain.earlier();
+        let mut precision = DMatrix::zeros(set.len(), set.len());
+        let mut first = precision.view_mut((0, 0), (own, own));
+        first.copy_from(&earlier.select_rows(&places).select_columns(&places));
+        let found = campaign.as_found(&set, own);
+        let with_others = found.tr_mul(&precision) * found;
+        set.with_precision(&(with_others - precision))
     }
 
     /// Whether deflections of one configuration share something that repeats do not average.

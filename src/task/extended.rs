@@ -13,6 +13,9 @@ use crate::parameter::{
 };
 use crate::robot::Load;
 
+/// What is known of the robot from an earlier campaign and the scenario does not list.
+const OTHERS: &str = "the robot's other unknowns";
+
 /// Which of the arm's tools is measured.
 const CALIBRATION: usize = 0;
 
@@ -60,6 +63,8 @@ struct ListedUnknowns {
     both: Vec<(usize, usize)>,
     /// What uncertainties say of those that are to be found: places and deviations.
     own_priors: Vec<(usize, f64)>,
+    /// What was replaced since the earlier campaign.
+    replaced: Vec<ParameterKind>,
 }
 
 impl ListedUnknowns {
@@ -72,6 +77,7 @@ impl ListedUnknowns {
             kept: Vec::new(),
             both: Vec::new(),
             own_priors: Vec::new(),
+            replaced: Vec::new(),
         }
     }
 
@@ -87,6 +93,9 @@ impl ListedUnknowns {
         let Source::Plan(parameters) = &uncertainty.source else {
             return Ok(());
         };
+        if uncertainty.is_replaced {
+            self.replaced.extend(parameters.iter().map(|each| each.0));
+        }
         let (mut places, mut kept) = (Vec::new(), Vec::new());
         let campaign = campaign.filter(|_| !uncertainty.is_replaced);
         let is_common = campaign.is_some_and(|each| each.sources.contains(&uncertainty.name));
@@ -129,12 +138,51 @@ impl ListedUnknowns {
         }
         Ok(())
     }
+
+    /// Adds what an earlier campaign found of the robot, or left nominal, and no uncertainty lists: it is unknown still.
+    fn add_found(&mut self, arm: &ElasticArm, campaign: &PriorCampaign) {
+        let is_compliance = |kind| matches!(kind, ParameterKind::JointCompliance { .. });
+        let all = ParameterKind::of_robot(arm);
+        let mut places = Vec::new();
+        for (found, name) in campaign.names.iter().enumerate() {
+            let kind = ParameterKind::named(name, &all, arm);
+            let is_same = |kind: &ParameterKind| {
+                kind.is_kept_between_campaigns() && !self.replaced.contains(kind)
+            };
+            let Some(kind) = kind.filter(is_same) else {
+                continue;
+            };
+            let known = self.unknowns.iter().position(|each| each.0 == kind);
+            let deviation = campaign.covariance[(found, found)].sqrt();
+            let place = known.unwrap_or(self.unknowns.len());
+            match known {
+                Some(place) if place < self.wanted && !is_compliance(kind) => {
+                    self.unknowns[place].1 = Some(deviation);
+                }
+                None if kind.is_of_any_robot() => self.unknowns.push((kind, Some(deviation))),
+                _ => continue,
+            }
+            self.both.push((place, found));
+            places.push(place);
+        }
+        for (name, _) in &campaign.left_out {
+            let kind = ParameterKind::named(name, &all, arm);
+            let is_it =
+                |(own, _): &(ParameterKind, _)| Some(*own) == kind && !self.replaced.contains(own);
+            places.extend(self.unknowns.iter().position(is_it));
+        }
+        let is_kept = |place: &usize| self.kept.iter().any(|each| each.1.contains(place));
+        places.retain(|place| !is_kept(place));
+        if !places.is_empty() {
+            self.kept.push((OTHERS.to_owned(), places));
+        }
+    }
 }
 
 impl Extended {
     /// The vector of the compliances of an arm's `identified` joints, with what is known of these before, of what
-    /// else is to be found (`further`), of which nothing is known but what the uncertainties say, and of these. A source that the
-    /// campaign behind the prior lists, too, has the same value in both, and what that campaign found of it is known of it.
+    /// else is to be found (`further`), of which nothing is known but what the uncertainties say, of these, and of what the campaign behind
+    /// the prior found of the robot. A source that it lists, too, has the same value in both, and what it found of it is known of it.
     ///
     /// # Errors
     /// An unknown is something that the arm does not have or cannot know.
@@ -149,12 +197,19 @@ impl Extended {
         let compliance = |&joint: &usize| ParameterKind::JointCompliance { joint };
         let wanted = identified.iter().map(compliance);
         let mut listed = ListedUnknowns::new(wanted.chain(further.iter().copied()));
+        let further_names: Vec<String> = further.iter().map(|kind| kind.name(&arm)).collect();
         let is_estimated = |place: usize| {
-            let own = prior.filter(|_| place < identified.len());
-            own.is_some_and(|prior| prior.precision[(place, place)] > 0.0)
+            let Some(further) = place.checked_sub(identified.len()) else {
+                return prior.is_some_and(|prior| prior.precision[(place, place)] > 0.0);
+            };
+            let name = further_names.get(further);
+            campaign.is_some_and(|each| name.is_some_and(|name| each.names.contains(name)))
         };
         for each in uncertainties {
             listed.add(&arm, each, campaign, &is_estimated)?;
+        }
+        if let Some(campaign) = campaign {
+            listed.add_found(&arm, campaign);
         }
         let ListedUnknowns {
             unknowns,
@@ -192,6 +247,11 @@ impl Extended {
             }
             set = set.with_earlier(&places, &mean, &precision);
             earlier = &set.prior().precision - DMatrix::from_diagonal(&own_precision);
+            if let Some(found) = campaign.map(|each| each.as_found(&set, 0)) {
+                let found = found.tr_mul(&earlier) * found;
+                set = set.with_precision(&(&found - &earlier));
+                earlier = found;
+            }
         }
         for (place, deviation) in own_priors {
             own_precision[place] = deviation.powi(-2);

@@ -7,8 +7,13 @@
 //! [ P + A^T C^-1 A   -A^T C^-1 ]
 //! [    -C^-1 A          C^-1   ]
 //! ```
+//!
+//! What readings could not tell from others (u) was left nominal, and is in what was found: x - D u, where no reading shows that x changes by D
+//! and u by one. Where the next campaign has u among its unknowns, that is what is known, and nothing of u itself.
 
 use nalgebra::{DMatrix, DVector};
+
+use crate::parameter::ParameterSet;
 
 /// The error sources of an earlier identification, and what it found of them.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +30,8 @@ pub struct PriorCampaign {
     pub cross: DMatrix<f64>,
     /// and among themselves (o x o).
     pub covariance: DMatrix<f64>,
+    /// The parameters that it left nominal, by name, and by how much those that it found change for one unit of each.
+    pub left_out: Vec<(String, Vec<(String, f64)>)>,
     /// Those of the residual scale, where the covariance rests on one that was estimated.
     pub degrees_of_freedom: Option<f64>,
 }
@@ -54,5 +61,23 @@ impl PriorCampaign {
         all.view_mut((count, count), (others.len(), others.len()))
             .copy_from(&inverse);
         Some(all)
+    }
+
+    /// The matrix (p x p) from a set's values to those that it found, which are what they would be if what it left nominal, from some
+    /// place in the set on, were nominal.
+    pub fn as_found(&self, set: &ParameterSet, from: usize) -> DMatrix<f64> {
+        let place = |name: &str| set.parameters().iter().position(|each| each.name == name);
+        let mut all = DMatrix::identity(set.len(), set.len());
+        for (name, shift) in &self.left_out {
+            let Some(column) = place(name).filter(|column| *column >= from) else {
+                continue;
+            };
+            for (row, change) in shift {
+                if let Some(row) = place(row) {
+                    all[(row, column)] -= change;
+                }
+            }
+        }
+        all
     }
 }

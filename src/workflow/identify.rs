@@ -156,7 +156,7 @@ impl Identified {
     }
 }
 
-/// The keys of what was identified from deflections that say what it rests on.
+/// The keys of what was identified that say what it rests on.
 pub fn rests_on(scenario: &Scenario) -> Value {
     json!({
         "identified_with": scenario.task.belief.fingerprint(),
@@ -372,8 +372,6 @@ impl<'a> IdentifiedRobot<'a> {
         let more = json!({
             "kind": "absolute",
             "groups": groups,
-            "identified_with": scenario.task.belief.fingerprint(),
-            "scenario_file": scenario.path.to_str(),
             "patterns": self.patterns,
             "repeats": self.repeats,
             "repeat_components": self.repeat_components,
@@ -382,7 +380,7 @@ impl<'a> IdentifiedRobot<'a> {
             "conditions": self.conditions(),
             "notes": self.notes(),
         });
-        let keys = [serde_json::to_value(message)?, more];
+        let keys = [serde_json::to_value(message)?, rests_on(scenario), more];
         Ok(results("identify", provenance, keys))
     }
 }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
 use crate::identification::{
-    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, StoredOrigin, agree_of_estimate,
+    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, StoredOrigin, check_unknowns,
     covariance_of, hold_impossible, nominal_instead, read_identified,
 };
 use crate::measurement::Origin;
@@ -99,7 +99,7 @@ impl StoredRobot {
         let Some(stored) = read_identified::<RobotFile>(path, true)? else {
             return Ok(None);
         };
-        check_agreement(path, &stored.message)
+        check_unknowns(path, &stored.message.unknowns, &stored.message.covariance)
             .map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))?;
         Ok(Some(Self {
             message: stored.message,
@@ -229,7 +229,7 @@ impl StoredRobot {
         stations: &[Option<usize>],
         tools: &[Option<usize>],
     ) -> Vec<Option<ParameterKind>> {
-        let all = robot_kinds(arm);
+        let all = ParameterKind::of_robot(arm);
         let kind = |name: &str| {
             let (owner, last) = name.rsplit_once('.').unwrap_or(("", name));
             let (turn, word) = (last.strip_prefix('r')).map_or((0, last), |word| (1, word));
@@ -334,24 +334,6 @@ pub(super) fn wrong(path: &Path, key: String, problem: String) -> FileError {
     (FileError::new(path, problem).at(key)).code(ErrorCode::IdentifiedFile)
 }
 
-/// Whether the unknowns and their covariance agree, as far as it is there.
-fn check_agreement(path: &Path, message: &AbsoluteMessage) -> Result<(), FileError> {
-    for (index, unknown) in message.unknowns.iter().enumerate() {
-        let Some(&variance) = message.covariance.get(index).and_then(|row| row.get(index)) else {
-            continue;
-        };
-        let key = |name: &str| format!("unknowns[{index}].{name}");
-        agree_of_estimate(
-            path,
-            (&key("value"), unknown.value),
-            (&format!("covariance[{index}][{index}]"), variance),
-            (&key("standard_error"), unknown.standard_error.map(f64::abs)),
-            (&key("interval95"), unknown.interval95),
-        )?;
-    }
-    Ok(())
-}
-
 /// A key of the file below some other, and what is wrong with it.
 type KeyProblem = (String, String);
 
@@ -446,16 +428,4 @@ fn whole(triangle: &[Vec<f64>], size: usize) -> Result<Vec<Vec<f64>>, KeyProblem
     Ok((0..size)
         .map(|row| (0..size).map(|column| entry(row, column)).collect())
         .collect())
-}
-
-/// All that may be unknown about a robot, masses of links among it.
-fn robot_kinds(arm: &ElasticArm) -> Vec<ParameterKind> {
-    let mut kinds = ParameterKind::all_of(arm);
-    for link in 0..arm.chain.len() {
-        kinds.push(ParameterKind::JointBacklash { joint: link });
-        kinds.push(ParameterKind::JointStiffening { joint: link });
-        kinds.push(ParameterKind::LinkMass { link });
-        kinds.extend(Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis }));
-    }
-    kinds
 }

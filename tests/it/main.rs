@@ -5,6 +5,7 @@
 //! - `joint_errors`: what joints are off by is corrected for absolute targets, and named elsewhere.
 //! - `judges`: the analytic model and MuJoCo judge each other.
 //! - `recordings`: the rerun and MCAP files, read with their own tools.
+//! - `absolute_priors`: what absolute readings found is what another campaign knows.
 //! - `ranks`: true values lie evenly in what is known of them.
 //! - `repeats`: what repeats of an experiment share they do not average.
 //! - `unknowns`: unknowns besides compliances, found from measurements.
@@ -118,6 +119,7 @@
 mod absolute_campaigns;
 mod absolute_plans;
 mod absolute_predictions;
+mod absolute_priors;
 mod absolute_readings;
 mod absolute_runs;
 mod absolute_studies;

@@ -16,7 +16,7 @@ use super::{
 };
 use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
-use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, Freedom, Parameter, ParameterKind, ParameterSet};
 use crate::task::Belief;
 
 /// Robots leave less than this share of how far positions reach in each coordinate: 2 mm of a metre.
@@ -61,8 +61,8 @@ pub struct AbsoluteFit {
     pub left_out: Vec<LeftOut>,
     /// What these readings do not determine, in sentences.
     pub undetermined: Vec<String>,
-    /// The compliances that stay nominal since these readings tell less of them, in sentences.
-    pub stays_nominal: Vec<String>,
+    /// The compliances that stay nominal since these readings tell less of them.
+    pub stays_nominal: Vec<LeftOut>,
     /// What is left of each reading, those that were rejected among them.
     pub left: Vec<ReadingResidual>,
     /// The readings that were left out since they lie far out.
@@ -182,6 +182,7 @@ impl<'a> AbsoluteCase<'a> {
     /// All that is told of a fit to those readings that were kept.
     fn told(&mut self, found: KeptFit<'a>, left_out: Vec<LeftOut>) -> AbsoluteResult<AbsoluteFit> {
         let (case, mut fit, discrepancy) = (found.case, found.fit, found.discrepancy);
+        let stays_nominal = case.stays_nominal(&fit)?;
         if let Some(model) = &found.discrepancy_model {
             fit.posterior.covariance.clone_from(&model.covariance);
         }
@@ -189,15 +190,15 @@ impl<'a> AbsoluteCase<'a> {
         let counts_sources = case.is_sharing_known;
         (self.arm, self.within) = (case.arm, case.within);
         let left = self.left(&fit.belief)?;
-        let (nominal, undetermined): (Vec<_>, Vec<_>) =
-            (fit.freedoms.named.into_iter()).partition(|each| each.stays_nominal);
+        let undetermined = fit.freedoms.named.into_iter();
+        let undetermined = undetermined.filter(|each| !each.stays_nominal);
         Ok(AbsoluteFit {
             reference: self.arm.clone(),
             arm: fit.belief,
             posterior: fit.posterior,
             left_out,
-            undetermined: undetermined.into_iter().map(|each| each.sentence).collect(),
-            stays_nominal: nominal.into_iter().map(|each| each.sentence).collect(),
+            undetermined: undetermined.map(|each| each.sentence).collect(),
+            stays_nominal,
             left,
             rejected: found.rejected,
             copies: self.copies.clone(),
@@ -212,6 +213,28 @@ impl<'a> AbsoluteCase<'a> {
             iterations: fit.iterations,
             set: fit.set,
         })
+    }
+
+    /// The compliances that stay nominal in a fit, with what would be found besides if they were others.
+    fn stays_nominal(&self, fit: &ParameterFit) -> AbsoluteResult<Vec<LeftOut>> {
+        let nominal = fit.freedoms.named.iter().filter(|each| each.stays_nominal);
+        let nominal: Vec<_> = nominal.collect();
+        if nominal.is_empty() {
+            return Ok(Vec::new());
+        }
+        let (set, scales) = (&fit.set, fit.set.scales());
+        let values = DVector::from_column_slice(&fit.posterior.mean);
+        let told = self.fitted_readings(set).equations(&values)?.information;
+        let left_out = |each: &Freedom| {
+            let told = told.column(each.redundant).component_div(&scales);
+            let shift = &fit.posterior.covariance * told / -scales[each.redundant];
+            LeftOut {
+                name: set.parameters()[each.redundant].name.clone(),
+                sentence: each.sentence.clone(),
+                shift: shift.as_slice().to_vec(),
+            }
+        };
+        Ok(nominal.into_iter().map(left_out).collect())
     }
 
     /// One fit without some readings, perhaps near one to nearly the same.
@@ -406,7 +429,7 @@ impl AbsoluteFit {
 
     /// What holds since the fit counts it, and nobody need act on.
     pub fn notes(&self) -> Vec<String> {
-        let nominal = self.stays_nominal.iter().cloned();
+        let nominal = self.stays_nominal.iter().map(|each| each.sentence.clone());
         (nominal.chain(self.handled().filter_map(Result::err))).collect()
     }
 

@@ -119,7 +119,7 @@ pub(super) const fn is_geometry(kind: ParameterKind) -> bool {
     )
 }
 
-/// A parameter that no reading can tell from others, and that was left out for that.
+/// A parameter that no reading can tell from others, and that was left out for that, or a compliance that readings hardly show.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 pub struct LeftOut {
     /// Its name.
@@ -127,6 +127,9 @@ pub struct LeftOut {
     /// Why, in a sentence.
     #[serde(rename = "reason")]
     pub sentence: String,
+    /// By how much the unknowns, in their order and units, change for one unit of it: they were found as if it were nominal.
+    #[serde(default)]
+    pub shift: Vec<f64>,
 }
 
 /// A parameter that is unknown, with the deviation of what is known of it by itself.
@@ -241,18 +244,23 @@ impl AbsoluteCase<'_> {
             &before.mean,
             &before.precision,
         );
+        let all = self.belief.beside_left_out(all, first.len());
         let left_out = self.redundant(&all, asked);
         let is_kept = |place: &usize| {
             let is_left_out = left_out.iter().any(|each| each.0 == *place);
             !is_left_out && self.shows(all.parameters()[*place].kind)
         };
         let kept: Vec<usize> = (0..all.len()).filter(is_kept).collect();
-        let left_out = left_out.into_iter().map(|(_, each)| each).collect();
+        let of_kept = |(_, mut each): (usize, LeftOut)| {
+            each.shift = kept.iter().map(|&place| each.shift[place]).collect();
+            each
+        };
+        let left_out = left_out.into_iter().map(of_kept).collect();
         Ok((all.subset(&kept), left_out))
     }
 
     /// The parameters of geometry, by their places in a set, that no reading of a rigid robot can tell from the others, and that no
-    /// prior settles: the same is left out whatever was read.
+    /// prior settles: the same is left out whatever was read. What goes with each is by all places.
     fn redundant(&self, all: &ParameterSet, asked: &[PlannedReading]) -> Vec<(usize, LeftOut)> {
         let kind = |place: usize| all.parameters()[place].kind;
         let places: Vec<usize> = (0..all.len())
@@ -265,9 +273,16 @@ impl AbsoluteCase<'_> {
         (freedoms.named.into_iter())
             .filter(|each| each.is_structural)
             .map(|each| {
-                let name = set.parameters()[each.redundant].name.clone();
-                let sentence = each.sentence;
-                (places[each.redundant], LeftOut { name, sentence })
+                let mut shift = vec![0.0; all.len()];
+                for (&place, value) in places.iter().zip(&each.direction) {
+                    shift[place] = *value;
+                }
+                let left_out = LeftOut {
+                    name: set.parameters()[each.redundant].name.clone(),
+                    sentence: each.sentence,
+                    shift,
+                };
+                (places[each.redundant], left_out)
             })
             .collect()
     }
@@ -277,13 +292,15 @@ impl AbsoluteCase<'_> {
     }
 
     /// What readings of a rigid robot leave of a set. Gravity and loads may tell more, if hardly: how far along parallel axes a target
-    /// is shows where a joint across them gives.
+    /// is shows where a joint across them gives. About nominal values, whatever is known of them: what is left out is the same then.
     fn rigid_freedoms(&self, set: &ParameterSet, readings: &[PlannedReading]) -> Freedoms {
         let mut rigid = self.arm.clone();
         rigid.compliance_rad_per_nm.fill(0.0);
         rigid.chain.elements = Elements::default();
         rigid.chain.gravity_m_s2 = Vector3::zeros();
-        let information = planned_information(set, &rigid, &set.prior().mean, readings);
+        let nominal = set.parameters().iter().map(|each| each.nominal);
+        let nominal = DVector::from_iterator(set.len(), nominal);
+        let information = planned_information(set, &rigid, &nominal, readings);
         Freedoms::new(&rigid, set, &information)
     }
 

@@ -7,8 +7,7 @@ use super::Checker;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
 use crate::identification::StoredIdentification;
-use crate::numeric::posterior::Posterior;
-use crate::parameter::{ParameterKind, Prior, Source, Uncertainty};
+use crate::parameter::{ElasticArm, ParameterKind, Prior, Source, Uncertainty};
 use crate::robot::Robot;
 use crate::task::{Belief, PriorCampaign, robot_sha256};
 use crate::testbed::EarlierValues;
@@ -43,7 +42,7 @@ impl Checker<'_> {
         };
         let path = self.resolve(file);
         let wrong = |error: FileError| self.named_file(key, error);
-        let stored = StoredIdentification::read(&path, nominal).map_err(wrong)?;
+        let stored = StoredIdentification::before(&path, nominal).map_err(wrong)?;
         self.inputs.borrow_mut().add(&path)?;
         let file = format!("the identification in {}", path.display());
         let mut doubts: Vec<Condition> = (stored.conditions.iter())
@@ -66,8 +65,8 @@ impl Checker<'_> {
             let mut tables = uncertainty.iter().filter(|each| each.replaced);
             tables.any(|each| each.knows_compliance_of(name))
         };
-        let (joints, posterior) = (stored.joints, stored.posterior);
-        for (&joint, &mean) in joints.iter().zip(&posterior.mean) {
+        let posterior = &stored.posterior;
+        for (&joint, &mean) in stored.joints.iter().zip(&posterior.mean) {
             if mean <= 0.0 {
                 let name = &nominal.chain.joints[joint].name;
                 let problem =
@@ -84,11 +83,11 @@ impl Checker<'_> {
         }
         parameters.sort_unstable();
         let place = |joint: &usize| parameters.iter().position(|each| each == joint);
-        let places: Vec<usize> = joints.iter().filter_map(place).collect();
+        let places: Vec<usize> = stored.joints.iter().filter_map(place).collect();
         let means: Vec<f64> = (parameters.iter())
             .map(|&joint| nominal.compliance_rad_per_nm[joint])
             .collect();
-        let mut prior = Prior::of_posterior(&posterior, &places, &means).ok_or_else(|| {
+        let mut prior = Prior::of_posterior(posterior, &places, &means).ok_or_else(|| {
             let problem = "the covariance is singular: it says that something is known exactly";
             wrong(FileError::new(&path, problem).at("covariance_rad2_per_n2m2"))
         })?;
@@ -98,17 +97,13 @@ impl Checker<'_> {
             }
         }
         let spread = prior.spread(&nominal.typical_rad_per_nm(parameters));
-        if spread.ncols() == 0 {
+        let campaign = campaign_of(stored, &places, means.len(), nominal);
+        if spread.ncols() == 0 && campaign.names.is_empty() {
             return Err(self.wrong(key, format!("{} determined nothing", path.display())));
         }
-        let count = means.len();
-        let (found, sources) = (stored.all, stored.error_sources.unwrap_or_default());
         Ok(Before {
             known: spread.ncols(),
-            campaign: Some(PriorCampaign {
-                listed: stored.listed,
-                ..campaign_of(sources, found, &places, count, stored.degrees_of_freedom)
-            }),
+            campaign: Some(campaign),
             prior: Some(prior),
             doubts,
         })
@@ -184,37 +179,58 @@ pub(super) fn sampled_about_earlier(
     })
 }
 
-/// What an identification found besides compliances; its own are those at `places` among `count`.
+/// What an identification found besides compliances, springs in the logarithm; its own compliances are those at `places` among `count`.
 fn campaign_of(
-    sources: Vec<String>,
-    found: Option<Posterior>,
+    stored: StoredIdentification,
     places: &[usize],
     count: usize,
-    degrees_of_freedom: Option<f64>,
+    nominal: &Robot,
 ) -> PriorCampaign {
     let own = places.len();
-    let (names, values, all) = found.map_or_else(
-        || (Vec::new(), Vec::new(), DMatrix::zeros(own, own)),
-        |mut found| {
-            let (names, values) = (found.names.split_off(own), found.mean.split_off(own));
-            (names, values, found.covariance)
+    let compliance = nominal.compliance_rad_per_nm.clone();
+    let arm = ElasticArm::new(nominal.chain.clone(), compliance, Vec::new());
+    let kinds = ParameterKind::all_of(&arm);
+    let (mut names, mut values, mut listed) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut from, mut factors) = ((0..own).collect::<Vec<_>>(), vec![1.0; own]);
+    let found = stored.all.as_ref();
+    for (index, &deviation) in stored.listed.iter().enumerate() {
+        let Some(found) = found.filter(|_| stored.determined[index]) else {
+            continue;
+        };
+        let (name, value) = (&found.names[own + index], found.mean[own + index]);
+        let kind = ParameterKind::named(name, &kinds, &arm);
+        // Of which nothing was known before, they were found in their unit.
+        let whole = kind
+            .filter(|kind| deviation.is_none() && kind.is_logarithmic(true))
+            .filter(|kind| !kind.is_logarithmic(false))
+            .map(|kind| kind.whole(&arm));
+        from.push(own + index);
+        names.push(name.clone());
+        values.push(whole.map_or(value, |whole| (value / whole).ln()));
+        factors.push(whole.map_or(1.0, |_| value.recip()));
+        listed.push(deviation);
+    }
+    let all = found.map_or_else(
+        || DMatrix::zeros(own, own),
+        |found| {
+            DMatrix::from_fn(from.len(), from.len(), |row, column| {
+                found.covariance[(from[row], from[column])] * factors[row] * factors[column]
+            })
         },
     );
-    let mut cross = DMatrix::zeros(count, names.len());
+    let others = names.len();
+    let mut cross = DMatrix::zeros(count, others);
     for (row, &place) in places.iter().enumerate() {
-        cross
-            .row_mut(place)
-            .copy_from(&all.view((row, own), (1, names.len())));
+        (cross.row_mut(place)).copy_from(&all.view((row, own), (1, others)));
     }
     PriorCampaign {
-        sources,
+        sources: stored.error_sources.unwrap_or_default(),
         cross,
-        covariance: all
-            .view((own, own), (names.len(), names.len()))
-            .into_owned(),
-        listed: vec![None; names.len()],
+        covariance: all.view((own, own), (others, others)).into_owned(),
+        listed,
         names,
         values: DVector::from_vec(values),
-        degrees_of_freedom,
+        left_out: stored.left_out,
+        degrees_of_freedom: stored.degrees_of_freedom,
     }
 }

@@ -1,0 +1,211 @@
+//! What absolute readings found of a robot is what the next campaign knows, of absolute readings or of deflections.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use crate::support::{Workplace, absolute_scenario_text, number};
+
+const JOINTS: [&str; 6] = [
+    "shoulder_pan",
+    "shoulder_lift",
+    "elbow",
+    "wrist_1",
+    "wrist_2",
+    "wrist_3",
+];
+
+/// The robot differs in geometry and compliances, of which the planner's model knows nothing before.
+const HIDDEN: &str = r#"
+[[uncertainty]]
+kind = "joint_zero"
+std_mrad = 0.5
+hidden = true
+
+[[uncertainty]]
+kind = "link_position"
+std_mm = 0.2
+hidden = true
+
+[[uncertainty]]
+kind = "link_rotation"
+std_mrad = 0.3
+hidden = true
+
+[[uncertainty]]
+name = "springs"
+kind = "compliance"
+std_relative = 0.15
+joints = ["shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
+hidden = true
+
+[[station]]
+name = "door"
+position_mm = [-1800, 500, 900]
+
+[[station]]
+name = "wall"
+position_mm = [-2500, -2000, 1500]
+"#;
+
+/// Poses of the robot, each read under the load, every third without.
+const POSES: [[f64; 6]; 30] = [
+    [-29.0, -74.0, 114.0, 169.0, -105.0, 3.0],
+    [-76.0, -43.0, 50.0, -16.0, -32.0, -11.0],
+    [16.0, -31.0, 69.0, -158.0, 30.0, -129.0],
+    [34.0, -49.0, 42.0, -108.0, -61.0, 3.0],
+    [-155.0, -169.0, 112.0, -156.0, 166.0, -100.0],
+    [31.0, 30.0, -148.0, 26.0, 155.0, -95.0],
+    [-6.0, -31.0, 60.0, 97.0, -37.0, 28.0],
+    [164.0, -83.0, 113.0, -124.0, -122.0, -116.0],
+    [-37.0, -55.0, 83.0, 155.0, 8.0, 54.0],
+    [141.0, -36.0, 0.0, 78.0, -93.0, 140.0],
+    [17.0, -109.0, -119.0, 41.0, -3.0, -162.0],
+    [-6.0, -62.0, 96.0, 138.0, -105.0, 11.0],
+    [58.0, -55.0, 55.0, -112.0, -116.0, 0.0],
+    [-164.0, -160.0, 0.0, 109.0, -54.0, 123.0],
+    [-73.0, -100.0, 79.0, -105.0, -103.0, 152.0],
+    [-153.0, -66.0, 117.0, -25.0, -132.0, 119.0],
+    [36.0, -75.0, 98.0, -98.0, -71.0, 52.0],
+    [-16.0, -103.0, 131.0, -173.0, -104.0, 62.0],
+    [61.0, -6.0, -36.0, -26.0, -59.0, -117.0],
+    [-143.0, -82.0, -51.0, 134.0, -146.0, 129.0],
+    [26.0, -70.0, 99.0, -30.0, -27.0, -6.0],
+    [-101.0, -83.0, -118.0, 159.0, -67.0, -13.0],
+    [1.0, 134.0, 122.0, -50.0, -157.0, -17.0],
+    [7.0, -29.0, 51.0, -92.0, 131.0, -36.0],
+    [-23.0, 0.0, -27.0, -48.0, -149.0, 38.0],
+    [-163.0, -178.0, 25.0, -122.0, 50.0, -9.0],
+    [-133.0, -51.0, 29.0, 88.0, 142.0, 32.0],
+    [2.0, 123.0, 129.0, 166.0, -42.0, 0.0],
+    [-55.0, 156.0, 100.0, 69.0, 102.0, -118.0],
+    [83.0, 0.0, -29.0, -133.0, -44.0, -155.0],
+];
+
+const SCENARIO_KEYS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// A scenario of all zeros and links beside compliances.
+fn scenario(prior: Option<&str>) -> String {
+    let zeros = JOINTS.map(|joint| format!("\"{joint}.zero\""));
+    let links = (1..=JOINTS.len())
+        .flat_map(|link| SCENARIO_KEYS.map(|key| format!("\"link_{link}.{key}\"")));
+    let geometry: Vec<String> = zeros.into_iter().chain(links).collect();
+    let wanted = format!("\"wrist_3\", {}]", geometry.join(", "));
+    let text = absolute_scenario_text("ur10").replacen("\"wrist_3\"]", &wanted, 1) + HIDDEN;
+    with_prior(&text, prior)
+}
+
+fn with_prior(text: &str, prior: Option<&str>) -> String {
+    let Some(file) = prior else {
+        return text.to_owned();
+    };
+    text.replacen(
+        "\nparameters = ",
+        &format!("\nprior = \"{file}\"\nparameters = "),
+        1,
+    )
+}
+
+/// A plan that reads some of the poses, or hangs the load there, where nothing names a target.
+fn plan(poses: &[[f64; 6]], target: Option<[&str; 2]>) -> String {
+    let mut text = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n".to_owned();
+    text += if target.is_some() {
+        ",target,station\n"
+    } else {
+        "\n"
+    };
+    for (index, pose) in poses.iter().enumerate() {
+        let is_loaded = target.is_none() || index % 3 != 2;
+        let angles = pose.map(|angle| angle.to_string()).join(",");
+        let load = if is_loaded { "0,0,-98" } else { "0,0,0" };
+        let at = target.map_or_else(String::new, |at| format!(",{}", at.join(",")));
+        text += &format!("{angles},{load}{at}\n");
+    }
+    text
+}
+
+/// A folder with the readings and plans of two campaigns of one virtual robot: the reflector from the door, then the spindle from the wall.
+fn measured(run: u64) -> Workplace {
+    let place = Workplace::new();
+    place.write("first.toml", scenario(None));
+    let (first, second) = POSES.split_at(20);
+    let of = |poses, at| plan(poses, Some(at));
+    place.write("p0.csv", of(first, ["reflector", "door"]));
+    place.write("p1.csv", of(second, ["spindle", "wall"]));
+    for campaign in 0..2 {
+        let arguments = format!(
+            "measure first.toml --plan p{campaign}.csv --run {run} --campaign {campaign} --measurements-out m{campaign}.csv"
+        );
+        place.run(&arguments).ends_with(0);
+    }
+    place
+}
+
+fn both(place: &Workplace, files: [&str; 2]) -> String {
+    let [one, other] = files.map(|file| place.read(file));
+    let rows = |text: &str| -> Vec<String> {
+        let rows = text.lines().filter(|line| !line.starts_with('#'));
+        rows.map(str::to_owned).collect()
+    };
+    let all: Vec<String> = (rows(&one).into_iter())
+        .chain(rows(&other).into_iter().skip(1))
+        .collect();
+    all.join("\n") + "\n"
+}
+
+/// Values and standard errors of the robot's own unknowns, by name.
+fn of_robot(json: &Value) -> BTreeMap<String, (f64, f64)> {
+    let all = json["unknowns"].as_array().expect("unknowns").iter();
+    let named = all.filter_map(|each| {
+        let name = each["name"].as_str().expect("a name").to_owned();
+        let error = each["standard_error"].as_f64()?;
+        Some((name, (number(&each["value"]), error)))
+    });
+    named
+        .filter(|(name, _)| !name.starts_with("base") && !name.starts_with("tool"))
+        .collect()
+}
+
+/// What one campaign after the other finds, and what a plan is predicted to, is that of all readings together: what is redundant, and what
+/// it is redundant with, is the same; whether the scenario or the command names what is unknown.
+#[test]
+fn two_campaigns_are_one_fit() {
+    let place = measured(0);
+    place.write("both.csv", both(&place, ["m0.csv", "m1.csv"]));
+    place.write("p.csv", both(&place, ["p0.csv", "p1.csv"]));
+    let groups = "--parameters geometry,compliances";
+    let plain = absolute_scenario_text("ur10") + HIDDEN;
+    for (first, options) in [(scenario(None), ""), (plain, groups)] {
+        place.write("first.toml", &first);
+        place.write("second.toml", with_prior(&first, Some("first.json")));
+        place
+            .run(&format!(
+                "identify first.toml --measurements m0.csv --identified-out first.json {options}"
+            ))
+            .ends_with(0);
+        let second = place.json(&format!(
+            "identify second.toml --measurements m1.csv {options}"
+        ));
+        let together = place.json(&format!(
+            "identify first.toml --measurements both.csv {options}"
+        ));
+        let names = |json: &Value| -> Vec<String> {
+            let all = json["left_out"].as_array().expect("a list").iter();
+            all.map(|each| each["name"].to_string()).collect()
+        };
+        assert!(names(&second).len() > 20, "{second}");
+        assert_eq!(names(&second), names(&together));
+        let [one, other] = [&second, &together].map(of_robot);
+        assert!(one.len() > 20 && one.keys().eq(other.keys()), "{one:?}");
+        for (name, (value, error)) in &one {
+            let (expected, known) = other[name];
+            // To first order.
+            assert!(
+                (error / known - 1.0).abs() < 0.02,
+                "{name}: {error} {known}"
+            );
+            let off = (value - expected) / known;
+            assert!(off.abs() < 0.1, "{name}: {off} standard errors");
+        }
+    }
+}
