@@ -195,6 +195,11 @@ impl Circumstances {
         (0..compliance_rad_per_nm.len()).filter_map(law).collect()
     }
 
+    /// Whether runs sample a parameter.
+    pub fn is_sampled(&self, kind: ParameterKind) -> bool {
+        self.set.index_of(kind).is_some()
+    }
+
     /// By how much a parameter differs in this run from what is nominal, in its unit; nothing where it is not uncertain.
     pub fn difference(&self, kind: ParameterKind) -> f64 {
         let index = self.set.index_of(kind);
