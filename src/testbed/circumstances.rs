@@ -195,17 +195,15 @@ impl Circumstances {
         (0..compliance_rad_per_nm.len()).filter_map(law).collect()
     }
 
-    /// Whether runs sample a parameter.
-    pub fn is_sampled(&self, kind: ParameterKind) -> bool {
-        self.set.index_of(kind).is_some()
-    }
-
     /// By how much a parameter differs in this run from what is nominal, in its unit; nothing where it is not uncertain.
     pub fn difference(&self, kind: ParameterKind) -> f64 {
-        let index = self.set.index_of(kind);
-        index.map_or(0.0, |index| {
-            self.values[index] - self.set.parameters()[index].nominal
-        })
+        self.sampled_difference(kind).unwrap_or(0.0)
+    }
+
+    /// The same where it is uncertain.
+    pub fn sampled_difference(&self, kind: ParameterKind) -> Option<f64> {
+        let index = self.set.index_of(kind)?;
+        Some(self.values[index] - self.set.parameters()[index].nominal)
     }
 
     /// By how much a parameter differs in the run of a lane, in its unit.

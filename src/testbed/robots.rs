@@ -289,9 +289,9 @@ impl TrueRobots {
         }
     }
 
-    /// By how much a parameter differs in this run from what is nominal, in its unit, where runs sample it.
+    /// By how much a parameter differs in this run from what is nominal, in its unit, where that is uncertain.
     pub fn sampled_of(&self, kind: ParameterKind) -> Option<f64> {
-        (self.laboratory.is_sampled(kind)).then(|| self.laboratory.difference(kind))
+        self.laboratory.sampled_difference(kind)
     }
 
     /// Measures a plan in this run's laboratory, without the instrument's own noise.

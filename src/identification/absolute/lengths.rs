@@ -24,23 +24,12 @@ impl AbsoluteCase<'_> {
         }
     }
 
-    /// What a parameter of a station is among those of the planner's model, where stations have the scenario's numbers.
-    pub fn kind_there(&self, kind: ParameterKind) -> Option<ParameterKind> {
-        let number = |station: usize| {
-            let mut known = self.belief.stations.iter();
-            known.position(|each| Some(&each.name) == self.stations[station].as_ref())
-        };
-        Some(match kind {
-            ParameterKind::BasePosition { station, axis } => ParameterKind::BasePosition {
-                station: number(station)?,
-                axis,
-            },
-            ParameterKind::BaseRotation { station, axis } => ParameterKind::BaseRotation {
-                station: number(station)?,
-                axis,
-            },
-            other => other,
-        })
+    /// The position and the rotation of the base in a station's frame as the planner's model has them, where stations have the scenario's
+    /// numbers; none of a station that the scenario does not have.
+    pub fn base_there(&self, station: usize) -> Option<[[ParameterKind; 3]; 2]> {
+        let name = self.stations[station].as_ref();
+        let mut known = self.belief.stations.iter();
+        (known.position(|each| Some(&each.name) == name)).map(ParameterKind::of_base)
     }
 
     /// What a parameter of the planner's model is here; none of frames that the readings alone find, or that are not read.
@@ -48,9 +37,12 @@ impl AbsoluteCase<'_> {
         if !kind.is_mounted() {
             return Some(kind);
         }
-        let stations = (0..self.stations.len()).filter(|each| self.length_from(*each).is_some());
-        let mut own = stations.flat_map(|station| self.base_kinds(station));
-        own.find(|own| self.kind_there(*own) == Some(kind))
+        (0..self.stations.len()).find_map(|station| {
+            self.length_from(station)?;
+            let there = self.base_there(station)?.concat();
+            let place = there.iter().position(|each| *each == kind)?;
+            Some(ParameterKind::of_base(station).as_flattened()[place])
+        })
     }
 
     /// By what parameters of a set, which move and turn stations about the robot's base, these are off at their own places c, as sources

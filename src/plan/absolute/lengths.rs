@@ -25,32 +25,25 @@ impl AbsolutePlanning<'_> {
     ) -> Vec<Isometry3<f64>> {
         let mut frames = anywhere;
         for (station, frame) in frames.iter_mut().enumerate() {
-            let Some(length) = self.case.length_from(station) else {
+            let there = self.case.base_there(station);
+            let Some((length, kinds)) = self.case.length_from(station).zip(there) else {
                 continue;
             };
+            let sampled = kinds.map(|kinds| kinds.map(&sampled));
+            let shown = |which: usize, axis: usize| f64::from(length.shows(kinds[which][axis]));
             let off = [frame.translation.vector, frame.rotation.scaled_axis()];
-            let kinds = ParameterKind::of_base(station);
-            let sampled = |kind| self.case.kind_there(kind).and_then(&sampled);
             let [mut moved_m, turned_rad] = [0, 1].map(|which| {
-                let kinds = Vector3::from(kinds[which]);
-                kinds.zip_map(&off[which], |kind, off| {
-                    let is_off = sampled(kind).unwrap_or(off * share);
-                    is_off * f64::from(length.shows(kind))
-                })
+                let by = |axis: usize| sampled[which][axis].unwrap_or(off[which][axis] * share);
+                Vector3::from_fn(|axis, _| by(axis) * shown(which, axis))
             });
             let turned = UnitQuaternion::new(turned_rad);
             let believed_m = self.case.arm.instrument_from_base[station]
                 .translation
                 .vector;
-            if kinds
-                .as_flattened()
-                .iter()
-                .any(|kind| sampled(*kind).is_some())
-            {
+            if sampled.as_flattened().iter().any(Option::is_some) {
                 // It is turned about its own place.
                 let lever_m = turned * believed_m - believed_m;
-                let shown = kinds[0].map(|kind| f64::from(length.shows(kind)));
-                moved_m += lever_m.component_mul(&Vector3::from(shown));
+                moved_m += Vector3::from_fn(|axis, _| lever_m[axis] * shown(0, axis));
             }
             *frame = Isometry3::from_parts(Translation3::from(moved_m + believed_m), turned);
         }

@@ -201,45 +201,27 @@ impl<'a> UncertaintyEntry<'a> {
     /// The coordinates of positions (0) or rotations (1) of stations that are named, or of all, as far as lengths from there show them.
     fn of_stations(&self, which: usize) -> Result<Vec<Of>, FileError> {
         let stations = &self.belief.stations;
-        let shown = |station: usize| -> Vec<Of> {
-            let length = stations[station].reads.into_iter();
-            length
-                .flat_map(|length| {
-                    let kinds = Of::of_base(station)[which].into_iter();
-                    kinds.filter(move |kind| length.shows(*kind))
-                })
-                .collect()
+        let shown = |station: usize| {
+            let mut kinds = Of::of_base(station)[which].to_vec();
+            let reads = stations[station].reads;
+            kinds.retain(|kind| reads.is_some_and(|length| length.shows(*kind)));
+            kinds
         };
-        let obstacle = |station: usize| match stations[station].reads {
-            None => Some("is a tracker's, whose frame is found from its readings alone"),
-            Some(_) if shown(station).is_empty() => {
-                Some("does not show that: its lengths are the same")
-            }
-            Some(_) => None,
+        let none = "reads no lengths that show it";
+        let obstacle = |station: usize| shown(station).is_empty().then_some(none);
+        let number = |name: &str| match wrong_station(stations, Some(name)) {
+            Some([problem, hint]) => Err(self.wrong("stations", problem).hint(hint)),
+            None => Ok((stations.iter().position(|each| each.name == name)).unwrap_or_default()),
         };
-        let all = 0..stations.len();
         let meant = match &self.table.stations {
-            None => all.filter(|each| obstacle(*each).is_none()).collect(),
-            Some(names) => self.named(
-                "stations",
-                names,
-                |name| {
-                    let wrong =
-                        |[problem, hint]: [String; 2]| self.wrong("stations", problem).hint(hint);
-                    wrong_station(stations, Some(name))
-                        .map_or(Ok(()), |problem| Err(wrong(problem)))?;
-                    Ok(all
-                        .clone()
-                        .find(|each| stations[*each].name == name)
-                        .unwrap_or_default())
-                },
-                obstacle,
-            )?,
+            Some(names) => self.named("stations", names, number, obstacle)?,
+            None => (0..stations.len()).collect(),
         };
-        if meant.is_empty() {
-            return Err(self.wrong("kind", "no station shows that"));
+        let kinds: Vec<Of> = meant.into_iter().flat_map(shown).collect();
+        if kinds.is_empty() {
+            return Err(self.wrong("kind", "no station reads lengths that show it"));
         }
-        Ok(meant.into_iter().flat_map(shown).collect())
+        Ok(kinds)
     }
 
     fn task_force(&self) -> Result<Source, FileError> {
