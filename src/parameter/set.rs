@@ -352,6 +352,12 @@ impl ParameterSet {
         &self.prior
     }
 
+    /// Whether something is known before of the frame that a parameter is of, which then counts from where that has it.
+    pub(crate) fn knows_frame_of(&self, kind: ParameterKind) -> bool {
+        let mut own = (self.parameters.iter()).filter(|each| each.kind.owner() == kind.owner());
+        kind.is_mounted() && own.any(|each| each.prior_deviation.is_some())
+    }
+
     /// The place of a parameter in the set.
     pub fn index_of(&self, kind: ParameterKind) -> Option<usize> {
         self.parameters.iter().position(|each| each.kind == kind)

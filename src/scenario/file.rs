@@ -308,6 +308,9 @@ pub(super) enum UncertaintyKind {
     /// Of the instrument's frame: the robot does not tilt under gravity.
     BaseRotation,
     LoadScale,
+    /// Of a place that lengths are read from.
+    StationPosition,
+    StationRotation,
     /// A force along the load.
     LoadOffset,
     TaskForce,
@@ -339,6 +342,8 @@ impl UncertaintyKind {
             Self::SpringRest | Self::ToolPosition | Self::LoadPoint => [&["std_mm"], &[]],
             Self::Discrepancy => [&["std_mm"], &["of"]],
             Self::LinkRotation => [&["std_mrad"], &["joints"]],
+            Self::StationPosition => [&["std_mm"], &["stations"]],
+            Self::StationRotation => [&["std_mrad"], &["stations"]],
             Self::BaseRotation | Self::LoadDirection | Self::GaugeDirection => [&["std_mrad"], &[]],
             Self::JointZero => [&["std_mrad", "std_mm"], &["joints"]],
             Self::TransmissionError => [
@@ -362,6 +367,7 @@ pub(super) struct UncertaintyTable {
     pub kind: UncertaintyKind,
     pub name: Option<String>,
     pub joints: Option<Vec<String>>,
+    pub stations: Option<Vec<String>>,
     pub std_relative: Option<f64>,
     pub std_mm: Option<f64>,
     pub std_mrad: Option<f64>,

@@ -186,7 +186,7 @@ impl<'a> ReadingRuns<'a> {
         let no_reading = |error: &dyn ToString| Failure::Measurement.because(error);
         (robots.become_run_of(&self.truth, self.read.len(), seed, run))
             .map_err(|error| no_reading(&error))?;
-        let frames = self.read.frames(seed, run);
+        let frames = self.read.frames(robots, seed, run);
         let readings =
             (self.readings(robots, &frames, seed, run)).map_err(|error| no_reading(&error))?;
         let no_fit = |error| Failure::Identification.because(&error);

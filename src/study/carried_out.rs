@@ -75,8 +75,8 @@ impl ReadingRuns<'_> {
         let no_fit = |error: AbsoluteError| Failure::Identification.because(&error);
         let case = AbsoluteCase::new(&self.task.belief, &read.readings).map_err(no_fit)?;
         let nominal = case.in_best_frames().map_err(no_fit)?;
-        let before_m =
-            self.residuals(robots, &self.read.frames(seed, run), &case, &nominal, &[])?;
+        let frames = self.read.frames(robots, seed, run);
+        let before_m = self.residuals(robots, &frames, &case, &nominal, &[])?;
         let mut rows = self.rows(robots)?;
         for (place, row) in rows.iter_mut().enumerate() {
             row.readings = place..place + 1;

@@ -154,11 +154,12 @@ impl<'a> ReadPlan<'a> {
     }
 
     /// The frame of each station in a run, whatever else is read: anywhere about the robot; of those that lengths are read from near
-    /// where they are believed to be.
-    pub fn frames(&self, seed: u64, run: u64) -> Vec<Isometry3<f64>> {
+    /// where they are believed to be, as far as the run's robot, which is as it was sampled last, does not say.
+    pub fn frames(&self, robots: &TrueRobots, seed: u64, run: u64) -> Vec<Isometry3<f64>> {
         let stations = self.planning.stations().iter();
         let anywhere = stations.map(|name| self.frame(name.as_deref(), seed, run));
-        (self.planning).frames_of_run(anywhere.collect(), OFF_M / AWAY_M)
+        let sampled = |kind| robots.sampled_of(kind);
+        (self.planning).frames_of_run(anywhere.collect(), OFF_M / AWAY_M, sampled)
     }
 
     /// Where a station's instrument stands in a run: one of the scenario by its place in there, another by its name.
@@ -240,7 +241,7 @@ impl<'a> ReadPlan<'a> {
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
         let instrument = &task.belief.instrument;
         let mut readings = Vec::with_capacity(self.len());
-        let frames = self.frames(seed, robots.campaign_of(run));
+        let frames = self.frames(robots, seed, robots.campaign_of(run));
         for (each, shown) in self.read(task, robots, &frames, seed, robots.readings_of(run))? {
             let station = self.planning.candidates[each.place].station.as_deref();
             let shows = task.belief.length_from(station).map(|(_, shows)| shows);

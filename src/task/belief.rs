@@ -1,7 +1,7 @@
 //! The planner's model: what planning and identification assume.
 
 use clap::ValueEnum;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Isometry3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -274,6 +274,8 @@ impl Belief {
         for (law, &torque_nm) in arm.stiffening.iter_mut().zip(&self.stiffening_at_nm) {
             law.at = torque_nm;
         }
+        // Each station has a frame of its own, of which a source may say something.
+        (arm.instrument_from_base).resize(self.stations.len().max(1), Isometry3::identity());
         arm.drift_along = (self.instrument.gauge).map_or(1.0, |gauge| gauge.drift_share);
         arm
     }

@@ -197,10 +197,13 @@ impl Circumstances {
 
     /// By how much a parameter differs in this run from what is nominal, in its unit; nothing where it is not uncertain.
     pub fn difference(&self, kind: ParameterKind) -> f64 {
-        let index = self.set.index_of(kind);
-        index.map_or(0.0, |index| {
-            self.values[index] - self.set.parameters()[index].nominal
-        })
+        self.sampled_difference(kind).unwrap_or(0.0)
+    }
+
+    /// The same where it is uncertain.
+    pub fn sampled_difference(&self, kind: ParameterKind) -> Option<f64> {
+        let index = self.set.index_of(kind)?;
+        Some(self.values[index] - self.set.parameters()[index].nominal)
     }
 
     /// By how much a parameter differs in the run of a lane, in its unit.

@@ -289,6 +289,11 @@ impl TrueRobots {
         }
     }
 
+    /// By how much a parameter differs in this run from what is nominal, in its unit, where that is uncertain.
+    pub fn sampled_of(&self, kind: ParameterKind) -> Option<f64> {
+        self.laboratory.sampled_difference(kind)
+    }
+
     /// Measures a plan in this run's laboratory, without the instrument's own noise.
     ///
     /// # Errors

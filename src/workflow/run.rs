@@ -342,7 +342,7 @@ pub fn run_absolute<'a>(
     let nominal = nominal.map_err(unidentified)?;
 
     // Compensate, and see where the tool is.
-    let frames = runs.read.frames(seed, RUN);
+    let frames = runs.read.frames(&robots, seed, RUN);
     let mut seen = |arm, joints| runs.residuals(&mut robots, &frames, case, arm, joints);
     let before_m = seen(&nominal, &[]).map_err(|error| unread(&error))?;
     // What joints are off by counts as the prediction has it: where the planner's model has it as functions.

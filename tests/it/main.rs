@@ -49,6 +49,7 @@
 //! - `priors`: an earlier identification as what is known before.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `ballbars`: distances from places in the room: predictions, files, refusals.
+//! - `known_places`: cups and tables that are known before.
 //! - `ballbar_robots`: what is identified from distances of which visits share errors, predicted, compared and chosen.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
@@ -178,6 +179,7 @@ mod judges;
 mod kept_gears;
 mod kept_models;
 mod known_optima;
+mod known_places;
 mod laboratory;
 mod left_out;
 mod limits;

@@ -113,9 +113,11 @@ impl AbsoluteCase<'_> {
 
     /// The frames of stations and targets alone that suit the readings best, all else as it is.
     fn fit_of_frames(&self) -> AbsoluteResult<ParameterFit> {
-        let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
-        let frames = ParameterSet::new(&self.arm, kinds)?;
-        Ok(fit_parameters(&self.arm, &frames, &self.observations)?)
+        Ok(fit_parameters(
+            &self.arm,
+            &self.frames()?,
+            &self.observations,
+        )?)
     }
 
     /// The robot as it is in the frames that suit the readings best.

@@ -319,12 +319,20 @@ impl<'a> AbsoluteCase<'a> {
         Some(found)
     }
 
-    /// The fitted frames become those from which their parameters count: the values of a fit (p) there.
+    /// The fitted frames become those from which their parameters count, but for what is known of some before: the values of a fit (p)
+    /// there.
     pub(super) fn rebased(&mut self, fit: &ParameterFit) -> DVector<f64> {
-        (self.arm.instrument_from_base).clone_from(&fit.belief.instrument_from_base);
+        let counts = |kind: ParameterKind| !kind.is_mounted() || fit.set.knows_frame_of(kind);
+        let bases =
+            (self.arm.instrument_from_base.iter_mut()).zip(&fit.belief.instrument_from_base);
+        for (station, (base, fitted)) in bases.enumerate() {
+            if !counts(ParameterKind::of_base(station)[0][0]) {
+                *base = *fitted;
+            }
+        }
         self.arm.tools.clone_from(&fit.belief.tools);
         let values = fit.set.parameters().iter().zip(&fit.posterior.mean);
-        let rebased = values.map(|(each, &value)| if each.kind.is_mounted() { 0.0 } else { value });
+        let rebased = values.map(|(each, &value)| if counts(each.kind) { value } else { 0.0 });
         DVector::from_iterator(fit.set.len(), rebased)
     }
 }

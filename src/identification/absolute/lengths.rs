@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Translation3};
+use nalgebra::{DMatrix, Isometry3, Translation3, Vector3};
 
 use super::super::frames::MountedFrames;
 use super::{AbsoluteCase, AbsoluteError, AbsoluteResult};
@@ -10,6 +10,7 @@ use crate::experiment::numbered;
 use crate::measurement::AbsoluteReading;
 use crate::numeric::quantisation::shared_by_repeats;
 use crate::observation::{LengthKind, ReadingErrors, SharedRounding};
+use crate::parameter::{ParameterKind, ParameterSet};
 use crate::task::station_named;
 
 impl AbsoluteCase<'_> {
@@ -21,6 +22,46 @@ impl AbsoluteCase<'_> {
             Some(place) => Translation3::from(-place.position_m).into(),
             None => Isometry3::identity(),
         }
+    }
+
+    /// The position and the rotation of the base in a station's frame as the planner's model has them, where stations have the scenario's
+    /// numbers; none of a station that the scenario does not have.
+    pub fn base_there(&self, station: usize) -> Option<[[ParameterKind; 3]; 2]> {
+        let name = self.stations[station].as_ref();
+        let mut known = self.belief.stations.iter();
+        (known.position(|each| Some(&each.name) == name)).map(ParameterKind::of_base)
+    }
+
+    /// What a parameter of the planner's model is here; none of frames that the readings alone find, or that are not read.
+    pub fn kind_here(&self, kind: ParameterKind) -> Option<ParameterKind> {
+        if !kind.is_mounted() {
+            return Some(kind);
+        }
+        (0..self.stations.len()).find_map(|station| {
+            self.length_from(station)?;
+            let there = self.base_there(station)?.concat();
+            let place = there.iter().position(|each| *each == kind)?;
+            Some(ParameterKind::of_base(station).as_flattened()[place])
+        })
+    }
+
+    /// By what parameters of a set, which move and turn stations about the robot's base, these are off at their own places c, as sources
+    /// have it: d + r x c (p x p, in units).
+    pub fn about_places(&self, set: &ParameterSet) -> DMatrix<f64> {
+        let mut about = DMatrix::identity(set.len(), set.len());
+        for (row, moved) in set.parameters().iter().enumerate() {
+            let ParameterKind::BasePosition { station, axis } = moved.kind else {
+                continue;
+            };
+            let place_m = -self.placed_frame(station).translation.vector;
+            for (turned, kind) in ParameterKind::of_base(station)[1].into_iter().enumerate() {
+                if let Some(column) = set.index_of(kind) {
+                    let moved_m = Vector3::ith(turned, 1.0).cross(&place_m);
+                    about[(row, column)] = moved_m[axis.index()];
+                }
+            }
+        }
+        about
     }
 
     /// Frames with those of lengths where they are begun with: closed forms are of positions.

@@ -4,10 +4,10 @@ use nalgebra::{DVector, Vector3};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::{AbsoluteCase, AbsoluteError};
+use super::{AbsoluteCase, AbsoluteError, AbsoluteResult};
 use crate::numeric::random::generator;
 use crate::observation::{Observation, PlannedReading, planned_information};
-use crate::parameter::{Axis, ElasticArm, Freedoms, ParameterKind, ParameterSet, Prior};
+use crate::parameter::{Axis, ElasticArm, Freedoms, Parameter, ParameterKind, ParameterSet, Prior};
 use crate::robot::{Elements, Load};
 
 /// Configurations that stand for all that a robot can do, for each station and target.
@@ -136,11 +136,13 @@ pub struct LeftOut {
 type Unknown = (ParameterKind, Option<f64>);
 
 impl AbsoluteCase<'_> {
-    /// The frames of stations and targets; how a target is turned shows in poses alone.
-    pub(super) fn frame_kinds(&self) -> Vec<ParameterKind> {
-        let mut kinds = self.whole_frames();
-        kinds.retain(|kind| self.shows(*kind));
-        kinds
+    /// The frames of stations and targets, with what is known of them; how a target is turned shows in poses alone.
+    pub(super) fn frames(&self) -> AbsoluteResult<ParameterSet> {
+        let all = self.named(&[ParameterGroup::Frames])?;
+        let is_shown = |kind: ParameterKind| kind.is_mounted() && self.shows(kind);
+        let mut places: Vec<usize> = (0..all.len()).collect();
+        places.retain(|&place| is_shown(all.parameters()[place].kind));
+        Ok(all.subset(&places))
     }
 
     /// Whether readings of such a kind show a frame's parameter at all.
@@ -200,23 +202,20 @@ impl AbsoluteCase<'_> {
         let named = of_all(groups, &self.arm);
         let is_loaded = (self.observations.iter()).any(|each| each.setup.load != Load::NONE);
         let precision = self.belief.precision();
-        let wanted = |place: &usize, kind: ParameterKind| match kind {
+        let wanted = |place: usize, kind: ParameterKind| match kind {
             // These have no part in readings.
             ParameterKind::TaskScale
             | ParameterKind::TaskForce { .. }
             | ParameterKind::Drift { .. } => false,
             ParameterKind::LoadScale | ParameterKind::LoadOffset if !is_loaded => false,
-            _ if kind.is_mounted() => false,
-            _ => groups.is_empty() || named.contains(&kind) || precision[(*place, *place)] > 0.0,
+            _ => groups.is_empty() || named.contains(&kind) || precision[(place, place)] > 0.0,
         };
-        let before = self.belief.uncertain.set().parameters().iter();
-        let before: Vec<Unknown> = before
-            .map(|each| (each.kind, each.prior_deviation))
-            .collect();
-        let places: Vec<usize> = (0..before.len())
-            .filter(|place| wanted(place, before[*place].0))
-            .collect();
-        let mut unknowns: Vec<Unknown> = places.iter().map(|&place| before[place]).collect();
+        let before = self.belief.uncertain.set().parameters().iter().enumerate();
+        let before = before.filter_map(|(place, each)| {
+            let kind = self.kind_here(each.kind)?;
+            wanted(place, kind).then_some((place, (kind, each.prior_deviation)))
+        });
+        let (places, mut unknowns): (Vec<usize>, Vec<Unknown>) = before.unzip();
         let more = named.into_iter().chain(self.whole_frames());
         for kind in more {
             if !unknowns.iter().any(|(known, _)| *known == kind) {
@@ -231,20 +230,26 @@ impl AbsoluteCase<'_> {
         (unknowns, before)
     }
 
+    /// The same as a set, with all that is known before.
+    fn named(&self, groups: &[ParameterGroup]) -> AbsoluteResult<ParameterSet> {
+        let (unknowns, before) = self.named_unknowns(groups);
+        let all = ParameterSet::new(&self.arm, unknowns)?;
+        let first: Vec<usize> = (0..before.mean.len()).collect();
+        let all = all.with_earlier(&first, &before.mean, &before.precision);
+        let all = self.belief.beside_left_out(all, first.len());
+        let about = self.about_places(&all);
+        let Prior { mean, precision } = all.prior().clone();
+        let places: Vec<usize> = (0..all.len()).collect();
+        Ok(all.with_earlier(&places, &mean, &about.tr_mul(&(precision * &about))))
+    }
+
     /// The same with what was left out.
     pub(super) fn told_apart(
         &self,
         groups: &[ParameterGroup],
         asked: &[PlannedReading],
     ) -> Result<(ParameterSet, Vec<LeftOut>), AbsoluteError> {
-        let (unknowns, before) = self.named_unknowns(groups);
-        let first: Vec<usize> = (0..before.mean.len()).collect();
-        let all = ParameterSet::new(&self.arm, unknowns)?.with_earlier(
-            &first,
-            &before.mean,
-            &before.precision,
-        );
-        let all = self.belief.beside_left_out(all, first.len());
+        let all = self.named(groups)?;
         let left_out = self.redundant(&all, asked);
         let is_kept = |place: &usize| {
             let is_left_out = left_out.iter().any(|each| each.0 == *place);
@@ -306,14 +311,14 @@ impl AbsoluteCase<'_> {
 
     /// Whether the readings determine the frames as far as this robot, were it rigid, lets anybody.
     pub(super) fn check_frames(&self) -> Result<(), AbsoluteError> {
-        let kinds = self.frame_kinds();
+        let set = self.frames()?;
         let readings = self.planned();
         let rows: usize = readings.iter().map(|each| each.kind.rows()).sum();
-        if rows < kinds.len() {
-            let unknowns = kinds.len();
+        let is_unknown = |each: &&Parameter| each.prior_deviation.is_none();
+        let unknowns = set.parameters().iter().filter(is_unknown).count();
+        if rows < unknowns {
             return Err(AbsoluteError::TooFew { rows, unknowns });
         }
-        let set = ParameterSet::new(&self.arm, kinds.into_iter().map(|kind| (kind, None)))?;
         let found = self.rigid_freedoms(&set, &readings);
         if found.named.is_empty() {
             return Ok(());

@@ -39,7 +39,7 @@ impl AbsolutePlanning<'_> {
 
     /// What the scenario says of frames, which readings alone find: a prediction does not count it.
     pub fn not_counted(&self) -> Vec<String> {
-        let names = self.sources_of(ParameterKind::is_mounted);
+        let names = self.sources_of(|kind| self.case.kind_here(kind).is_none());
         names
             .map(|name| format!("{name}, of frames, which the readings alone find"))
             .collect()

@@ -154,14 +154,15 @@ impl AbsolutePlanning<'_> {
         let mut before = (&weighed.gain * known * weighed.gain.transpose()).trace();
         let mut parameters = Vec::new();
         let of_task = self.of_task(extended);
-        // What one of the vector leaves; frames are found from readings, whatever is known of them before.
+        // What one of the vector leaves; frames are found from readings, where nothing is known of them before.
+        let about = self.about_places();
         let left_by_known = |&place: &usize| {
-            let kind = extended.set().parameters()[place].kind;
-            let own = self.set.index_of(kind).filter(|_| !kind.is_mounted());
+            let kind = self.case.kind_here(extended.set().parameters()[place].kind);
+            let own = kind.and_then(|kind| self.set.index_of(kind));
             own.map_or(0.0, |own| {
                 let size = self.set.parameters()[own].scale;
                 let precision = extended.own_precision(place) * size * size;
-                weighed.gain.column(own).norm_squared() * precision
+                (&weighed.gain * about.row(own).transpose()).norm_squared() * precision
             })
         };
         for (_, places) in extended.shared() {
@@ -177,6 +178,13 @@ impl AbsolutePlanning<'_> {
             parameters,
         };
         Some(squares.budget(belief, prediction.quantile95_m))
+    }
+
+    /// By what the unknowns have stations off at their own places, see [`AbsoluteCase::about_places`]; in typical sizes (p x p).
+    fn about_places(&self) -> DMatrix<f64> {
+        let size = |place: usize| self.set.parameters()[place].scale;
+        let about = self.case.about_places(&self.set);
+        about.map_with_location(|row, column, value| value * size(column) / size(row))
     }
 
     /// u(x) of the noise of a plan's readings, where one number says it.
@@ -241,6 +249,9 @@ impl AbsolutePlanning<'_> {
         parameters: &[(ParameterKind, f64)],
     ) -> Option<f64> {
         let known_before = self.known_before();
+        // The inverse: positions follow rotations, and these nothing.
+        let by_places =
+            DMatrix::identity(self.set.len(), self.set.len()) * 2.0 - self.about_places();
         let (of_task, others): (Vec<_>, Vec<_>) =
             (parameters.iter()).partition(|(kind, _)| kind.level() == SourceLevel::Task);
         let at_work = (task.test_poses.iter()).zip(by_task(task, &of_task));
@@ -248,12 +259,14 @@ impl AbsolutePlanning<'_> {
             .map(|(pose, rows)| pose.weight * rows.norm_squared())
             .sum();
         let mut foreign = Vec::new();
-        for (kind, deviation) in others {
+        let here = |(kind, deviation)| Some((self.case.kind_here(kind)?, deviation));
+        for (kind, deviation) in others.into_iter().filter_map(here) {
             match self.set.index_of(kind) {
                 Some(own) => {
                     // K M_0 d: what is believed of it pulls at it.
                     let size = self.set.parameters()[own].scale;
-                    let pulled = &weighed.gain * known_before.column(own) * (deviation / size);
+                    let off = &known_before * by_places.column(own);
+                    let pulled = &weighed.gain * off * (deviation / size);
                     known += pulled.norm_squared();
                 }
                 None => foreign.push((kind, Some(deviation))),

@@ -15,23 +15,37 @@ const MOST_STEPS: usize = 40;
 const LONGEST: f64 = 0.3;
 
 impl AbsolutePlanning<'_> {
-    /// The frames of the stations that lengths are read from, as far as these show them, in a run where they are off by a share of what
-    /// others are that may be anywhere; those others themselves.
-    pub fn frames_of_run(&self, anywhere: Vec<Isometry3<f64>>, share: f64) -> Vec<Isometry3<f64>> {
+    /// The frames of the stations that lengths are read from, as far as these show them, in a run where they are off by what it sampled
+    /// of them, or by a share of what others are that may be anywhere; those others themselves.
+    pub fn frames_of_run(
+        &self,
+        anywhere: Vec<Isometry3<f64>>,
+        share: f64,
+        sampled: impl Fn(ParameterKind) -> Option<f64>,
+    ) -> Vec<Isometry3<f64>> {
         let mut frames = anywhere;
         for (station, frame) in frames.iter_mut().enumerate() {
-            let Some(length) = self.case.length_from(station) else {
+            let there = self.case.base_there(station);
+            let Some((length, kinds)) = self.case.length_from(station).zip(there) else {
                 continue;
             };
+            let sampled = kinds.map(|kinds| kinds.map(&sampled));
+            let shown = |which: usize, axis: usize| f64::from(length.shows(kinds[which][axis]));
             let off = [frame.translation.vector, frame.rotation.scaled_axis()];
-            let kinds = ParameterKind::of_base(station);
-            let [moved_m, turned_rad] = [0, 1].map(|which| {
-                let shown = |axis: usize| f64::from(length.shows(kinds[which][axis]));
-                Vector3::from_fn(|axis, _| off[which][axis] * share * shown(axis))
+            let [mut moved_m, turned_rad] = [0, 1].map(|which| {
+                let by = |axis: usize| sampled[which][axis].unwrap_or(off[which][axis] * share);
+                Vector3::from_fn(|axis, _| by(axis) * shown(which, axis))
             });
-            let believed = &self.case.arm.instrument_from_base[station];
-            let moved = Translation3::from(moved_m + believed.translation.vector);
-            *frame = Isometry3::from_parts(moved, UnitQuaternion::new(turned_rad));
+            let turned = UnitQuaternion::new(turned_rad);
+            let believed_m = self.case.arm.instrument_from_base[station]
+                .translation
+                .vector;
+            if sampled.as_flattened().iter().any(Option::is_some) {
+                // It is turned about its own place.
+                let lever_m = turned * believed_m - believed_m;
+                moved_m += Vector3::from_fn(|axis, _| lever_m[axis] * shown(0, axis));
+            }
+            *frame = Isometry3::from_parts(Translation3::from(moved_m + believed_m), turned);
         }
         frames
     }

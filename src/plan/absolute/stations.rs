@@ -6,7 +6,7 @@ use super::AbsolutePlanning;
 use crate::observation::ReadingKind;
 use crate::parameter::ParameterKind;
 
-/// A frame takes so many positions or lengths, each of another target or in another configuration.
+/// A frame takes no more positions or lengths, each of another target or in another configuration.
 const FEWEST: usize = 3;
 
 impl AbsolutePlanning<'_> {
@@ -50,14 +50,21 @@ impl AbsolutePlanning<'_> {
                 read.entry(setup.station).or_default().insert(place);
             }
         }
-        let few = read.into_iter().filter(|(_, places)| places.len() < FEWEST);
-        let words = few.map(|(station, places)| {
+        let is_unknown = |kind: &ParameterKind| {
+            let own = self.set.index_of(*kind);
+            own.is_none_or(|own| self.set.parameters()[own].prior_deviation.is_none())
+        };
+        let words = read.into_iter().filter_map(|(station, places)| {
+            let unknown = self.case.base_kinds(station).into_iter();
+            let fewest = unknown.filter(is_unknown).count().min(FEWEST);
             let name = (self.case.stations[station].as_ref()).map_or_else(
                 || "the station".to_owned(),
                 |name| format!("station {name:?}"),
             );
             let count = places.len();
-            format!("the frame of {name}, which is read at {count} of at least {FEWEST} places")
+            (count < fewest).then(|| {
+                format!("the frame of {name}, which is read at {count} of at least {fewest} places")
+            })
         });
         words.collect()
     }

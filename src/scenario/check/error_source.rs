@@ -14,7 +14,7 @@ use crate::parameter::{
 use crate::quantities::plausible::TORQUE_LIMIT;
 use crate::robot::Drive;
 use crate::scenario::file::{UncertaintyKind as Kind, UncertaintyTable};
-use crate::task::Belief;
+use crate::task::{Belief, wrong_station};
 
 /// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, where the
 /// instrument may stand, and the first test pose.
@@ -154,6 +154,8 @@ impl<'a> UncertaintyEntry<'a> {
             Kind::SpringRest => each(self.springs()?, |spring| Of::SpringRest { spring }),
             Kind::ToolPosition => axes(&|axis| Of::ToolPosition { tool: 0, axis }),
             Kind::BaseRotation => axes(&|axis| Of::BaseRotation { station: 0, axis }),
+            Kind::StationPosition => self.of_stations(0)?,
+            Kind::StationRotation => self.of_stations(1)?,
             Kind::Drift => axes(&|axis| Of::Drift { axis }),
             Kind::LoadOffset => vec![Of::LoadOffset],
             _ => vec![Of::LoadScale],
@@ -194,6 +196,32 @@ impl<'a> UncertaintyEntry<'a> {
         let weightless = |link: usize| chain.joints[link].mass_kg <= 0.0;
         let obstacle = |link| weightless(link).then_some("moves a link that has no mass");
         self.joints(|_| true, obstacle)
+    }
+
+    /// The coordinates of positions (0) or rotations (1) of stations that are named, or of all, as far as lengths from there show them.
+    fn of_stations(&self, which: usize) -> Result<Vec<Of>, FileError> {
+        let stations = &self.belief.stations;
+        let shown = |station: usize| {
+            let mut kinds = Of::of_base(station)[which].to_vec();
+            let reads = stations[station].reads;
+            kinds.retain(|kind| reads.is_some_and(|length| length.shows(*kind)));
+            kinds
+        };
+        let none = "reads no lengths that show it";
+        let obstacle = |station: usize| shown(station).is_empty().then_some(none);
+        let number = |name: &str| match wrong_station(stations, Some(name)) {
+            Some([problem, hint]) => Err(self.wrong("stations", problem).hint(hint)),
+            None => Ok((stations.iter().position(|each| each.name == name)).unwrap_or_default()),
+        };
+        let meant = match &self.table.stations {
+            Some(names) => self.named("stations", names, number, obstacle)?,
+            None => (0..stations.len()).collect(),
+        };
+        let kinds: Vec<Of> = meant.into_iter().flat_map(shown).collect();
+        if kinds.is_empty() {
+            return Err(self.wrong("kind", "no station reads lengths that show it"));
+        }
+        Ok(kinds)
     }
 
     fn task_force(&self) -> Result<Source, FileError> {
@@ -285,22 +313,34 @@ impl<'a> UncertaintyEntry<'a> {
             }
             return Ok(joints);
         };
-        let mut joints = Vec::new();
+        let joint = |name: &str| self.checker.joint(&self.path("joints"), chain, name);
+        self.named("joints", names, joint, obstacle)
+    }
+
+    /// What names under a key mean, each by its number, in ascending order.
+    fn named(
+        &self,
+        key: &str,
+        names: &[String],
+        number: impl Fn(&str) -> Result<usize, FileError>,
+        obstacle: impl Fn(usize) -> Option<&'static str>,
+    ) -> Result<Vec<usize>, FileError> {
+        let mut all = Vec::new();
         for name in names {
-            let joint = self.checker.joint(&self.path("joints"), chain, name)?;
-            if joints.contains(&joint) {
-                return Err(self.wrong("joints", format!("found {name:?} twice")));
+            let one = number(name)?;
+            if all.contains(&one) {
+                return Err(self.wrong(key, format!("found {name:?} twice")));
             }
-            if let Some(obstacle) = obstacle(joint) {
-                return Err(self.wrong("joints", format!("{name} {obstacle}")));
+            if let Some(obstacle) = obstacle(one) {
+                return Err(self.wrong(key, format!("{name} {obstacle}")));
             }
-            joints.push(joint);
+            all.push(one);
         }
-        if joints.is_empty() {
-            return Err(self.wrong("joints", "is empty; leave it out to mean all joints"));
+        if all.is_empty() {
+            return Err(self.wrong(key, format!("is empty; leave it out to mean all {key}")));
         }
-        joints.sort_unstable();
-        Ok(joints)
+        all.sort_unstable();
+        Ok(all)
     }
 
     /// The joints that are named, or all that turn at a command.

@@ -208,6 +208,12 @@ pub(super) fn other_instrument(
         Kind::BaseRotation if reads_along != Never => Some(
             "is of an instrument with a frame, and a gauge reads, alone or beside one, along the directions of the world",
         ),
+        Kind::BaseRotation if instrument.lengths().next().is_some() => Some(
+            "is of an instrument with a frame; of where lengths are read from, see station_rotation",
+        ),
+        Kind::StationPosition | Kind::StationRotation if instrument.lengths().next().is_none() => {
+            Some("is of a place that lengths are read from, and the instrument reads none")
+        }
         // Harmonics are the robot's own.
         Kind::TransmissionError if table.harmonics.is_some() => None,
         Kind::Discrepancy | Kind::TransmissionError if reads_along != Never => Some(
