@@ -33,7 +33,7 @@ pub use absolute::{
     DiscrepancyModel, DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut,
     ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn,
     PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
-    RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents,
+    RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents, visit_classes,
 };
 pub use agreement::agree_of_estimate;
 pub use case::{Case, Sigma};
