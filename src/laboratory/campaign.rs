@@ -284,7 +284,7 @@ impl Campaign {
 
     /// The stop at which the robot came to where a stop is, both as indices.
     pub fn came_at(&self, stop: usize) -> usize {
-        let before = self.stops[..=stop].iter();
+        let mut before = self.stops[..=stop].iter();
         before.rposition(|stop| !stop.is_in_place).unwrap_or(stop)
     }
 

@@ -23,7 +23,7 @@ pub struct ReadingErrors {
     /// What is new at each visit: how one standard deviation of each random effect moves the target (6 x v).
     pub visit: Matrix6xX<f64>,
     /// Which of these are new each time that a load is hung.
-    of_load: Vec<usize>,
+    pub of_load: Vec<usize>,
     /// The same of what each configuration has, whatever the load and however often (6 x c).
     pub configuration: Matrix6xX<f64>,
 }
